@@ -1,0 +1,62 @@
+"""Dynamics of belt drives: a C core, used from Python.
+
+The belt is a ring of rigid links joined by springs and dampers, in compliant contact with pulleys,
+with Dahl friction: K. Kubas, "A model for the dynamic analysis of a belt transmission using the
+Dahl friction model". SI units throughout; angles in rad, counter-clockwise positive.
+"""
+
+from __future__ import annotations
+
+from pkgutil import extend_path
+
+# In a source checkout the compiled core is not beside this file but where it was installed.
+__path__ = extend_path(__path__, __name__)
+
+__version__ = "0.1.0"
+
+try:
+    from ._core import __version__ as _core_version
+except ModuleNotFoundError as _error:
+    if _error.name != f"{__name__}._core":
+        raise
+    raise ImportError(
+        "the C core of beltdyn is not built: run `python -m pip install .` in the directory that "
+        "holds its pyproject.toml"
+    ) from None
+if _core_version != __version__:
+    raise ImportError(
+        f"beltdyn is version {__version__} but its C core is {_core_version}: run "
+        "`python -m pip install .` again"
+    )
+
+from . import scenes
+from .errors import Interrupted, SimulationError
+from .params import Belt, Contact, Dahl, Params, Pulley
+from .result import Result, Stats
+from .scenes import Scene
+from .simulation import METHODS, settle, simulate
+from .state import State
+from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
+
+__all__ = [
+    "METHODS",
+    "Belt",
+    "Contact",
+    "Dahl",
+    "Interrupted",
+    "Params",
+    "PiecewiseLinear",
+    "Pulley",
+    "Result",
+    "Scene",
+    "SimulationError",
+    "State",
+    "Stats",
+    "Torque",
+    "TorqueSum",
+    "Viscous",
+    "__version__",
+    "scenes",
+    "settle",
+    "simulate",
+]

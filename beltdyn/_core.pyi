@@ -1,0 +1,95 @@
+"""The C core as Python sees it: thin, positional, unforgiving. Users want :mod:`beltdyn`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__version__: str
+
+#: Rows of the tables in ``csrc/fields.h``.
+PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
+STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
+OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
+ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: the columns of output "energy"
+STATS: tuple[tuple[str, str], ...]  # name, text
+ERRORS: tuple[tuple[str, int, str, str], ...]  # symbol, code, kind, text
+MAX_STRAIN: float
+
+def kernel_level() -> str: ...
+def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
+def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
+
+#: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
+#: | ("call", callable)
+TorqueTerm = tuple[Any, ...]
+#: STATE_FIELDS by name, and "t"
+StateDict = Mapping[str, Any]
+
+class Model:
+    """A checked, constant scene. Raises ValueError / TypeError naming field and rule."""
+
+    def __init__(
+        self,
+        belt: tuple[float, int, float, float, float, float, float],
+        centers: ArrayLike,
+        radii: ArrayLike,
+        inertias: ArrayLike,
+        contact: tuple[float, float, float],
+        dahl: tuple[float, float] | None,
+        gravity: tuple[float, float],
+    ) -> None: ...
+    def check_geometry(self) -> None: ...
+    @property
+    def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
+    def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
+
+class Simulation:
+    """One run. Not to be advanced from two threads at once (RuntimeError)."""
+
+    def __init__(
+        self,
+        model: Model,
+        state: StateDict,
+        torque: Sequence[TorqueTerm],
+        t_end: float,
+        *,
+        method: str = "auto",
+        rtol: float = ...,
+        step: float = 0.0,
+        max_step: float = 0.0,
+        max_steps: int = 0,
+        ledger: bool = True,
+        breakpoints: ArrayLike = (),
+    ) -> None: ...
+    @classmethod
+    def settle(
+        cls,
+        model: Model,
+        state: StateDict | None = None,
+        *,
+        friction: bool = False,
+        free_pulleys: bool = False,
+        offset: ArrayLike | None = None,
+        move_time: float = 0.0,
+        tolerance: float = ...,
+        max_time: float = 0.0,
+    ) -> Simulation: ...
+    def sample(self, t: ArrayLike) -> dict[str, NDArray[Any]]:
+        """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the
+        run fills row by row."""
+    def advance(self, seconds: float) -> bool:
+        """Run for about this much wall time, without the GIL where no Python callback is needed,
+        answering signals; True at the end of the run."""
+    @property
+    def time(self) -> float: ...
+    @property
+    def samples(self) -> int: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def passes(self) -> tuple[str, ...]: ...
+    @property
+    def stats(self) -> dict[str, float | int]: ...
+    def state(self) -> dict[str, Any]: ...

@@ -1,0 +1,89 @@
+"""Checks of plain values, for everything a user can build; messages name field and rule."""
+
+from __future__ import annotations
+
+import numbers
+import reprlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Array", "integer", "pair", "real", "real_array"]
+
+Array = NDArray[np.float64]
+
+
+def _with_unit(unit: str) -> str:
+    return "" if unit in ("", "1") else f" ({unit})"
+
+
+def real(name: str, value: object, unit: str = "1") -> float:
+    """Check a real number; give it as a plain float.
+
+    Raises:
+        TypeError: Not a real number (bool, str, None and complex are not).
+        ValueError: NaN or infinite.
+    """
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(
+            f"{name} must be a real number{_with_unit(unit)}, got {reprlib.repr(value)}"
+        )
+    try:
+        number = float(value)
+    except OverflowError:
+        number = float("inf")
+    if not np.isfinite(number):
+        raise ValueError(f"{name} must be finite{_with_unit(unit)}, got {value!r}")
+    return number
+
+
+def integer(name: str, value: object, least: int) -> int:
+    """Check an integer, not below ``least``; give it as a plain int. 60.0 is not one.
+
+    Raises:
+        TypeError: Not an integer.
+        ValueError: Too small.
+    """
+    rule = f"{name} must be an integer >= {least}"
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"{rule}, got {reprlib.repr(value)}")
+    if value < least:
+        raise ValueError(f"{rule}, got {value}")
+    return int(value)
+
+
+def pair(name: str, value: object, unit: str) -> tuple[float, float]:
+    """Check two finite real numbers, from any sequence or array of two."""
+    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, str) or len(value) != 2:
+        raise TypeError(
+            f"{name} must be a pair of real numbers{_with_unit(unit)}, got {reprlib.repr(value)}"
+        )
+    return real(f"{name}[0]", value[0], unit), real(f"{name}[1]", value[1], unit)
+
+
+def real_array(name: str, value: Any, *, ndim: int, shape: tuple[int, ...] | None = None) -> Array:
+    """Check an array of finite real numbers; give a read-only C-contiguous float copy.
+
+    Raises:
+        TypeError: Not real numbers.
+        ValueError: Wrong shape, ragged, NaN or infinite.
+    """
+    try:
+        given = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name} must be a regular array, its rows differ in length") from None
+    if given.dtype.kind not in "iuf" and given.size:
+        raise TypeError(f"{name} must hold real numbers, got {reprlib.repr(value)}")
+    if given.ndim != ndim:
+        raise ValueError(f"{name} must have {ndim} dimension(s), got shape {given.shape}")
+    if shape is not None and given.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {given.shape}")
+    array = np.array(given, dtype=np.float64, order="C")
+    if not np.isfinite(array).all():
+        where = np.argwhere(~np.isfinite(array))[0]
+        index = ", ".join(map(str, where))
+        raise ValueError(f"{name} must be finite, got {array[tuple(where)]} at [{index}]")
+    array.flags.writeable = False
+    return array

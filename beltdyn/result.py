@@ -1,0 +1,434 @@
+"""What a run gives: histories by group, the energy ledger, and what the run cost."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core, npz
+from .checks import Array
+from .params import Params
+from .state import State
+
+__all__ = [
+    "BeltHistory",
+    "ContactHistory",
+    "EnergyLedger",
+    "JointHistory",
+    "PulleyHistory",
+    "Result",
+    "Stats",
+]
+
+_FORMAT = 1
+
+
+def _names(kind: type[_Group]) -> list[str]:
+    return [field.name for field in attrs.fields(kind)]  # type: ignore[arg-type]
+
+
+class _Group:
+    """Arrays with time as the first axis."""
+
+    __slots__ = ()
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        return {name: getattr(self, name) for name in _names(type(self))}
+
+    def __repr__(self) -> str:
+        arrays = self._arrays()
+        shape = next(iter(arrays.values())).shape
+        return f"{type(self).__name__}({', '.join(arrays)}: {shape})"
+
+
+@attrs.frozen(eq=False, repr=False)
+class PulleyHistory(_Group):
+    """Pulleys over time, each (n_t, n_p).
+
+    Attributes:
+        theta: Angle, counter-clockwise [rad].
+        omega: Angular velocity [rad/s].
+        torque: Set torque M_d of (2.12) [N m].
+    """
+
+    theta: Array
+    omega: Array
+    torque: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class BeltHistory(_Group):
+    """Links over time, the coordinates of (2.1), each (n_t, n_b).
+
+    Attributes:
+        x: Mass centre [m].
+        y: Mass centre [m].
+        phi: Angle, continuous [rad].
+        vx: Velocity of the mass centre [m/s].
+        vy: Velocity of the mass centre [m/s].
+        vphi: Angular velocity [rad/s].
+    """
+
+    x: Array
+    y: Array
+    phi: Array
+    vx: Array
+    vy: Array
+    vphi: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class JointHistory(_Group):
+    """Joints (2.2) over time, each (n_t, n_b); joint i is on the left of link i.
+
+    Attributes:
+        deformation: Stretch along the joint [m].
+        force: Force along the joint, tension positive [N].
+    """
+
+    deformation: Array
+    force: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class ContactHistory(_Group):
+    """Contact of the links over time, (2.3)-(2.10), each (n_t, n_b).
+
+    Attributes:
+        pulley: Index of the touched pulley, -1 for none (int).
+        normal: Normal force N on the link (2.8) [N].
+        friction: Friction force mu N (2.10) [N], on the link against the counter-clockwise tangent.
+        mu: Friction coefficient (2.9) [1].
+        slip: Slip displacement since contact began [m].
+        velocity: Relative velocity v_T, counter-clockwise [m/s].
+    """
+
+    pulley: NDArray[np.int32]
+    normal: Array
+    friction: Array
+    mu: Array
+    slip: Array
+    velocity: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class EnergyLedger(_Group):
+    """Where the energy is and where it went, each (n_t,) [J].
+
+    Attributes:
+        kinetic: Of links and pulleys.
+        axial: Stored in the stretch of the joints.
+        bending: Stored in the bending of the joints.
+        contact: Stored in the contact.
+        gravity: Potential.
+        drive: Work done by the set torques since the start.
+        joint_loss: Lost in the dampers of the joints since the start.
+        contact_loss: Lost in the dampers of the contact since the start.
+        friction_loss: Work of friction against slip since the start.
+        residual: E(t) - E(0) - (drive - losses): 0 but for the error of integration. It needs no
+            reference solution.
+        passed: Energy that passed through the drive so far, the scale to judge the residual by:
+            the energy fed in at the samples, or what was lost or stored, whichever is more.
+    """
+
+    kinetic: Array
+    axial: Array
+    bending: Array
+    contact: Array
+    gravity: Array
+    drive: Array
+    joint_loss: Array
+    contact_loss: Array
+    friction_loss: Array
+    residual: Array
+    passed: Array
+
+    @property
+    def total(self) -> Array:
+        """Stored energy E (n_t,) [J]."""
+        return self.kinetic + self.axial + self.bending + self.contact + self.gravity
+
+    @property
+    def losses(self) -> Array:
+        """What the dampers and friction took since the start (n_t,) [J]."""
+        return self.joint_loss + self.contact_loss + self.friction_loss
+
+    @classmethod
+    def _from_core(cls, t: Array, columns: Array, power: Array) -> EnergyLedger:
+        """``power``: of the set torques, per pulley (n_t, n_p) [W]."""
+        named = {name: columns[:, k] for k, (name, _) in enumerate(_core.ENERGY_TERMS)}
+        ledger = cls(**named, passed=np.zeros_like(t))
+        fed = np.maximum(power, 0.0).sum(axis=1)
+        fed_in = np.concatenate([[0.0], np.cumsum(np.diff(t) * (fed[1:] + fed[:-1]) / 2.0)])
+        scale = np.max(
+            [
+                fed_in[: t.size],
+                np.abs(ledger.drive),
+                ledger.losses,
+                np.abs(ledger.total - ledger.total[:1]),
+            ],
+            axis=0,
+        )
+        return attrs.evolve(ledger, passed=np.maximum.accumulate(scale))
+
+
+@attrs.frozen(kw_only=True)
+class Stats:
+    """What a run cost.
+
+    Attributes:
+        method: Integrator used.
+        kernels: Kernel level of the C core.
+        steps: Accepted steps.
+        rejected: Rejected steps.
+        nfev: Evaluations of the right-hand side.
+        njev: Evaluations of the Jacobian; explicit methods need none.
+        nlu: Factorisations; explicit methods need none.
+        searches: Rebuilds of the list of links that can touch a pulley.
+        smallest_step: Smallest accepted step [s].
+        largest_step: Largest accepted step [s].
+        spectral_bound: Closed-form bound of the joints' eigenvalues [1/s].
+        cpu_time: CPU time of the run [s], without settling.
+        wall_time: Wall time of the run [s], without settling.
+        settle_time: Wall time of settling before the run [s], 0 if there was none.
+        error: Estimated error of the result, None if it was not estimated.
+    """
+
+    method: str
+    kernels: str
+    steps: int
+    rejected: int
+    nfev: int
+    njev: int = 0
+    nlu: int = 0
+    searches: int
+    smallest_step: float
+    largest_step: float
+    spectral_bound: float
+    cpu_time: float
+    wall_time: float
+    settle_time: float = 0.0
+    error: float | None = None
+
+    @classmethod
+    def _from_core(cls, counters: Mapping[str, Any], **others: Any) -> Stats:
+        known = {field.name for field in attrs.fields(cls)}
+        return cls(**{name: value for name, value in counters.items() if name in known}, **others)
+
+
+_G = TypeVar("_G", bound=_Group)
+
+
+@attrs.frozen(eq=False, repr=False, kw_only=True)
+class Result:
+    """A run, finished or not: time is the first axis of every array.
+
+    Attributes:
+        t: Sample times (n_t,) [s]; those reached, if the run did not finish.
+        pulleys: Angles, speeds and set torques of the pulleys.
+        belt: Coordinates and velocities of the links.
+        joints: Deformation and force of the joints.
+        contact: Contact and friction of the links; a link on two pulleys shows the one that
+            presses harder.
+        energy: The energy ledger, None if it was not carried along.
+        stats: What the run cost.
+        effects: Names of the effects that were simulated.
+        success: Whether the run reached its end.
+        status: "finished", "failed" or "interrupted".
+        message: How the run ended, in words.
+        params: The drive.
+        final_state: State at the end of the run or, if it did not finish, where it got to; may be
+            passed as ``initial`` to go on.
+    """
+
+    t: Array
+    pulleys: PulleyHistory
+    belt: BeltHistory
+    joints: JointHistory
+    contact: ContactHistory
+    energy: EnergyLedger | None
+    stats: Stats
+    effects: tuple[str, ...]
+    success: bool
+    status: str
+    message: str
+    params: Params
+    final_state: State
+
+    _GROUPS: ClassVar[dict[str, type[_Group]]] = {
+        "pulleys": PulleyHistory,
+        "belt": BeltHistory,
+        "joints": JointHistory,
+        "contact": ContactHistory,
+        "energy": EnergyLedger,
+    }
+
+    @classmethod
+    def _from_core(
+        cls, t: Array, arrays: Mapping[str, NDArray[Any]], samples: int, **others: Any
+    ) -> Result:
+        done = {name: array[:samples] for name, array in arrays.items()}
+
+        def group(kind: type[_G]) -> _G:
+            return kind(**{name: done[name] for name in _names(kind)})
+
+        t = t[:samples]
+        return cls(
+            t=t,
+            pulleys=group(PulleyHistory),
+            belt=group(BeltHistory),
+            joints=group(JointHistory),
+            contact=group(ContactHistory),
+            energy=(
+                EnergyLedger._from_core(t, done["energy"], done["torque"] * done["omega"])
+                if "energy" in done
+                else None
+            ),
+            **others,
+        )
+
+    @cached_property
+    def span_tension(self) -> Array:
+        """Mean joint force of the free span that follows each pulley (n_t, n_p) [N].
+
+        Span k runs from pulley k on to the next pulley in the numbering of the links. Only joints
+        between two links that touch nothing count; NaN where a span has none.
+        """
+        touched = self.contact.pulley
+        n_t, n_p = touched.shape[0], len(self.params.pulleys)
+        before = _last_touched(touched)
+        after = _last_touched(touched[:, ::-1])[:, ::-1]
+        free = touched < 0
+        in_span = free & np.roll(free, 1, axis=1) & (before >= 0)
+        if n_p > 1:
+            # A link lifted off within a wrap is not in a span.
+            in_span &= before != after
+        tension = np.full((n_t, n_p), np.nan)
+        for k in range(n_p):
+            here = in_span & (before == k)
+            count = here.sum(axis=1)
+            total = np.where(here, self.joints.force, 0.0).sum(axis=1)
+            np.divide(total, count, out=tension[:, k], where=count > 0)
+        return tension
+
+    @cached_property
+    def slip(self) -> Array:
+        """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
+
+        NaN while pulley 0 all but stands, below a thousandth of its highest speed.
+        """
+        speed = self.pulleys.omega * np.array([pulley.radius for pulley in self.params.pulleys])
+        first = np.abs(speed[:, :1])
+        stands = first <= 1e-3 * np.max(first, initial=0.0)
+        return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))
+
+    def __repr__(self) -> str:
+        span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if self.t.size else "no samples"
+        return (
+            f"Result({self.status}: {self.t.size} samples, {span}, {self.belt.x.shape[1]} links, "
+            f"{self.pulleys.theta.shape[1]} pulley(s); {self.stats.method}, {self.stats.steps} "
+            f"steps, {self.stats.cpu_time:.3g} s CPU)"
+        )
+
+    def summary(self) -> list[tuple[str, str]]:
+        """List what one looks at first, of the last sample: label and value."""
+
+        def per_pulley(values: Array, form: str, unit: str) -> str:
+            return ", ".join("-" if v != v else f"{v:{form}}" for v in values) + unit
+
+        stats = self.stats
+        rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
+        if self.t.size:
+            rows += [
+                ("pulley speeds", per_pulley(self.pulleys.omega[-1], ".5g", " rad/s")),
+                ("span tensions", per_pulley(self.span_tension[-1], ".5g", " N")),
+            ]
+            slip = self.slip[-1, 1:]
+            # Beyond 100 % the pulleys turn against each other and slip says nothing.
+            if slip.size and (np.abs(slip) <= 1.0).all():
+                rows.append(("slip against pulley 0", per_pulley(100 * slip, ".3g", " %")))
+        if self.t.size and self.energy is not None:
+            residual, passed = self.energy.residual[-1], self.energy.passed[-1]
+            share = f" ({abs(residual) / passed:.2g} of {passed:.3g} J)" if passed > 0 else ""
+            rows.append(("energy residual", f"{residual:.2g} J{share}"))
+        return [
+            *rows,
+            ("method", stats.method),
+            ("steps", f"{stats.steps} accepted, {stats.rejected} rejected"),
+            ("evaluations", f"{stats.nfev}"),
+            ("CPU time", f"{stats.cpu_time:.3g} s"),
+            ("kernels", stats.kernels),
+        ]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x"."""
+        values: dict[str, Any] = {"t": self.t}
+        for name in self._GROUPS:
+            group = getattr(self, name)
+            values |= {f"{name}.{k}": v for k, v in group._arrays().items()} if group else {}
+        final = self.final_state
+        values |= {f"final_state.{name}": getattr(final, name) for name, _ in _core.STATE_FIELDS}
+        meta = {
+            "format": _FORMAT,
+            "version": _core.__version__,
+            "final_t": final.t,
+            "effects": self.effects,
+            "success": self.success,
+            "status": self.status,
+            "message": self.message,
+            "stats": attrs.asdict(self.stats),
+        }
+        values |= {"meta.json": json.dumps(meta), "params.toml": self.params.to_toml()}
+        npz.write(path, values)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Result:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            OSError: The file cannot be read.
+            ValueError: It is not a saved result.
+        """
+        return npz.read(path, "Result", cls._from_arrays)
+
+    @classmethod
+    def _from_arrays(cls, values: Mapping[str, Any]) -> Result:
+        meta = json.loads(str(values["meta.json"]))
+        if meta["format"] != _FORMAT:
+            raise ValueError(f"its format is {meta['format']}, this version reads {_FORMAT}")
+
+        def part(prefix: str) -> dict[str, Any]:
+            dotted = f"{prefix}."
+            return {k.removeprefix(dotted): v for k, v in values.items() if k.startswith(dotted)}
+
+        groups: dict[str, Any] = {
+            name: kind(**arrays) if (arrays := part(name)) else None
+            for name, kind in cls._GROUPS.items()
+        }
+        return cls(
+            t=values["t"],
+            **groups,
+            stats=Stats(**meta["stats"]),
+            effects=tuple(meta["effects"]),
+            success=meta["success"],
+            status=meta["status"],
+            message=meta["message"],
+            params=Params.from_toml(str(values["params.toml"])),
+            final_state=State(**part("final_state"), t=meta["final_t"]),
+        )
+
+
+def _last_touched(touched: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Along the ring, the pulley each link or the nearest one before it touches, else -1."""
+    n_b = touched.shape[1]
+    twice = np.concatenate([touched, touched], axis=1)
+    index = np.where(twice >= 0, np.arange(2 * n_b), 0)
+    nearest = np.maximum.accumulate(index, axis=1)[:, n_b:]
+    return np.take_along_axis(twice, nearest, axis=1)

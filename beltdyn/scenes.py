@@ -1,0 +1,240 @@
+"""Named scenes: one library for tests, benchmarks, notebooks and the command line.
+
+Each scene gives ``params, torque_fn, t_end``, so ``simulate(*scenes.kubas_case_1())`` works.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from typing import NamedTuple
+
+from .checks import real
+from .params import Belt, Contact, Dahl, Params, Pulley
+from .torques import PiecewiseLinear, TorqueLike, Viscous, as_terms
+
+__all__ = [
+    "Scene",
+    "describe",
+    "flywheel_start",
+    "get",
+    "kubas_case_1",
+    "kubas_case_2",
+    "names",
+    "three_pulleys",
+    "unequal_pulleys",
+]
+
+
+class Scene(NamedTuple):
+    """A drive, its loads and how long to run.
+
+    Attributes:
+        params: The drive.
+        torque_fn: The set torques, as :func:`beltdyn.simulate` takes them.
+        t_end: End of the run [s].
+    """
+
+    params: Params
+    torque_fn: TorqueLike
+    t_end: float
+
+    def check(self) -> None:
+        """Raise TypeError or ValueError unless the three fit together."""
+        if real("t_end", self.t_end, "s") <= 0.0:
+            raise ValueError(f"t_end must be > 0 s, got {self.t_end:g} s")
+        as_terms(self.torque_fn, len(self.params.pulleys))
+
+    def __str__(self) -> str:
+        return f"{self.params}\n  torque {self.torque_fn}\n  t_end  {self.t_end:g} s"
+
+    @classmethod
+    def from_toml(cls, source: str | os.PathLike[str]) -> Scene:
+        """Read a scene: the tables of :meth:`beltdyn.Params.to_toml`, ``t_end`` and [[torque]].
+
+        Args:
+            source: A path; a str with a line break in it is the TOML text itself.
+
+        Raises:
+            OSError: The file cannot be read.
+            ValueError: Bad TOML, an unknown or missing field, a broken rule; one line that names
+                the path of the field.
+        """
+        from . import toml
+
+        return toml.read_scene(source)
+
+    def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
+        """Give the scene as TOML text, also written to ``path``; exact both ways.
+
+        Raises:
+            TypeError: The torque is a function; only torque objects can be written.
+        """
+        from . import toml
+
+        return toml.write(toml.scene_document(self), path)
+
+
+def _kubas_drive(sigma: float) -> Params:
+    return Params(
+        belt=Belt(
+            length=1.2,
+            n_bodies=60,
+            linear_density=0.10,
+            axial_stiffness=70e3,
+            axial_damping=1.4,
+            bending_stiffness=0.01,
+        ),
+        pulleys=[
+            Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.010),
+            Pulley(center=(0.290, 0.0), radius=0.1, inertia=0.010),
+        ],
+        contact=Contact(quadratic=5e10, linear=2.5e7, damping=1.0e3),
+        friction=Dahl(mu_k=1.0, sigma=sigma),
+    )
+
+
+def kubas_case_1() -> Scene:
+    """Run the paper's drive up to 2 pi rad/s against a viscous load: case 1.
+
+    From the paper: two pulleys of radius 0.1 m, 0.290 m apart, L = 1.2 m, n_b = 60, sigma = 1e4
+    1/m, the load (2.13), which resists. The driving torque goes from 0 to -100 N m over 0.3 s and
+    stays. The paper calls it 100 N m in the heading of case 1 and -50 N m in its text; its joint
+    forces of about 120 and 1120 N and the load 100/(2 pi) N m s/rad at 2 pi rad/s need 100 N m.
+
+    Not in the paper: EA, rho A, eta A, EI, contact, mu_k, inertia and gravity (none here). They
+    are a provisional identification from the figures the paper states, with a soft contact; mu_k
+    and EA together with the contact are well determined, EI and damping within a factor of 2 to 3,
+    mass and inertia not at all.
+    """
+    torque = PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
+    return Scene(_kubas_drive(1e4), torque + Viscous([0.0, 100.0 / (2.0 * math.pi)]), 1.0)
+
+
+def kubas_case_2(sigma: float = 1e4) -> Scene:
+    """Load the paper's drive both ways, opposite on the two pulleys: case 2.
+
+    The drive is that of :func:`kubas_case_1`, where the origin of every number is told. The
+    driving torque is piecewise linear, 0, -100, +100, 0 N m at 0, 0.25, 0.75, 1 s; the paper's
+    text has 50, its joint forces from 100 to 1110 N need 100.
+
+    Args:
+        sigma: Stiffness of the friction joint [1/m]; the paper compares 1e4 and 5e3.
+    """
+    drive = [0.0, -100.0, 100.0, 0.0]
+    torque = PiecewiseLinear([0.0, 0.25, 0.75, 1.0], [[value, -value] for value in drive])
+    return Scene(_kubas_drive(sigma), torque, 1.0)
+
+
+def three_pulleys() -> Scene:
+    """Drive an alternator and a pump from a crank pulley, with gravity.
+
+    Not from the paper: numbers of the size found on a small engine, a belt strained by 0.7 %. The
+    crank torque ramps up in 0.05 s; 0.25 s in, the alternator is loaded within 1 ms. 120 links,
+    because the polygon of a coarser belt shakes the short spans.
+    """
+    params = Params(
+        belt=Belt(
+            length=1.1945,
+            n_bodies=120,
+            linear_density=0.10,
+            axial_stiffness=80e3,
+            axial_damping=1.0,
+            bending_stiffness=0.02,
+        ),
+        pulleys=[
+            Pulley(center=(0.0, 0.0), radius=0.080, inertia=0.010),
+            Pulley(center=(0.16, 0.22), radius=0.045, inertia=0.0015),
+            Pulley(center=(0.26, -0.04), radius=0.060, inertia=0.0010),
+        ],
+        contact=Contact(quadratic=5e10, linear=5e7, damping=2.0e3),
+        friction=Dahl(mu_k=0.8, sigma=1e4),
+        gravity=(0.0, -9.81),
+    )
+    torque = PiecewiseLinear(
+        [0.0, 0.05, 0.25, 0.251], [[0, 0, 0], [-20, 0, 0], [-20, 0, 0], [-20, 4, 0]]
+    )
+    return Scene(params, torque + Viscous([0.30, 0.04, 0.10]), 0.5)
+
+
+def unequal_pulleys() -> Scene:
+    """Step the torque on a reduction 1:2 with a stiff belt.
+
+    Not from the paper. The step, at 0.05 s, is a jump, on which the integrator stops; the bending
+    stiffness is large enough to lift the belt where it runs on to and off the small pulley.
+    """
+    params = Params(
+        belt=Belt(
+            length=1.2669,
+            n_bodies=72,
+            linear_density=0.12,
+            axial_stiffness=80e3,
+            axial_damping=1.5,
+            bending_stiffness=0.10,
+        ),
+        pulleys=[
+            Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
+            Pulley(center=(0.35, 0.0), radius=0.12, inertia=0.030),
+        ],
+        contact=Contact(quadratic=5e10, linear=5e7, damping=2.0e3),
+        friction=Dahl(mu_k=0.8, sigma=1e4),
+    )
+    torque = PiecewiseLinear([0.05, 0.05], [[0.0, 0.0], [-20.0, 0.0]])
+    return Scene(params, torque + Viscous([0.0, 2.0]), 0.4)
+
+
+def flywheel_start() -> Scene:
+    """Start a flywheel through a belt that slips fully, then sticks again.
+
+    Not from the paper. For 0.1 s the driving torque is above what friction can carry, the driving
+    pulley runs away and the belt rubs; then the torque drops and the belt takes hold.
+    """
+    params = Params(
+        belt=Belt(
+            length=1.0950,
+            n_bodies=64,
+            linear_density=0.10,
+            axial_stiffness=60e3,
+            axial_damping=1.5,
+            bending_stiffness=0.01,
+        ),
+        pulleys=[
+            Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.02),
+            Pulley(center=(0.30, 0.0), radius=0.08, inertia=0.20),
+        ],
+        contact=Contact(linear=4e7, damping=1.5e3),
+        friction=Dahl(mu_k=0.5, sigma=1e4),
+    )
+    torque = PiecewiseLinear(
+        [0.0, 0.02, 0.12, 0.14], [[0.0, 0.0], [-70.0, 0.0], [-70.0, 0.0], [-10.0, 0.0]]
+    )
+    return Scene(params, torque, 0.4)
+
+
+_SCENES: dict[str, Callable[[], Scene]] = {
+    scene.__name__.replace("_", "-"): scene
+    for scene in (kubas_case_1, kubas_case_2, three_pulleys, unequal_pulleys, flywheel_start)
+}
+
+
+def names() -> tuple[str, ...]:
+    """List the names :func:`get` knows."""
+    return tuple(_SCENES)
+
+
+def describe(name: str) -> str:
+    """Give the first line of a scene's description."""
+    return (_SCENES[name].__doc__ or "").partition("\n")[0]
+
+
+def get(name: str) -> Scene:
+    """Look up a scene by name, with hyphens or underscores.
+
+    Raises:
+        ValueError: There is none; the message lists the names.
+    """
+    key = name.replace("_", "-").lower()
+    if key not in _SCENES:
+        raise ValueError(f"no scene is called {name!r}; there are {', '.join(_SCENES)}")
+    return _SCENES[key]()

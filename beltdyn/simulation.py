@@ -1,0 +1,308 @@
+"""Running a drive: settling it under preload, and simulating it under torques."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _core
+from .checks import Array, integer, real, real_array
+from .errors import Interrupted, SimulationError
+from .params import Params
+from .result import Result, Stats
+from .state import State
+from .torques import TorqueLike, as_terms
+
+__all__ = ["METHODS", "settle", "simulate"]
+
+#: Integrators: an explicit Runge-Kutta 5(4) pair with error control, the classical fixed-step
+#: Runge-Kutta method, and "auto", which chooses.
+METHODS = ("auto", "tsit5", "rk4")
+
+_RTOL_RANGE = (1e-12, 1.0)
+_DEFAULT_SAMPLES = 1001
+#: Wall time between two looks at the progress [s].
+_CHUNK = 0.1
+
+
+def simulate(
+    params: Params,
+    torque_fn: TorqueLike,
+    t_end: float,
+    *,
+    t_eval: ArrayLike | None = None,
+    method: str = "auto",
+    rtol: float = 1e-4,
+    initial: State | None = None,
+    progress: bool = False,
+    breakpoints: ArrayLike = (),
+    step: float | None = None,
+    max_step: float | None = None,
+    max_steps: int | None = None,
+    ledger: bool = True,
+) -> Result:
+    """Integrate the equations of motion (2.11), (2.12) under given torques.
+
+    Args:
+        params: The drive.
+        torque_fn: The set torques M_d of (2.12), one per pulley [N m], counter-clockwise positive:
+            a Python callable ``f(t, theta, omega)`` that returns n_p values, torque objects
+            (:class:`PiecewiseLinear`, :class:`Viscous`, sums), or a compiled function
+            ``void f(double t, const double *theta, const double *omega, double *torque, void *)``
+            from Numba's ``cfunc``, ctypes, cffi or SciPy's ``LowLevelCallable``.
+        t_end: End of the run [s], after ``initial.t``.
+        t_eval: Times of the samples (n_t,) [s], non-decreasing, within the run; None: 1001
+            equally spaced ones.
+        method: One of :data:`METHODS`.
+        rtol: Error control: the local error of a step, in the largest component, over the stretch
+            of a joint; 1e-12 to 1.
+        initial: State to start from; None: the belt at rest under preload, from :func:`settle`.
+        progress: Whether to show a progress bar on stderr (needs ``rich``).
+        breakpoints: Times at which ``torque_fn`` has a kink or jump (k,) [s], to be stepped on
+            exactly; those of torque objects are known.
+        step: "rk4": the step [s]; adaptive methods: the first step [s]. None: chosen.
+        max_step: Longest step [s]; None: no limit.
+        max_steps: Most steps; None: no limit.
+        ledger: Whether to carry the energy ledger along.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
+            returned something else than n_p numbers.
+        SimulationError: The run cannot go on; ``.result`` holds what was computed.
+        Interrupted: Ctrl-C; ``.result`` holds what was computed.
+        Exception: Whatever ``torque_fn`` raises comes out unchanged.
+    """
+    _check_params(params)
+    _check_initial(params, initial)
+    start = 0.0 if initial is None else initial.t
+    end = real("t_end", t_end, "s")
+    if end <= start:
+        raise ValueError(f"t_end must be > initial.t ({start:g} s), got {end:g} s")
+    times = _sample_times(t_eval, start, end)
+    options: dict[str, Any] = {
+        "method": _method(method),
+        "rtol": _rtol(rtol),
+        "step": _positive("step", step, "s"),
+        "max_step": _positive("max_step", max_step, "s"),
+        "max_steps": 0 if max_steps is None else integer("max_steps", max_steps, 1),
+        "ledger": bool(ledger),
+        "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
+    }
+    terms = as_terms(torque_fn, len(params.pulleys))
+
+    settle_start = time.perf_counter()
+    state = settle(params, progress=progress) if initial is None else initial
+    settle_time = time.perf_counter() - settle_start if initial is None else 0.0
+
+    sim = _core.Simulation(
+        params._model, state._to_core(params.friction is not None), terms, end, **options
+    )
+    arrays = sim.sample(times)
+    cpu_start, wall_start = time.thread_time(), time.perf_counter()
+
+    def result(status: str, message: str) -> Result:
+        stats = Stats._from_core(
+            sim.stats,
+            method=sim.method,
+            kernels=_core.kernel_level(),
+            cpu_time=time.thread_time() - cpu_start,
+            wall_time=time.perf_counter() - wall_start,
+            settle_time=settle_time,
+        )
+        return Result._from_core(
+            times,
+            arrays,
+            sim.samples,
+            stats=stats,
+            effects=tuple(sim.passes),
+            success=status == "finished",
+            status=status,
+            message=message,
+            params=params,
+            final_state=State._from_core(sim.state()),
+        )
+
+    try:
+        with _progress(progress, "simulating", start, end) as show:
+            while not sim.advance(_CHUNK):
+                show(sim.time)
+    except SimulationError as error:
+        error.result = result("failed", str(error))
+        raise
+    except KeyboardInterrupt as error:
+        message = f"interrupted at t = {sim.time:.6g} s"
+        raise Interrupted(message, result("interrupted", message)) from error
+    return result("finished", f"reached t_end = {end:g} s")
+
+
+def settle(
+    params: Params,
+    *,
+    initial: State | None = None,
+    friction: bool = False,
+    pulleys: str = "held",
+    offset: Mapping[int, Sequence[float]] | ArrayLike | None = None,
+    move_time: float | None = None,
+    tolerance: float | None = None,
+    max_time: float | None = None,
+    progress: bool = False,
+) -> State:
+    """Bring the belt to rest under preload: what the paper calls the stabilisation phase.
+
+    How the arcs are locked depends on how the belt was tensioned. The default lays the belt round
+    the pulleys without friction, so its tension is the same everywhere. A belt is really tensioned
+    by moving a pulley: ``offset`` starts from pulleys displaced towards a slack belt and, with
+    ``friction=True``, leaves the friction this motion builds up.
+
+    Args:
+        params: The drive.
+        initial: State to start from; None: the belt line round the pulleys.
+        friction: Whether friction acts while settling; its state is then kept.
+        pulleys: "held": the pulleys do not turn; "free": they may.
+        offset: Where the centres start, relative to their places: {index: (dx, dy)} or (n_p, 2)
+            [m]; None: in their places.
+        move_time: Duration of the motion from there [s]; None: chosen.
+        tolerance: At rest when the largest unbalanced force is below this times the mean tension;
+            None: the core's default.
+        max_time: Simulated time after which to give up [s]; None: chosen.
+        progress: Whether to show progress on stderr (needs ``rich``).
+
+    Returns:
+        A state with zero velocities, ``residual`` set, and the time of ``initial`` (else 0).
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+        SimulationError: The belt did not come to rest.
+        Interrupted: Ctrl-C.
+    """
+    _check_params(params)
+    _check_initial(params, initial)
+    if pulleys not in ("held", "free"):
+        raise ValueError(f'pulleys must be "held" or "free", got {pulleys!r}')
+    has_friction = params.friction is not None
+    options: dict[str, Any] = {
+        "friction": bool(friction) and has_friction,
+        "free_pulleys": pulleys == "free",
+        "offset": _offset(offset, len(params.pulleys)),
+        "move_time": _positive("move_time", move_time, "s"),
+        "max_time": _positive("max_time", max_time, "s"),
+    }
+    if tolerance is not None:
+        options["tolerance"] = _positive("tolerance", tolerance, "1")
+    given = None if initial is None else initial._to_core(has_friction)
+    sim = _core.Simulation.settle(params._model, given, **options)
+    try:
+        with _progress(progress, "settling", 0.0, None) as show:
+            while not sim.advance(_CHUNK):
+                show(sim.time)
+    except KeyboardInterrupt as error:
+        raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error
+    start = 0.0 if initial is None else initial.t
+    return State._from_core(sim.state(), t=start, residual=float(sim.stats["residual"]))
+
+
+def _check_params(params: object) -> None:
+    if not isinstance(params, Params):
+        raise TypeError(f"params must be a Params, got {type(params).__name__}")
+
+
+def _check_initial(params: Params, initial: object) -> None:
+    if initial is None:
+        return
+    if not isinstance(initial, State):
+        raise TypeError(f"initial must be a State or None, got {type(initial).__name__}")
+    initial.check_fits(params.belt.n_bodies, len(params.pulleys))
+
+
+def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
+    if t_eval is None:
+        return np.linspace(start, end, _DEFAULT_SAMPLES)
+    times = real_array("t_eval", t_eval, ndim=1)
+    if (np.diff(times) < 0.0).any():
+        k = int(np.argmax(np.diff(times) < 0.0))
+        raise ValueError(
+            f"t_eval must be non-decreasing, got {times[k]:g} s before {times[k + 1]:g} s"
+        )
+    if times.size and (times[0] < start or times[-1] > end):
+        raise ValueError(
+            f"t_eval must lie within the run, [{start:g}, {end:g}] s, "
+            f"got [{times[0]:g}, {times[-1]:g}] s"
+        )
+    return times
+
+
+def _method(method: object) -> str:
+    if not isinstance(method, str):
+        raise TypeError(f"method must be a str, one of {', '.join(METHODS)}, got {method!r}")
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    return method
+
+
+def _rtol(rtol: object) -> float:
+    number = real("rtol", rtol)
+    least, most = _RTOL_RANGE
+    if not least <= number <= most:
+        raise ValueError(f"rtol must be from {least:g} to {most:g}, got {number:g}")
+    return number
+
+
+def _positive(name: str, value: object, unit: str) -> float:
+    """0, the core's "not given", for None."""
+    if value is None:
+        return 0.0
+    number = real(name, value, unit)
+    if number <= 0.0:
+        raise ValueError(f"{name} must be > 0, got {number:g}")
+    return number
+
+
+def _offset(
+    offset: Mapping[int, Sequence[float]] | ArrayLike | None, n_pulleys: int
+) -> Array | None:
+    if offset is None:
+        return None
+    if not isinstance(offset, Mapping):
+        return real_array("offset", offset, ndim=2, shape=(n_pulleys, 2))
+    table = np.zeros((n_pulleys, 2))
+    for index, shift in offset.items():
+        if integer("offset index", index, 0) >= n_pulleys:
+            raise ValueError(
+                f"offset index must be that of one of the {n_pulleys} pulley(s), got {index}"
+            )
+        table[index] = real_array(f"offset[{index}]", shift, ndim=1, shape=(2,))
+    return table
+
+
+@contextmanager
+def _progress(
+    enabled: bool, label: str, start: float, end: float | None
+) -> Iterator[Callable[[float], None]]:
+    """Show progress over simulated time on stderr; without an end only the time."""
+    if not enabled:
+        yield lambda _time: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    if not (console.is_terminal or console.is_jupyter):
+        # In a file or pipe a bar is but noise.
+        yield lambda _time: None
+        return
+    bar = Progress(
+        TextColumn(label),
+        BarColumn(),
+        TextColumn("t = {task.fields[time]:.4g} s"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(label, total=None if end is None else end - start, time=start)
+        yield lambda now: bar.update(task, completed=now - start, time=now)

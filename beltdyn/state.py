@@ -1,0 +1,152 @@
+"""The state of a drive: exactly what a restart needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+
+from . import _core, npz
+from .checks import Array, real, real_array
+
+__all__ = ["State"]
+
+_SIZES: dict[str, str] = dict(_core.STATE_FIELDS)
+
+
+def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+    """Give every field its converter, and arrays the size of the leader of their kind."""
+
+    def array(name: str) -> dict[str, Any]:
+        leader = "theta" if _SIZES[name] == "PULLEYS" else "x"
+
+        def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
+            expected = getattr(state, leader).shape
+            if value.shape != expected:
+                raise ValueError(
+                    f"State.{name} must have shape {expected} like {leader}, got {value.shape}"
+                )
+
+        return {
+            "converter": lambda value: real_array(f"State.{name}", value, ndim=1),
+            "validator": same_size,
+            "eq_key": attrs.cmp_using(eq=np.array_equal),
+        }
+
+    def number(name: str) -> dict[str, Any]:
+        return {
+            "converter": lambda value: (
+                None if value is None and name == "residual" else real(f"State.{name}", value)
+            )
+        }
+
+    return [
+        field.evolve(**(array if field.name in _SIZES else number)(field.name)) for field in fields
+    ]
+
+
+_LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
+_PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
+
+
+@attrs.frozen(kw_only=True, repr=False, field_transformer=_checked)
+class State:
+    """Positions, velocities and friction of every link, and the turning of every pulley.
+
+    Arrays are read-only copies. What is not given is zero, but for the positions.
+
+    Attributes:
+        x: Mass centres of the links (n_b,) [m].
+        y: The same.
+        phi: Angles of the links (n_b,) [rad], continuous: joint 0 carries the winding of the ring.
+        vx: Velocities of the mass centres (n_b,) [m/s].
+        vy: The same.
+        vphi: Angular velocities of the links (n_b,) [rad/s].
+        mu: Friction coefficients, the Dahl state of (2.9) (n_b,) [1]; 0 off the pulleys.
+        slip: Slip displacements since contact began (n_b,) [m].
+        theta: Angles of the pulleys (n_p,) [rad].
+        omega: Angular velocities of the pulleys (n_p,) [rad/s].
+        t: Time [s].
+        residual: After settling, the largest unbalanced force over the mean tension; else None.
+
+    Raises:
+        TypeError: Not real numbers.
+        ValueError: Shapes that do not fit together, NaN, infinity.
+    """
+
+    x: Array
+    y: Array
+    phi: Array
+    vx: Array = _LINK_ZEROS
+    vy: Array = _LINK_ZEROS
+    vphi: Array = _LINK_ZEROS
+    mu: Array = _LINK_ZEROS
+    slip: Array = _LINK_ZEROS
+    theta: Array
+    omega: Array = _PULLEY_ZEROS
+    t: float = 0.0
+    residual: float | None = None
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of links, n_b."""
+        return self.x.size
+
+    @property
+    def n_pulleys(self) -> int:
+        """Number of pulleys, n_p."""
+        return self.theta.size
+
+    def __repr__(self) -> str:
+        at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"
+        return f"State(t={self.t:.6g}, {self.n_bodies} links, {self.n_pulleys} pulley(s){at_rest})"
+
+    def check_fits(self, n_bodies: int, n_pulleys: int) -> None:
+        """Raise ValueError unless the state is one of that many links and pulleys."""
+        for name, size in _SIZES.items():
+            shape = getattr(self, name).shape
+            expected = (n_pulleys if size == "PULLEYS" else n_bodies,)
+            if shape != expected:
+                raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
+
+    @classmethod
+    def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
+        # Without friction the core has no friction state; the fields are zero then.
+        fields = {name: state[name] for name in _SIZES if np.size(state[name])}
+        return cls(**{"t": state["t"], **fields, **changes})
+
+    def _to_core(self, friction: bool) -> dict[str, Any]:
+        return {
+            "t": self.t,
+            **{
+                name: getattr(self, name) if friction or size != "SLOTS" else np.empty(0)
+                for name, size in _SIZES.items()
+            },
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file, exactly to ``path``."""
+        values: dict[str, Any] = {name: getattr(self, name) for name in (*_SIZES, "t")}
+        if self.residual is not None:
+            values["residual"] = self.residual
+        npz.write(path, values)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> State:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            OSError: The file cannot be read.
+            ValueError: It is not a saved state.
+        """
+
+        def build(values: dict[str, Any]) -> State:
+            fields: dict[str, Any] = {
+                name: value if name in _SIZES else float(value) for name, value in values.items()
+            }
+            return cls(**fields)
+
+        return npz.read(path, "State", build)

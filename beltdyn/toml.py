@@ -1,0 +1,213 @@
+"""Parameters and scenes as TOML, with errors that name the path of the field."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
+
+import attrs
+import cattrs
+import numpy as np
+import tomli_w
+from cattrs.errors import (
+    ClassValidationError,
+    ForbiddenExtraKeysError,
+    IterableValidationError,
+)
+from cattrs.gen import make_dict_structure_fn
+
+from .checks import Array
+from .params import Dahl, Params
+from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
+
+if TYPE_CHECKING:
+    from .scenes import Scene
+
+__all__ = ["params_document", "read_params", "read_scene", "scene_document", "write"]
+
+_FRICTION: dict[str, type] = {"dahl": Dahl}
+_TORQUES: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "viscous": Viscous}
+_SCENE_ONLY = ("t_end", "torque")
+
+Source = str | os.PathLike[str]
+
+
+def _table(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"must be a table, got {value!r}")
+    return value
+
+
+def _is_list_of_tables(kind: Any) -> bool:
+    return get_origin(kind) is tuple and (
+        attrs.has(get_args(kind)[0]) or get_args(kind)[0] is Torque
+    )
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    converter = cattrs.Converter(forbid_extra_keys=True)
+
+    def by_kind(kinds: dict[str, type], default: str | None) -> Callable[[Any, Any], Any]:
+        def structure(value: Any, _kind: Any) -> Any:
+            fields = dict(_table(value))
+            kind = fields.pop("kind", default)
+            if kind not in kinds:
+                raise ValueError(f"this.kind must be one of {', '.join(kinds)}, got {kind!r}")
+            return converter.structure(fields, kinds[kind])
+
+        return structure
+
+    def table_of(cls: Any) -> Callable[[Any, Any], Any]:
+        structure: Any = make_dict_structure_fn(cls, converter, _cattrs_forbid_extra_keys=True)
+        return lambda value, kind: structure(_table(value), kind)
+
+    def list_of(value: Any, kind: Any) -> Any:
+        if not isinstance(value, list):
+            raise ValueError("must be an array of tables, [[...]]")
+        element: Any = get_args(kind)[0]
+        return converter.structure(value, cast(Any, list[element]))
+
+    # Plain values pass as they are: the classes check them and know the rule.
+    for kind in (float, int):
+        converter.register_structure_hook(kind, lambda value, _kind: value)
+    converter.register_structure_hook_func(
+        lambda kind: kind in (Array, tuple[float, float]), lambda value, _kind: value
+    )
+    converter.register_structure_hook_factory(attrs.has, table_of)
+    converter.register_structure_hook_func(_is_list_of_tables, list_of)
+    converter.register_structure_hook_func(
+        lambda kind: kind == (Dahl | None), by_kind(_FRICTION, "dahl")
+    )
+    converter.register_structure_hook_func(lambda kind: kind is Torque, by_kind(_TORQUES, None))
+    converter.register_unstructure_hook_func(lambda kind: kind == Array, np.ndarray.tolist)
+    return converter
+
+
+def _join(path: str, field: str) -> str:
+    return f"{path}.{field}" if path else field
+
+
+def _explain(error: BaseException, path: str) -> str:
+    """Say the first thing wrong, in one line that names its path."""
+    if isinstance(error, (ClassValidationError, IterableValidationError)):
+        noted, others = error.group_exceptions()
+        # Unknown fields first: a misspelt field is also a missing one.
+        if others:
+            return _explain(others[0], path)
+        inner, note = noted[0]
+        if isinstance(error, IterableValidationError):
+            return _explain(inner, f"{path}[{cast(Any, note).index}]")
+        return _explain(inner, _join(path, cast(Any, note).name))
+    if isinstance(error, ForbiddenExtraKeysError):
+        field = min(error.extra_fields)
+        close = difflib.get_close_matches(field, [known.name for known in attrs.fields(error.cl)])
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        return f"{_join(path, field)}: unknown field{hint}"
+    if isinstance(error, KeyError):
+        return f"{path}: missing"
+    message = str(error)
+    # The classes name themselves ("pulley.radius must ..."); the path says which one it is.
+    own = re.match(r"[A-Za-z]+\.(?=\w)", message)
+    if not path:
+        return message
+    return _join(path, message[own.end() :]) if own else f"{path}: {message}"
+
+
+def _structure(value: Any, kind: Any, path: str = "") -> Any:
+    try:
+        return _converter().structure(value, kind)
+    except (cattrs.BaseValidationError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(_explain(error, path)) from None
+
+
+def _document(source: Source) -> tuple[dict[str, Any], str]:
+    """Parse; give also what errors begin with: the file's name, if there is one."""
+    if isinstance(source, str) and "\n" in source:
+        text, prefix = source, ""
+    else:
+        path = Path(source)
+        prefix = f"{path}: "
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise ValueError(f"{prefix}not a text file in UTF-8") from None
+    try:
+        return tomllib.loads(text), prefix
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{prefix}not valid TOML: {error}") from None
+
+
+def read_params(source: Source) -> Params:
+    """See :meth:`beltdyn.Params.from_toml`."""
+    document, prefix = _document(source)
+    try:
+        params: Params = _structure(document, Params)
+    except ValueError as error:
+        raise ValueError(f"{prefix}{error}") from None
+    return params
+
+
+def read_scene(source: Source) -> Scene:
+    """See :meth:`beltdyn.scenes.Scene.from_toml`."""
+    from .scenes import Scene
+
+    document, prefix = _document(source)
+    try:
+        for field in _SCENE_ONLY:
+            if field not in document:
+                raise ValueError(f"{field}: missing")
+        t_end, torque = (document.pop(field) for field in _SCENE_ONLY)
+        parts = _structure(torque, tuple[Torque, ...], "torque")
+        params = _structure(document, Params)
+        scene = Scene(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end)
+        scene.check()
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{prefix}{error}") from None
+    return scene
+
+
+def params_document(params: Params) -> dict[str, Any]:
+    """Turn parameters into plain tables."""
+    document: dict[str, Any] = {"gravity": None, **_converter().unstructure(params)}
+    friction = document.pop("friction")
+    if friction is not None:
+        document["friction"] = {"kind": "dahl", **friction}
+    return document
+
+
+def scene_document(scene: Scene) -> dict[str, Any]:
+    """Turn a scene into plain tables.
+
+    Raises:
+        TypeError: Its torque is a function, which TOML cannot hold.
+    """
+    if not isinstance(scene.torque_fn, Torque):
+        raise TypeError(
+            "torque_fn must be made of torque objects to be written as TOML, "
+            f"got {scene.torque_fn!r}"
+        )
+    parts = scene.torque_fn.parts if isinstance(scene.torque_fn, TorqueSum) else [scene.torque_fn]
+    names = {cls: name for name, cls in _TORQUES.items()}
+    torque = [{"kind": names[type(part)], **_converter().unstructure(part)} for part in parts]
+    return {"t_end": scene.t_end, **params_document(scene.params), "torque": torque}
+
+
+def write(document: dict[str, Any], path: Source | None) -> str:
+    """Give the document as text, also written to ``path`` if given."""
+    text = tomli_w.dumps(document)
+    # tomli-w writes one number a line; rows of numbers read better.
+    text = re.sub(
+        r"\[\n(?:\s*[-+.\deE]+,\n)+\s*\]",
+        lambda rows: re.sub(r",\s*\]", "]", re.sub(r"\s+", " ", rows[0]).replace("[ ", "[")),
+        text,
+    )
+    if path is not None:
+        Path(path).write_text(text, encoding="utf-8")
+    return text

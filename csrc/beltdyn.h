@@ -1,0 +1,255 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * beltdyn: dynamics of belt drives. The public C interface; needs nothing but C11 and libm.
+ *
+ * A *scene* (plain structs the caller fills) becomes a *model* (constant), a model and a state
+ * become a *simulation*, which is advanced in chunks:
+ *
+ *   bd_model_create -> bd_settle_create or bd_sim_create -> bd_sim_advance ... -> bd_sim_state
+ *
+ * SI units, angles in rad, counter-clockwise positive. Every function that can fail returns a
+ * code: BD_OK, BD_MORE (not finished, call again) or a negative BD_ERR_...; the bd_error given (or
+ * NULL) then says which field, rule, time, body and pulley. Nothing is allocated while running,
+ * nothing is global: different simulations may run in different threads, sharing one model.
+ */
+#ifndef BELTDYN_H
+#define BELTDYN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fields.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define BD_VERSION "0.1.0"
+
+/* --- errors ---------------------------------------------------------------------------------- */
+
+enum {
+  BD_OK = 0,
+  BD_MORE = 1,
+  BD_ERR_FIRST = -100,
+#define X(symbol, kind, text) symbol,
+  BD_ERRORS(X)
+#undef X
+};
+
+enum { BD_KIND_MEMORY, BD_KIND_VALUE, BD_KIND_USE, BD_KIND_CALL, BD_KIND_RUN };
+
+typedef struct bd_error {
+  int code;
+  double t;     /* time of the failure [s], NaN if none */
+  int body;     /* link index, -1 if none */
+  int pulley;   /* pulley index, -1 if none */
+  double value; /* the offending value, NaN if none */
+  char field[64];
+  char message[384]; /* one sentence: the field, the rule, the value; for runs what to try */
+} bd_error;
+
+const char *bd_error_symbol(int code);
+const char *bd_error_text(int code);
+int bd_error_kind(int code);
+
+/* --- scene ----------------------------------------------------------------------------------- */
+
+typedef struct bd_belt {
+  double length;
+  int n_bodies;
+  double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
+} bd_belt;
+
+typedef struct bd_pulley {
+  double center[2];
+  double radius, inertia;
+} bd_pulley;
+
+typedef struct bd_contact {
+  double quadratic, linear, damping;
+} bd_contact;
+
+typedef struct bd_dahl {
+  double mu_k, sigma;
+} bd_dahl;
+
+/* The belt visits the pulleys in their order, all inside the loop; two pulleys: clockwise, the
+ * upper span first. friction NULL: none, and no friction state either. */
+typedef struct bd_scene {
+  bd_belt belt;
+  int n_pulleys;
+  const bd_pulley *pulleys;
+  bd_contact contact;
+  const bd_dahl *friction;
+  double gravity[2];
+} bd_scene;
+
+/* --- model ----------------------------------------------------------------------------------- */
+
+typedef struct bd_model bd_model;
+
+/* Checks every parameter on its own (BD_PARAMETERS) and derives the constants per link. */
+int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err);
+void bd_model_free(bd_model *model);
+
+/* Checks that the belt can run on the pulleys: they do not overlap, each is reached, the belt is
+ * neither too long (slack) nor too short (strain above BD_MAX_STRAIN). */
+#define BD_MAX_STRAIN 0.25
+int bd_model_check_geometry(const bd_model *model, bd_error *err);
+
+typedef struct bd_info {
+  int n_bodies, n_pulleys;
+  int n_slots;          /* friction slots per link; 1 unless pulleys overlap; 0 without friction */
+  int winding;          /* turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise */
+  double link_length, link_mass, link_inertia;
+  double joint_stiffness, joint_damping, bending_stiffness, bending_damping; /* per joint */
+  double contact_quadratic, contact_linear, contact_damping;                 /* per link */
+  double path_length;   /* of the tight belt line round the pulleys [m] */
+  double strain;        /* path_length / length - 1 */
+  double mean_tension;  /* axial_stiffness * strain, the scale of forces [N] */
+  double spectral_bound; /* closed-form |lambda|max of the joints [1/s] */
+} bd_info;
+
+void bd_model_info(const bd_model *model, bd_info *info);
+
+/* --- state ----------------------------------------------------------------------------------- */
+
+/* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major),
+ * n_pulleys. phi is continuous: joint 0 carries the winding. */
+typedef struct bd_state {
+  double t;
+#define X(name, size) double *name;
+  BD_STATE_FIELDS(X)
+#undef X
+} bd_state;
+
+/* --- torque ---------------------------------------------------------------------------------- */
+
+typedef void (*bd_torque_function)(double t, const double *theta, const double *omega,
+                                   double *torque, void *user);
+/* The same, but may stop the run by returning non-zero: BD_ERR_CALLBACK. */
+typedef int (*bd_torque_call)(double t, const double *theta, const double *omega, double *torque,
+                              void *user);
+
+enum { BD_TORQUE_PIECEWISE, BD_TORQUE_VISCOUS, BD_TORQUE_FUNCTION, BD_TORQUE_CALL };
+
+/* One term; terms add up. PIECEWISE: linear between the times t (n_t, non-decreasing; a time given
+ * twice is a jump), values (n_t, n_p) row-major, constant outside. VISCOUS: -coefficients[j] *
+ * omega[j]. Arrays are copied when the simulation is made. */
+typedef struct bd_torque_term {
+  int kind;
+  size_t n_t;
+  const double *t, *values;
+  const double *coefficients;
+  bd_torque_function function;
+  bd_torque_call call;
+  void *user;
+} bd_torque_term;
+
+typedef struct bd_torque {
+  size_t n_terms;
+  const bd_torque_term *terms;
+  size_t n_breakpoints; /* more times at which to stop exactly (piecewise times are known) */
+  const double *breakpoints;
+} bd_torque;
+
+/* --- simulation ------------------------------------------------------------------------------ */
+
+typedef struct bd_options {
+  const char *method; /* NULL or "auto", "tsit5", "rk4" */
+  double rtol;        /* adaptive: local error over the joint's stretch scale, max norm */
+  double step;        /* rk4: the step (0: from the spectral bound); adaptive: the first step (0: chosen) */
+  double max_step;    /* 0: none */
+  long max_steps;     /* 0: none */
+  int ledger;         /* carry the energy ledger */
+} bd_options;
+
+void bd_options_default(bd_options *options);
+
+typedef struct bd_sim bd_sim;
+
+/* Ready to run from `initial` to t_end under `torque`. */
+int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+                  const bd_torque *torque, double t_end, const bd_options *options, bd_error *err);
+
+typedef struct bd_settle_options {
+  int friction;         /* friction acts while settling (and its state is kept) */
+  int free_pulleys;     /* pulleys may turn; else they are held */
+  const double *offset; /* (n_p, 2): centres start displaced by this and move in; NULL: they do not */
+  double move_time;     /* duration of that motion [s]; 0: chosen */
+  double tolerance;     /* at rest when the unbalanced force is below this times the mean tension */
+  double max_time;      /* give up after this much simulated time [s]; 0: chosen */
+} bd_settle_options;
+
+void bd_settle_options_default(bd_settle_options *options);
+
+/* A simulation that brings the belt to rest under preload, from the belt line (or `initial`).
+ * BD_OK from bd_sim_advance means at rest; bd_sim_state then has zero velocities. */
+int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+                     const bd_settle_options *options, bd_error *err);
+
+void bd_sim_free(bd_sim *sim);
+
+/* Where samples go: row k of each array (row length as BD_OUTPUTS) at time t[k]; NULL arrays are
+ * not written. `pulley` (int32): the touched pulley or -1. t: non-decreasing, within the run. The
+ * times are copied, the arrays stay the caller's and must outlive the run. */
+typedef struct bd_output {
+#define X(name, group, size, unit, text) double *name;
+  BD_OUTPUTS(X)
+#undef X
+  int32_t *pulley;
+} bd_output;
+
+enum {
+#define X(name, text) BD_ENERGY_##name,
+  BD_ENERGY_TERMS(X)
+#undef X
+      BD_N_ENERGY
+};
+
+int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
+                      bd_error *err);
+
+/* At most max_steps steps: BD_MORE if there is more to do, BD_OK at the end. After an error the
+ * state is that of the last good step, and every finished sample stands. Calling it again repeats
+ * the error. A second call while one runs (another thread, a torque function): BD_ERR_BUSY. */
+int bd_sim_advance(bd_sim *sim, long max_steps, bd_error *err);
+
+double bd_sim_time(const bd_sim *sim);
+size_t bd_sim_samples(const bd_sim *sim); /* finished rows */
+int bd_sim_state(const bd_sim *sim, bd_state *out);
+
+typedef struct bd_stats {
+#define X(type, name, text) type name;
+  BD_STATS(X)
+#undef X
+} bd_stats;
+
+void bd_sim_stats(const bd_sim *sim, bd_stats *out);
+const char *bd_sim_method(const bd_sim *sim);
+/* Names of the passes of the plan, in order; NULL past the last. */
+const char *bd_sim_pass(const bd_sim *sim, int k);
+
+/* Time derivative of a state under the model (torque as given), laid out as a bd_state; for tests
+ * and for other integrators. torque: one value per pulley. */
+int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
+                  bd_state *rate, bd_error *err);
+
+/* --- friction, closed form ------------------------------------------------------------------- */
+
+/* Eq. (2.9): the Dahl coefficient after sliding monotonically by dx = x - x0 from mu0. */
+double bd_dahl_slide(double dx, double mu0, double mu_k, double sigma);
+/* The same over a path x[0..n-1] with reversals anywhere: mu[k] at x[k], from mu0 at x[0]. */
+void bd_dahl_path(size_t n, const double *x, double mu0, double mu_k, double sigma, double *mu);
+
+/* --- build ----------------------------------------------------------------------------------- */
+
+/* Kernel level in use ("avx512", "avx2", "baseline"), chosen once from the processor, or by the
+ * environment variable BELTDYN_KERNELS. */
+const char *bd_kernel_level(void);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,265 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The belt at rest under preload: what the paper calls stabilisation.
+ *
+ * The model itself, in a still bath that drags on every mass, is integrated until the unbalanced
+ * force is gone. The bath is critical for the lowest transverse mode of the longest span; the
+ * joints' damping, which has no say in an equilibrium, is set to what lets the explicit step be
+ * longest. Centres may move in from a slack position meanwhile, as a belt is really tensioned, with
+ * friction acting: the tension then depends on the way, which is why it can be chosen.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "internal.h"
+
+void bd_settle_options_default(bd_settle_options *options) {
+  *options = (bd_settle_options){.tolerance = 1e-9};
+}
+
+/* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
+ * stiffens with penetration: take that of four times the belt line's normal force. */
+static double fastest_mode(const bd_sim *sim) {
+  const bd_model *model = sim->model;
+  const bd_info *info = &model->info;
+  double tightest = model->radius[0];
+  for (int j = 1; j < model->lay.np; ++j) {
+    tightest = fmin(tightest, model->radius[j]);
+  }
+  double normal = 4.0 * info->mean_tension * info->link_length / tightest;
+  double c1 = info->contact_quadratic, c2 = info->contact_linear;
+  double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
+  double grip = sim->plan.friction_on ? model->dahl.sigma * normal : 0.0;
+  double m = info->link_mass;
+  double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
+             (contact + grip) / m;
+  double d = info->contact_damping / m + sim->plan.bath +
+             12.0 * sim->plan.links.damping / m + 4.0 * info->bending_damping / info->link_inertia;
+  return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
+}
+
+static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const bd_wrap *wraps,
+                          int direction, double length, bd_state *state) {
+  const bd_model *model = sim->model;
+  int n = model->lay.n;
+  for (int i = 0; i < n; ++i) {
+    bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction,
+                  length * (i + 0.5) / n, &state->x[i], &state->y[i], &state->phi[i]);
+    state->x[i] += model->origin[0];
+    state->y[i] += model->origin[1];
+  }
+}
+
+/* Lays the belt along the line round the centres where they start. The scratch vectors of the
+ * simulation lend the room, before they are needed. */
+static int lay_belt(bd_sim *sim, bd_error *err) {
+  const bd_model *model = sim->model;
+  int n = model->lay.n, np = model->lay.np, direction;
+  double length, *room = sim->y_new;
+  double *cx = sim->y_mid, *cy = cx + np;
+  for (int j = 0; j < np; ++j) {
+    cx[j] = model->cx[j] + (sim->plan.offset ? sim->plan.offset[2 * j] : 0.0);
+    cy[j] = model->cy[j] + (sim->plan.offset ? sim->plan.offset[2 * j + 1] : 0.0);
+  }
+  bd_wrap *wraps = (bd_wrap *)(void *)sim->stage[0];
+  if ((size_t)np * sizeof *wraps > model->lay.size * sizeof *room ||
+      (size_t)(2 * np) > model->lay.size) {
+    return bd_fail(err, BD_ERR_MEMORY, "pulleys", "too many pulleys for so few links");
+  }
+  int code = bd_path_lay(np, cx, cy, model->radius, wraps, &direction, &length, err);
+  if (code != BD_OK) {
+    if (err && sim->plan.offset) {
+      memmove(err->field, "offset", sizeof "offset");
+    }
+    return code;
+  }
+  double *zero = sim->weights; /* still all zero */
+  bd_state state = {.x = room, .y = room + n, .phi = room + 2 * n, .vx = zero, .vy = zero,
+                    .vphi = zero, .mu = zero, .slip = zero, .theta = zero, .omega = zero};
+  place_on_line(sim, cx, cy, wraps, direction, length, &state);
+  return bd_state_import(model, &state, sim->y, &sim->turns, err);
+}
+
+static int check_options(const bd_model *model, const bd_settle_options *options, bd_error *err) {
+  if (!(options->tolerance > 0.0 && options->tolerance < 1.0)) {
+    return bd_fail(err, BD_ERR_OPTION, "tolerance", "tolerance must be > 0 and < 1, got %g",
+                   options->tolerance);
+  }
+  if (!(options->move_time >= 0.0) || !isfinite(options->move_time) ||
+      !(options->max_time >= 0.0) || !isfinite(options->max_time)) {
+    return bd_fail(err, BD_ERR_OPTION, "move_time",
+                   "move_time and max_time must be finite and >= 0 (0: chosen), got %g and %g",
+                   options->move_time, options->max_time);
+  }
+  for (int k = 0; options->offset && k < 2 * model->lay.np; ++k) {
+    if (!isfinite(options->offset[k])) {
+      return bd_fail(err, BD_ERR_OPTION, "offset", "offset[%d, %d] must be finite, got %g", k / 2,
+                     k % 2, options->offset[k]);
+    }
+  }
+  return BD_OK;
+}
+
+static void set_up(bd_sim *sim) {
+  const bd_model *model = sim->model;
+  const bd_info *info = &model->info;
+  const bd_settle_options *given = &sim->settle;
+  double span = fmax(model->longest_span, 0.25 * model->belt.length);
+  double wave = sqrt(info->mean_tension / model->belt.linear_density);
+  double lowest = BD_PI * wave / span;
+  double move_time = !given->offset           ? 0.0
+                     : given->move_time > 0.0 ? given->move_time
+                                              : 100.0 / lowest;
+  sim->t = sim->t0 = 0.0;
+  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : 1000.0 / lowest);
+  bd_plan_make(&sim->plan, model,
+               &(bd_plan_options){.friction = given->friction,
+                                  .hold_pulleys = !given->free_pulleys,
+                                  .bath = 2.0 * lowest,
+                                  .offset = given->offset,
+                                  .move_time = move_time});
+  sim->plan.links.damping = 0.5 * sqrt(info->joint_stiffness * info->link_mass / 3.0);
+  sim->method = bd_tableau_find("rk4");
+  bd_options_default(&sim->options);
+  sim->options.method = sim->method->name;
+  sim->options.step = 0.8 * sim->method->stability / fastest_mode(sim);
+  sim->options.ledger = 0;
+}
+
+int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+                     const bd_settle_options *options, bd_error *err) {
+  *out = NULL;
+  bd_settle_options defaults;
+  bd_settle_options_default(&defaults);
+  options = options ? options : &defaults;
+  if (bd_model_check_geometry(model, err) != BD_OK) {
+    return BD_ERR_GEOMETRY;
+  }
+  if (check_options(model, options, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
+  bd_sim *sim = bd_sim_new(model, NULL, 1);
+  if (!sim) {
+    return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
+  }
+  sim->settle = *options;
+  if (options->offset) {
+    memcpy(sim->settle_offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));
+    sim->settle.offset = sim->settle_offset;
+  }
+  set_up(sim);
+  int code = initial ? bd_state_import(model, initial, sim->y, &sim->turns, err)
+                     : lay_belt(sim, err);
+  if (code != BD_OK) {
+    bd_sim_free(sim);
+    return code;
+  }
+  memcpy(sim->settle_start, sim->y, model->lay.size * sizeof *sim->y);
+  bd_sim_weights(sim);
+  *out = sim;
+  return BD_OK;
+}
+
+/* Starts over with half the step, a few times: the bound on the contact is an estimate. */
+int bd_settle_retry(bd_sim *sim) {
+  if (sim->settle_tries >= 4 || (sim->failure.code != BD_ERR_NOT_FINITE &&
+                                sim->failure.code != BD_ERR_PASSED_THROUGH)) {
+    return 0;
+  }
+  ++sim->settle_tries;
+  memcpy(sim->y, sim->settle_start, sim->model->lay.size * sizeof *sim->y);
+  sim->t = sim->t0;
+  sim->options.step *= 0.5;
+  sim->rate_known = 0;
+  return 1;
+}
+
+/* Without friction the belt slides round its path almost freely, against a stiffness that is the
+ * polygon's alone and thousands of times below all others. It is measured, from how the mean push
+ * along the links changes with the way slid since the last check, and the circulation is given the
+ * inertia and drag that bring it to rest as fast as the slowest of the rest will bear. */
+static void tune_circulation(bd_sim *sim, const double *dy) {
+  bd_plan *plan = &sim->plan;
+  const bd_layout *lay = &sim->model->lay;
+  const double *ax = bd_cfield(lay, dy, F_VX), *ay = bd_cfield(lay, dy, F_VY);
+  const double *vx = bd_cfield(lay, sim->y, F_VX), *vy = bd_cfield(lay, sim->y, F_VY);
+  double push = 0.0, speed = 0.0;
+  for (int i = 0; i < lay->n; ++i) {
+    push += (ax[i] * plan->links.cos[i] + ay[i] * plan->links.sin[i]) / lay->n;
+    speed += (vx[i] * plan->links.cos[i] + vy[i] * plan->links.sin[i]) / lay->n;
+  }
+  double way = 0.5 * (speed + sim->settle_speed) * (sim->t - sim->settle_time);
+  if (fabs(way) > 1e-9 * sim->model->info.link_length) {
+    double stiffness = -(push - sim->settle_push) / way;
+    double pace = plan->bath / 16.0;
+    if (plan->friction_on) {
+      plan->round_drag = fmin(plan->bath, 2.0 * sqrt(fmax(0.0, stiffness)));
+    } else {
+      plan->round_gain = fmin(1e4, fmax(1.0, pace * pace / fabs(stiffness)));
+      plan->round_drag = stiffness > 0.0 ? 2.0 * pace : pace;
+    }
+  }
+  sim->settle_push = push;
+  sim->settle_speed = speed;
+  sim->settle_time = sim->t;
+}
+
+/* The largest unbalanced force with everything stopped, over the mean tension, into
+ * stats.residual; velocities must be gone to the same degree. At rest: stops the belt. */
+int bd_settle_check(bd_sim *sim, int *at_rest, bd_error *err) {
+  const bd_model *model = sim->model;
+  const bd_layout *lay = &model->lay;
+  const bd_info *info = &model->info;
+  *at_rest = 0;
+  double *y = sim->y_mid, *dy = sim->stage[sim->method->stages - 1];
+  double fastest = 0.0, worst = 0.0;
+  memcpy(y, sim->y, lay->size * sizeof *y);
+  for (int f = F_VX; f <= F_VPHI; ++f) {
+    double *v = bd_field(lay, y, f);
+    double arm = f == F_VPHI ? 0.5 * info->link_length : 1.0;
+    for (int i = 0; i < lay->n; ++i) {
+      fastest = fmax(fastest, arm * fabs(v[i]));
+      v[i] = 0.0;
+    }
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    fastest = fmax(fastest, model->radius[j] * fabs(y[lay->omega + j]));
+    y[lay->omega + j] = 0.0;
+  }
+  double gain = sim->plan.round_gain;
+  sim->plan.round_gain = 1.0; /* the true forces */
+  int code = bd_plan_rate(&sim->plan, sim->t, y, dy, err);
+  sim->plan.round_gain = gain;
+  if (code != BD_OK) {
+    return code;
+  }
+  ++sim->stats.nfev;
+  tune_circulation(sim, dy);
+  for (int i = 0; i < lay->n; ++i) {
+    double fx = bd_field(lay, dy, F_VX)[i], fy = bd_field(lay, dy, F_VY)[i];
+    double turning = bd_field(lay, dy, F_VPHI)[i];
+    worst = fmax(worst, info->link_mass * hypot(fx, fy));
+    worst = fmax(worst, info->link_inertia * fabs(turning) / (0.5 * info->link_length));
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
+  }
+  sim->stats.residual = worst / info->mean_tension;
+  double wave = info->strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density);
+  int still = sim->stats.residual <= sim->settle.tolerance &&
+              fastest <= sim->settle.tolerance * wave && sim->t >= sim->plan.move_time;
+  if (still) {
+    memcpy(sim->y, y, lay->size * sizeof *y);
+    sim->t = sim->t0;
+    *at_rest = 1;
+    return BD_OK;
+  }
+  if (sim->t >= sim->t_end) {
+    return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
+                      "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
+                      "mean tension, fastest motion %.3g m/s; allow more max_time, a looser "
+                      "tolerance, or check that the links are short against the pulleys",
+                      sim->t_end, sim->stats.residual, fastest);
+  }
+  return BD_OK;
+}

@@ -1,0 +1,50 @@
+"""From beltdyn's objects to the oracle's, for the tests that hold one against the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+import numpy as np
+import reference
+
+import beltdyn as bd
+
+
+def oracle_of(params: bd.Params) -> reference.Reference:
+    """The same drive as the oracle wants it, built from the user's numbers alone."""
+    belt, contact, friction = params.belt, params.contact, params.friction
+    return reference.Reference(
+        length=belt.length,
+        n_bodies=belt.n_bodies,
+        linear_density=belt.linear_density,
+        axial_stiffness=belt.axial_stiffness,
+        axial_damping=belt.axial_damping,
+        bending_stiffness=belt.bending_stiffness,
+        bending_damping=belt.bending_damping,
+        centers=np.array([p.center for p in params.pulleys]),
+        radii=np.array([p.radius for p in params.pulleys]),
+        inertias=np.array([p.inertia for p in params.pulleys]),
+        contact=(contact.quadratic, contact.linear, contact.damping),
+        mu_k=None if friction is None else friction.mu_k,
+        sigma=None if friction is None else friction.sigma,
+        gravity=params.gravity,
+        winding=winding_of(params),
+    )
+
+
+def winding_of(params: bd.Params) -> int:
+    """Direction in which the belt runs, from the order of the pulleys (API: two: clockwise)."""
+    centers = np.array([p.center for p in params.pulleys])
+    following = np.roll(centers, -1, axis=0)
+    area = np.sum(centers[:, 0] * following[:, 1] - centers[:, 1] * following[:, 0])
+    return 1 if len(centers) > 2 and area > 0 else -1
+
+
+def fields(state: bd.State) -> dict[str, Any]:
+    """A state as the plain dict that the oracle and the binding take."""
+    return {
+        name: value
+        for name, value in attrs.asdict(state, recurse=False).items()
+        if name in {"x", "y", "phi", "vx", "vy", "vphi", "mu", "slip", "theta", "omega", "t"}
+    }

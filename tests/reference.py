@@ -1,0 +1,779 @@
+"""The independent oracle: MODEL.md of the belt drive in plain NumPy, integrated by SciPy.
+
+Written from MODEL.md (and the paper) alone. It shares no line with the C core and imports nothing
+of beltdyn, so that agreement between the two means something. Section numbers are those of
+MODEL.md; equation numbers are the paper's (K. Kubas, "A model for the dynamic analysis of a belt
+transmission using the Dahl friction model"). SI units, angles in rad.
+
+Differences from the core by intention: friction memory is kept densely, one Dahl state per
+(pulley, link) pair, so a link on two pulleys at once needs no special treatment; the energy ledger
+is integrated with the state; lost contacts are located as events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.integrate
+import scipy.optimize
+
+Array = npt.NDArray[np.float64]
+Torque = Callable[[float, Array, Array], npt.ArrayLike]
+
+LEDGER = ("drive", "joint_damping", "contact_damping", "friction")
+"""The quadratures at the end of the state: work put in, then three losses (section 7)."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A belt drive by its data per metre of belt (section 6), with the equations of motion.
+
+    The state vector is `x, y, phi, vx, vy, vphi` (n_b each), `theta, omega` (n_p each), `mu, slip`
+    (n_p x n_b each, pulley first) and the four quadratures of `LEDGER`.
+    """
+
+    length: float  # L, stress-free [m]
+    n_bodies: int  # n_b
+    linear_density: float  # rho A [kg/m]
+    axial_stiffness: float  # EA [N]
+    axial_damping: float  # eta A [N s]
+    bending_stiffness: float  # EI [N m^2]
+    centers: Array  # (n_p, 2) [m]
+    radii: Array  # (n_p,) [m]
+    inertias: Array  # (n_p,) [kg m^2]
+    contact: tuple[float, float, float]  # c1' [N/m^3], c2' [N/m^2], b' [N s/m^2]
+    mu_k: float | None = None  # None: no friction
+    sigma: float | None = None  # [1/m]
+    gravity: tuple[float, float] = (0.0, 0.0)  # [m/s^2]
+    winding: int = -1  # turns of phi once round the ring; -1: numbered clockwise
+    bending_damping: float = 0.0  # [N m^2 s]; none in the paper
+
+    n_pulleys: int = field(init=False)
+    size: int = field(init=False)
+    l0: float = field(init=False)
+    mass: float = field(init=False)
+    inertia: float = field(init=False)  # I_z of a link
+    c_tra: float = field(init=False)
+    b_tra: float = field(init=False)
+    c_tor: float = field(init=False)
+    b_tor: float = field(init=False)
+    c1: float = field(init=False)
+    c2: float = field(init=False)
+    b: float = field(init=False)
+    previous: npt.NDArray[np.intp] = field(init=False, repr=False)
+    following: npt.NDArray[np.intp] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        centers = np.array(self.centers, dtype=float).reshape(-1, 2)
+        n_p, n_b = len(centers), self.n_bodies
+        if n_b < 3 or (self.mu_k is None) != (self.sigma is None):
+            raise ValueError("needs n_bodies >= 3, and mu_k and sigma both or neither")
+        l0 = self.length / n_b
+        mass = self.linear_density * l0
+        derived = {
+            "centers": centers,
+            "radii": np.array(self.radii, dtype=float).reshape(n_p),
+            "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
+            "n_pulleys": n_p,
+            "size": 6 * n_b + 2 * n_p + 2 * n_p * n_b + len(LEDGER),
+            "l0": l0,
+            "mass": mass,
+            "inertia": mass * l0**2 / 12,
+            "c_tra": self.axial_stiffness / l0,
+            "b_tra": self.axial_damping / l0,
+            "c_tor": self.bending_stiffness / l0,
+            "b_tor": self.bending_damping / l0,
+            "c1": self.contact[0] * l0,
+            "c2": self.contact[1] * l0,
+            "b": self.contact[2] * l0,
+            "previous": np.arange(-1, n_b - 1) % n_b,
+            "following": np.arange(1, n_b + 1) % n_b,
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
+
+    # ---------------------------------------------------------------- state vector
+
+    def links(self, y: Array) -> Array:
+        """View (..., 2, 3, n_b) of the links: [position or velocity, x y phi, link]."""
+        return y[..., : 6 * self.n_bodies].reshape(*y.shape[:-1], 2, 3, self.n_bodies)
+
+    def pulleys(self, y: Array) -> Array:
+        """View (..., 2, n_p): theta and omega."""
+        start = 6 * self.n_bodies
+        return y[..., start : start + 2 * self.n_pulleys].reshape(*y.shape[:-1], 2, -1)
+
+    def memory(self, y: Array) -> Array:
+        """View (..., 2, n_p, n_b): mu and slip of every (pulley, link) pair."""
+        start, stop = 6 * self.n_bodies + 2 * self.n_pulleys, self.size - len(LEDGER)
+        return y[..., start:stop].reshape(*y.shape[:-1], 2, self.n_pulleys, self.n_bodies)
+
+    def ledger(self, y: Array) -> Array:
+        """View (..., 4): the quadratures, in the order of `LEDGER`."""
+        return y[..., -len(LEDGER) :]
+
+    def pack(self, state: Mapping[str, Any]) -> Array:
+        """State vector from a mapping with `x y phi vx vy vphi mu slip theta omega`.
+
+        `mu` and `slip` may be (n_p, n_b), or (n_b,): then each value goes to the pulley its link
+        touches (the deeper one, if two), and that of a link in no contact must be 0. Missing
+        velocities, pulley coordinates, memory and ledger are 0.
+        """
+        y = np.zeros(self.size)
+        links, pulleys, memory = self.links(y), self.pulleys(y), self.memory(y)
+        for row, name in enumerate(("x", "y", "phi")):
+            links[0, row] = state[name]
+            links[1, row] = state.get("v" + ("x", "y", "phi")[row], 0.0)
+        for row, name in enumerate(("theta", "omega")):
+            pulleys[row] = state.get(name, 0.0)
+        penetration = self.penetration(y)
+        deepest = penetration.argmax(axis=0)
+        touching = penetration.max(axis=0) > 0
+        for row, name in enumerate(("mu", "slip")):
+            value = np.asarray(state.get(name, 0.0), dtype=float)
+            if value.ndim == 1:
+                if np.any(value[~touching]):
+                    raise ValueError(f"{name} is not 0 on a link that touches no pulley")
+                memory[row, deepest, np.arange(self.n_bodies)] = value
+            else:
+                memory[row] = value
+        self.ledger(y)[:] = state.get("ledger", 0.0)
+        return y
+
+    def unpack(self, y: Array, t: float = 0.0) -> dict[str, Any]:
+        """Return the mapping of `pack`, with `mu` and `slip` as (n_p, n_b), and `t`."""
+        links, pulleys, memory = self.links(y), self.pulleys(y), self.memory(y)
+        names = (("x", "y", "phi"), ("vx", "vy", "vphi"))
+        state: dict[str, Any] = {
+            name: links[..., rate, row, :].copy()
+            for rate, group in enumerate(names)
+            for row, name in enumerate(group)
+        }
+        state["theta"], state["omega"] = pulleys[..., 0, :].copy(), pulleys[..., 1, :].copy()
+        state["mu"], state["slip"] = memory[..., 0, :, :].copy(), memory[..., 1, :, :].copy()
+        state["ledger"] = self.ledger(y).copy()
+        state["t"] = t
+        return state
+
+    # ---------------------------------------------------------------- equations of motion
+
+    def rhs(self, t: float, y: Array, torque: Torque) -> Array:
+        """dy/dt: (2.11) for the links, (2.12) for the pulleys, Dahl's law, the powers of section 7.
+
+        Written flat and on its own because SciPy calls it some 1e5 times; `joints`, `contacts` and
+        `energy` below say the same things again, one at a time, and the tests compare the two.
+        """
+        n_b, n_p, half_length = self.n_bodies, self.n_pulleys, 0.5 * self.l0
+        at_memory, at_ledger = 6 * n_b + 2 * n_p, self.size - len(LEDGER)
+        links = y[: 6 * n_b].reshape(2, 3, n_b)
+        centre = links[:, :2]  # [position or velocity, xy, link]
+        angle = links[:, 2]  # [angle or its rate, link]
+        theta, omega = y[6 * n_b : 6 * n_b + n_p], y[6 * n_b + n_p : at_memory]
+        mu = y[at_memory : at_memory + n_p * n_b].reshape(n_p, n_b)
+
+        dy = np.zeros_like(y)
+        d_links = dy[: 6 * n_b].reshape(2, 3, n_b)
+        d_links[0] = links[1]
+        force, moment = d_links[1, :2], d_links[1, 2]
+
+        # Joints (2.2): stretch vector and its rate between the ends of neighbouring links.
+        half = np.empty((2, 2, n_b))  # from mass centre to right end, and its rate
+        arm = half[0]
+        np.cos(angle[0], arm[0])
+        np.sin(angle[0], arm[1])
+        arm *= half_length
+        np.multiply(arm[0], angle[1], half[1, 1])
+        np.multiply(arm[1], angle[1], half[1, 0])
+        np.negative(half[1, 0], half[1, 0])
+        stretch = (centre - half) - (centre + half).take(self.previous, axis=2)
+        pull = self.c_tra * stretch[0] + self.b_tra * stretch[1]
+        pull_right = pull.take(self.following, axis=1)
+        np.subtract(pull_right, pull, force)
+        both = pull_right + pull
+        bend = angle - angle.take(self.previous, axis=1)
+        bend[0, 0] += 2 * math.pi * self.winding
+        bending = self.c_tor * bend[0] + self.b_tor * bend[1]
+        np.subtract(arm[0] * both[1], arm[1] * both[0], moment)
+        moment += bending.take(self.following) - bending
+
+        # Contact (2.3)-(2.8) for every (pulley, link) pair.
+        outward = centre[0][:, None, :] - self.centers.T[:, :, None]
+        distance = np.sqrt(outward[0] * outward[0] + outward[1] * outward[1])
+        outward /= distance
+        p = self.radii[:, None] - distance
+        touch = p > 0
+        vx, vy = centre[1]
+        p_rate = -(vx * outward[0] + vy * outward[1])
+        elastic = p * (self.c1 * p + self.c2)
+        normal = np.maximum(elastic + self.b * p_rate, 0.0) * touch
+
+        # Friction (2.9)-(2.10): along t = z x outward, the same lever arm in speed and torque.
+        speed = (vy * outward[0] - vx * outward[1] - omega[:, None] * distance) * touch
+        drive = np.asarray(torque(t, theta, omega), dtype=float)
+        d_omega = dy[6 * n_b + n_p : at_memory]
+        if self.mu_k is not None and self.sigma is not None:
+            friction = mu * normal
+            force[0] += np.add.reduce(normal * outward[0] + friction * outward[1], 0)
+            force[1] += np.add.reduce(normal * outward[1] - friction * outward[0], 0)
+            d_omega[:] = (drive + np.add.reduce(friction * distance, 1)) / self.inertias
+            dy[at_memory : at_memory + n_p * n_b] = (
+                self.sigma * (speed - np.abs(speed) * mu / self.mu_k)
+            ).ravel()
+            dy[at_ledger + 3] = np.vdot(friction, speed)
+        else:
+            force += np.add.reduce(normal * outward, 1)
+            d_omega[:] = drive / self.inertias
+        dy[at_memory + n_p * n_b : at_ledger] = speed.ravel()
+
+        force /= self.mass
+        moment /= self.inertia
+        if self.gravity[0] or self.gravity[1]:
+            force[0] += self.gravity[0]
+            force[1] += self.gravity[1]
+        dy[6 * n_b : 6 * n_b + n_p] = omega
+        dy[at_ledger] = drive @ omega
+        dy[at_ledger + 1] = self.b_tra * np.vdot(stretch[1], stretch[1])
+        if self.b_tor:
+            dy[at_ledger + 1] += self.b_tor * np.vdot(bend[1], bend[1])
+        dy[at_ledger + 2] = np.vdot((normal - elastic) * touch, p_rate)
+        return dy
+
+    # ---------------------------------------------------------------- outputs at a state
+    # All take one state (size,) or many (..., size).
+
+    def directions(self, y: Array) -> Array:
+        """Return unit vectors e_i of the links, (..., 2, n_b)."""
+        phi = self.links(y)[..., 0, 2, :]
+        return np.stack((np.cos(phi), np.sin(phi)), axis=-2)
+
+    def joint_vectors(self, y: Array) -> tuple[Array, Array]:
+        """Stretch vector d of each joint and its rate (section 2), (..., 2, n_b) each."""
+        links, e = self.links(y), self.directions(y)
+        position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
+        half = 0.5 * self.l0 * e
+        half_rate = links[..., 1, 2:, :] * np.stack((-half[..., 1, :], half[..., 0, :]), axis=-2)
+        d = position - half - np.roll(position + half, 1, axis=-1)
+        d_rate = velocity - half_rate - np.roll(velocity + half_rate, 1, axis=-1)
+        return d, d_rate
+
+    def joint_angles(self, y: Array) -> tuple[Array, Array]:
+        """Bend of each joint and its rate, (..., n_b) each; joint 0 closes the winding."""
+        links = self.links(y)
+        phi, rate = links[..., 0, 2, :], links[..., 1, 2, :]
+        bend = phi - np.roll(phi, 1, axis=-1)
+        bend[..., 0] += 2 * math.pi * self.winding
+        return bend, rate - np.roll(rate, 1, axis=-1)
+
+    def joints(self, y: Array) -> tuple[Array, Array]:
+        """Deformation and force of each joint along the mean direction of its two links.
+
+        Joint i is on the left of link i. Positive in tension.
+        """
+        e = self.directions(y)
+        mean = e + np.roll(e, 1, axis=-1)
+        mean /= np.hypot(mean[..., :1, :], mean[..., 1:, :])
+        d, d_rate = self.joint_vectors(y)
+        force = self.c_tra * d + self.b_tra * d_rate
+        return (d * mean).sum(axis=-2), (force * mean).sum(axis=-2)
+
+    def penetration(self, y: Array) -> Array:
+        """Return p of every pair (2.5), (..., n_p, n_b); contact is p > 0.
+
+        The same arithmetic as in `rhs`, so that both agree on the sign to the last bit.
+        """
+        position = self.links(y)[..., 0, :2, :]
+        dx = position[..., 0, None, :] - self.centers[:, 0, None]
+        dy = position[..., 1, None, :] - self.centers[:, 1, None]
+        return self.radii[:, None] - np.sqrt(dx * dx + dy * dy)
+
+    def contacts(self, y: Array) -> Contacts:
+        """Everything about the (pulley, link) pairs, (..., n_p, n_b) each."""
+        links = self.links(y)
+        position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
+        arm = position[..., None, :, :] - self.centers[:, :, None]  # (..., n_p, 2, n_b)
+        distance = np.hypot(arm[..., 0, :], arm[..., 1, :])
+        outward = arm / distance[..., None, :]
+        tangent = np.stack((-outward[..., 1, :], outward[..., 0, :]), axis=-2)
+        p = self.penetration(y)
+        rate = -(velocity[..., None, :, :] * outward).sum(axis=-2)
+        omega = self.pulleys(y)[..., 1, :]
+        speed = (velocity[..., None, :, :] * tangent).sum(axis=-2) - omega[..., None] * distance
+        total = self.c1 * p**2 + self.c2 * p + self.b * rate
+        normal = np.where(p > 0, np.maximum(0.0, total), 0.0)
+        mu = self.memory(y)[..., 0, :, :]
+        friction = mu * normal if self.mu_k is not None else np.zeros_like(normal)
+        return Contacts(p, rate, normal, friction, speed, outward, tangent, distance)
+
+    def energy_terms(self, y: Array) -> dict[str, Array]:
+        """Return the terms of E in section 7; their sum is `energy`."""
+        links, (d, _), (bend, _) = self.links(y), self.joint_vectors(y), self.joint_angles(y)
+        p = np.maximum(self.penetration(y), 0.0)
+        gravity = np.asarray(self.gravity, dtype=float)[:, None]
+        omega = self.pulleys(y)[..., 1, :]
+        return {
+            "translation": 0.5 * self.mass * (links[..., 1, :2, :] ** 2).sum(axis=(-2, -1)),
+            "rotation": 0.5 * self.inertia * (links[..., 1, 2, :] ** 2).sum(axis=-1),
+            "stretching": 0.5 * self.c_tra * (d**2).sum(axis=(-2, -1)),
+            "bending": 0.5 * self.c_tor * (bend**2).sum(axis=-1),
+            "contact": (self.c1 * p**3 / 3 + self.c2 * p**2 / 2).sum(axis=(-2, -1)),
+            "gravity": -self.mass * (gravity * links[..., 0, :2, :]).sum(axis=(-2, -1)),
+            "pulleys": (0.5 * self.inertias * omega**2).sum(axis=-1),
+        }
+
+    def energy(self, y: Array) -> Array:
+        """E of section 7."""
+        return np.asarray(sum(self.energy_terms(y).values()))
+
+    def powers(self, t: float, y: Array, torque: Torque) -> Array:
+        """Return the four powers of section 7 as in `LEDGER`, written apart from `rhs`."""
+        theta, omega = self.pulleys(y)
+        _, d_rate = self.joint_vectors(y)
+        _, bend_rate = self.joint_angles(y)
+        contacts = self.contacts(y)
+        p = np.maximum(contacts.penetration, 0.0)
+        damping = np.where(p > 0, contacts.normal - self.c1 * p**2 - self.c2 * p, 0.0)
+        return np.array(
+            [
+                np.dot(np.asarray(torque(t, theta, omega), dtype=float), omega),
+                self.b_tra * np.sum(d_rate**2) + self.b_tor * np.sum(bend_rate**2),
+                np.sum(damping * contacts.rate),
+                np.sum(contacts.friction * contacts.velocity),
+            ]
+        )
+
+    def residual(self, y: Array, y0: Array) -> Array:
+        """E - E0 - (drive work - losses): the global error that needs no reference (section 7)."""
+        drive, joint, contact, friction = np.moveaxis(self.ledger(y) - self.ledger(y0), -1, 0)
+        supplied: Array = drive - joint - contact - friction
+        return self.energy(y) - self.energy(y0) - supplied
+
+    def forget(self, y: Array) -> Array:
+        """Copy of y with mu = slip = 0 on every pair with p <= 0 (section 4)."""
+        y = np.array(y, dtype=float)
+        lost = self.penetration(y) <= 0
+        self.memory(y)[np.broadcast_to(lost[..., None, :, :], self.memory(y).shape)] = 0.0
+        return y
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contact quantities per (pulley, link) pair, (..., n_p, n_b); vectors (..., n_p, 2, n_b)."""
+
+    penetration: Array  # p (2.5)
+    rate: Array  # dp/dt (2.6)
+    normal: Array  # N (2.8), clamped
+    friction: Array  # mu N (2.10); the force on the link is -mu N tangent
+    velocity: Array  # v_T, of any pair, also one not in contact
+    outward: Array  # unit vector from pulley centre to link
+    tangent: Array  # z x outward
+    distance: Array  # |r_ij|, the lever arm
+
+
+# -------------------------------------------------------------------- integration
+
+
+@dataclass(frozen=True)
+class Run:
+    """What `integrate` returns: states (n_t, size) at `t`, and counts."""
+
+    t: Array
+    y: Array
+    nfev: int
+    steps: int
+    resets: list[tuple[float, int, int]]  # (time, pulley, link) of every lost contact
+    mu_excess: float  # how far |mu| was above mu_k at any output before clipping
+
+
+def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None = None) -> Array:
+    """Vector `atol` for SciPy: absolute weights on the scale that matters, the joint's stretch.
+
+    `tol` times: mean stretch of the joints at y0 for x, y; stretch/(l0/2) for phi; 0.1 m/s and
+    0.1/(l0/2) for their rates; 1 for mu; 1e-3 rad for theta; 1 rad/s for omega. Weights from |x|
+    would be a thousand times too loose for the joint forces.
+
+    SciPy accepts a step when the RMS of error/weight over all n components is <= 1. Dividing the
+    weights by sqrt(n) makes that the Euclidean norm, so a step SciPy accepts also passes the max
+    norm with the undivided weights: no single link can hide in the average.
+
+    Slip displacements and the ledger drive nothing; they are left out of the error control (their
+    weights are huge) and are as accurate as the steps the rest needs.
+    """
+    if stretch is None:
+        stretch = max(float(np.mean(model.joints(y0)[0])), 1e-4 * model.l0)
+    half = 0.5 * model.l0
+    weights = np.full(model.size, 1e30)
+    links, pulleys, memory = model.links(weights), model.pulleys(weights), model.memory(weights)
+    links[0] = np.array([stretch, stretch, stretch / half])[:, None]
+    links[1] = np.array([0.1, 0.1, 0.1 / half])[:, None]
+    pulleys[0], pulleys[1] = 1e-3, 1.0
+    memory[0] = 1.0
+    return tol * weights / math.sqrt(model.size)
+
+
+def integrate(
+    model: Reference,
+    y0: Array,
+    torque: Torque,
+    t_eval: npt.ArrayLike,
+    *,
+    tol: float = 1e-6,
+    method: str = "DOP853",
+    breakpoints: Sequence[float] = (),
+    t0: float | None = None,
+    rtol: float = 100 * np.finfo(float).eps,
+    atol: Array | None = None,
+    max_step: float = np.inf,
+) -> Run:
+    """Integrate with a solver of `scipy.integrate` and return the states at `t_eval`.
+
+    Starts at `t0` (default: t_eval[0]) from `y0`. `atol` defaults to `error_weights(model, y0,
+    tol)`; `rtol` to the least SciPy takes, so that the weights are absolute.
+
+    Lost contacts (section 4) are located: after each step, a pair that holds memory (mu or slip)
+    and went from p > 0 to p <= 0, at the end of the step or in a dip inside it, is traced back on
+    the dense output; the first such time ends the step, mu and slip of that pair become 0, and the
+    solver starts again from there. `scipy.integrate.solve_ivp` drives the same solver objects; it
+    is not used itself because its events see a step's two ends only. Making contact and reversals
+    of slip are left to the step-size control.
+
+    The solver also starts again at each of `breakpoints` (times where the torque has a kink or a
+    jump); up to a breakpoint the torque's limit from the left is used.
+    """
+    times = np.atleast_1d(np.asarray(t_eval, dtype=float))
+    if np.any(np.diff(times) <= 0):
+        raise ValueError("t_eval must increase")
+    t = float(times[0]) if t0 is None else float(t0)
+    if times[0] < t:
+        raise ValueError("t_eval begins before t0")
+    weights = error_weights(model, y0, tol) if atol is None else atol
+    make_solver = getattr(scipy.integrate, method)
+    end = float(times[-1])
+    stops = [*sorted({float(b) for b in breakpoints if t < b < end}), end]
+
+    y = model.forget(y0)
+    out = np.empty((len(times), model.size))
+    filled = 0
+    if times[0] == t:
+        out[0], filled = y, 1
+    nfev = steps = 0
+    resets: list[tuple[float, int, int]] = []
+    first_step: float | None = None
+    for stop in stops:
+        latest = float(np.nextafter(stop, -np.inf))
+
+        def fun(time: float, state: Array, latest: float = latest) -> Array:
+            return model.rhs(min(time, latest), state, torque)
+
+        while t < stop:
+            # One solver lives until a contact is lost or the stop is reached.
+            room = stop - t
+            solver = make_solver(
+                fun,
+                t,
+                y,
+                stop,
+                rtol=rtol,
+                atol=weights,
+                max_step=max_step,
+                first_step=None if first_step is None else min(first_step, room),
+            )
+            lost: list[tuple[int, int]] = []
+            while solver.status == "running" and not lost:
+                t_old, y_old = t, y
+                message = solver.step()
+                if solver.status == "failed":
+                    raise RuntimeError(f"{method} failed at t = {t_old!r}: {message}")
+                steps += 1
+                t, y = float(solver.t), np.array(solver.y)
+                if not np.all(np.isfinite(y)):
+                    raise RuntimeError(f"state is not finite after t = {t_old!r}")
+                dense = None
+                suspects = _suspects(model, t - t_old, y_old, y)
+                if suspects:
+                    dense = solver.dense_output()
+                    t, y, lost = _locate_lost(model, dense, t_old, t, y, suspects)
+                    resets += [(t, j, i) for j, i in lost]
+                upto = int(np.searchsorted(times, t, side="left"))
+                if upto > filled:
+                    dense = solver.dense_output() if dense is None else dense
+                    out[filled:upto] = dense(times[filled:upto]).T
+                    filled = upto
+                if filled < len(times) and times[filled] == t:
+                    out[filled] = y
+                    filled += 1
+            nfev += solver.nfev
+            first_step = getattr(solver, "h_abs", None)
+        first_step = None
+    # Inside a step that makes contact, the interpolant gives mu a value before there is one.
+    out = model.forget(out)
+    excess = 0.0
+    if model.mu_k is not None:
+        mu = model.memory(out)[:, 0]
+        excess = max(0.0, float(np.max(np.abs(mu))) - model.mu_k)
+        np.clip(mu, -model.mu_k, model.mu_k, out=mu)
+    return Run(times, out, nfev, steps, resets, excess)
+
+
+def _penetration_rate(model: Reference, y: Array) -> Array:
+    return model.contacts(y).rate
+
+
+def _suspects(model: Reference, h: float, y_old: Array, y_new: Array) -> list[tuple[int, int]]:
+    """Pairs (pulley, link) that may have lost contact between two states, h apart."""
+    held = np.any(model.memory(y_new) != 0, axis=0)
+    p_old, p_new = model.penetration(y_old), model.penetration(y_new)
+    found = held & (p_new <= 0)
+    # A dip: p > 0 at both ends, falling then rising, and the two end tangents meet below 0. (p is
+    # convex in a dip, so it lies above them.) Only pairs near their edge are worth the look.
+    near = held & (p_new > 0) & (p_old > 0)
+    near &= np.minimum(p_old, p_new) < 2 * h * np.abs(model.links(y_new)[1, :2]).max()
+    if near.any():
+        rate_old, rate_new = _penetration_rate(model, y_old), _penetration_rate(model, y_new)
+        dip = near & (rate_old < 0) & (rate_new > 0)
+        if dip.any():
+            turn = (p_new - p_old - rate_new * h) / np.where(dip, rate_old - rate_new, 1.0)
+            found |= dip & (p_old + rate_old * turn <= 0)
+    return [(int(j), int(i)) for j, i in np.argwhere(found)]
+
+
+def _locate_lost(
+    model: Reference,
+    dense: Callable[[float], Array],
+    t_old: float,
+    t_new: float,
+    y_new: Array,
+    suspects: list[tuple[int, int]],
+) -> tuple[float, Array, list[tuple[int, int]]]:
+    """First time a suspect's p reaches 0 from above; the state there, its memory forgotten."""
+    first, y_first = t_new, y_new
+    for pair in suspects:
+
+        def p(time: float, pair: tuple[int, int] = pair) -> float:
+            return float(model.penetration(dense(time))[pair])
+
+        low = t_new
+        if p(t_old) <= 0:  # touched and left within the step: no force is left, forget at its end
+            continue
+        if model.penetration(y_new)[pair] > 0:
+            best = scipy.optimize.minimize_scalar(
+                p,
+                bounds=(t_old, t_new),
+                method="bounded",
+                options={"xatol": 1e-4 * (t_new - t_old)},
+            )
+            low = float(best.x)
+            if best.fun > 0:
+                continue
+        elif p(t_new) > 0:  # the interpolant misses the end of the step by rounding
+            continue
+        time = float(scipy.optimize.brentq(p, t_old, low, xtol=1e-15, rtol=1e-15))
+        # Stop on the lost side of the root, or contact would begin anew there.
+        nudge = np.spacing(time)
+        while time < low and p(time) > 0:
+            time = min(time + nudge, low)
+            nudge *= 2
+        if time < first:
+            first, y_first = time, dense(time)
+    p_first = model.penetration(y_first)
+    held = np.any(model.memory(y_first) != 0, axis=0)
+    lost = [(int(j), int(i)) for j, i in np.argwhere(held & (p_first <= 0))]
+    return first, model.forget(y_first), lost
+
+
+def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 300) -> Array:
+    """Find the belt at rest without friction, near y0 (what the paper calls stabilised).
+
+    Newton's method with Levenberg's damping: the belt is free to slide along its path, so the
+    stiffness matrix is singular, and links that touch or leave make it jump. Energy must fall, so
+    that it ends at a minimum, not a saddle (the polygon of links has both along its path). Ends
+    when no force on a link (or moment over half a link) exceeds `tol` times the belt's EA/1000.
+    Pulleys keep their angles; memory and ledger are cleared.
+    """
+    y = np.array(y0, dtype=float)
+    model.links(y)[1] = 0.0
+    model.pulleys(y)[1] = 0.0
+    model.memory(y)[:] = 0.0
+    model.ledger(y)[:] = 0.0
+    n_b, n, half = model.n_bodies, 3 * model.n_bodies, 0.5 * model.l0
+    unit = np.repeat([1.0, 1.0, 1.0 / half], n_b)  # phi as the shift of a link's end
+    inertia = np.repeat([model.mass, model.mass, model.inertia / half], n_b)
+    no_torque = np.zeros(model.n_pulleys)
+
+    def residual(q: Array) -> Array:
+        y[:n] = q * unit
+        force: Array = model.rhs(0.0, y, lambda *_: no_torque)[n : 2 * n] * inertia
+        return force
+
+    def stiffness(q: Array) -> Array:
+        """-d residual / dq; links three apart share no neighbour, so they are moved together."""
+        h = 1e-6 * model.l0
+        matrix = np.zeros((3, n_b, 3, n_b))
+        whole = n_b - n_b % 3
+        groups = [np.arange(k, whole, 3) for k in range(3)] + [
+            np.array([k]) for k in range(whole, n_b)
+        ]
+        for group in groups:
+            for row in range(3):
+                shift = np.zeros((3, n_b))
+                shift[row, group] = h
+                change = residual(q - shift.ravel()) - residual(q + shift.ravel())
+                for offset in (-1, 0, 1):
+                    at = (group + offset) % n_b
+                    matrix[:, at, row, group] = change.reshape(3, n_b)[:, at] / (2 * h)
+        return matrix.reshape(n, n)
+
+    q = y[:n] / unit
+    force, energy = residual(q), float(model.energy(y))
+    target = tol * 1e-3 * model.axial_stiffness
+    damping = 1e-2 * model.c_tra
+    for _ in range(iterations):
+        if np.abs(force).max() <= target:
+            residual(q)
+            return y
+        k = stiffness(q)
+        k = 0.5 * (k + k.T)
+        for _ in range(30):
+            q_new = q + np.linalg.solve(k + damping * np.eye(n), force)
+            force_new, energy_new = residual(q_new), float(model.energy(y))
+            flat = abs(energy_new - energy) <= 1e-12 * abs(energy)
+            quieter = np.linalg.norm(force_new) < np.linalg.norm(force)
+            if (flat and quieter) or (not flat and energy_new < energy):
+                q, force, energy, damping = q_new, force_new, energy_new, 0.1 * damping
+                break
+            damping *= 5
+        else:
+            break
+    if np.abs(force).max() > 100 * target:
+        raise RuntimeError(f"no equilibrium found: {np.abs(force).max():.3g} N left")
+    residual(q)
+    return y
+
+
+# -------------------------------------------------------------------- geometry
+
+
+def belt_line(
+    centers: npt.ArrayLike, radii: npt.ArrayLike, length: float, n_bodies: int
+) -> tuple[Array, Array, Array, int, float]:
+    """Links along the tight belt path round pulleys that all lie inside the loop.
+
+    The belt visits the pulleys in the order given: two are run clockwise (section 1), more in the
+    sense their order goes round. Links share the path equally, their mass centres on it, their
+    angles along its tangent and continuous; the left end of link 0 is where the belt leaves
+    pulley 0. Returns x, y, phi, winding and the length of the path.
+
+    `length` (stress-free) does not move the links; it is only required to be within a factor of two
+    of the path.
+    """
+    c = np.asarray(centers, dtype=float).reshape(-1, 2)
+    r = np.asarray(radii, dtype=float).reshape(len(c))
+    n_p = len(c)
+    if n_p < 2:
+        raise ValueError("a belt needs two pulleys at least")
+    onward = np.roll(c, -1, axis=0) - c
+    area = float(np.sum(c[:, 0] * np.roll(c[:, 1], -1) - np.roll(c[:, 0], -1) * c[:, 1]))
+    sense = -1 if n_p == 2 or area < 0 else 1
+    apart = np.hypot(onward[:, 0], onward[:, 1])
+    step = r - np.roll(r, -1)
+    if np.any(apart <= np.abs(step)):
+        raise ValueError("one pulley lies inside its neighbour")
+    # Span j runs from pulley j to pulley j + 1 as an outer tangent.
+    span_angle = np.arctan2(onward[:, 1], onward[:, 0]) + sense * np.arcsin(step / apart)
+    span = np.sqrt(apart**2 - step**2)
+    # Wrap j turns span j - 1 into span j, on pulley j.
+    wrap = np.mod(sense * (span_angle - np.roll(span_angle, 1)), 2 * math.pi)
+    if abs(wrap.sum() - 2 * math.pi) > 1e-9:
+        raise ValueError("in this order the pulleys do not all lie inside a convex loop")
+    pieces: list[tuple[float, float, Array]] = []  # length, curvature with sign, centre or start
+    angle = float(span_angle[0])
+    for j in range(n_p):
+        k = (j + 1) % n_p
+        outward = sense * np.array([math.sin(span_angle[j]), -math.cos(span_angle[j])])
+        pieces.append((float(span[j]), 0.0, c[j] + r[j] * outward))
+        pieces.append((float(r[k] * wrap[k]), sense / r[k], c[k]))
+    path = sum(piece[0] for piece in pieces)
+    if not 0.5 * path < length < 2 * path:
+        raise ValueError(f"belt length {length} m is far from its path, {path} m")
+    s = (np.arange(n_bodies) + 0.5) * path / n_bodies
+    x, y, phi = np.empty(n_bodies), np.empty(n_bodies), np.empty(n_bodies)
+    begin = 0.0
+    for piece_length, curvature, point in pieces:
+        on = (s >= begin) & (s < begin + piece_length)
+        along = s[on] - begin
+        phi[on] = angle + curvature * along
+        if curvature == 0.0:
+            x[on] = point[0] + along * math.cos(angle)
+            y[on] = point[1] + along * math.sin(angle)
+        else:
+            x[on] = point[0] + np.sin(phi[on]) / curvature
+            y[on] = point[1] - np.cos(phi[on]) / curvature
+        begin += piece_length
+        angle += curvature * piece_length
+    return x, y, phi, sense, float(path)
+
+
+# -------------------------------------------------------------------- Dahl in closed form
+
+
+def dahl_closed(
+    x: npt.ArrayLike, x0: float, mu0: Any, mu_k: float, sigma: float, sign: int
+) -> npt.NDArray[np.longdouble]:
+    """Friction coefficient at x after a reversal at (x0, mu0): (2.9), in extended precision.
+
+    `sign` is that of v_T. The displacement in the exponent counts from the reversal in the
+    direction of motion, |x - x0|: with x - x0 as printed, the second line of (2.9) would grow
+    without bound and would not solve dmu/dt = sigma (v - |v| mu/mu_k), the law of section 4.
+    """
+    long = np.longdouble
+    gone = sign * (np.asarray(x, dtype=long) - long(x0))
+    decay = np.exp(-long(sigma) / long(mu_k) * gone)
+    limit = long(mu_k) if sign >= 0 else -long(mu_k)
+    return np.asarray((long(mu0) - limit) * decay + limit)
+
+
+def dahl_path_exact(
+    turning_points: npt.ArrayLike, mu_k: float, sigma: float, mu0: float = 0.0
+) -> npt.NDArray[np.longdouble]:
+    """Return mu at each of the displacements, moving straight from one to the next; mu0 first."""
+    x = np.asarray(turning_points, dtype=np.longdouble)
+    mu = np.empty(len(x), dtype=np.longdouble)
+    mu[0] = mu0
+    for k in range(1, len(x)):
+        sign = 1 if x[k] >= x[k - 1] else -1
+        mu[k] = dahl_closed(x[k], x[k - 1], mu[k - 1], mu_k, sigma, sign)
+    return mu
+
+
+# -------------------------------------------------------------------- the paper's drive
+
+
+def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
+    """Return the paper's two-pulley drive with set S2 of section 8."""
+    data: dict[str, Any] = {
+        "length": 1.2,
+        "n_bodies": n_bodies,
+        "linear_density": 0.10,
+        "axial_stiffness": 70e3,
+        "axial_damping": 1.4,
+        "bending_stiffness": 0.01,
+        "centers": np.array([[0.0, 0.0], [0.29, 0.0]]),
+        "radii": np.array([0.1, 0.1]),
+        "inertias": np.array([0.010, 0.010]),
+        "contact": (5e10, 2.5e7, 1.0e3),
+        "mu_k": 1.0,
+        "sigma": 1e4,
+    }
+    return Reference(**(data | changes))
+
+
+def start_state(model: Reference) -> Array:
+    """Lay the belt at rest along `belt_line`, which also checks the model's winding."""
+    x, y, phi, winding, _ = belt_line(model.centers, model.radii, model.length, model.n_bodies)
+    if winding != model.winding:
+        raise ValueError(f"winding is {model.winding}, but this order of pulleys gives {winding}")
+    return model.pack({"x": x, "y": y, "phi": phi})

@@ -1,0 +1,93 @@
+"""Euler-Eytelwein: a belt dragged in full slip over a locked drum (CHECKS section 2).
+
+A large pulley, whose wrap is wider, drags the belt slowly round; the small one is locked by its
+inertia. The belt sticks on the large pulley and rubs on the whole wrap of the small one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+MU = 0.5
+
+
+def test_published_ratios() -> None:
+    """The theory's own numbers, and that the ratio per link tends to them."""
+    theta = math.pi
+    for mu, ratio in [(0.2, 1.87446), (0.3, 2.56633), (0.5, 4.81048), (0.8, 12.34528)]:
+        assert math.exp(mu * theta) == pytest.approx(ratio, abs=5e-6)
+        steps = 200000
+        delta = theta / steps
+        link = (1 + mu * math.tan(delta / 2)) / (1 - mu * math.tan(delta / 2))
+        assert link**steps == pytest.approx(math.exp(mu * theta), rel=1e-9)
+
+
+def dragged(n_bodies: int) -> tuple[bd.Params, bd.Result]:
+    params = bd.Params(
+        belt=bd.Belt(length=1.447, n_bodies=n_bodies, linear_density=0.1, axial_stiffness=70e3,
+                     axial_damping=1.4 * (60 / n_bodies) ** 2),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=1e9),
+            bd.Pulley(center=(0.32914, 0.0), radius=0.18, inertia=0.02),
+        ],
+        contact=bd.Contact(linear=4e7, damping=2e3),
+        friction=bd.Dahl(mu_k=MU, sigma=1e4),
+    )  # fmt: skip
+    # an effective speed governor: -0.5 rad/s whatever the belt asks for
+    governor = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0], [0.0, -0.5 * 400.0]])
+    torque = governor + bd.Viscous([0.0, 400.0])
+    result = bd.simulate(params, torque, 0.25, t_eval=np.linspace(0.15, 0.25, 1001), rtol=1e-4)
+    return params, result
+
+
+@pytest.fixture(scope="module")
+def drag() -> tuple[bd.Params, bd.Result]:
+    return dragged(120)
+
+
+def test_the_drum_is_locked_and_slips_everywhere(drag: tuple[bd.Params, bd.Result]) -> None:
+    _, result = drag
+    assert np.max(np.abs(result.pulleys.omega[:, 0])) < 1e-6
+    on_drum = result.contact.pulley == 0
+    assert np.min(np.abs(result.contact.mu[on_drum])) > 0.0
+    saturated = np.abs(result.contact.mu[on_drum]) > 0.999 * MU
+    assert saturated.mean() > 0.9  # all but the links that have just arrived
+
+
+def test_ratio_per_link(drag: tuple[bd.Params, bd.Result]) -> None:
+    """Neighbouring joints on saturated links, averaged over time against the belt's vibration.
+
+    The formula takes both joint forces at half the angle between links; the moment about the
+    link's centre turns them by a part of order mu delta of that, which changes ratio - 1 by a
+    relative delta^2 / 4 at most. The vibration that averaging leaves adds its standard error.
+    """
+    params, result = drag
+    delta = params.belt.length * (1 + params.info["strain"]) / params.belt.n_bodies / 0.06
+    link = (1 + MU * math.tan(delta / 2)) / (1 - MU * math.tan(delta / 2))
+    saturated = (result.contact.pulley == 0) & (np.abs(result.contact.mu) > 0.9999 * MU)
+    force = result.joints.force
+    ratios = np.maximum(force / np.roll(force, -1, axis=1), np.roll(force, -1, axis=1) / force)
+    inside = saturated & np.roll(saturated, 1, axis=1) & np.roll(saturated, -1, axis=1)
+    samples = ratios[inside]
+    assert len(samples) > 1000
+    bound = (delta**2 / 4 + 1e-3) * (link - 1)
+    assert abs(np.mean(samples) - link) <= bound
+
+
+def test_ratio_of_the_spans(drag: tuple[bd.Params, bd.Result]) -> None:
+    """T2/T1 over the whole wrap lies between the two counts of fully loaded links.
+
+    The wrap theta = pi - 2 asin((R - r)/a); the first link after arrival has not saturated yet and
+    links come and go one at a time, so the exponent is known to one link's angle each way.
+    """
+    params, result = drag
+    theta = math.pi - 2 * math.asin((0.18 - 0.06) / 0.32914)
+    delta = params.belt.length / params.belt.n_bodies / 0.06
+    tension = np.nanmean(result.span_tension, axis=0)
+    exponent = math.log(tension.max() / tension.min())
+    assert abs(exponent - MU * theta) <= MU * delta

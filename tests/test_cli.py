@@ -1,0 +1,251 @@
+"""The command line: exit codes, what is written where, and errors without tracebacks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+import beltdyn as bd
+from beltdyn import cli
+
+SHORT = ("--t-end", "0.002")
+
+
+@pytest.fixture
+def call() -> Callable[..., Result]:
+    def call(*arguments: object) -> Result:
+        return CliRunner().invoke(cli.main, [str(argument) for argument in arguments])
+
+    return call
+
+
+def refused(result: Result, *words: str) -> None:
+    """Bad input: exit code 2, one or two lines on stderr that hold the words, no traceback."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    assert 1 <= len(result.stderr.strip().splitlines()) <= 2, result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+def test_run_a_scene(call: Callable[..., Result], tmp_path: Path) -> None:
+    out, plot = tmp_path / "run.npz", tmp_path / "run.png"
+    result = call("run", "kubas-case-1", *SHORT, "--out", out, "--plot", plot)
+    assert result.exit_code == 0, result.output
+    for word in ("pulley speeds", "span tensions", "energy residual", "CPU time", "accepted"):
+        assert word in result.stdout
+    assert str(out) in result.stdout and str(plot) in result.stdout
+    assert bd.Result.load(out).t[-1] == 0.002
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_names_with_underscores_and_toml_files(call: Callable[..., Result], tmp_path: Path) -> None:
+    assert call("run", "kubas_case_2", *SHORT).exit_code == 0
+    path = tmp_path / "drive.toml"
+    scene = bd.scenes.unequal_pulleys()._replace(t_end=0.001)
+    scene.to_toml(path)
+    out = tmp_path / "run.npz"
+    assert call("run", path, "--out", out).exit_code == 0
+    loaded = bd.Result.load(out)
+    assert loaded.params == scene.params and loaded.t[-1] == 0.001
+
+
+def test_options_reach_the_run(call: Callable[..., Result], tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    assert call("run", "kubas-case-1", *SHORT, "--method", "rk4", "--out", out).exit_code == 0
+    assert bd.Result.load(out).stats.method == "rk4"
+
+
+def test_quiet(call: Callable[..., Result], tmp_path: Path) -> None:
+    result = call("run", "kubas-case-1", *SHORT, "--quiet", "--out", tmp_path / "run.npz")
+    assert result.exit_code == 0 and result.output == ""
+    refused(call("run", "nope", "--quiet"), "nope")
+
+
+def test_scenes(call: Callable[..., Result]) -> None:
+    result = call("scenes")
+    assert result.exit_code == 0
+    for name in bd.scenes.names():
+        assert name in result.stdout
+    assert len(result.stdout.splitlines()) == len(bd.scenes.names())
+
+
+def test_version_and_help(call: Callable[..., Result]) -> None:
+    assert call("--version").stdout.strip().endswith(bd.__version__)
+    for arguments in (["--help"], ["run", "--help"], ["run", "-h"]):
+        assert call(*arguments).exit_code == 0
+
+
+def test_unknown_scene_lists_the_names(call: Callable[..., Result]) -> None:
+    refused(call("run", "nope"), "nope", *bd.scenes.names())
+    with pytest.raises(ValueError, match="kubas-case-1, kubas-case-2"):
+        bd.scenes.get("nope")
+
+
+def test_bad_files(call: Callable[..., Result], tmp_path: Path) -> None:
+    refused(call("run", tmp_path / "none.toml"), "none.toml", "No such file")
+    path = tmp_path / "bad.toml"
+    path.write_text(bd.scenes.kubas_case_1().to_toml().replace("radius", "radus", 1))
+    refused(call("run", path), str(path), "pulleys[0].radus: unknown field")
+    path.write_text("[belt\n")
+    refused(call("run", path), str(path), "not valid TOML")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--t-end", "-1"], ["t_end must be > initial.t"]),
+        (["--t-end", "nan"], ["t_end must be finite"]),
+        (["--rtol", "0"], ["rtol must be from 1e-12 to 1"]),
+    ],
+)
+def test_bad_values(call: Callable[..., Result], options: list[str], words: list[str]) -> None:
+    refused(call("run", "kubas-case-1", *options), *words)
+
+
+@pytest.mark.parametrize(
+    "options", [["--method", "euler"], ["--rtol", "x"], ["--nope"], ["--t-end"], []]
+)
+def test_bad_usage(call: Callable[..., Result], options: list[str]) -> None:
+    result = call("run", *(["kubas-case-1", *options] if options else []))
+    assert result.exit_code == 2
+    assert "Error" in result.stderr and "Traceback" not in result.stderr
+
+
+def never(*_: Any, **__: Any) -> Any:
+    raise AssertionError("it ran")
+
+
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+def test_output_that_cannot_be_written_is_found_before_the_run(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    monkeypatch.setattr(cli, "simulate", never)
+    missing = tmp_path / "none" / "run.png"
+    refused(call("run", "kubas-case-1", option, missing), "cannot write", "no folder")
+    refused(call("run", "kubas-case-1", option, tmp_path), "cannot write", "it is a folder")
+
+
+def test_a_figure_of_an_unknown_kind_is_found_before_the_run(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "simulate", never)
+    refused(call("run", "kubas-case-1", "--plot", tmp_path / "run.xyz"), "run.xyz", "png")
+
+
+def test_plot_without_matplotlib_is_said_before_the_run(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "simulate", never)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.backend_bases", None)
+    plot = tmp_path / "run.png"
+    refused(call("run", "kubas-case-1", "--plot", plot), "pip install", "beltdyn[plot]")
+
+
+def stopping(error: BaseException) -> Callable[..., bd.Result]:
+    """Make a simulate whose torque raises this at 1 ms."""
+
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        if t > 1e-3:
+            raise error
+        return [0.0, 0.0]
+
+    def simulate(params: bd.Params, _torque: Any, *arguments: Any, **options: Any) -> bd.Result:
+        return bd.simulate(params, torque, *arguments, **options)
+
+    return simulate
+
+
+def test_interrupted_run_writes_the_finished_part(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "simulate", stopping(KeyboardInterrupt()))
+    out, plot = tmp_path / "run.npz", tmp_path / "run.png"
+    result = call("run", "kubas-case-1", *SHORT, "--out", out, "--plot", plot)
+    assert result.exit_code == 130
+    assert result.stdout == ""
+    assert "interrupted at t = 0.0" in result.stderr
+    assert f"written, up to there: {out}, {plot}" in result.stderr
+    partial = bd.Result.load(out)
+    assert partial.status == "interrupted" and 0 < partial.t.size < 1001
+    assert plot.is_file()
+
+
+def test_failed_run_writes_the_finished_part(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(params: bd.Params, _torque: Any, *arguments: Any, **options: Any) -> bd.Result:
+        late = lambda t, theta, omega: [float("nan") if t > 1e-3 else 0.0, 0.0]  # noqa: E731
+        return bd.simulate(params, late, *arguments, **options)
+
+    monkeypatch.setattr(cli, "simulate", simulate)
+    out = tmp_path / "run.npz"
+    result = call("run", "kubas-case-1", *SHORT, "--out", out)
+    assert result.exit_code == 1
+    assert "torque" in result.stderr and f"written, up to there: {out}" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 2
+    assert bd.Result.load(out).status == "failed"
+
+
+# --- as a user starts it -------------------------------------------------------------------------
+
+
+def start(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "beltdyn", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60)
+
+
+def test_as_a_module(tmp_path: Path) -> None:
+    done = start("run", "kubas-case-1", "--t-end", "0.001", "--out", "run.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "pulley speeds" in done.stdout and done.stderr == ""
+    assert bd.Result.load(tmp_path / "run.npz").success
+
+
+def test_errors_as_a_module(tmp_path: Path) -> None:
+    done = start("run", "nope", cwd=tmp_path)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("beltdyn: no scene is called 'nope'")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def import_from(folder: Path, *options: str, version: str = bd.__version__) -> str:
+    """Import a copy of the package without its compiled core; give what stderr says last."""
+    text = Path(bd.__file__).read_text().replace(bd.__version__, version)
+    (folder / "beltdyn").mkdir()
+    (folder / "beltdyn" / "__init__.py").write_text(text)
+    command = [sys.executable, *options, "-c", "import beltdyn"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=60)
+    assert done.returncode == 1
+    return done.stderr.splitlines()[-1]
+
+
+def test_importing_without_the_core_says_what_to_do(tmp_path: Path) -> None:
+    # -S: without site-packages no installed core is found
+    message = import_from(tmp_path, "-S")
+    assert message.startswith("ImportError: the C core of beltdyn is not built: run `python -m pip")
+
+
+def test_importing_with_the_core_of_another_version(tmp_path: Path) -> None:
+    message = import_from(tmp_path, version="9.9.9")
+    assert message.startswith("ImportError: beltdyn is version 9.9.9 but its C core is ")
+
+
+def test_importing_is_light(tmp_path: Path) -> None:
+    code = (
+        "import beltdyn, sys; "
+        "heavy = {'cattrs', 'click', 'matplotlib', 'rich', 'scipy', 'tomli_w'}; "
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=60
+    )
+    assert done.stdout.strip() == "[]", done.stderr

@@ -1,0 +1,273 @@
+"""Steps: order on a smooth scene, error against tolerance, exact stops, samples, limits, failure."""
+
+from __future__ import annotations
+
+import math
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+
+def smooth_scene() -> tuple[bd.Params, bd.State]:
+    """No kinks: friction far from saturation and no contact damping (MODEL: mu_k large, b' = 0).
+
+    A coarse, soft belt, so that steps are limited by accuracy and not by stability.
+    """
+    params = bd.Params(
+        belt=bd.Belt(length=1.2, n_bodies=24, linear_density=0.1, axial_stiffness=7e3,
+                     axial_damping=0.05),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01),
+            bd.Pulley(center=(0.29, 0.0), radius=0.1, inertia=0.01),
+        ],
+        contact=bd.Contact(linear=2.5e6),
+        friction=bd.Dahl(mu_k=1e9, sigma=1e3),
+    )  # fmt: skip
+    return params, bd.settle(params)
+
+
+def swing(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+    return [-2.0 * math.sin(200.0 * t), -0.1 * omega[1]]
+
+
+def final(params: bd.Params, start: bd.State, t_end: float, **options: object) -> np.ndarray:
+    end = bd.simulate(params, swing, t_end, initial=start, t_eval=[t_end], **options).final_state
+    return np.concatenate([end.x, end.y, end.phi, end.vx / 100, end.vy / 100, end.theta])
+
+
+def observed_order(steps: list[float], errors: list[float]) -> float:
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def test_orders_on_a_smooth_scene() -> None:
+    """Classical Runge-Kutta: 4. Tsit5 with its step held by max_step: 5."""
+    params, start = smooth_scene()
+    t_end = 4e-3
+    bound = params.info["spectral_bound"]
+    exact = final(params, start, t_end, method="rk4", step=0.02 / bound)
+    # friction and contact never kink in this window
+    probe = bd.simulate(params, swing, t_end, initial=start)
+    assert np.array_equal(probe.contact.pulley[0], probe.contact.pulley[-1])
+
+    for method, order, counts in (("rk4", 4.0, (60, 80, 110, 150)), ("tsit5", 5.0, (40, 50, 60, 75))):
+        steps = [t_end / n for n in counts]
+        assert steps[0] * bound < 3.2
+        held = [{"step": h} if method == "rk4" else {"step": h, "max_step": h, "rtol": 1.0}
+                for h in steps]  # fmt: skip
+        errors = [np.max(np.abs(final(params, start, t_end, method=method, **o) - exact))
+                  for o in held]  # fmt: skip
+        # steps near the stability limit are not quite asymptotic; from above is no fault
+        assert order - 0.35 <= observed_order(steps, errors) <= order + 1.0, method
+
+
+def test_dense_output_keeps_the_order() -> None:
+    """Samples inside long steps: error of order 4 (rk4's Hermite cubic, Tsit5's interpolant: 4-5).
+
+    Against the same run with steps so short that interpolation plays no part.
+    """
+    params, start = smooth_scene()
+    t_end = 4e-3
+    times = np.sort(np.random.default_rng(2).uniform(0, t_end, 200))
+    bound = params.info["spectral_bound"]
+    kwargs = {"initial": start, "t_eval": times}
+    exact = bd.simulate(params, swing, t_end, method="rk4", step=0.02 / bound, **kwargs)
+    for method, counts in (("rk4", (60, 80, 110, 150)), ("tsit5", (40, 50, 60, 75))):
+        steps = [t_end / n for n in counts]
+        errors = []
+        for h in steps:
+            options = {"step": h} if method == "rk4" else {"step": h, "max_step": h, "rtol": 1.0}
+            got = bd.simulate(params, swing, t_end, method=method, **kwargs, **options)
+            errors.append(np.max(np.abs(got.belt.x - exact.belt.x)))
+        assert observed_order(steps, errors) >= 3.6, method
+
+
+def test_error_follows_the_tolerance() -> None:
+    """Asked and got, case 1 through contact and friction kinks: forces against a tight run.
+
+    The tolerance bounds each step's error on the stretch scale. Over this window errors add up,
+    and force errors are stretch errors over stretch, so error <= 10 rtol is the least to ask; the
+    stability limit makes loose tolerances better than asked.
+    """
+    scene = bd.scenes.three_pulleys()
+    start = bd.simulate(*scene[:2], 0.2, t_eval=[0.2]).final_state
+    times = 0.2 + np.sort(np.random.default_rng(4).uniform(0, 0.02, 100))
+    kwargs = {"initial": start, "t_eval": times}
+    exact = bd.simulate(*scene[:2], 0.22, rtol=1e-10, max_step=1e-6, **kwargs).joints.force
+    tension = np.mean(exact)
+    ladder = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6]
+    errors = []
+    for rtol in ladder:
+        force = bd.simulate(*scene[:2], 0.22, rtol=rtol, **kwargs).joints.force
+        errors.append(np.sqrt(np.mean((force - exact) ** 2)) / tension)
+    assert all(error <= 10 * rtol for error, rtol in zip(errors, ladder, strict=True))
+    assert errors[-1] < 0.1 * errors[0]
+
+
+def test_methods_agree() -> None:
+    scene = bd.scenes.unequal_pulleys()
+    start = bd.simulate(*scene[:2], 0.06, t_eval=[0.06]).final_state
+    kwargs = {"initial": start, "t_eval": np.linspace(0.06, 0.07, 11)}
+    tsit5 = bd.simulate(*scene[:2], 0.07, method="tsit5", rtol=1e-7, **kwargs)
+    rk4 = bd.simulate(*scene[:2], 0.07, method="rk4", step=1e-6, **kwargs)
+    auto = bd.simulate(*scene[:2], 0.07, rtol=1e-7, **kwargs)
+    tension = np.mean(tsit5.joints.force)
+    # rk4 at 1/7 of its limit straddles kinks with order 1: 1e-6 s of a step's share in them
+    assert np.max(np.abs(tsit5.joints.force - rk4.joints.force)) <= 1e-5 * tension
+    assert np.array_equal(auto.joints.force, tsit5.joints.force)
+    assert auto.stats.method == "tsit5"
+    assert rk4.stats.rejected == 0
+    assert rk4.stats.nfev == pytest.approx(4 * rk4.stats.steps, rel=1e-3)
+    assert tsit5.stats.nfev == pytest.approx(
+        6 * (tsit5.stats.steps + tsit5.stats.rejected), rel=0.02
+    )
+
+
+def test_steps_end_on_breakpoints_and_never_on_samples() -> None:
+    params = bd.scenes.kubas_case_1().params
+    start = bd.settle(params)
+    seen: list[float] = []
+
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        seen.append(t)
+        return [-5.0 if t >= 1.2345e-3 else 0.0, 0.0]
+
+    times = np.linspace(0, 3e-3, 1000)
+    many = bd.simulate(params, torque, 3e-3, initial=start, t_eval=times, breakpoints=[1.2345e-3])
+    assert 1.2345e-3 in seen
+    assert 3e-3 in seen
+    few = bd.simulate(params, torque, 3e-3, initial=start, t_eval=[3e-3], breakpoints=[1.2345e-3])
+    assert many.stats.steps == few.stats.steps
+    assert np.array_equal(many.final_state.x, few.final_state.x)
+
+
+def test_a_jump_has_two_sides() -> None:
+    """A torque step as a time given twice: nothing before, all of it after, no rejected steps."""
+    params = bd.scenes.kubas_case_1().params
+    start = bd.settle(params)
+    jump = bd.PiecewiseLinear([2e-3, 2e-3], [[0, 0], [-10, 0]])
+    times = np.array([0.0, 1e-3, 2e-3, np.nextafter(2e-3, 1), 3e-3])
+    result = bd.simulate(params, jump, 3e-3, initial=start, t_eval=times)
+    assert result.pulleys.torque[:, 0].tolist() == [0.0, 0.0, 0.0, -10.0, -10.0]
+    assert np.all(result.pulleys.omega[:3, 0] == pytest.approx(0.0, abs=1e-7))
+    # free of the belt at first: -10 N m on 0.01 kg m^2 for 1 ms, less what the belt takes up
+    assert -1.0 < result.pulleys.omega[-1, 0] < -0.2
+    unannounced = bd.simulate(
+        params, lambda t, a, w: [-10.0 * (t > 2e-3), 0.0], 3e-3, initial=start
+    )
+    assert result.stats.rejected <= unannounced.stats.rejected
+
+
+def test_free_pulley_follows_the_closed_form() -> None:
+    """A pulley under a ramp, friction off: omega = slope t^2 / 2 I, theta = slope t^3 / 6 I."""
+    base = bd.scenes.kubas_case_1().params
+    params = attrs.evolve(base, friction=None)
+    ramp = bd.PiecewiseLinear([0.0, 1.0], [[0, 0], [-3.0, 0.0]])
+    result = bd.simulate(params, ramp, 0.05, t_eval=np.linspace(0, 0.05, 51))
+    t = result.t
+    # polynomials of degree 3: exact for both the method and its dense output, but for rounding
+    assert result.pulleys.omega[:, 0] == pytest.approx(-3.0 * t**2 / 2 / 0.01, rel=1e-11, abs=1e-15)
+    assert result.pulleys.theta[:, 0] == pytest.approx(-3.0 * t**3 / 6 / 0.01, rel=1e-11, abs=1e-15)
+    assert not result.pulleys.theta[:, 1].any()
+
+
+def test_viscous_spin_down_follows_the_closed_form() -> None:
+    params = attrs.evolve(bd.scenes.kubas_case_1().params, friction=None)
+    start = attrs.evolve(bd.settle(params), omega=np.array([3.0, -2.0]))
+    result = bd.simulate(params, bd.Viscous([0.1, 0.3]), 0.1, initial=start)
+    exact = np.array([3.0, -2.0]) * np.exp(-result.t[:, None] * np.array([0.1, 0.3]) / 0.01)
+    assert np.max(np.abs(result.pulleys.omega - exact)) <= 1e-10
+
+
+def test_links_in_contact_are_found_without_testing_the_rest() -> None:
+    """The list of links near a pulley is rebuilt once per some millimetres of travel, and hides
+    nothing: contact forces are those of all pairs (compared with the oracle in test_oracle)."""
+    scene = bd.scenes.kubas_case_1()
+    result = bd.simulate(*scene)
+    travelled = abs(result.pulleys.theta[-1]).max() * 0.1
+    spacing = scene.params.info["link_length"]
+    assert result.stats.searches <= 2 + 8 * travelled / spacing
+    assert result.stats.searches < 1e-2 * result.stats.steps
+
+
+def test_effects_name_what_was_simulated_and_no_more() -> None:
+    scene = bd.scenes.kubas_case_1()
+    bare = attrs.evolve(
+        scene.params, friction=None, belt=attrs.evolve(scene.params.belt, bending_stiffness=0.0)
+    )
+    full = bd.simulate(*bd.scenes.three_pulleys()[:2], 1e-4).effects
+    none = bd.simulate(bare, scene.torque_fn, 1e-4, ledger=False).effects
+    text = " | ".join(full)
+    for word in ("bending", "gravity", "Dahl", "ledger"):
+        assert word in text
+        assert word not in " | ".join(none)
+
+
+def test_step_floor_is_a_named_error() -> None:
+    """A torque that flickers faster than any step can follow."""
+    params = bd.scenes.kubas_case_1().params
+    start = bd.settle(params)
+    flips = [0]
+
+    def flicker(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        flips[0] += 1
+        return [1e13 * (-1) ** flips[0], 0.0]
+
+    with pytest.raises(bd.SimulationError, match="floor.*breakpoints") as caught:
+        bd.simulate(params, flicker, 1e-3, initial=start)
+    error = caught.value
+    assert error.symbol == "BD_ERR_STEP_FLOOR"
+    assert error.pulley == 0
+    assert error.field == "omega"
+    assert error.result is not None
+    assert not error.result.success
+
+
+def test_too_long_a_fixed_step_is_a_named_error() -> None:
+    scene = bd.scenes.kubas_case_1()
+    with pytest.raises(bd.SimulationError, match="no longer finite|sank past") as caught:
+        bd.simulate(*scene, method="rk4", step=1e-4)
+    error = caught.value
+    assert error.symbol in ("BD_ERR_NOT_FINITE", "BD_ERR_PASSED_THROUGH")
+    assert 0.0 <= error.t < 1.0
+    assert error.body >= 0 or error.pulley >= 0
+    done = error.result
+    assert done.t[-1] <= error.t
+    assert np.all(np.isfinite(done.final_state.x))
+    assert np.all(np.isfinite(done.joints.force))
+
+
+def test_limit_on_steps_is_a_named_error() -> None:
+    scene = bd.scenes.kubas_case_1()
+    with pytest.raises(bd.SimulationError, match="limit of 100 steps") as caught:
+        bd.simulate(*scene, max_steps=100)
+    assert caught.value.symbol == "BD_ERR_MAX_STEPS"
+    assert caught.value.result.stats.steps == 100
+
+
+def test_belt_pulled_through_a_pulley_is_a_named_error() -> None:
+    base = bd.scenes.kubas_case_1().params
+    params = attrs.evolve(base, contact=bd.Contact(linear=2e4))
+    with pytest.raises(bd.SimulationError, match="pulley"):
+        bd.simulate(params, bd.Viscous([0, 0]), 0.1)
+
+
+def test_a_run_in_two_parts_is_the_run_in_one() -> None:
+    """Restart from final_state: the step sizes differ, so agreement is to the tolerance."""
+    scene = bd.scenes.unequal_pulleys()
+    whole = bd.simulate(*scene[:2], 0.08, rtol=1e-7).final_state
+    half = bd.simulate(*scene[:2], 0.04, rtol=1e-7).final_state
+    assert half.t == 0.04
+    rest = bd.simulate(*scene[:2], 0.08, rtol=1e-7, initial=half)
+    assert rest.t[0] == 0.04
+    assert np.max(np.abs(rest.final_state.x - whole.x)) <= 1e-5 * 1e-4
+    assert np.max(np.abs(rest.final_state.omega - whole.omega)) <= 1e-5
+
+
+def test_repeats_to_the_last_bit() -> None:
+    scene = bd.scenes.three_pulleys()
+    one, other = (bd.simulate(*scene[:2], 0.02) for _ in range(2))
+    assert np.array_equal(one.joints.force, other.joints.force)
+    assert one.stats.steps == other.stats.steps

@@ -1,0 +1,96 @@
+"""Kernel levels (baseline, AVX2, AVX-512) against each other: one drive, the same curves.
+
+The level is chosen when a model is made, so setting the environment variable before is enough.
+"""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn import _core
+
+LEVELS = ("baseline", "avx2", "avx512")
+
+
+def available(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    found = []
+    for level in LEVELS:
+        monkeypatch.setenv("BELTDYN_KERNELS", level)
+        if _core.kernel_level() == level:
+            found.append(level)
+    return found
+
+
+def test_the_best_level_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    levels = available(monkeypatch)
+    assert levels[0] == "baseline"  # every machine has it
+    monkeypatch.delenv("BELTDYN_KERNELS")
+    assert _core.kernel_level() == levels[-1]
+    monkeypatch.setenv("BELTDYN_KERNELS", "no such level")
+    assert _core.kernel_level() == levels[-1]
+
+
+@pytest.mark.parametrize("n_bodies", [59, 60, 61, 64, 71, 72])
+def test_levels_agree(monkeypatch: pytest.MonkeyPatch, n_bodies: int) -> None:
+    """Rates at one state to 1e-12 of their scale; runs to what rounding grows to in 2 ms.
+
+    Ring lengths around multiples of the vector width: the padding must take no part.
+    """
+    base = bd.scenes.three_pulleys()
+    belt = attrs.evolve(base.params.belt, n_bodies=n_bodies)
+    runs, rates = [], []
+    start: bd.State | None = None
+    for level in available(monkeypatch):
+        monkeypatch.setenv("BELTDYN_KERNELS", level)
+        params = attrs.evolve(base.params, belt=belt)
+        if start is None:
+            start = bd.simulate(params, base.torque_fn, 0.03, t_eval=[0.03]).final_state
+        rates.append(params._model.rate(start._to_core(True), np.array([-10.0, 2.0, 1.0])))
+        times = np.linspace(0.03, 0.032, 3)
+        runs.append(bd.simulate(params, base.torque_fn, 0.032, initial=start, t_eval=times))
+        assert runs[-1].stats.kernels == level
+    info = params.info
+    acceleration, half = info["mean_tension"] / info["link_mass"], info["link_length"] / 2
+    for rate, run in zip(rates[1:], runs[1:], strict=True):
+        for name, expected in rates[0].items():
+            # of what the forces in a link's joints could do alone: they all but cancel
+            scale = {"vx": acceleration, "vy": acceleration, "vphi": 3 * acceleration / half}.get(
+                name, np.max(np.abs(expected))
+            )
+            # stretches, 1e-4 m, are differences of positions rounded to 3e-17 m
+            assert np.max(np.abs(rate[name] - expected)) <= 1e-11 * scale, name
+        scale = np.max(np.abs(runs[0].joints.force))
+        assert np.max(np.abs(run.joints.force - runs[0].joints.force)) <= 1e-10 * scale
+        assert run.stats.steps == runs[0].stats.steps
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_sine_and_cosine_of_every_level(monkeypatch: pytest.MonkeyPatch, level: str) -> None:
+    """Link ends from the kernels' own sine and cosine, over many turns, against NumPy's.
+
+    A free chain held by nothing but its joints: with all centres at 0 a joint's force is
+    -c half (e_i + e_{i-1}), so the link's acceleration shows both functions.
+    """
+    monkeypatch.setenv("BELTDYN_KERNELS", level)
+    n = 64
+    base = bd.scenes.kubas_case_1().params
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=n, bending_stiffness=0.0))
+    info = params.info
+    phi = np.linspace(-99.0, 99.0, n) + np.random.default_rng(0).uniform(-1, 1, n)
+    phi[0] = 0.3  # whole turns are taken off by link 0; it has none here
+    zero = np.zeros(n)
+    far = 50.0  # off the pulleys
+    state = {name: zero for name in ("vx", "vy", "vphi", "mu", "slip")}
+    state |= {"x": zero + far, "y": zero, "phi": phi, "t": 0.0,
+              "theta": np.zeros(2), "omega": np.zeros(2)}  # fmt: skip
+    rate = params._model.rate(state, np.zeros(2))
+    half, c, m = info["link_length"] / 2, info["joint_stiffness"], info["link_mass"]
+    for name, function in (("vx", np.cos), ("vy", np.sin)):
+        e = function(phi)
+        joint = -c * half * (e + np.roll(e, 1))
+        expected = (np.roll(joint, -1) - joint) / m
+        # 50 m away positions are rounded to 7e-15 m; half is 1e-2 m
+        assert np.max(np.abs(rate[name] - expected)) <= 2e-12 * c * half / m

@@ -1,0 +1,244 @@
+"""Parameter objects: every rule of the table, geometry, printing, copying."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+import re
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn import _core
+
+CLASSES: dict[str, Any] = {
+    "belt": bd.Belt,
+    "pulley": bd.Pulley,
+    "contact": bd.Contact,
+    "dahl": bd.Dahl,
+}
+GOOD: dict[str, dict[str, Any]] = {
+    "belt": {
+        "length": 1.2,
+        "n_bodies": 60,
+        "linear_density": 0.1,
+        "axial_stiffness": 70e3,
+        "axial_damping": 1.4,
+        "bending_stiffness": 0.01,
+        "bending_damping": 1e-6,
+    },
+    "pulley": {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01},
+    "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3},
+    "dahl": {"mu_k": 1.0, "sigma": 1e4},
+}
+ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS]
+NUMBERS = [(group, name) for group, name, rule in ROWS if rule != "LINKS"]
+
+
+def build(group: str, **changes: Any) -> Any:
+    return CLASSES[group](**(GOOD[group] | changes))
+
+
+@pytest.fixture
+def params() -> bd.Params:
+    return bd.scenes.kubas_case_1().params
+
+
+def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt: Any) -> bd.Params:
+    """Change the pulleys to these (x, y, radius)."""
+    return attrs.evolve(
+        params,
+        pulleys=[bd.Pulley(center=(x, y), radius=r, inertia=0.01) for x, y, r in pulleys],
+        belt=attrs.evolve(params.belt, **belt),
+    )
+
+
+def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
+    for group, kind in CLASSES.items():
+        fields = [field.name for field in attrs.fields(kind) if field.name != "center"]
+        assert fields == [name for g, name, _ in ROWS if g == group]
+    assert {group for group, _, _ in ROWS} == set(CLASSES)
+
+
+@pytest.mark.parametrize(("group", "name"), NUMBERS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
+def test_not_finite_is_refused(group: str, name: str, value: Any) -> None:
+    with pytest.raises(ValueError, match=rf"^{group}\.{name} must be finite"):
+        build(group, **{name: value})
+
+
+@pytest.mark.parametrize(("group", "name", "rule"), ROWS)
+@pytest.mark.parametrize("value", ["1.2", True, None, 1j, [1.0], np.bool_(True), np.array([1.0])])
+def test_wrong_kind_is_refused(group: str, name: str, rule: str, value: Any) -> None:
+    kind = "an integer" if rule == "LINKS" else "a real number"
+    with pytest.raises(TypeError, match=rf"^{group}\.{name} must be {kind}.*, got "):
+        build(group, **{name: value})
+
+
+def test_messages_name_field_unit_rule_and_value() -> None:
+    with pytest.raises(TypeError, match=r"^belt\.length must be a real number \(m\), got '1\.2'$"):
+        build("belt", length="1.2")
+    expected = (
+        r"^belt\.length must be > 0 \(stress-free length of the closed belt, L\), got -1\.2 m$"
+    )
+    with pytest.raises(ValueError, match=expected):
+        build("belt", length=-1.2)
+
+
+@pytest.mark.parametrize(("group", "name", "rule"), ROWS)
+def test_bounds(group: str, name: str, rule: str) -> None:
+    if rule == "LINKS":
+        with pytest.raises(ValueError, match=r"^belt\.n_bodies must be an integer >= 3, got 2$"):
+            build(group, **{name: 2})
+        assert getattr(build(group, **{name: 3}), name) == 3
+        return
+    with pytest.raises(ValueError, match=rf"^{group}\.{name} must be >=? 0 .*, got -1"):
+        build(group, **{name: -1})
+    if rule == "POSITIVE":
+        for zero in (0, 0.0, -0.0):
+            with pytest.raises(ValueError, match=rf"^{group}\.{name} must be > 0 .*, got -?0"):
+                build(group, **{name: zero})
+    else:
+        assert getattr(build(group, **{name: 0}), name) == 0.0
+
+
+@pytest.mark.parametrize("value", [60.0, np.float64(60.0), "60", math.nan])
+def test_number_of_links_must_be_an_integer(value: Any) -> None:
+    with pytest.raises(TypeError, match=r"^belt\.n_bodies must be an integer >= 3, got "):
+        build("belt", n_bodies=value)
+
+
+def test_numbers_become_plain() -> None:
+    belt = build("belt", n_bodies=np.int64(60), length=np.float32(1.25), axial_stiffness=70000)
+    assert type(belt.n_bodies) is int and type(belt.length) is float
+    assert type(belt.axial_stiffness) is float
+    assert belt.length == 1.25
+    pulley = build("pulley", center=np.array([1, 2]))
+    assert pulley.center == (1.0, 2.0) and {type(c) for c in pulley.center} == {float}
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_centre_and_gravity_must_be_finite(params: bd.Params, axis: int, bad: float) -> None:
+    pair = [0.0, 0.0]
+    pair[axis] = bad
+    with pytest.raises(ValueError, match=rf"^pulley\.center\[{axis}\] must be finite \(m\)"):
+        build("pulley", center=pair)
+    with pytest.raises(ValueError, match=rf"^gravity\[{axis}\] must be finite \(m/s\^2\)"):
+        attrs.evolve(params, gravity=pair)
+
+
+@pytest.mark.parametrize("bad", ["ab", 1.0, (1.0,), (1.0, 2.0, 3.0), None, {0: 1.0, 1: 2.0}])
+def test_centre_and_gravity_must_be_pairs(params: bd.Params, bad: Any) -> None:
+    with pytest.raises(TypeError, match=r"^pulley\.center must be a pair of real numbers \(m\)"):
+        build("pulley", center=bad)
+    with pytest.raises(TypeError, match=r"^gravity must be a pair of real numbers"):
+        attrs.evolve(params, gravity=bad)
+    with pytest.raises(TypeError, match=r"^pulley\.center\[1\] must be a real number"):
+        build("pulley", center=(0.0, "0"))
+
+
+def test_missing_and_unknown_fields() -> None:
+    with pytest.raises(TypeError, match="length"):
+        bd.Belt(**{k: v for k, v in GOOD["belt"].items() if k != "length"})
+    with pytest.raises(TypeError, match="radus"):
+        build("pulley", radus=0.1)
+
+
+def test_only_what_has_a_natural_zero_has_a_default(params: bd.Params) -> None:
+    belt = bd.Belt(length=1.2, n_bodies=60, linear_density=0.1, axial_stiffness=70e3)
+    assert (belt.axial_damping, belt.bending_stiffness, belt.bending_damping) == (0.0, 0.0, 0.0)
+    assert bd.Contact(linear=1e7) == bd.Contact(quadratic=0.0, linear=1e7, damping=0.0)
+    bare = bd.Params(belt=belt, pulleys=params.pulleys, contact=params.contact)
+    assert bare.friction is None and bare.gravity == (0.0, 0.0)
+
+
+def test_fields_are_of_their_class(params: bd.Params) -> None:
+    pulley = params.pulleys[0]
+    for change, message in [
+        ({"belt": GOOD["belt"]}, "belt must be a Belt, got dict"),
+        ({"contact": None}, "contact must be a Contact, got NoneType"),
+        ({"friction": 1.0}, "friction must be a Dahl, got float"),
+        ({"pulleys": [pulley, GOOD["pulley"]]}, "pulleys[1] must be a Pulley, got dict"),
+        ({"pulleys": pulley}, "pulleys must be a sequence of Pulley, got Pulley"),
+        ({"pulleys": None}, "pulleys must be a sequence of Pulley, got NoneType"),
+    ]:
+        with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
+            attrs.evolve(params, **change)
+    with pytest.raises(ValueError, match="pulleys must hold at least one"):
+        attrs.evolve(params, pulleys=[])
+
+
+def test_pulleys_from_any_sequence(params: bd.Params) -> None:
+    for pulleys in (list(params.pulleys), iter(params.pulleys), np.array(params.pulleys, object)):
+        assert attrs.evolve(params, pulleys=pulleys) == params
+
+
+def test_overlapping_pulleys(params: bd.Params) -> None:
+    with pytest.raises(ValueError, match=r"pulleys\[0\] and pulleys\[1\] overlap"):
+        with_pulleys(params, (0.0, 0.0, 0.1), (0.199, 0.0, 0.1))
+
+
+def test_belt_too_short_and_slack(params: bd.Params) -> None:
+    with pytest.raises(ValueError, match=r"belt\.length.*too short"):
+        attrs.evolve(params, belt=attrs.evolve(params.belt, length=0.9))
+    with pytest.raises(ValueError, match=r"belt\.length.*too long.*slack"):
+        attrs.evolve(params, belt=attrs.evolve(params.belt, length=1.25))
+
+
+def test_a_pulley_the_belt_cannot_reach(params: bd.Params) -> None:
+    with pytest.raises(ValueError, match=r"pulleys\[1\] cannot be reached"):
+        with_pulleys(params, (0.0, 0.0, 0.1), (0.3, 0.0, 0.02), (0.6, 0.0, 0.1), length=1.8)
+
+
+def test_derived_values(params: bd.Params) -> None:
+    info = params.info
+    path = 2 * 0.29 + 2 * math.pi * 0.1
+    assert info["link_length"] == pytest.approx(0.02, rel=1e-15)
+    assert info["link_mass"] == pytest.approx(0.1 * 0.02, rel=1e-14)
+    assert info["joint_stiffness"] == pytest.approx(70e3 / 0.02, rel=1e-14)
+    assert info["path_length"] == pytest.approx(path, rel=1e-14)
+    assert info["mean_tension"] == pytest.approx(70e3 * (path / 1.2 - 1), rel=1e-12)
+    with pytest.raises(TypeError):
+        info["strain"] = 0.0  # type: ignore[index]
+
+
+def test_refining_the_mesh_keeps_the_belt(params: bd.Params) -> None:
+    fine = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=240))
+    assert fine.info["joint_stiffness"] == pytest.approx(4 * params.info["joint_stiffness"])
+    assert fine.info["mean_tension"] == params.info["mean_tension"]
+
+
+def test_frozen_equal_and_hashable(params: bd.Params) -> None:
+    with pytest.raises(attrs.exceptions.FrozenInstanceError):
+        params.belt.length = 1.0  # type: ignore[misc]
+    again = bd.scenes.kubas_case_1().params
+    assert params == again and hash(params) == hash(again)
+    assert params != attrs.evolve(params, friction=None)
+
+
+@pytest.mark.parametrize(
+    "clone", [copy.copy, copy.deepcopy, lambda p: pickle.loads(pickle.dumps(p))]
+)
+def test_copies_are_whole(params: bd.Params, clone: Any) -> None:
+    other = clone(params)
+    assert other == params
+    assert other.info == params.info
+    assert bd.settle(other, tolerance=1e-3).n_bodies == 60
+
+
+def test_repr_can_be_evaluated(params: bd.Params) -> None:
+    assert eval(repr(params), vars(bd)) == params
+
+
+def test_printing_shows_every_field_with_its_unit(params: bd.Params) -> None:
+    text = str(params)
+    for line in ("belt.length", "1.2 m", "pulleys[1].center", "(0.29, 0) m", "friction.sigma"):
+        assert line in text
+    assert "mean tension 485.2 N" in text
+    assert "friction" in str(attrs.evolve(params, friction=None))
+    assert str(params.belt).splitlines()[1].split()[:3] == ["length", "1.2", "m"]

@@ -1,0 +1,503 @@
+"""Running and what it gives: results, restarts, failures, and every argument that is wrong."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn import _core
+from beltdyn.result import EnergyLedger
+
+T_END = 0.02
+N_T = 41
+
+
+@pytest.fixture(scope="module")
+def scene() -> bd.Scene:
+    return bd.scenes.kubas_case_1()._replace(t_end=T_END)
+
+
+@pytest.fixture(scope="module")
+def start(scene: bd.Scene) -> bd.State:
+    return bd.settle(scene.params)
+
+
+@pytest.fixture(scope="module")
+def result(scene: bd.Scene, start: bd.State) -> bd.Result:
+    return bd.simulate(*scene, t_eval=np.linspace(0.0, T_END, N_T), initial=start)
+
+
+def with_contact(result: bd.Result, pulley: Any, force: Any) -> bd.Result:
+    """Change touched pulleys and joint forces to these, (n_t, n_b)."""
+    return attrs.evolve(
+        result,
+        contact=attrs.evolve(result.contact, pulley=np.array(pulley, dtype=np.int32)),
+        joints=attrs.evolve(result.joints, force=np.array(force, dtype=float)),
+    )
+
+
+# --- settling ------------------------------------------------------------------------------------
+
+
+def test_settled_state_is_at_rest_under_preload(scene: bd.Scene, start: bd.State) -> None:
+    assert start.t == 0.0
+    assert start.residual is not None and start.residual < 1e-6
+    for name in ("vx", "vy", "vphi", "omega", "mu", "slip", "theta"):
+        assert not getattr(start, name).any(), name
+    assert start.x.shape == (60,) and start.theta.shape == (2,)
+    assert start.phi[0] - start.phi[-1] == pytest.approx(2 * np.pi, abs=0.5)
+
+
+def test_simulate_settles_first_when_no_state_is_given(scene: bd.Scene, result: bd.Result) -> None:
+    other = bd.simulate(*scene, t_eval=result.t)
+    np.testing.assert_array_equal(other.belt.x, result.belt.x)
+    assert other.stats.settle_time > 0.0
+    assert result.stats.settle_time == 0.0
+
+
+def test_settling_by_moving_a_pulley_locks_friction(scene: bd.Scene) -> None:
+    moved = bd.settle(scene.params, friction=True, offset={1: (-0.002, 0.0)}, tolerance=1e-3)
+    assert np.abs(moved.mu).max() > 0.0
+    table = bd.settle(scene.params, friction=True, offset=[[0, 0], [-0.002, 0]], tolerance=1e-3)
+    np.testing.assert_array_equal(table.x, moved.x)
+
+
+def test_settling_goes_on_from_a_state_and_keeps_its_time(scene: bd.Scene, start: bd.State) -> None:
+    again = bd.settle(scene.params, initial=attrs.evolve(start, t=3.0), pulleys="free")
+    assert again.t == 3.0
+    np.testing.assert_allclose(again.x, start.x, atol=1e-6)
+
+
+def test_settling_that_does_not_finish(scene: bd.Scene) -> None:
+    with pytest.raises(bd.SimulationError, match="did not come to rest") as caught:
+        bd.settle(scene.params, max_time=1e-4)
+    assert caught.value.symbol == "BD_ERR_NOT_SETTLED" and caught.value.result is None
+
+
+@pytest.mark.parametrize(
+    ("option", "error", "message"),
+    [
+        ({"pulleys": "loose"}, ValueError, r'^pulleys must be "held" or "free", got \'loose\''),
+        ({"offset": {2: (0, 0)}}, ValueError, "^offset index must be that of one of the 2 pulley"),
+        ({"offset": {-1: (0, 0)}}, ValueError, "^offset index must be an integer >= 0"),
+        ({"offset": {"a": (0, 0)}}, TypeError, "^offset index must be an integer"),
+        ({"offset": {1: (0, 0, 0)}}, ValueError, r"^offset\[1\] must have shape \(2,\)"),
+        ({"offset": [[0, 0]]}, ValueError, r"^offset must have shape \(2, 2\), got \(1, 2\)"),
+        ({"offset": {1: (0, np.nan)}}, ValueError, r"^offset\[1\] must be finite"),
+        ({"tolerance": 0}, ValueError, "^tolerance must be > 0"),
+        ({"tolerance": "1"}, TypeError, "^tolerance must be a real number"),
+        ({"max_time": -1}, ValueError, "^max_time must be > 0"),
+        ({"move_time": np.inf}, ValueError, "^move_time must be finite"),
+        ({"initial": 3}, TypeError, "^initial must be a State or None, got int"),
+    ],
+)
+def test_bad_settling_options(
+    scene: bd.Scene, option: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        bd.settle(scene.params, **option)
+
+
+# --- what a result holds -------------------------------------------------------------------------
+
+
+def test_groups_are_those_of_the_table(result: bd.Result) -> None:
+    groups: dict[str, list[str]] = {}
+    for name, group, *_ in _core.OUTPUTS:
+        groups.setdefault(group, []).append(name)
+    energy = [name for name, _ in _core.ENERGY_TERMS]
+    for group, names in (groups | {"energy": energy}).items():
+        fields = {field.name for field in attrs.fields(type(getattr(result, group)))}
+        assert fields - {"pulley", "passed"} == set(names), group
+    counters = {name for name, _ in _core.STATS} - {"residual"}
+    assert counters <= {field.name for field in attrs.fields(bd.Stats)}
+
+
+def test_time_is_the_first_axis(result: bd.Result) -> None:
+    assert result.t.shape == (N_T,)
+    for name, _group, size, *_ in _core.OUTPUTS:
+        if size != "ENERGY":
+            array = getattr(getattr(result, _group), name)
+            assert array.shape == (N_T, 60 if size == "LINKS" else 2), name
+            assert np.isfinite(array).all(), name
+    assert result.contact.pulley.shape == (N_T, 60)
+    assert result.contact.pulley.dtype.kind == "i"
+    assert set(np.unique(result.contact.pulley)) == {-1, 0, 1}
+    for field in attrs.fields(EnergyLedger):
+        assert getattr(result.energy, field.name).shape == (N_T,)
+
+
+def test_success(result: bd.Result, scene: bd.Scene) -> None:
+    assert result.success and result.status == "finished"
+    assert result.message == "reached t_end = 0.02 s"
+    assert result.params is scene.params
+    assert result.effects
+    assert result.final_state.t == T_END
+    np.testing.assert_array_equal(result.final_state.x, result.belt.x[-1])
+    np.testing.assert_array_equal(result.final_state.omega, result.pulleys.omega[-1])
+    stats = result.stats
+    assert stats.method == "tsit5" and stats.kernels == _core.kernel_level()
+    assert stats.steps > 0 and stats.nfev > stats.steps
+    assert stats.njev == stats.nlu == 0 and stats.error is None
+    assert stats.cpu_time > 0.0
+
+
+def test_set_torques_are_reported(result: bd.Result, scene: bd.Scene) -> None:
+    for k in range(N_T):
+        omega = result.pulleys.omega[k]
+        np.testing.assert_allclose(
+            result.pulleys.torque[k], scene.torque_fn(result.t[k], [0, 0], omega), rtol=1e-12
+        )
+
+
+def test_default_samples(scene: bd.Scene, start: bd.State) -> None:
+    run = bd.simulate(scene.params, scene.torque_fn, 0.001, initial=start)
+    np.testing.assert_array_equal(run.t, np.linspace(0.0, 0.001, 1001))
+
+
+@pytest.mark.parametrize("t_eval", [[], [0.0], [0.005], [0.0, 0.0, 0.002, 0.002, 0.005]])
+def test_any_samples_within_the_run(scene: bd.Scene, start: bd.State, t_eval: list[float]) -> None:
+    run = bd.simulate(scene.params, scene.torque_fn, 0.005, initial=start, t_eval=t_eval)
+    assert run.t.tolist() == t_eval
+    assert run.belt.x.shape == (len(t_eval), 60)
+    assert run.final_state.t == 0.005
+    assert repr(run).startswith("Result(finished: ")
+    assert ("status", "finished") in run.summary()
+
+
+def test_energy(result: bd.Result) -> None:
+    energy = result.energy
+    assert energy is not None
+    balance = energy.total - energy.total[0] - (energy.drive - energy.losses)
+    np.testing.assert_allclose(energy.residual, balance, atol=1e-9 * energy.total[0])
+    assert (np.diff(energy.passed) >= 0.0).all()
+    assert energy.passed[-1] >= energy.drive[-1] > 0.0
+    assert abs(energy.residual[-1]) < 1e-3 * energy.passed[-1]
+
+
+def test_without_the_ledger(scene: bd.Scene, start: bd.State, tmp_path: Path) -> None:
+    run = bd.simulate(*scene, initial=start, t_eval=[0.0, T_END], ledger=False)
+    assert run.energy is None
+    assert "energy residual" not in dict(run.summary())
+    run.save(tmp_path / "run.npz")
+    assert bd.Result.load(tmp_path / "run.npz").energy is None
+
+
+def test_without_friction(scene: bd.Scene) -> None:
+    params = attrs.evolve(scene.params, friction=None)
+    run = bd.simulate(params, scene.torque_fn, 0.005, t_eval=[0.0, 0.005])
+    assert not run.contact.friction.any() and not run.contact.mu.any()
+    assert run.final_state.mu.shape == (60,) and not run.final_state.mu.any()
+    more = bd.simulate(params, scene.torque_fn, 0.006, initial=run.final_state, t_eval=[0.006])
+    assert more.success
+
+
+def test_restart_goes_on_where_the_run_ended(scene: bd.Scene, result: bd.Result) -> None:
+    half = bd.simulate(*scene[:2], T_END / 2, initial=None, t_eval=[T_END / 2])
+    rest = bd.simulate(*scene, initial=half.final_state, t_eval=[T_END / 2, T_END])
+    np.testing.assert_allclose(rest.pulleys.omega[-1], result.pulleys.omega[-1], rtol=1e-4)
+    assert rest.t[0] == half.final_state.t
+
+
+def test_methods_agree(scene: bd.Scene, start: bd.State, result: bd.Result) -> None:
+    run = bd.simulate(*scene, initial=start, t_eval=[T_END], method="rk4")
+    assert run.stats.method == "rk4"
+    np.testing.assert_allclose(run.pulleys.omega[-1], result.pulleys.omega[-1], rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", bd.scenes.names())
+def test_every_scene_runs(name: str) -> None:
+    scene = bd.scenes.get(name)
+    run = bd.simulate(scene.params, scene.torque_fn, 0.001, t_eval=[0.0, 0.001])
+    assert run.success
+    assert bd.scenes.get(name.replace("-", "_")) == scene
+    assert f"{scene.t_end:g} s" in str(scene) and bd.scenes.describe(name)
+
+
+# --- span tension and slip -----------------------------------------------------------------------
+
+
+def test_span_tension_of_a_run(result: bd.Result) -> None:
+    tension = result.span_tension
+    assert tension.shape == (N_T, 2)
+    np.testing.assert_allclose(tension[0], tension[0, ::-1], rtol=1e-6)
+    # Clockwise drive: the lower span, which follows pulley 1, is the tight one.
+    assert tension[-1, 1] > tension[-1, 0] + 30.0
+    upper = result.belt.y[-1] > 0.05
+    free = (result.contact.pulley[-1] < 0) & (np.roll(result.contact.pulley[-1], 1) < 0)
+    assert tension[-1, 0] == pytest.approx(result.joints.force[-1][upper & free].mean())
+
+
+def test_span_tension_by_hand(result: bd.Result) -> None:
+    #        joint i is between links i-1 and i
+    pulley = [[-1, -1, -1, 1, 1, -1, -1, 0, 0, -1]]
+    force = [[1.0, 2.0, 4.0, 9, 9, 9, 8.0, 9, 9, 9]]
+    tension = with_contact(result, pulley, force).span_tension
+    np.testing.assert_allclose(tension, [[(1 + 2 + 4) / 3, 8.0]])
+
+
+def test_span_tension_leaves_out_links_lifted_off_within_a_wrap(result: bd.Result) -> None:
+    pulley = [[-1, -1, 1, -1, -1, 1, -1, -1, 0, 0]]
+    force = [[9.0, 3.0, 9, 9, 7.0, 9, 9, 5.0, 9, 9]]
+    np.testing.assert_allclose(with_contact(result, pulley, force).span_tension, [[3.0, 5.0]])
+
+
+def test_span_tension_is_nan_where_there_is_no_free_joint(result: bd.Result) -> None:
+    pulley = [[0, 0, -1, 1, 1, -1, -1, 0], [-1] * 8]
+    force = [[9.0, 9, 9, 9, 9, 9, 6.0, 9], [1.0] * 8]
+    expected = [[np.nan, 6.0], [np.nan, np.nan]]
+    np.testing.assert_array_equal(with_contact(result, pulley, force).span_tension, expected)
+
+
+def test_slip_by_hand(result: bd.Result) -> None:
+    pulleys = [
+        attrs.evolve(p, radius=r) for p, r in zip(result.params.pulleys, (0.1, 0.05), strict=True)
+    ]
+    params = attrs.evolve(
+        result.params, pulleys=pulleys, belt=attrs.evolve(result.params.belt, length=1.055)
+    )
+    omega = np.array([[0.0, 1.0], [10.0, 19.0], [-10.0, -20.0]])
+    changed = attrs.evolve(result, params=params, pulleys=attrs.evolve(result.pulleys, omega=omega))
+    np.testing.assert_allclose(
+        changed.slip, [[np.nan, np.nan], [0.0, 0.05], [0.0, 0.0]], atol=1e-15
+    )
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+
+def test_overview_draws_what_the_result_holds(result: bd.Result) -> None:
+    from matplotlib.figure import Figure
+
+    from beltdyn.plot import overview
+
+    given = Figure()
+    assert overview(result, t=0.0101, fig=given) is given
+    speeds, tensions, forces, drive, _colours = given.axes
+    for k in range(2):
+        np.testing.assert_array_equal(speeds.lines[k].get_ydata(), result.pulleys.omega[:, k])
+        np.testing.assert_array_equal(tensions.lines[k].get_ydata(), result.span_tension[:, k])
+    row = int(np.searchsorted(result.t, 0.01))
+    np.testing.assert_array_equal(forces.lines[-1].get_ydata(), result.joints.force[row])
+    assert drive.get_aspect() == 1.0
+    for axes in (speeds, tensions, forces, drive):
+        assert axes.get_title() and axes.get_xlabel() and "[" in axes.get_ylabel()
+
+
+def test_overview_of_nothing(scene: bd.Scene, start: bd.State) -> None:
+    from beltdyn.plot import overview
+
+    empty = bd.simulate(scene.params, scene.torque_fn, 0.001, initial=start, t_eval=[])
+    with pytest.raises(ValueError, match="at least one sample"):
+        overview(empty)
+
+
+# --- saving --------------------------------------------------------------------------------------
+
+
+def test_save_and_load(result: bd.Result, tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    result.save(path)
+    assert path.is_file(), "exactly the name given"
+    again = bd.Result.load(path)
+    np.testing.assert_array_equal(again.t, result.t)
+    for group in ("pulleys", "belt", "joints", "contact", "energy"):
+        for field in attrs.fields(type(getattr(result, group))):
+            old, new = (getattr(getattr(r, group), field.name) for r in (result, again))
+            np.testing.assert_array_equal(new, old)
+            assert new.dtype == old.dtype
+    for name in ("params", "stats", "effects", "success", "status", "message", "final_state"):
+        assert getattr(again, name) == getattr(result, name), name
+    assert repr(again) == repr(result)
+    with np.load(path) as file:
+        assert file["belt.x"].shape == (N_T, 60)
+
+
+def test_load_something_else(result: bd.Result, tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        bd.Result.load(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("hello\n")
+    np.savez(tmp_path / "other.npz", a=1)
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    result.save(tmp_path / "cut.npz")
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:3000])
+    for name in ("text.npz", "other.npz", "array.npy", "cut.npz"):
+        with pytest.raises(ValueError, match=f"{name} is not a saved Result"):
+            bd.Result.load(tmp_path / name)
+        with pytest.raises(ValueError, match=f"{name} is not a saved State"):
+            bd.State.load(tmp_path / name)
+
+
+def test_save_and_load_a_state(result: bd.Result, start: bd.State, tmp_path: Path) -> None:
+    for state in (start, result.final_state):
+        state.save(tmp_path / "state.npz")
+        assert bd.State.load(tmp_path / "state.npz") == state
+
+
+# --- states --------------------------------------------------------------------------------------
+
+
+def test_what_a_state_is_not_given_is_zero() -> None:
+    state = bd.State(x=[0, 1, 2], y=[0, 0, 0], phi=[0, 0, 0], theta=[1.0])
+    assert state.vx.tolist() == [0.0] * 3 and state.omega.tolist() == [0.0]
+    assert state.t == 0.0 and state.residual is None
+    assert state == bd.State(x=[0, 1, 2], y=[0, 0, 0], phi=[0, 0, 0], theta=[1.0])
+    assert state != attrs.evolve(state, t=1.0)
+    assert state != attrs.evolve(state, x=[0, 1, 3])
+    with pytest.raises(ValueError, match="read-only"):
+        state.x[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"y": [0, 0]}, ValueError, r"^State\.y must have shape \(3,\) like x, got \(2,\)"),
+        ({"omega": [0, 0]}, ValueError, r"^State\.omega must have shape \(1,\) like theta"),
+        ({"x": [[0, 1, 2]]}, ValueError, r"^State\.x must have 1 dimension"),
+        ({"phi": [0, np.nan, 0]}, ValueError, r"^State\.phi must be finite, got nan at \[1\]"),
+        ({"vx": ["a", "b", "c"]}, TypeError, r"^State\.vx must hold real numbers"),
+        ({"mu": [1j, 0, 0]}, TypeError, r"^State\.mu must hold real numbers"),
+        ({"t": np.inf}, ValueError, r"^State\.t must be finite"),
+        ({"t": None}, TypeError, r"^State\.t must be a real number"),
+        ({"residual": "0"}, TypeError, r"^State\.residual must be a real number"),
+    ],
+)
+def test_bad_states(change: dict[str, Any], error: type[Exception], message: str) -> None:
+    good: dict[str, Any] = {"x": [0, 1, 2], "y": [0, 0, 0], "phi": [0, 0, 0], "theta": [1.0]}
+    with pytest.raises(error, match=message):
+        bd.State(**(good | change))
+
+
+def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
+    fewer = {
+        field.name: getattr(start, field.name)[:-1]
+        for field in attrs.fields(bd.State)
+        if getattr(start, field.name) is not None and np.shape(getattr(start, field.name)) == (60,)
+    }
+    with pytest.raises(ValueError, match=r"^initial\.x must have shape \(60,\), got \(59,\)$"):
+        bd.simulate(*scene, initial=attrs.evolve(start, **fewer))
+    other = attrs.evolve(start, theta=[0.0] * 3, omega=[0.0] * 3)
+    for call in (
+        lambda: bd.simulate(*scene, initial=other),
+        lambda: bd.settle(scene.params, initial=other),
+    ):
+        with pytest.raises(
+            ValueError, match=r"^initial\.theta must have shape \(2,\), got \(3,\)$"
+        ):
+            call()
+
+
+# --- wrong arguments -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"t_end": 0}, ValueError, r"^t_end must be > initial\.t \(0 s\), got 0 s"),
+        ({"t_end": -1.0}, ValueError, r"^t_end must be > initial\.t \(0 s\), got -1 s"),
+        ({"t_end": np.nan}, ValueError, "^t_end must be finite"),
+        ({"t_end": np.inf}, ValueError, "^t_end must be finite"),
+        ({"t_end": "1"}, TypeError, "^t_end must be a real number"),
+        ({"t_end": None}, TypeError, "^t_end must be a real number"),
+        ({"t_eval": [0.0, 0.02, 0.01]}, ValueError, "^t_eval must be non-decreasing, got 0.02 s b"),
+        ({"t_eval": [0.0, 0.03]}, ValueError, r"^t_eval must lie within the run, \[0, 0\.02\] s"),
+        ({"t_eval": [-0.01, 0.01]}, ValueError, "^t_eval must lie within the run"),
+        ({"t_eval": [0.0, np.nan]}, ValueError, "^t_eval must be finite"),
+        ({"t_eval": 0.01}, ValueError, "^t_eval must have 1 dimension"),
+        ({"t_eval": [[0.0]]}, ValueError, "^t_eval must have 1 dimension"),
+        ({"t_eval": "all"}, TypeError, "^t_eval must hold real numbers"),
+        ({"method": "euler"}, ValueError, "^method must be one of auto, tsit5, rk4, got 'euler'"),
+        ({"method": None}, TypeError, "^method must be a str"),
+        ({"rtol": 0.0}, ValueError, "^rtol must be from 1e-12 to 1, got 0"),
+        ({"rtol": 2}, ValueError, "^rtol must be from 1e-12 to 1, got 2"),
+        ({"rtol": np.nan}, ValueError, "^rtol must be finite"),
+        ({"rtol": None}, TypeError, "^rtol must be a real number"),
+        ({"step": 0.0}, ValueError, "^step must be > 0"),
+        ({"step": "1"}, TypeError, "^step must be a real number"),
+        ({"max_step": -1e-5}, ValueError, "^max_step must be > 0"),
+        ({"max_steps": 0}, ValueError, "^max_steps must be an integer >= 1"),
+        ({"max_steps": 1e3}, TypeError, "^max_steps must be an integer >= 1"),
+        ({"breakpoints": [np.inf]}, ValueError, "^breakpoints must be finite"),
+        ({"breakpoints": 0.1}, ValueError, "^breakpoints must have 1 dimension"),
+        ({"initial": {}}, TypeError, "^initial must be a State or None, got dict"),
+        ({"params": {}}, TypeError, "^params must be a Params, got dict"),
+        ({"tend": 1.0}, TypeError, "tend"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_anything_runs(
+    scene: bd.Scene, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    def never(t: float, theta: Any, omega: Any) -> Any:
+        raise AssertionError("it ran")
+
+    with pytest.raises(error, match=message):
+        bd.simulate(**({"params": scene.params, "torque_fn": never, "t_end": T_END} | arguments))
+
+
+def test_t_end_counts_from_the_time_of_the_state(scene: bd.Scene, start: bd.State) -> None:
+    later = attrs.evolve(start, t=1.0)
+    with pytest.raises(ValueError, match=r"^t_end must be > initial\.t \(1 s\), got 0\.02 s"):
+        bd.simulate(*scene, initial=later)
+    run = bd.simulate(scene.params, scene.torque_fn, 1.002, initial=later)
+    assert (run.t[0], run.t[-1]) == (1.0, 1.002)
+
+
+# --- runs that do not finish ---------------------------------------------------------------------
+
+
+def assert_partial(result: bd.Result | None, until: float) -> bd.Result:
+    assert result is not None and not result.success
+    assert 0 < result.t.size < N_T
+    assert result.t[-1] <= result.final_state.t <= until
+    assert len(result.belt.x) == len(result.contact.pulley) == result.t.size
+    assert np.isfinite(result.belt.x).all() and np.isfinite(result.final_state.x).all()
+    assert result.message in dict(result.summary()).values() or result.message
+    return result
+
+
+def test_a_failed_run_keeps_what_was_computed(
+    scene: bd.Scene, start: bd.State, tmp_path: Path
+) -> None:
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        return [-1e3 * t, 0.0 if t < 0.01 else np.nan]
+
+    with pytest.raises(bd.SimulationError) as caught:
+        bd.simulate(scene.params, torque, T_END, initial=start, t_eval=np.linspace(0.0, T_END, N_T))
+    partial = assert_partial(caught.value.result, 0.0101)
+    assert partial.status == "failed" and partial.message == str(caught.value)
+    assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
+    assert caught.value.t == pytest.approx(0.01, abs=1e-4)
+    partial.save(tmp_path / "partial.npz")
+    assert bd.Result.load(tmp_path / "partial.npz").message == partial.message
+
+
+def test_the_limit_on_steps(scene: bd.Scene, start: bd.State) -> None:
+    with pytest.raises(bd.SimulationError, match="steps") as caught:
+        bd.simulate(*scene, initial=start, max_steps=100)
+    assert caught.value.symbol == "BD_ERR_MAX_STEPS"
+    assert caught.value.result is not None and caught.value.result.stats.steps <= 100
+
+
+def test_ctrl_c_keeps_what_was_computed(scene: bd.Scene, start: bd.State) -> None:
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        if t > 0.01:
+            signal.raise_signal(signal.SIGINT)
+        return [0.0, 0.0]
+
+    with pytest.raises(bd.Interrupted, match=r"^interrupted at t = 0\.0") as caught:
+        bd.simulate(scene.params, torque, T_END, initial=start, t_eval=np.linspace(0.0, T_END, N_T))
+    assert isinstance(caught.value, KeyboardInterrupt)
+    assert assert_partial(caught.value.result, 0.0101).status == "interrupted"
+
+
+def test_progress_goes_to_stderr_only(
+    scene: bd.Scene, start: bd.State, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bd.simulate(scene.params, scene.torque_fn, 0.002, progress=True)
+    assert capfd.readouterr().out == ""

@@ -1,0 +1,167 @@
+"""The belt at rest under preload, in every way ``settle`` can bring it there."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+import pytest
+import reference
+from bridge import fields, oracle_of
+
+import beltdyn as bd
+
+
+def unbalanced(params: bd.Params, state: bd.State) -> float:
+    """Largest force on a link that nothing balances, over EA times the strain: by the oracle."""
+    oracle = oracle_of(params)
+    rate = oracle.rhs(0.0, oracle.pack(fields(state)), lambda t, a, b: 0 * a)
+    acceleration = oracle.links(rate)[1]
+    moment = oracle.inertia * np.abs(acceleration[2]) / (0.5 * oracle.l0)
+    force = oracle.mass * np.hypot(acceleration[0], acceleration[1])
+    return float(max(force.max(), moment.max()) / params.info["mean_tension"])
+
+
+def is_still(state: bd.State) -> bool:
+    return not any(getattr(state, v).any() for v in ("vx", "vy", "vphi", "omega"))
+
+
+@pytest.mark.parametrize("name", bd.scenes.names())
+def test_every_scene_comes_to_rest(name: str) -> None:
+    params = bd.scenes.get(name).params
+    state = bd.settle(params)
+    assert is_still(state)
+    assert state.residual <= 1e-9
+    frictionless = attrs.evolve(params, friction=None)
+    assert unbalanced(frictionless, attrs.evolve(state, mu=0 * state.mu)) <= 1.1e-9
+    assert not state.mu.any()  # friction had no part in it
+
+
+@pytest.mark.parametrize("n_bodies", [24, 61, 120])
+def test_mean_tension_is_that_of_the_oracle(n_bodies: int) -> None:
+    """Newton on the oracle's equilibrium against the core's bath: two ways to one minimum.
+
+    The belt may stand at a different place along its path (both are equilibria of a potential that
+    is all but flat along it), so only the mean is compared; it varies by some 1e-4 with the place.
+    """
+    base = bd.scenes.kubas_case_1().params
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=n_bodies))
+    oracle = oracle_of(attrs.evolve(params, friction=None))
+    start = reference.start_state(oracle)
+    mean = np.mean(oracle.joints(reference.settle(oracle, start))[1])
+    ours = np.mean(oracle.joints(oracle.pack(fields(bd.settle(params))))[1])
+    assert ours == pytest.approx(mean, rel=2e-3)
+
+
+def test_polygon_raises_the_tension_and_fades() -> None:
+    """MODEL section 6: about a quarter at n_b = 60, fading as n_b^-2."""
+    base = bd.scenes.kubas_case_1().params
+
+    def mean_tension(n_bodies: int) -> float:
+        params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=n_bodies))
+        oracle = oracle_of(params)
+        return float(np.mean(oracle.joints(oracle.pack(fields(bd.settle(params))))[1]))
+
+    coarse, fine, finest = (mean_tension(n) for n in (60, 120, 240))
+    # n_b^-2: each halving of the link leaves a quarter of the excess
+    assert (coarse - fine) / (fine - finest) == pytest.approx(4.0, rel=0.15)
+    limit = finest - (fine - finest) / 3
+    assert 0.15 < coarse / limit - 1 < 0.35
+
+
+def test_with_friction_it_stays_where_it_locked() -> None:
+    """With friction on from the belt line, arcs keep some of it: mu within its limit, at rest."""
+    params = bd.scenes.kubas_case_1().params
+    state = bd.settle(params, friction=True)
+    assert is_still(state)
+    assert state.residual <= 1e-9
+    assert 0.0 < np.max(np.abs(state.mu)) <= params.friction.mu_k
+    assert unbalanced(params, state) <= 1.1e-9
+
+
+def test_free_pulleys_carry_no_torque() -> None:
+    params = bd.scenes.three_pulleys().params
+    state = bd.settle(params, friction=True, pulleys="free")
+    assert is_still(state)
+    oracle = oracle_of(params)
+    contacts = oracle.contacts(oracle.pack(fields(state)))
+    torque = np.sum(contacts.friction * contacts.distance, axis=1)
+    assert np.max(np.abs(torque)) <= 1e-8 * params.info["mean_tension"]
+    assert np.any(state.theta != 0.0)
+
+
+def test_tensioned_by_moving_a_pulley() -> None:
+    """From 6 mm slack to its place with friction: the belt rubs inward over both drums, so spans
+    are tighter than arcs, and by no more than the capstan allows."""
+    params = bd.scenes.kubas_case_1().params
+    moved = bd.settle(params, friction=True, offset={1: (-0.006, 0.0)})
+    still = bd.settle(params)
+    assert is_still(moved)
+    assert moved.residual <= 1e-9
+    assert unbalanced(params, moved) <= 1.1e-9
+    oracle = oracle_of(params)
+    y = oracle.pack(fields(moved))
+    _, force = oracle.joints(y)
+    touching = (oracle.penetration(y) > 0).any(axis=0)
+    arcs = force[touching & np.roll(touching, 1)]
+    spans = force[~touching & ~np.roll(touching, 1)]
+    assert spans.mean() > 1.05 * arcs.mean()
+    assert spans.max() / arcs.min() <= np.exp(params.friction.mu_k * np.pi / 2) * 1.05
+    # without friction the way does not matter
+    lubricated = bd.settle(params, offset={1: (-0.006, 0.0)})
+    means = [np.mean(oracle.joints(oracle.pack(fields(s)))[1]) for s in (lubricated, still)]
+    assert means[0] == pytest.approx(means[1], rel=2e-3)
+
+
+def test_slower_tensioning_ends_the_same() -> None:
+    """Quasi-static: doubling the time of the motion moves the tensions by little."""
+    params = bd.scenes.kubas_case_1().params
+    oracle = oracle_of(params)
+    forces = []
+    for move_time in (0.15, 0.3):
+        state = bd.settle(params, friction=True, offset={1: (-0.004, 0.0)}, move_time=move_time)
+        forces.append(oracle.joints(oracle.pack(fields(state)))[1])
+    assert np.max(np.abs(forces[0] - forces[1])) <= 0.05 * np.mean(forces[0])
+
+
+def test_true_rest_starts_without_a_jump() -> None:
+    """Simulated without torque the settled belt stays where it is, its own friction joining in."""
+    params = bd.scenes.kubas_case_1().params
+    result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.02)
+    first = result.joints.force[0]
+    assert np.max(np.abs(result.joints.force - first)) <= 1e-7 * np.mean(first)
+
+
+def test_settle_from_a_given_state_keeps_its_time() -> None:
+    params = bd.scenes.kubas_case_1().params
+    rest = bd.settle(params)
+    again = bd.settle(params, initial=attrs.evolve(rest, t=2.5, x=rest.x + 1e-5))
+    assert again.t == 2.5
+    assert again.residual <= 1e-9
+
+
+@pytest.mark.parametrize(("length", "words"), [(1.21, "too long"), (0.9, "too short")])
+def test_refuses_what_cannot_be_tensioned(length: float, words: str) -> None:
+    base = bd.scenes.kubas_case_1().params
+    with pytest.raises(ValueError, match=f"belt.length is {words} for its pulleys"):
+        attrs.evolve(base, belt=attrs.evolve(base.belt, length=length))
+
+
+def test_takes_a_belt_that_is_just_taut() -> None:
+    base = bd.scenes.kubas_case_1().params
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, length=1.2083))
+    assert 0.0 < params.info["strain"] < 2e-5
+    assert bd.settle(params).residual <= 1e-9
+
+
+def test_refuses_overlap_where_it_starts() -> None:
+    params = bd.scenes.kubas_case_1().params
+    with pytest.raises(ValueError, match="overlap"):
+        bd.settle(params, offset={1: (-0.2, 0.0)})
+
+
+def test_says_when_it_does_not_come_to_rest() -> None:
+    params = bd.scenes.kubas_case_1().params
+    with pytest.raises(bd.SimulationError, match="did not come to rest.*max_time") as caught:
+        bd.settle(params, max_time=1e-3)
+    assert caught.value.symbol == "BD_ERR_NOT_SETTLED"
+    assert caught.value.value > 1e-9

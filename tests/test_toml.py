@@ -1,0 +1,207 @@
+"""Parameters and scenes as TOML: exact both ways, and mistakes named by their path."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+SCENE = """\
+t_end = 0.5
+gravity = [0, -9.81]
+
+[belt]
+length = 1.2
+n_bodies = 60
+linear_density = 0.1
+axial_stiffness = 70e3
+
+[contact]
+linear = 2.5e7
+
+[friction]
+mu_k = 1
+sigma = 1e4
+
+[[pulleys]]
+center = [0, 0]
+radius = 0.1
+inertia = 0.01
+
+[[pulleys]]
+center = [0.29, 0.0]
+radius = 0.1
+inertia = 0.01
+
+[[torque]]
+kind = "piecewise_linear"
+t = [0, 0.3]
+values = [[0, 0], [-100, 0]]
+
+[[torque]]
+kind = "viscous"
+coefficients = [0, 16]
+"""
+
+
+@pytest.mark.parametrize("name", bd.scenes.names())
+def test_every_scene_survives_the_round_trip_exactly(name: str, tmp_path: Path) -> None:
+    scene = bd.scenes.get(name)
+    path = tmp_path / "scene.toml"
+    text = scene.to_toml(path)
+    assert path.read_text(encoding="utf-8") == text
+    for source in (text, path, str(path)):
+        assert bd.Scene.from_toml(source) == scene
+
+
+def test_params_survive_the_round_trip_to_the_last_bit(tmp_path: Path) -> None:
+    params = bd.scenes.three_pulleys().params
+    belt = attrs.evolve(params.belt, length=np.nextafter(1.1945, 2), axial_damping=1 / 3)
+    params = attrs.evolve(params, belt=belt, gravity=(5e-324, -1e22), friction=None)
+    assert bd.Params.from_toml(params.to_toml()) == params
+    params.to_toml(tmp_path / "drive.toml")
+    assert bd.Params.from_toml(tmp_path / "drive.toml") == params
+
+
+def test_a_scene_written_by_hand() -> None:
+    scene = bd.Scene.from_toml(SCENE)
+    assert scene.t_end == 0.5
+    assert scene.params.gravity == (0.0, -9.81)
+    assert scene.params.friction == bd.Dahl(mu_k=1.0, sigma=1e4), "dahl is the default"
+    assert scene.params.pulleys[1].center == (0.29, 0.0)
+    assert scene.torque_fn == bd.PiecewiseLinear([0, 0.3], [[0, 0], [-100, 0]]) + bd.Viscous(
+        [0, 16]
+    )
+
+
+def test_one_torque_is_itself_and_friction_may_be_absent() -> None:
+    text = SCENE.replace("[friction]\nmu_k = 1\nsigma = 1e4\n", "").split("[[torque]]")
+    scene = bd.Scene.from_toml(text[0] + "[[torque]]" + text[2])
+    assert scene.params.friction is None
+    assert scene.torque_fn == bd.Viscous([0, 16])
+    assert bd.Scene.from_toml(scene.to_toml()) == scene
+
+
+def test_text_is_readable() -> None:
+    text = bd.scenes.kubas_case_1().to_toml()
+    assert "center = [0.29, 0.0]" in text
+    assert "    [-100.0, 0.0],\n" in text
+    assert 'kind = "dahl"' in text
+    assert set(tomllib.loads(text)) == {
+        "t_end",
+        "gravity",
+        "belt",
+        "pulleys",
+        "contact",
+        "friction",
+        "torque",
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("radius = 0.1", "radus = 0.1", "pulleys[0].radus: unknown field (did you mean 'radius'?)"),
+        ("sigma = 1e4", "sigma = 1e4\nfoo = 1", "friction.foo: unknown field"),
+        ("t_end = 0.5", "t_end = 0.5\nspeed = 1", "speed: unknown field"),
+        ("coefficients", "t = [0]\ncoefficients", "torque[1].t: unknown field"),
+        ("length = 1.2\n", "", "belt.length: missing"),
+        ("[contact]\nlinear = 2.5e7\n", "", "contact: missing"),
+        ("t_end = 0.5\n", "", "t_end: missing"),
+        ("coefficients = [0, 16]", "", "torque[1].coefficients: missing"),
+        ('kind = "viscous"\n', "", "torque[1].kind must be one of piecewise_linear, viscous, got"),
+        ("mu_k = 1", 'kind = "lugre"', "friction.kind must be one of dahl, got 'lugre'"),
+        (
+            "length = 1.2",
+            'length = "1.2"',
+            "belt.length must be a real number (m), got '1.2'",
+        ),
+        ("n_bodies = 60", "n_bodies = 60.0", "belt.n_bodies must be an integer >= 3, got 60.0"),
+        (
+            "center = [0.29, 0.0]",
+            "center = [0.29]",
+            "pulleys[1].center must be a pair of real numbers (m), got [0.29]",
+        ),
+        (
+            "center = [0.29, 0.0]\nradius = 0.1",
+            "center = [0.29, 0.0]\nradius = -0.1",
+            "pulleys[1].radius must be > 0 (radius on which the link centres run, r_p), got -0.1 m",
+        ),
+        ("mu_k = 1", "mu_k = nan", "friction.mu_k must be finite, got nan"),
+        (
+            "gravity = [0, -9.81]",
+            "gravity = [0, inf]",
+            "gravity[1] must be finite (m/s^2), got inf",
+        ),
+        ("gravity = [0, -9.81]", "gravity = true", "gravity must be a pair of real numbers"),
+        ("t_end = 0.5", "t_end = 0", "t_end must be > 0 s, got 0 s"),
+        ("t_end = 0.5", 't_end = "1"', "t_end must be a real number (s), got '1'"),
+        ("t = [0, 0.3]", "t = [0.3, 0]", "torque[0].t must be non-decreasing"),
+        ("[0, 16]", "[0, 16, 1]", "TorqueSum.parts[1] must be for 2 pulley(s)"),
+        ("n_bodies = 60", "n_bodies = 60\nlength = 1", "not valid TOML: "),
+        ("[belt]", "[belt", "not valid TOML: "),
+        ("length = 1.2", "length = 1.3", "belt.length is too long for its pulleys"),
+    ],
+)
+def test_mistakes_are_one_line_that_names_the_path(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    text = SCENE.replace(old, new, 1)
+    assert text != SCENE
+    with pytest.raises(ValueError) as caught:
+        bd.Scene.from_toml(text)
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError) as caught:
+        bd.Scene.from_toml(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("belt = 1\n", "belt: must be a table, got 1"),
+        ("belt = [1, 2]\n", "belt: must be a table, got [1, 2]"),
+        ("pulleys = 3\n", "pulleys: must be an array of tables, [[...]]"),
+        ("pulleys = [3]\n", "pulleys[0]: must be a table, got 3"),
+        ("friction = 3\n", "friction: must be a table, got 3"),
+        ("[pulleys]\nradius = 1\n", "pulleys: must be an array of tables, [[...]]"),
+    ],
+)
+def test_wrong_structure(text: str, message: str) -> None:
+    good = tomllib.loads(SCENE)
+    document: dict[str, Any] = {k: good[k] for k in ("belt", "contact", "pulleys")}
+    wrong = tomllib.loads(text)
+    import tomli_w
+
+    with pytest.raises(ValueError) as caught:
+        bd.Params.from_toml(tomli_w.dumps(document | wrong))
+    assert str(caught.value) == message
+
+
+def test_a_scene_is_not_parameters() -> None:
+    with pytest.raises(ValueError, match=r"^t(_end|orque): unknown field"):
+        bd.Params.from_toml(SCENE)
+
+
+def test_no_such_file_and_not_text(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        bd.Scene.from_toml(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="not a text file in UTF-8"):
+        bd.Scene.from_toml(tmp_path / "binary.toml")
+
+
+def test_a_function_cannot_be_written() -> None:
+    scene = bd.scenes.kubas_case_1()._replace(torque_fn=lambda t, theta, omega: [0.0, 0.0])
+    with pytest.raises(TypeError, match=r"^torque_fn must be made of torque objects"):
+        scene.to_toml()
