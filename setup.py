@@ -28,6 +28,7 @@ FLAGS = [
     "-ffp-contract=off",
     "-fopenmp-simd",
     "-fvisibility=hidden",
+    "-fno-wrapv",  # Python builds with -fwrapv, which hides from the compiler how far loops run
 ]
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
 LEVELS = {
@@ -74,7 +75,7 @@ setup(
         Extension(
             "beltdyn._core",
             sources=sorted(str(p) for p in CORE.glob("*.c") if p.name not in LEVELS),
-            depends=sorted(str(p) for p in CORE.glob("*.h")),
+            depends=["setup.py", *sorted(str(p) for p in CORE.glob("*.[ch]"))],
             include_dirs=[str(CORE), numpy.get_include()],
             define_macros=[
                 ("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION"),

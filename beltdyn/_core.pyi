@@ -1,6 +1,6 @@
 """The C core as Python sees it: thin, positional, unforgiving. Users want :mod:`beltdyn`."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np

@@ -27,8 +27,8 @@ from beltdyn.errors import SimulationError
 N_B, N_P = 24, 2
 INF = math.inf
 TORQUE = [("piecewise", [0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]]), ("viscous", [0.0, 16.0])]
-LONG = 1e6  # seconds of simulated time that no test lives to see
-PATIENCE = 20.0  # seconds of wall time after which what should have happened did not
+LONG = 500.0  # simulated seconds, more than any test gets to see
+PATIENCE = 10.0  # wall seconds after which what should have happened did not
 RUNNING = "^the simulation is running in another call"
 
 
@@ -739,11 +739,26 @@ def when_running(simulation, action):
     return thread
 
 
-def interrupt():
-    os.kill(os.getpid(), signal.SIGINT)
+@pytest.fixture
+def interrupt(handlers):
+    """Send SIGINT, answered as Python does; `.seen`: was the simulation running then?"""
+
+    def send(simulation):
+        def handler(_number, _frame):
+            try:
+                simulation.state()
+            except RuntimeError:
+                send.seen.append("running")
+            raise KeyboardInterrupt
+
+        signal.signal(signal.SIGINT, handler)
+        return when_running(simulation, lambda: os.kill(os.getpid(), signal.SIGINT))
+
+    send.seen = []
+    return send
 
 
-def test_interrupt(model, rest, handlers):
+def test_interrupt(model, rest, interrupt):
     """A run that has no end to speak of is interrupted, and goes on as if it had not been."""
     times = np.linspace(0.0, 0.2, 41)
     undisturbed = _core.Simulation(model, rest, TORQUE, LONG)
@@ -754,7 +769,7 @@ def test_interrupt(model, rest, handlers):
     simulation = _core.Simulation(model, rest, TORQUE, LONG)
     samples = simulation.sample(times)
     for _ in range(3):
-        thread = when_running(simulation, interrupt)
+        thread = interrupt(simulation)
         with pytest.raises(KeyboardInterrupt):
             simulation.advance(PATIENCE)
         thread.join()
@@ -767,27 +782,30 @@ def test_interrupt(model, rest, handlers):
             {name: array[:done] for name, array in samples.items()},
             {name: array[:done] for name, array in expected.items()},
         )
+    assert interrupt.seen == ["running"] * 3
     while simulation.samples < times.size:
         simulation.advance(0.01)
     assert same_bits(samples, expected)
 
 
-def test_interrupt_in_python(model, rest, handlers):
+def test_interrupt_in_python(model, rest, interrupt):
     simulation = _core.Simulation(model, rest, [("call", drive)], LONG)
-    thread = when_running(simulation, interrupt)
+    thread = interrupt(simulation)
     with pytest.raises(KeyboardInterrupt):
         simulation.advance(PATIENCE)
     thread.join()
     state = simulation.state()
+    assert interrupt.seen == ["running"]
     assert 0.0 <= state["t"] < LONG and np.isfinite(state["x"]).all()
 
 
-def test_interrupt_settling(model, handlers):
+def test_interrupt_settling(model, interrupt):
     settling = _core.Simulation.settle(model, tolerance=1e-300, max_time=LONG)
-    thread = when_running(settling, interrupt)
+    thread = interrupt(settling)
     with pytest.raises(KeyboardInterrupt):
         settling.advance(PATIENCE)
     thread.join()
+    assert interrupt.seen == ["running"]
     assert np.isfinite(settling.state()["x"]).all()
 
 
@@ -833,5 +851,8 @@ def test_interrupt_of_a_process():
     ) as process:
         assert process.stdout.readline() == "ready\n"
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=30)
+        try:
+            _, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
     assert errors.rstrip().endswith("KeyboardInterrupt") and process.returncode != 0

@@ -1,0 +1,353 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The public C interface, used as a C program would; built with sanitizers by tests/test_c.py.
+ */
+#include <stdlib.h>
+
+#include "check.h"
+#include "scene.h"
+
+static void errors_have_names(void) {
+#define X(symbol, kind, text)                                                                      \
+  CHECK(strcmp(bd_error_symbol(symbol), #symbol) == 0);                                            \
+  CHECK(strcmp(bd_error_text(symbol), text) == 0);                                                 \
+  CHECK(bd_error_kind(symbol) == BD_KIND_##kind);                                                  \
+  CHECK(symbol < 0);
+  BD_ERRORS(X)
+#undef X
+  CHECK(strcmp(bd_error_symbol(BD_OK), "BD_OK") == 0);
+  CHECK(strcmp(bd_error_symbol(12345), "unknown") == 0);
+}
+
+static void refused(const bd_scene *scene, const char *field, int line) {
+  bd_model *model = NULL;
+  bd_error err;
+  int code = bd_model_create(&model, scene, &err);
+  if (code == BD_OK) {
+    code = bd_model_check_geometry(model, &err);
+  }
+  if (code >= 0 || strcmp(err.field, field) != 0 || err.message[0] == 0 || err.code != code) {
+    ++failures;
+    printf("line %d: expected %s refused, got %d %s: %s\n", line, field, code, err.field,
+           err.message);
+  }
+  bd_model_free(model);
+  CHECK(bd_model_create(&model, scene, NULL) <= 0); /* no error wanted: no crash */
+  bd_model_free(model);
+}
+
+static void bad_scenes_are_refused(void) {
+  const double bad[] = {0.0, -1.0, (double)NAN, (double)INFINITY};
+  for (int k = 0; k < 4; ++k) {
+    bd_pulley pulleys[NP];
+    bd_dahl friction = test_friction;
+    memcpy(pulleys, test_pulleys, sizeof pulleys);
+    bd_scene scene = test_scene();
+    scene.pulleys = pulleys;
+    scene.friction = &friction;
+#define BREAK(place, field)                                                                        \
+  do {                                                                                             \
+    double kept = place;                                                                           \
+    place = bad[k];                                                                                \
+    refused(&scene, field, __LINE__);                                                              \
+    place = kept;                                                                                  \
+  } while (0)
+    BREAK(scene.belt.length, "belt.length");
+    BREAK(scene.belt.linear_density, "belt.linear_density");
+    BREAK(scene.belt.axial_stiffness, "belt.axial_stiffness");
+    BREAK(pulleys[1].radius, "pulleys[1].radius");
+    BREAK(pulleys[2].inertia, "pulleys[2].inertia");
+    BREAK(friction.mu_k, "friction.mu_k");
+    BREAK(friction.sigma, "friction.sigma");
+    if (k > 0) {
+      BREAK(scene.belt.axial_damping, "belt.axial_damping");
+      BREAK(scene.belt.bending_stiffness, "belt.bending_stiffness");
+      BREAK(scene.belt.bending_damping, "belt.bending_damping");
+      BREAK(scene.contact.quadratic, "contact.quadratic");
+      BREAK(scene.contact.linear, "contact.linear");
+      BREAK(scene.contact.damping, "contact.damping");
+    }
+    if (k > 1) {
+      BREAK(scene.gravity[0], "gravity.x");
+      BREAK(scene.gravity[1], "gravity.y");
+      BREAK(pulleys[0].center[0], "pulleys[0].center.x");
+      BREAK(pulleys[2].center[1], "pulleys[2].center.y");
+    }
+  }
+  bd_scene scene = test_scene();
+  scene.belt.n_bodies = 2;
+  refused(&scene, "belt.n_bodies", __LINE__);
+  scene = test_scene();
+  scene.n_pulleys = 0;
+  refused(&scene, "pulleys", __LINE__);
+  scene = test_scene();
+  scene.belt.length = 1.3;
+  refused(&scene, "belt.length", __LINE__);
+  scene.belt.length = 0.5;
+  refused(&scene, "belt.length", __LINE__);
+  const bd_pulley overlapping[] = {{{0, 0}, 0.1, 1}, {{0.1, 0}, 0.1, 1}};
+  scene = test_scene();
+  scene.n_pulleys = 2;
+  scene.pulleys = overlapping;
+  refused(&scene, "pulleys", __LINE__);
+  const bd_pulley inside[] = {{{0, 0}, 0.1, 1}, {{0.5, 0}, 0.1, 1}, {{0.25, -0.02}, 0.05, 1}};
+  scene.n_pulleys = 3;
+  scene.pulleys = inside;
+  refused(&scene, "pulleys", __LINE__);
+}
+
+static void belt_lines_have_their_lengths(void) {
+  const bd_pulley equal[] = {{{0, 0}, 0.1, 1}, {{0.29, 0}, 0.1, 1}};
+  const bd_pulley unequal[] = {{{0, 0}, 0.06, 1}, {{0.35, 0}, 0.12, 1}};
+  bd_scene scene = test_scene();
+  bd_model *model = NULL;
+  bd_info info;
+  scene.n_pulleys = 2;
+  scene.pulleys = equal;
+  CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+  bd_model_info(model, &info);
+  CHECK(fabs(info.path_length - (2 * 0.29 + 2 * acos(-1.0) * 0.1)) < 1e-14);
+  CHECK(info.winding == -1);
+  bd_model_free(model);
+  scene.pulleys = unequal;
+  CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+  bd_model_info(model, &info);
+  double tilt = asin(0.06 / 0.35);
+  double exact = 2 * 0.35 * cos(tilt) + 0.06 * (acos(-1.0) - 2 * tilt) +
+                 0.12 * (acos(-1.0) + 2 * tilt);
+  CHECK(fabs(info.path_length - exact) < 1e-14);
+  bd_model_free(model);
+  const bd_pulley single[] = {{{3, 4}, 0.1, 1}};
+  scene.pulleys = single;
+  scene.n_pulleys = 1;
+  CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+  bd_model_info(model, &info);
+  CHECK(fabs(info.path_length - 2 * acos(-1.0) * 0.1) < 1e-14);
+  bd_model_free(model);
+}
+
+static void settles_and_runs(void) {
+  static room r, r2;
+  bd_error err;
+  bd_model *model = NULL;
+  bd_scene scene = test_scene();
+  bd_state state = state_in(&r);
+  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
+  CHECK(settle_into(model, &state, &err) == BD_OK);
+  for (int i = 0; i < N; ++i) {
+    CHECK(state.vx[i] == 0.0 && state.vy[i] == 0.0 && state.vphi[i] == 0.0);
+  }
+
+  const double t[] = {0.0, 1e-3, 1e-3, 2e-3};
+  const double values[4][NP] = {{0}, {-5, 1, 0}, {-10, 1, 0}, {0}}, drag[NP] = {0.1, 0.2, 0.3};
+  const bd_torque_term terms[] = {
+      {.kind = BD_TORQUE_PIECEWISE, .n_t = 4, .t = t, .values = values[0]},
+      {.kind = BD_TORQUE_VISCOUS, .coefficients = drag}};
+  const double more[] = {0.5e-3};
+  const bd_torque torque = {2, terms, 1, more};
+  enum { SAMPLES = 7 };
+  double times[SAMPLES] = {0, 0.3e-3, 0.5e-3, 1e-3, 1e-3, 2.5e-3, 3e-3};
+  static double rows[17][SAMPLES * N];
+  static double energy[SAMPLES * BD_N_ENERGY];
+  static int32_t touched[SAMPLES * N];
+  bd_output out = {.pulley = touched};
+  int k = 0;
+#define X(name, group, size, unit, text) out.name = rows[k++];
+  BD_OUTPUTS(X)
+#undef X
+  out.energy = energy;
+
+  bd_sim *sim = NULL;
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 3e-3, NULL, &err) == BD_OK);
+  times[6] = 4e-3;
+  CHECK(bd_sim_set_output(sim, SAMPLES, times, &out, &err) == BD_ERR_OPTION);
+  times[6] = 3e-3;
+  CHECK(bd_sim_set_output(sim, SAMPLES, times, &out, &err) == BD_OK);
+  CHECK(bd_sim_set_output(sim, SAMPLES, times, &out, &err) == BD_ERR_BUSY);
+  CHECK(bd_sim_advance(sim, 1, &err) == BD_MORE);
+  CHECK(bd_sim_samples(sim) == 1);
+  CHECK(finish(sim, &err) == BD_OK);
+  CHECK(bd_sim_advance(sim, 1, &err) == BD_OK); /* at the end: stays there */
+  CHECK(bd_sim_samples(sim) == SAMPLES);
+  CHECK(bd_sim_time(sim) == 3e-3);
+  bd_stats stats;
+  bd_sim_stats(sim, &stats);
+  CHECK(stats.steps > 10 && stats.nfev >= 6 * stats.steps);
+  CHECK(bd_sim_pass(sim, 0) != NULL && bd_sim_pass(sim, 99) == NULL && bd_sim_pass(sim, -1) == NULL);
+  CHECK(strcmp(bd_sim_method(sim), "tsit5") == 0);
+  bd_state end = state_in(&r2);
+  bd_sim_state(sim, &end);
+  CHECK(memcmp(end.x, out.x + 6 * N, N * sizeof(double)) == 0);
+  CHECK(end.omega[0] != 0.0);
+  CHECK(out.torque[3 * NP] == -5.0 - 0.1 * out.omega[3 * NP]); /* before the jump */
+  for (int i = 0; i < SAMPLES * N; ++i) {
+    CHECK(touched[i] >= -1 && touched[i] < NP);
+    CHECK(out.normal[i] >= 0.0 && fabs(out.mu[i]) <= 0.8);
+  }
+  bd_sim_free(sim);
+
+  /* the fixed-step method reaches the same place */
+  bd_options options;
+  bd_options_default(&options);
+  options.method = "rk4";
+  options.step = 1e-6;
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 3e-3, &options, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_OK);
+  static room r3;
+  bd_state again = state_in(&r3);
+  bd_sim_state(sim, &again);
+  for (int i = 0; i < N; ++i) {
+    CHECK(fabs(again.x[i] - end.x[i]) < 1e-9);
+  }
+  bd_sim_free(sim);
+  bd_model_free(model);
+}
+
+static void bad_runs_are_refused(void) {
+  static room r;
+  bd_error err;
+  bd_model *model = NULL;
+  bd_sim *sim = NULL;
+  bd_scene scene = test_scene();
+  bd_state state = state_in(&r);
+  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
+  CHECK(settle_into(model, &state, &err) == BD_OK);
+  bd_options options;
+  bd_options_default(&options);
+  CHECK(bd_sim_create(&sim, model, &state, NULL, 0.0, NULL, &err) == BD_ERR_OPTION && !sim);
+  CHECK(bd_sim_create(&sim, model, &state, NULL, (double)NAN, NULL, &err) == BD_ERR_OPTION);
+  options.method = "euler";
+  CHECK(bd_sim_create(&sim, model, &state, NULL, 1.0, &options, &err) == BD_ERR_OPTION);
+  CHECK(strstr(err.message, "euler") != NULL);
+  bd_options_default(&options);
+  options.rtol = 0.0;
+  CHECK(bd_sim_create(&sim, model, &state, NULL, 1.0, &options, &err) == BD_ERR_OPTION);
+  const double backwards[] = {1.0, 0.0}, zero[2 * NP] = {0}, nan3[NP] = {0, (double)NAN, 0};
+  const bd_torque_term bad[] = {
+      {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = backwards, .values = zero},
+      {.kind = BD_TORQUE_PIECEWISE, .n_t = 1, .t = zero, .values = nan3},
+      {.kind = BD_TORQUE_VISCOUS, .coefficients = nan3},
+      {.kind = BD_TORQUE_FUNCTION},
+      {.kind = BD_TORQUE_CALL},
+      {.kind = 77},
+  };
+  for (size_t k = 0; k < sizeof bad / sizeof bad[0]; ++k) {
+    const bd_torque torque = {.n_terms = 1, .terms = &bad[k]};
+    CHECK(bd_sim_create(&sim, model, &state, &torque, 1.0, NULL, &err) == BD_ERR_TORQUE_DATA);
+    CHECK(sim == NULL);
+  }
+  state.vphi[7] = (double)NAN;
+  CHECK(bd_sim_create(&sim, model, &state, NULL, 1.0, NULL, &err) == BD_ERR_STATE);
+  CHECK(err.body == 7 && strcmp(err.field, "vphi") == 0);
+  state.vphi[7] = 0.0;
+  state.mu[3] = 2.0;
+  CHECK(bd_sim_create(&sim, model, &state, NULL, 1.0, NULL, &err) == BD_ERR_STATE);
+  bd_model_free(model);
+}
+
+static int stop_later(double t, const double *theta, const double *omega, double *torque,
+                      void *user) {
+  (void)theta, (void)omega;
+  torque[0] = -1.0;
+  if (user && t > 1e-4) {
+    return 42;
+  }
+  return 0;
+}
+
+static void turn_bad(double t, const double *theta, const double *omega, double *torque,
+                     void *user) {
+  (void)theta, (void)omega, (void)user;
+  torque[1] = t > 1e-4 ? (double)NAN : 0.0;
+}
+
+typedef struct reentry {
+  bd_sim *sim;
+  int seen;
+} reentry;
+
+static int enter_again(double t, const double *theta, const double *omega, double *torque,
+                       void *user) {
+  (void)t, (void)theta, (void)omega, (void)torque;
+  reentry *r = user;
+  bd_error err;
+  r->seen = bd_sim_advance(r->sim, 1, &err);
+  return 0;
+}
+
+static void torque_functions_are_heard(void) {
+  static room r;
+  bd_error err;
+  bd_model *model = NULL;
+  bd_sim *sim = NULL;
+  bd_scene scene = test_scene();
+  bd_state state = state_in(&r);
+  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
+  CHECK(settle_into(model, &state, &err) == BD_OK);
+  bd_torque_term term = {.kind = BD_TORQUE_CALL, .call = stop_later, .user = &r};
+  bd_torque torque = {.n_terms = 1, .terms = &term};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-2, NULL, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_ERR_CALLBACK);
+  CHECK(bd_sim_time(sim) <= 1e-4 && bd_sim_time(sim) > 0.0);
+  CHECK(bd_sim_advance(sim, 1, &err) == BD_ERR_CALLBACK); /* the error stays */
+  bd_sim_free(sim);
+
+  term = (bd_torque_term){.kind = BD_TORQUE_FUNCTION, .function = turn_bad};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-2, NULL, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_ERR_TORQUE_VALUE);
+  CHECK(err.pulley == 1 && err.t > 1e-4 && bd_sim_time(sim) <= 1e-4);
+  bd_sim_free(sim);
+
+  reentry inner = {0};
+  term = (bd_torque_term){.kind = BD_TORQUE_CALL, .call = enter_again, .user = &inner};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-5, NULL, &err) == BD_OK);
+  inner.sim = sim;
+  CHECK(finish(sim, &err) == BD_OK);
+  CHECK(inner.seen == BD_ERR_BUSY);
+  bd_sim_free(sim);
+  bd_model_free(model);
+}
+
+static void rates_leave_no_trace(void) {
+  static room r, r2;
+  bd_error err;
+  bd_model *model = NULL;
+  bd_scene scene = test_scene();
+  bd_state state = state_in(&r), rate = state_in(&r2);
+  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
+  CHECK(settle_into(model, &state, &err) == BD_OK);
+  const double torque[NP] = {1.0, 0.0, -1.0};
+  CHECK(bd_model_rate(model, &state, torque, &rate, &err) == BD_OK);
+  CHECK(fabs(rate.omega[0] - (1.0 / 0.01 + (rate.omega[0] - 1.0 / 0.01))) < 1e-9);
+  for (int i = 0; i < N; ++i) {
+    CHECK(rate.x[i] == state.vx[i] && rate.phi[i] == state.vphi[i]);
+  }
+  state.x[0] = (double)INFINITY;
+  CHECK(bd_model_rate(model, &state, torque, &rate, &err) == BD_ERR_STATE);
+  bd_model_free(model);
+}
+
+static void dahl_in_closed_form(void) {
+  CHECK(fabs(bd_dahl_slide(1e-4, 0.0, 0.8, 1e4) - 0.5707962) < 5e-8);
+  const double x[] = {0.0, 1e-4, 2e-4, 5e-5};
+  double mu[4];
+  bd_dahl_path(4, x, 0.0, 0.8, 1e4, mu);
+  CHECK(fabs(mu[3] + 0.5647026) < 5e-8);
+  bd_dahl_path(0, NULL, 0.0, 0.8, 1e4, NULL);
+}
+
+static const test tests[] = {
+#define T(name) {#name, name}
+    T(errors_have_names),
+    T(bad_scenes_are_refused),
+    T(belt_lines_have_their_lengths),
+    T(settles_and_runs),
+    T(bad_runs_are_refused),
+    T(torque_functions_are_heard),
+    T(rates_leave_no_trace),
+    T(dahl_in_closed_form),
+};
+
+int main(int argc, char **argv) {
+  return run_tests(argc, argv, tests, (int)(sizeof tests / sizeof tests[0]));
+}
