@@ -1,8 +1,8 @@
 """Builds the C core. Everything else stands in pyproject.toml.
 
-The core is plain C11. On x86-64 its inner loops (``kernels_*.c``) are compiled once per instruction
-level, each file with flags of its own, and the level is chosen when a model is made; nothing is built
-for the machine that happens to build it.
+The core is plain C11. On x86-64 its inner loops (``kernels_*.c``) are compiled once per
+instruction level, each file with flags of its own, and the level is chosen when a model is made;
+nothing is built for the machine that happens to build it.
 
 ``BELTDYN_STRICT=1`` turns warnings on and into errors (used by ``.ci/run``).
 """

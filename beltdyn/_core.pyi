@@ -78,10 +78,12 @@ class Simulation:
     ) -> Simulation: ...
     def sample(self, t: ArrayLike) -> dict[str, NDArray[Any]]:
         """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the
-        run fills row by row."""
+        run fills row by row.
+        """
     def advance(self, seconds: float) -> bool:
         """Run for about this much wall time, without the GIL where no Python callback is needed,
-        answering signals; True at the end of the run."""
+        answering signals; True at the end of the run.
+        """
     @property
     def time(self) -> float: ...
     @property

@@ -226,6 +226,14 @@ class Stats:
 _G = TypeVar("_G", bound=_Group)
 
 
+def _mean(values: Array) -> Array:
+    """Mean over time of what is there; NaN where nothing ever is."""
+    there = ~np.isnan(values)
+    count = there.sum(axis=0)
+    total = np.where(there, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Result:
     """A run, finished or not: time is the first axis of every array.
@@ -324,7 +332,10 @@ class Result:
 
         NaN while pulley 0 all but stands, below a thousandth of its highest speed.
         """
-        speed = self.pulleys.omega * np.array([pulley.radius for pulley in self.params.pulleys])
+        return self._slip(self.pulleys.omega)
+
+    def _slip(self, omega: Array) -> Array:
+        speed = omega * np.array([pulley.radius for pulley in self.params.pulleys])
         first = np.abs(speed[:, :1])
         stands = first <= 1e-3 * np.max(first, initial=0.0)
         return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))
@@ -338,7 +349,11 @@ class Result:
         )
 
     def summary(self) -> list[tuple[str, str]]:
-        """List what one looks at first, of the last sample: label and value."""
+        """List what one looks at first: label and value.
+
+        Speeds, tensions and slip are means over the last tenth of the run, for a link that comes
+        or goes shakes them from sample to sample.
+        """
 
         def per_pulley(values: Array, form: str, unit: str) -> str:
             return ", ".join("-" if v != v else f"{v:{form}}" for v in values) + unit
@@ -346,14 +361,17 @@ class Result:
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
         if self.t.size:
+            late = self.t >= self.t[-1] - 0.1 * (self.t[-1] - self.t[0])
+            speeds = self.pulleys.omega[late].mean(axis=0)
+            slip = self._slip(speeds[None])[0, 1:]
             rows += [
-                ("pulley speeds", per_pulley(self.pulleys.omega[-1], ".5g", " rad/s")),
-                ("span tensions", per_pulley(self.span_tension[-1], ".5g", " N")),
+                ("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"),
+                ("  pulley speeds", per_pulley(speeds, ".5g", " rad/s")),
+                ("  span tensions", per_pulley(_mean(self.span_tension[late]), ".5g", " N")),
             ]
-            slip = self.slip[-1, 1:]
             # Beyond 100 % the pulleys turn against each other and slip says nothing.
             if slip.size and (np.abs(slip) <= 1.0).all():
-                rows.append(("slip against pulley 0", per_pulley(100 * slip, ".3g", " %")))
+                rows.append(("  slip against pulley 0", per_pulley(100 * slip, ".3g", " %")))
         if self.t.size and self.energy is not None:
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
             share = f" ({abs(residual) / passed:.2g} of {passed:.3g} J)" if passed > 0 else ""

@@ -97,7 +97,9 @@ static int row_of(int code) {
 
 const char *bd_error_symbol(int code) {
   int row = row_of(code);
-  return row < 0 ? (code == BD_OK ? "BD_OK" : code == BD_MORE ? "BD_MORE" : "unknown")
+  return row < 0 ? (code == BD_OK     ? "BD_OK"
+                    : code == BD_MORE ? "BD_MORE"
+                                      : "unknown")
                  : errors[row].symbol;
 }
 

@@ -100,14 +100,14 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err);
 
 typedef struct bd_info {
   int n_bodies, n_pulleys;
-  int n_slots;          /* friction slots per link; 1 unless pulleys overlap; 0 without friction */
-  int winding;          /* turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise */
+  int n_slots; /* friction slots per link; 1 unless pulleys overlap; 0 without friction */
+  int winding; /* turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise */
   double link_length, link_mass, link_inertia;
   double joint_stiffness, joint_damping, bending_stiffness, bending_damping; /* per joint */
   double contact_quadratic, contact_linear, contact_damping;                 /* per link */
-  double path_length;   /* of the tight belt line round the pulleys [m] */
-  double strain;        /* path_length / length - 1 */
-  double mean_tension;  /* axial_stiffness * strain, the scale of forces [N] */
+  double path_length;    /* of the tight belt line round the pulleys [m] */
+  double strain;         /* path_length / length - 1 */
+  double mean_tension;   /* axial_stiffness * strain, the scale of forces [N] */
   double spectral_bound; /* closed-form |lambda|max of the joints [1/s] */
 } bd_info;
 
@@ -159,10 +159,11 @@ typedef struct bd_torque {
 typedef struct bd_options {
   const char *method; /* NULL or "auto", "tsit5", "rk4" */
   double rtol;        /* adaptive: local error over the joint's stretch scale, max norm */
-  double step;        /* rk4: the step (0: from the spectral bound); adaptive: the first step (0: chosen) */
-  double max_step;    /* 0: none */
-  long max_steps;     /* 0: none */
-  int ledger;         /* carry the energy ledger */
+  double
+      step; /* rk4: the step (0: from the spectral bound); adaptive: the first step (0: chosen) */
+  double max_step; /* 0: none */
+  long max_steps;  /* 0: none */
+  int ledger;      /* carry the energy ledger */
 } bd_options;
 
 void bd_options_default(bd_options *options);
@@ -174,12 +175,13 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err);
 
 typedef struct bd_settle_options {
-  int friction;         /* friction acts while settling (and its state is kept) */
-  int free_pulleys;     /* pulleys may turn; else they are held */
-  const double *offset; /* (n_p, 2): centres start displaced by this and move in; NULL: they do not */
-  double move_time;     /* duration of that motion [s]; 0: chosen */
-  double tolerance;     /* at rest when the unbalanced force is below this times the mean tension */
-  double max_time;      /* give up after this much simulated time [s]; 0: chosen */
+  int friction;     /* friction acts while settling (and its state is kept) */
+  int free_pulleys; /* pulleys may turn; else they are held */
+  const double
+      *offset;      /* (n_p, 2): centres start displaced by this and move in; NULL: they do not */
+  double move_time; /* duration of that motion [s]; 0: chosen */
+  double tolerance; /* at rest when the unbalanced force is below this times the mean tension */
+  double max_time;  /* give up after this much simulated time [s]; 0: chosen */
 } bd_settle_options;
 
 void bd_settle_options_default(bd_settle_options *options);

@@ -5,9 +5,9 @@
  *
  *   mu = (mu0 -+ mu_k) exp(-(sigma / mu_k) |x - x0|) +- mu_k        for v_T >= 0 / v_T < 0.
  *
- * Written with expm1, mu0 + (s mu_k - mu0) (1 - exp(-z)), because the form of the paper cancels when
- * z is small or mu_k large. The integrators carry the state form dmu/dt = sigma (v - |v| mu / mu_k);
- * this is the yardstick it is held against (tests/test_friction.py).
+ * Written with expm1, mu0 + (s mu_k - mu0) (1 - exp(-z)), because the form of the paper cancels
+ * when z is small or mu_k large. The integrators carry the state form dmu/dt = sigma (v - |v| mu /
+ * mu_k); this is the yardstick it is held against (tests/test_friction.py).
  */
 #include <math.h>
 

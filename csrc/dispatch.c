@@ -36,4 +36,6 @@ const bd_kernels *bd_kernels_choose(void) {
   return found[0];
 }
 
-const char *bd_kernel_level(void) { return bd_kernels_choose()->level; }
+const char *bd_kernel_level(void) {
+  return bd_kernels_choose()->level;
+}

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Explicit Runge-Kutta methods as tableaux, one row each. All end with a stage at (t + h, y_new), so
- * the last rate of a step is the first of the next, and both ends' rates serve dense output.
+ * Explicit Runge-Kutta methods as tableaux, one row each. All end with a stage at (t + h, y_new),
+ * so the last rate of a step is the first of the next, and both ends' rates serve dense output.
  *
  * tsit5: Ch. Tsitouras, "Runge-Kutta pairs of order 5(4) satisfying only the first column
- *   simplifying assumption", Comput. Math. Appl. 62 (2011) 770-775; its free interpolant of order 4.
- *   Real stability limit 3.507; 3.0 to 3.5 for modes up to 80 degrees from it, 0.51 if undamped.
- * rk4: the classical method, cubic Hermite between its points.
+ *   simplifying assumption", Comput. Math. Appl. 62 (2011) 770-775; its free interpolant of
+ * order 4. Real stability limit 3.507; 3.0 to 3.5 for modes up to 80 degrees from it, 0.51 if
+ * undamped. rk4: the classical method, cubic Hermite between its points.
  *
  * Guarded by tests/test_integrators.py: order conditions, observed order, dense output.
  */
@@ -17,12 +17,25 @@
 static const double tsit5_c[] = {0.0, 0.161, 0.327, 0.9, 0.9800255409045097, 1.0, 1.0};
 static const double tsit5_a[] = {
     0.161,
-    -0.008480655492356989, 0.335480655492357,
-    2.8971530571054935, -6.359448489975075, 4.3622954328695815,
-    5.325864828439257, -11.748883564062828, 7.4955393428898365, -0.09249506636175525,
-    5.86145544294642, -12.92096931784711, 8.159367898576159, -0.071584973281401,
+    -0.008480655492356989,
+    0.335480655492357,
+    2.8971530571054935,
+    -6.359448489975075,
+    4.3622954328695815,
+    5.325864828439257,
+    -11.748883564062828,
+    7.4955393428898365,
+    -0.09249506636175525,
+    5.86145544294642,
+    -12.92096931784711,
+    8.159367898576159,
+    -0.071584973281401,
     -0.028269050394068383,
-    0.09646076681806523, 0.01, 0.4798896504144996, 1.379008574103742, -3.290069515436081,
+    0.09646076681806523,
+    0.01,
+    0.4798896504144996,
+    1.379008574103742,
+    -3.290069515436081,
     2.324710524099774,
 };
 static const double tsit5_error[] = {

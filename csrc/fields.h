@@ -9,96 +9,96 @@
 
 /* Scene parameters: X(group, name, rule, unit, text). Rules: POSITIVE (> 0), NONNEGATIVE (>= 0),
  * FINITE, LINKS (integer >= 3). Groups are the structs of beltdyn.h and the Python classes. */
-#define BD_PARAMETERS(X)                                                                            \
-  X(belt, length, POSITIVE, "m", "stress-free length of the closed belt, L")                        \
-  X(belt, n_bodies, LINKS, "1", "number of rigid links, n_b")                                       \
-  X(belt, linear_density, POSITIVE, "kg/m", "mass per unit length, rho A")                          \
-  X(belt, axial_stiffness, POSITIVE, "N", "EA")                                                     \
-  X(belt, axial_damping, NONNEGATIVE, "N s", "eta A")                                               \
-  X(belt, bending_stiffness, NONNEGATIVE, "N m^2", "EI")                                            \
-  X(belt, bending_damping, NONNEGATIVE, "N m^2 s", "eta I; 0 in the paper")                         \
-  X(pulley, radius, POSITIVE, "m", "radius on which the link centres run, r_p")                     \
-  X(pulley, inertia, POSITIVE, "kg m^2", "moment of inertia about the axis, I")                     \
-  X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                        \
-  X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                           \
-  X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                         \
-  X(dahl, mu_k, POSITIVE, "1", "kinetic friction coefficient (2.9)")                                \
+#define BD_PARAMETERS(X)                                                                           \
+  X(belt, length, POSITIVE, "m", "stress-free length of the closed belt, L")                       \
+  X(belt, n_bodies, LINKS, "1", "number of rigid links, n_b")                                      \
+  X(belt, linear_density, POSITIVE, "kg/m", "mass per unit length, rho A")                         \
+  X(belt, axial_stiffness, POSITIVE, "N", "EA")                                                    \
+  X(belt, axial_damping, NONNEGATIVE, "N s", "eta A")                                              \
+  X(belt, bending_stiffness, NONNEGATIVE, "N m^2", "EI")                                           \
+  X(belt, bending_damping, NONNEGATIVE, "N m^2 s", "eta I; 0 in the paper")                        \
+  X(pulley, radius, POSITIVE, "m", "radius on which the link centres run, r_p")                    \
+  X(pulley, inertia, POSITIVE, "kg m^2", "moment of inertia about the axis, I")                    \
+  X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
+  X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
+  X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                        \
+  X(dahl, mu_k, POSITIVE, "1", "kinetic friction coefficient (2.9)")                               \
   X(dahl, sigma, POSITIVE, "1/m", "stiffness of the friction joint at rest (2.9)")
 
 /* Fields of a state: X(name, size): LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS
  * n_p. With time they are exactly what a restart needs. */
-#define BD_STATE_FIELDS(X)                                                                          \
-  X(x, LINKS)                                                                                       \
-  X(y, LINKS)                                                                                       \
-  X(phi, LINKS)                                                                                     \
-  X(vx, LINKS)                                                                                      \
-  X(vy, LINKS)                                                                                      \
-  X(vphi, LINKS)                                                                                    \
-  X(mu, SLOTS)                                                                                      \
-  X(slip, SLOTS)                                                                                    \
-  X(theta, PULLEYS)                                                                                 \
+#define BD_STATE_FIELDS(X)                                                                         \
+  X(x, LINKS)                                                                                      \
+  X(y, LINKS)                                                                                      \
+  X(phi, LINKS)                                                                                    \
+  X(vx, LINKS)                                                                                     \
+  X(vy, LINKS)                                                                                     \
+  X(vphi, LINKS)                                                                                   \
+  X(mu, SLOTS)                                                                                     \
+  X(slip, SLOTS)                                                                                   \
+  X(theta, PULLEYS)                                                                                \
   X(omega, PULLEYS)
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). */
-#define BD_OUTPUTS(X)                                                                               \
-  X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                            \
-  X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                           \
-  X(torque, pulleys, PULLEYS, "N m", "set torque M_d")                                              \
-  X(x, belt, LINKS, "m", "mass centre")                                                             \
-  X(y, belt, LINKS, "m", "mass centre")                                                             \
-  X(phi, belt, LINKS, "rad", "link angle, continuous")                                              \
-  X(vx, belt, LINKS, "m/s", "velocity of the mass centre")                                          \
-  X(vy, belt, LINKS, "m/s", "velocity of the mass centre")                                          \
-  X(vphi, belt, LINKS, "rad/s", "angular velocity of the link")                                     \
-  X(deformation, joints, LINKS, "m", "stretch of the joint on the left of the link, along it")      \
-  X(force, joints, LINKS, "N", "force in that joint, along it, tension positive")                   \
-  X(normal, contact, LINKS, "N", "normal force on the link, N")                                     \
-  X(friction, contact, LINKS, "N", "friction force mu N; on the link it acts along -t")             \
-  X(mu, contact, LINKS, "1", "friction coefficient, Dahl state")                                    \
-  X(slip, contact, LINKS, "m", "slip displacement since contact began")                             \
-  X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                       \
+#define BD_OUTPUTS(X)                                                                              \
+  X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
+  X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \
+  X(torque, pulleys, PULLEYS, "N m", "set torque M_d")                                             \
+  X(x, belt, LINKS, "m", "mass centre")                                                            \
+  X(y, belt, LINKS, "m", "mass centre")                                                            \
+  X(phi, belt, LINKS, "rad", "link angle, continuous")                                             \
+  X(vx, belt, LINKS, "m/s", "velocity of the mass centre")                                         \
+  X(vy, belt, LINKS, "m/s", "velocity of the mass centre")                                         \
+  X(vphi, belt, LINKS, "rad/s", "angular velocity of the link")                                    \
+  X(deformation, joints, LINKS, "m", "stretch of the joint on the left of the link, along it")     \
+  X(force, joints, LINKS, "N", "force in that joint, along it, tension positive")                  \
+  X(normal, contact, LINKS, "N", "normal force on the link, N")                                    \
+  X(friction, contact, LINKS, "N", "friction force mu N; on the link it acts along -t")            \
+  X(mu, contact, LINKS, "1", "friction coefficient, Dahl state")                                   \
+  X(slip, contact, LINKS, "m", "slip displacement since contact began")                            \
+  X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
   X(energy, energy, ENERGY, "J", "the ledger, columns as BD_ENERGY_TERMS")
 
 /* The energy ledger, MODEL section 7: X(name, text). */
-#define BD_ENERGY_TERMS(X)                                                                          \
-  X(kinetic, "links and pulleys")                                                                   \
-  X(axial, "stored in the joints' stretch")                                                         \
-  X(bending, "stored in the joints' bending")                                                       \
-  X(contact, "stored in the contact")                                                               \
-  X(gravity, "potential")                                                                           \
-  X(drive, "work done by the set torques since the start")                                          \
-  X(joint_loss, "lost in the joint dampers since the start")                                        \
-  X(contact_loss, "lost in the contact dampers since the start")                                    \
-  X(friction_loss, "work of friction against slip since the start")                                 \
+#define BD_ENERGY_TERMS(X)                                                                         \
+  X(kinetic, "links and pulleys")                                                                  \
+  X(axial, "stored in the joints' stretch")                                                        \
+  X(bending, "stored in the joints' bending")                                                      \
+  X(contact, "stored in the contact")                                                              \
+  X(gravity, "potential")                                                                          \
+  X(drive, "work done by the set torques since the start")                                         \
+  X(joint_loss, "lost in the joint dampers since the start")                                       \
+  X(contact_loss, "lost in the contact dampers since the start")                                   \
+  X(friction_loss, "work of friction against slip since the start")                                \
   X(residual, "E(t) - E(0) - (drive - losses): 0 but for integration error")
 
 /* Counters of a run: X(type, name, text). */
-#define BD_STATS(X)                                                                                 \
-  X(long, steps, "accepted steps")                                                                  \
-  X(long, rejected, "rejected steps")                                                               \
-  X(long, nfev, "evaluations of the right-hand side")                                               \
-  X(long, searches, "rebuilds of the list of links that can touch a pulley")                        \
-  X(double, smallest_step, "smallest accepted step [s]")                                            \
-  X(double, largest_step, "largest accepted step [s]")                                              \
-  X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                    \
+#define BD_STATS(X)                                                                                \
+  X(long, steps, "accepted steps")                                                                 \
+  X(long, rejected, "rejected steps")                                                              \
+  X(long, nfev, "evaluations of the right-hand side")                                              \
+  X(long, searches, "rebuilds of the list of links that can touch a pulley")                       \
+  X(double, smallest_step, "smallest accepted step [s]")                                           \
+  X(double, largest_step, "largest accepted step [s]")                                             \
+  X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                   \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),
  * CALL (a callback asked to stop), RUN (a run that cannot go on). */
-#define BD_ERRORS(X)                                                                                \
-  X(BD_ERR_MEMORY, MEMORY, "out of memory")                                                         \
-  X(BD_ERR_PARAMETER, VALUE, "a parameter breaks its rule")                                         \
-  X(BD_ERR_GEOMETRY, VALUE, "the belt cannot run on these pulleys")                                 \
-  X(BD_ERR_STATE, VALUE, "the state is not finite or not of this model")                            \
-  X(BD_ERR_OPTION, VALUE, "an option breaks its rule")                                              \
-  X(BD_ERR_TORQUE_DATA, VALUE, "the torque data break their rule")                                  \
-  X(BD_ERR_BUSY, USE, "the simulation is running in another call")                                  \
-  X(BD_ERR_CALLBACK, CALL, "the torque function asked to stop")                                     \
-  X(BD_ERR_TORQUE_VALUE, RUN, "the torque is not finite")                                           \
-  X(BD_ERR_STEP_FLOOR, RUN, "the step fell below its floor")                                        \
-  X(BD_ERR_NOT_FINITE, RUN, "the state is no longer finite")                                        \
-  X(BD_ERR_PASSED_THROUGH, RUN, "a link passed through a pulley")                                   \
-  X(BD_ERR_MAX_STEPS, RUN, "the limit on steps was reached")                                        \
+#define BD_ERRORS(X)                                                                               \
+  X(BD_ERR_MEMORY, MEMORY, "out of memory")                                                        \
+  X(BD_ERR_PARAMETER, VALUE, "a parameter breaks its rule")                                        \
+  X(BD_ERR_GEOMETRY, VALUE, "the belt cannot run on these pulleys")                                \
+  X(BD_ERR_STATE, VALUE, "the state is not finite or not of this model")                           \
+  X(BD_ERR_OPTION, VALUE, "an option breaks its rule")                                             \
+  X(BD_ERR_TORQUE_DATA, VALUE, "the torque data break their rule")                                 \
+  X(BD_ERR_BUSY, USE, "the simulation is running in another call")                                 \
+  X(BD_ERR_CALLBACK, CALL, "the torque function asked to stop")                                    \
+  X(BD_ERR_TORQUE_VALUE, RUN, "the torque is not finite")                                          \
+  X(BD_ERR_STEP_FLOOR, RUN, "the step fell below its floor")                                       \
+  X(BD_ERR_NOT_FINITE, RUN, "the state is no longer finite")                                       \
+  X(BD_ERR_PASSED_THROUGH, RUN, "a link passed through a pulley")                                  \
+  X(BD_ERR_MAX_STEPS, RUN, "the limit on steps was reached")                                       \
   X(BD_ERR_NOT_SETTLED, RUN, "the belt did not come to rest")
 
 #endif

@@ -31,9 +31,9 @@ enum { W_DRIVE, W_JOINT, W_CONTACT, W_FRICTION, N_WORK };
 
 typedef struct bd_layout {
   int n, n8, np, slots;
-  int stride;  /* doubles per block */
+  int stride;             /* doubles per block */
   int theta, omega, work; /* offsets of the tail */
-  size_t size; /* of the whole vector */
+  size_t size;            /* of the whole vector */
 } bd_layout;
 
 static inline double *bd_field(const bd_layout *lay, double *y, int field) {
@@ -44,7 +44,9 @@ static inline const double *bd_cfield(const bd_layout *lay, const double *y, int
   return y + (size_t)field * (size_t)lay->stride + BD_HALO;
 }
 
-static inline int bd_f_slip(const bd_layout *lay) { return F_MU + lay->slots; }
+static inline int bd_f_slip(const bd_layout *lay) {
+  return F_MU + lay->slots;
+}
 
 /* --- base.c ---------------------------------------------------------------------------------- */
 
@@ -114,13 +116,13 @@ typedef struct bd_kernels {
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, double *y, double *dy);
   /* Adds the contact of one pulley with the links of the runs. Variants [friction][ledger]. */
-  void (*contact[2][2])(const bd_links *links, const bd_drum *drum, int n_runs,
-                        const bd_run *runs, const double *y, double *dy, bd_sums *sums);
+  void (*contact[2][2])(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
+                        const double *y, double *dy, bd_sums *sums);
   /* out = y + h sum a[j] k[j] */
   void (*combine)(size_t n, double *out, const double *y, double h, int m, const double *a,
                   double *const *k);
-  /* Largest w |h sum e[j] k[j]| over links and pulleys, positions and velocities as vectors, so that
-   * it does not depend on the axes; NaN becomes infinity. */
+  /* Largest w |h sum e[j] k[j]| over links and pulleys, positions and velocities as vectors, so
+   * that it does not depend on the axes; NaN becomes infinity. */
   double (*error_norm)(const bd_layout *lay, double h, int m, const double *e, double *const *k,
                        const double *w);
 } bd_kernels;
@@ -227,10 +229,10 @@ struct bd_plan {
   double *friction; /* friction torque on each pulley */
   double t_piece;
   int ledger, friction_on, bending_on;
-  int held;                        /* settling: pulleys stand still */
-  double bath;                     /* settling: drag per unit mass [1/s] */
-  double round_drag, round_gain;   /* the same on circulation, and what divides its inertia */
-  const double *offset;            /* settling: the centres' displacement at the start */
+  int held;                      /* settling: pulleys stand still */
+  double bath;                   /* settling: drag per unit mass [1/s] */
+  double round_drag, round_gain; /* the same on circulation, and what divides its inertia */
+  const double *offset;          /* settling: the centres' displacement at the start */
   double move_from, move_time;
   int n_passes;
   bd_pass passes[BD_MAX_PASSES];

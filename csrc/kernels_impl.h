@@ -170,9 +170,9 @@ SPECIALISED double joints(const bd_links *links, double *y, double *dy, const in
   return loss;
 }
 
-SPECIALISED void contact(const bd_links *links, const bd_drum *drum, int n_runs,
-                         const bd_run *runs, const double *y, double *dy, bd_sums *sums,
-                         const int friction, const int ledger) {
+SPECIALISED void contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
+                         const double *y, double *dy, bd_sums *sums, const int friction,
+                         const int ledger) {
   const bd_layout *lay = &links->lay;
   const bd_drum d = *drum;
   const double inv_mass = links->inv_mass;
@@ -185,8 +185,7 @@ SPECIALISED void contact(const bd_links *links, const bd_drum *drum, int n_runs,
   double *restrict ovx = ALIGNED(bd_field(lay, dy, F_VX));
   double *restrict ovy = ALIGNED(bd_field(lay, dy, F_VY));
   double *restrict omu = ALIGNED(bd_field(lay, dy, friction ? F_MU + d.slot : F_X));
-  double *restrict oslip =
-      ALIGNED(bd_field(lay, dy, friction ? bd_f_slip(lay) + d.slot : F_Y));
+  double *restrict oslip = ALIGNED(bd_field(lay, dy, friction ? bd_f_slip(lay) + d.slot : F_Y));
   const double per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
   double torque = 0.0, contact_loss = 0.0, friction_loss = 0.0;
 
@@ -268,7 +267,9 @@ SPECIALISED void combine_fixed(size_t n, double *restrict out, const double *res
   }
   out = ALIGNED(out);
   y = ALIGNED(y);
-  SIMD for (size_t i = 0; i < n; ++i) { out[i] = y[i] + weighted_sum(i, m, ha, kj); }
+  SIMD for (size_t i = 0; i < n; ++i) {
+    out[i] = y[i] + weighted_sum(i, m, ha, kj);
+  }
 }
 
 static void combine(size_t n, double *out, const double *y, double h, int m, const double *a,
@@ -278,10 +279,10 @@ static void combine(size_t n, double *out, const double *y, double h, int m, con
   case count:                                                                                      \
     combine_fixed(n, out, y, h, count, a, k);                                                      \
     break;
-    CASE(1) CASE(2) CASE(3) CASE(4) CASE(5) CASE(6) CASE(7)
+    CASE(1)
+    CASE(2) CASE(3) CASE(4) CASE(5) CASE(6) CASE(7)
 #undef CASE
-  default:
-    break;
+        default : break;
   }
 }
 

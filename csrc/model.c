@@ -241,7 +241,9 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   return BD_OK;
 }
 
-void bd_model_free(bd_model *model) { bd_block_free(model); }
+void bd_model_free(bd_model *model) {
+  bd_block_free(model);
+}
 
 int bd_model_check_geometry(const bd_model *model, bd_error *err) {
   if (err) {
@@ -250,4 +252,6 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
   return model->geometry.code;
 }
 
-void bd_model_info(const bd_model *model, bd_info *info) { *info = model->info; }
+void bd_model_info(const bd_model *model, bd_info *info) {
+  *info = model->info;
+}

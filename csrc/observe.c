@@ -32,7 +32,8 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   return 1;
 }
 
-/* Stretch of the joint on the left of link i and its rate, along the mean direction of its links. */
+/* Stretch of the joint on the left of link i and its rate, along the mean direction of its links.
+ */
 static void joint_state(const bd_plan *plan, const double *y, int i, double *along, double *rate,
                         double *squared, double *turn) {
   const bd_layout *lay = &plan->model->lay;
@@ -139,8 +140,7 @@ static void put_contact(bd_plan *plan, double *y, const bd_output *out, size_t k
       for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
         touch c;
         size_t at = row + (size_t)i;
-        if (!touching(plan, y, i, j, &c) ||
-            (out->pulley[at] >= 0 && out->normal[at] >= c.normal)) {
+        if (!touching(plan, y, i, j, &c) || (out->pulley[at] >= 0 && out->normal[at] >= c.normal)) {
           continue;
         }
         out->pulley[at] = j;
@@ -173,9 +173,8 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   if (out->energy) {
     double *terms = out->energy + k * BD_N_ENERGY;
     double total = bd_energy(plan, y, terms);
-    terms[BD_ENERGY_residual] =
-        total - e0 -
-        (terms[BD_ENERGY_drive] - terms[BD_ENERGY_joint_loss] - terms[BD_ENERGY_contact_loss] -
-         terms[BD_ENERGY_friction_loss]);
+    terms[BD_ENERGY_residual] = total - e0 -
+                                (terms[BD_ENERGY_drive] - terms[BD_ENERGY_joint_loss] -
+                                 terms[BD_ENERGY_contact_loss] - terms[BD_ENERGY_friction_loss]);
   }
 }

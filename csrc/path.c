@@ -3,11 +3,11 @@
  * The tight belt line round pulleys that all lie inside the loop: common outer tangents between
  * consecutive pulleys and the arcs they leave.
  *
- * Running with direction D (+1 counter-clockwise, -1 clockwise) the pulleys lie on the inner side, so
- * the unit normal n from a centre to its tangent point satisfies d . n = r_i - r_j, d the vector
- * between the centres, and the line runs along n turned by D 90 degrees. The wrap on a pulley is the
- * turn from the normal of arrival to that of departure; a convex loop turns once in all, and a loop
- * that would turn more often leaves a pulley outside or crosses itself.
+ * Running with direction D (+1 counter-clockwise, -1 clockwise) the pulleys lie on the inner side,
+ * so the unit normal n from a centre to its tangent point satisfies d . n = r_i - r_j, d the vector
+ * between the centres, and the line runs along n turned by D 90 degrees. The wrap on a pulley is
+ * the turn from the normal of arrival to that of departure; a convex loop turns once in all, and a
+ * loop that would turn more often leaves a pulley outside or crosses itself.
  */
 #include <math.h>
 

@@ -4,8 +4,8 @@
  * the scene, and run in order. An effect that is off has no pass; a kernel variant without bending,
  * friction or ledger is a different function, not a test inside the loop.
  *
- * Also the list of links that can touch a pulley. Links are listed by blocks of BD_LANES when any of
- * the block is within `margin` of the rim; the list stands as long as no link can have travelled
+ * Also the list of links that can touch a pulley. Links are listed by blocks of BD_LANES when any
+ * of the block is within `margin` of the rim; the list stands as long as no link can have travelled
  * that far, by a bound on the speed, so a link off the list need not be tested.
  */
 #include <math.h>
@@ -77,8 +77,9 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
-/* Settling only: a bath that drags on every mass but lets the belt run round, mean speed v along the
- * links and the turning kappa v that goes with it; that has a drag and an inertia of its own. */
+/* Settling only: a bath that drags on every mass but lets the belt run round, mean speed v along
+ * the links and the turning kappa v that goes with it; that has a drag and an inertia of its own.
+ */
 static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
@@ -217,8 +218,8 @@ void bd_plan_place(bd_plan *plan, double t) {
   double s = plan->move_time > 0.0 ? (t - plan->move_from) / plan->move_time : 1.0;
   s = s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s;
   double left = 1.0 - s * s * s * (10.0 + s * (6.0 * s - 15.0));
-  double speed = plan->move_time > 0.0 ? -30.0 * s * s * (1.0 - s) * (1.0 - s) / plan->move_time
-                                       : 0.0;
+  double speed =
+      plan->move_time > 0.0 ? -30.0 * s * s * (1.0 - s) * (1.0 - s) / plan->move_time : 0.0;
   for (int j = 0; plan->offset && j < plan->model->lay.np; ++j) {
     bd_drum *drum = &plan->drums[j];
     drum->x = plan->model->cx[j] + left * plan->offset[2 * j];

@@ -33,8 +33,8 @@ static double fastest_mode(const bd_sim *sim) {
   double m = info->link_mass;
   double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
              (contact + grip) / m;
-  double d = info->contact_damping / m + sim->plan.bath +
-             12.0 * sim->plan.links.damping / m + 4.0 * info->bending_damping / info->link_inertia;
+  double d = info->contact_damping / m + sim->plan.bath + 12.0 * sim->plan.links.damping / m +
+             4.0 * info->bending_damping / info->link_inertia;
   return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
 }
 
@@ -43,8 +43,8 @@ static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const
   const bd_model *model = sim->model;
   int n = model->lay.n;
   for (int i = 0; i < n; ++i) {
-    bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction,
-                  length * (i + 0.5) / n, &state->x[i], &state->y[i], &state->phi[i]);
+    bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction, length * (i + 0.5) / n,
+                  &state->x[i], &state->y[i], &state->phi[i]);
     state->x[i] += model->origin[0];
     state->y[i] += model->origin[1];
   }
@@ -74,8 +74,16 @@ static int lay_belt(bd_sim *sim, bd_error *err) {
     return code;
   }
   double *zero = sim->weights; /* still all zero */
-  bd_state state = {.x = room, .y = room + n, .phi = room + 2 * n, .vx = zero, .vy = zero,
-                    .vphi = zero, .mu = zero, .slip = zero, .theta = zero, .omega = zero};
+  bd_state state = {.x = room,
+                    .y = room + n,
+                    .phi = room + 2 * n,
+                    .vx = zero,
+                    .vy = zero,
+                    .vphi = zero,
+                    .mu = zero,
+                    .slip = zero,
+                    .theta = zero,
+                    .omega = zero};
   place_on_line(sim, cx, cy, wraps, direction, length, &state);
   return bd_state_import(model, &state, sim->y, &sim->turns, err);
 }
@@ -148,8 +156,8 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
     sim->settle.offset = sim->settle_offset;
   }
   set_up(sim);
-  int code = initial ? bd_state_import(model, initial, sim->y, &sim->turns, err)
-                     : lay_belt(sim, err);
+  int code =
+      initial ? bd_state_import(model, initial, sim->y, &sim->turns, err) : lay_belt(sim, err);
   if (code != BD_OK) {
     bd_sim_free(sim);
     return code;
@@ -162,8 +170,8 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
 
 /* Starts over with half the step, a few times: the bound on the contact is an estimate. */
 int bd_settle_retry(bd_sim *sim) {
-  if (sim->settle_tries >= 4 || (sim->failure.code != BD_ERR_NOT_FINITE &&
-                                sim->failure.code != BD_ERR_PASSED_THROUGH)) {
+  if (sim->settle_tries >= 4 ||
+      (sim->failure.code != BD_ERR_NOT_FINITE && sim->failure.code != BD_ERR_PASSED_THROUGH)) {
     return 0;
   }
   ++sim->settle_tries;

@@ -144,8 +144,7 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   sim->options.method = sim->method->name;
   sim->t = sim->t0 = initial->t;
   sim->t_end = t_end;
-  bd_plan_make(&sim->plan, model,
-               &(bd_plan_options){.ledger = options->ledger, .friction = 1});
+  bd_plan_make(&sim->plan, model, &(bd_plan_options){.ledger = options->ledger, .friction = 1});
   bd_sim_weights(sim);
   *out = sim;
   return BD_OK;
@@ -258,9 +257,9 @@ static int fail_step_floor(bd_sim *sim, double h, double floor) {
       worst = e;
       worst_link = (int)k < lay->theta ? (int)k % lay->stride - BD_HALO : -1;
       worst_pulley = worst_link < 0 ? ((int)k - lay->theta) % lay->np : -1;
-      name = worst_link < 0                ? ((int)k < lay->omega ? "theta" : "omega")
-             : f < F_MU                    ? names[f]
-                                           : "mu";
+      name = worst_link < 0 ? ((int)k < lay->omega ? "theta" : "omega")
+             : f < F_MU     ? names[f]
+                            : "mu";
     }
   }
   return bd_fail_at(&sim->failure, BD_ERR_STEP_FLOOR, name, sim->t, worst_link, worst_pulley, h,
@@ -310,13 +309,15 @@ static double next_stop(bd_sim *sim) {
 
 /* Steps come from a geometric ladder, 2^(1/32) apart: rounding in the error estimate then does not
  * reach the step, so scenes that differ by rounding alone (turned, shifted) take the same steps. */
-static double rung(double h) { return exp2(floor(32.0 * log2(h)) / 32.0); }
+static double rung(double h) {
+  return exp2(floor(32.0 * log2(h)) / 32.0);
+}
 
-/* An adaptive explicit step never nears the stability limit of the joints, which is known: there the
- * stiffest mode would live on rounding and rejected steps. */
+/* An adaptive explicit step never nears the stability limit of the joints, which is known: there
+ * the stiffest mode would live on rounding and rejected steps. */
 static double longest(const bd_sim *sim, double h) {
-  double most = sim->method->error ? 0.93 * sim->method->stability / sim->model->info.spectral_bound
-                                   : h;
+  double most =
+      sim->method->error ? 0.93 * sim->method->stability / sim->model->info.spectral_bound : h;
   h = fmin(h, most);
   return sim->options.max_step > 0.0 ? fmin(h, sim->options.max_step) : h;
 }
@@ -371,9 +372,8 @@ static int step(bd_sim *sim) {
     if (code != BD_OK) {
       return code;
     }
-    double error = sim->plan.kernels->error_norm(&sim->model->lay, h, m->stages,
-                                                 m->error ? m->error : m->c, sim->stage,
-                                                 sim->weights);
+    double error = sim->plan.kernels->error_norm(
+        &sim->model->lay, h, m->stages, m->error ? m->error : m->c, sim->stage, sim->weights);
     if (!m->error) {
       if (!isfinite(error) || bd_state_bad(&sim->model->lay, sim->y_new, &(int){0}, &(int){0})) {
         return fail_not_finite(sim, h);
@@ -452,10 +452,18 @@ int bd_sim_advance(bd_sim *sim, long max_steps, bd_error *err) {
   return code;
 }
 
-double bd_sim_time(const bd_sim *sim) { return sim->t; }
-size_t bd_sim_samples(const bd_sim *sim) { return sim->next_sample; }
-void bd_sim_stats(const bd_sim *sim, bd_stats *out) { *out = sim->stats; }
-const char *bd_sim_method(const bd_sim *sim) { return sim->method->name; }
+double bd_sim_time(const bd_sim *sim) {
+  return sim->t;
+}
+size_t bd_sim_samples(const bd_sim *sim) {
+  return sim->next_sample;
+}
+void bd_sim_stats(const bd_sim *sim, bd_stats *out) {
+  *out = sim->stats;
+}
+const char *bd_sim_method(const bd_sim *sim) {
+  return sim->method->name;
+}
 
 const char *bd_sim_pass(const bd_sim *sim, int k) {
   const bd_plan *plan = &sim->plan;
@@ -471,13 +479,13 @@ int bd_sim_state(const bd_sim *sim, bd_state *out) {
   return BD_OK;
 }
 
-int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
-                  bd_state *out, bd_error *err) {
+int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque, bd_state *out,
+                  bd_error *err) {
   double moment = 0.0;
   const bd_torque given = {
       .n_terms = 1,
-      .terms = &(bd_torque_term){
-          .kind = BD_TORQUE_PIECEWISE, .n_t = 1, .t = &moment, .values = torque}};
+      .terms =
+          &(bd_torque_term){.kind = BD_TORQUE_PIECEWISE, .n_t = 1, .t = &moment, .values = torque}};
   bd_sim *sim = NULL;
   int code = bd_sim_create(&sim, model, state, &given, state->t + 1.0, NULL, err);
   if (code != BD_OK) {

@@ -28,8 +28,8 @@ static int finite_block(const double *v, int n, const char *name, bd_error *err)
   for (int i = 0; i < n; ++i) {
     if (!isfinite(v[i])) {
       return bd_fail_at(err, BD_ERR_STATE, name, (double)NAN, field_index(name) < 8 ? i : -1,
-                        field_index(name) < 8 ? -1 : i, v[i],
-                        "state %s[%d] must be finite, got %g", name, i, v[i]);
+                        field_index(name) < 8 ? -1 : i, v[i], "state %s[%d] must be finite, got %g",
+                        name, i, v[i]);
     }
   }
   return BD_OK;

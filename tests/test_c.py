@@ -30,7 +30,11 @@ def compile_and_link(target: Path, sources: list[Path], *flags: str) -> None:
 
 
 def run(program: Path, *arguments: str) -> str:
-    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "halt_on_error=1"}
+    environment = {
+        **os.environ,
+        "ASAN_OPTIONS": "detect_leaks=1",
+        "UBSAN_OPTIONS": "halt_on_error=1",
+    }
     done = subprocess.run(
         [program, *arguments], capture_output=True, text=True, env=environment, timeout=300
     )

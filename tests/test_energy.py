@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import attrs
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ def test_case_1_closes_its_balance() -> None:
     ladder = [worst_residual(scene, 1.0, start, rtol) for rtol in (1e-2, 1e-4, 1e-6, 1e-8)]
     assert ladder[-1] <= 1e-6
     # falls with the tolerance until it meets rounding: 1e5 steps of 1e-16 of the stored energy
-    assert all(tight < loose for loose, tight in zip(ladder[:-1], ladder[1:], strict=True))
+    assert all(tight < loose for loose, tight in pairwise(ladder))
     assert ladder[-1] <= 1e-4 * ladder[0]
 
 

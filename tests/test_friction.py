@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -37,9 +38,7 @@ def test_closed_form_keeps_its_digits(mu_k: float, sign: int) -> None:
     """Against extended precision, from 1e-12 m, and at a mu_k where the paper's form cancels."""
     dx = sign * np.geomspace(1e-12, 1e-2, 60)
     for mu0 in (0.0, 0.2, -0.29):
-        exact = np.array(
-            [float(reference.dahl_closed(x, 0.0, mu0, mu_k, 1e4, sign)) for x in dx]
-        )
+        exact = np.array([float(reference.dahl_closed(x, 0.0, mu0, mu_k, 1e4, sign)) for x in dx])
         got = _core.dahl_slide(dx, mu0, mu_k, 1e4)
         # two roundings of mu and one of the exponent; for mu_k = 1e9 the yardstick itself, the
         # paper's form in 64 bits of mantissa, cancels to mu_k * 2^-64
@@ -50,8 +49,7 @@ def test_nested_loops_follow_the_exact_path() -> None:
     rng = np.random.default_rng(3)
     turning = np.concatenate([[0.0], np.cumsum(rng.choice([-1, 1], 40) * rng.uniform(0, 3e-4, 40))])
     exact = [float(v) for v in reference.dahl_path_exact(turning, 0.8, 1e4)]
-    fine = np.concatenate([np.linspace(a, b, 50, endpoint=False)
-                           for a, b in zip(turning[:-1], turning[1:], strict=True)])
+    fine = np.concatenate([np.linspace(a, b, 50, endpoint=False) for a, b in pairwise(turning)])
     fine = np.append(fine, turning[-1])
     got = _core.dahl_path(fine, 0.0, 0.8, 1e4)[::50]
     assert np.max(np.abs(got - exact)) <= 1e-14

@@ -1,4 +1,4 @@
-"""Steps: order on a smooth scene, error against tolerance, exact stops, samples, limits, failure."""
+"""Steps: order on a smooth scene, error against tolerance, stops, samples, limits, failure."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ def test_orders_on_a_smooth_scene() -> None:
     probe = bd.simulate(params, swing, t_end, initial=start)
     assert np.array_equal(probe.contact.pulley[0], probe.contact.pulley[-1])
 
-    for method, order, counts in (("rk4", 4.0, (60, 80, 110, 150)), ("tsit5", 5.0, (40, 50, 60, 75))):
+    for method, order, counts in (
+        ("rk4", 4.0, (60, 80, 110, 150)),
+        ("tsit5", 5.0, (40, 50, 60, 75)),
+    ):
         steps = [t_end / n for n in counts]
         assert steps[0] * bound < 3.2
         held = [{"step": h} if method == "rk4" else {"step": h, "max_step": h, "rtol": 1.0}
@@ -183,7 +186,8 @@ def test_viscous_spin_down_follows_the_closed_form() -> None:
 
 def test_links_in_contact_are_found_without_testing_the_rest() -> None:
     """The list of links near a pulley is rebuilt once per some millimetres of travel, and hides
-    nothing: contact forces are those of all pairs (compared with the oracle in test_oracle)."""
+    nothing: contact forces are those of all pairs (compared with the oracle in test_oracle).
+    """
     scene = bd.scenes.kubas_case_1()
     result = bd.simulate(*scene)
     travelled = abs(result.pulleys.theta[-1]).max() * 0.1
@@ -215,7 +219,7 @@ def test_step_floor_is_a_named_error() -> None:
         flips[0] += 1
         return [1e13 * (-1) ** flips[0], 0.0]
 
-    with pytest.raises(bd.SimulationError, match="floor.*breakpoints") as caught:
+    with pytest.raises(bd.SimulationError, match=r"floor.*breakpoints") as caught:
         bd.simulate(params, flicker, 1e-3, initial=start)
     error = caught.value
     assert error.symbol == "BD_ERR_STEP_FLOOR"
@@ -227,7 +231,7 @@ def test_step_floor_is_a_named_error() -> None:
 
 def test_too_long_a_fixed_step_is_a_named_error() -> None:
     scene = bd.scenes.kubas_case_1()
-    with pytest.raises(bd.SimulationError, match="no longer finite|sank past") as caught:
+    with pytest.raises(bd.SimulationError, match=r"no longer finite|sank past") as caught:
         bd.simulate(*scene, method="rk4", step=1e-4)
     error = caught.value
     assert error.symbol in ("BD_ERR_NOT_FINITE", "BD_ERR_PASSED_THROUGH")

@@ -98,7 +98,7 @@ def test_far_away_keeps_its_digits() -> None:
 
 
 def test_mirrored(start: tuple[bd.scenes.Scene, bd.State, bd.Result]) -> None:
-    """y -> -y: the belt runs the other way, links numbered along it as before."""
+    """Y -> -y: the belt runs the other way, links numbered along it as before."""
     scene, state, expected = start
     params = attrs.evolve(
         scene.params,
@@ -186,7 +186,8 @@ def test_turns_of_the_belt_cost_no_digits(
 
 def test_running_for_ten_turns_loses_no_digits() -> None:
     """Run until the belt has been round ten times: the ring closes as exactly as at the start, and
-    the state, its turns taken off, goes on exactly like the one that kept them."""
+    the state, its turns taken off, goes on exactly like the one that kept them.
+    """
     scene = bd.scenes.kubas_case_1()
     params = attrs.evolve(scene.params, belt=attrs.evolve(scene.params.belt, n_bodies=24,
                                                          axial_damping=3.0))  # fmt: skip
@@ -206,9 +207,7 @@ def test_running_for_ten_turns_loses_no_digits() -> None:
     assert np.max(np.abs(along - result.joints.deformation[-1])) <= 1e-10 * stretch
     end = result.final_state
     bare = attrs.evolve(end, phi=end.phi + 2 * np.pi * round(travelled))
-    one, other = (
-        bd.simulate(params, torque, 1.61, initial=s, t_eval=[1.61]) for s in (end, bare)
-    )
+    one, other = (bd.simulate(params, torque, 1.61, initial=s, t_eval=[1.61]) for s in (end, bare))
     gap = np.max(np.abs(one.joints.deformation - other.joints.deformation))
     assert gap <= BOUND * stretch
 

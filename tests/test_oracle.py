@@ -87,18 +87,28 @@ def test_comparison_can_fail() -> None:
 @pytest.mark.parametrize("name", bd.scenes.names())
 def test_rates_agree_at_random_states(name: str) -> None:
     """One evaluation at a shaken running state, with links both on and off the pulleys: rounding
-    only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m."""
+    only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m.
+    """
     scene = bd.scenes.get(name)
     params = scene.params
     rng = np.random.default_rng(7)
     state = fields(bd.simulate(*scene[:2], 0.06, t_eval=[0.06]).final_state)
-    for key, scale in [("x", 1e-4), ("y", 1e-4), ("phi", 1e-2), ("vx", 1.0), ("vy", 1.0),
-                       ("vphi", 50.0), ("omega", 5.0)]:
+    for key, scale in [
+        ("x", 1e-4),
+        ("y", 1e-4),
+        ("phi", 1e-2),
+        ("vx", 1.0),
+        ("vy", 1.0),
+        ("vphi", 50.0),
+        ("omega", 5.0),
+    ]:
         state[key] = state[key] + scale * rng.standard_normal(len(state[key]))
     torque = rng.standard_normal(len(params.pulleys)) * 50.0
     oracle = oracle_of(params)
-    touching = (oracle.penetration(oracle.pack({**state, "mu": 0 * state["mu"],
-                                                "slip": 0 * state["slip"]})) > 0).any(axis=0)
+    touching = (
+        oracle.penetration(oracle.pack({**state, "mu": 0 * state["mu"], "slip": 0 * state["slip"]}))
+        > 0
+    ).any(axis=0)
     state["mu"] = np.where(touching, rng.uniform(-0.5, 0.5, len(touching)), 0.0)
     state["slip"] = 0 * state["mu"]
     expected = oracle.unpack(oracle.rhs(state["t"], oracle.pack(state), lambda t, a, b: torque))
@@ -170,5 +180,6 @@ def test_link_on_two_pulleys_at_once() -> None:
     # each friction slot follows its own pair
     end = sim.state()["mu"].reshape(slots, n)
     pair_mu = oracle.memory(run.y[-1])[0]
-    assert np.allclose(np.sort(np.abs(end), axis=0).sum(axis=0), np.abs(pair_mu).sum(axis=0),
-                       atol=1e-5)
+    assert np.allclose(
+        np.sort(np.abs(end), axis=0).sum(axis=0), np.abs(pair_mu).sum(axis=0), atol=1e-5
+    )

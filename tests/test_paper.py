@@ -1,9 +1,9 @@
 """The paper's own numbers beside ours, with the provisional parameters of the scenes (set S2).
 
 The paper prints no stiffness, mass, damping or friction value; S2 is a first identification. Rows
-are numbered as in the model's description: what the paper states for cases 1 and 2. Rows 2 and 3 are
-promises, within 10 %. The other rows are printed, and held to bands wide enough for a provisional
-set and narrow enough that a wrong model falls out; each says where the band comes from.
+are numbered as in the model's description: what the paper states for cases 1 and 2. Rows 2 and 3
+are promises, within 10 %. The other rows are printed, and held to bands wide enough for a
+provisional set and narrow enough that a wrong model falls out; each says where its band comes from.
 
     python -m pytest tests/test_paper.py -s
 """
@@ -38,7 +38,8 @@ def on_driven(result: bd.Result, link: int) -> np.ndarray:
 
 def arriving_link(result: bd.Result) -> int:
     """The "chosen element" of case 1: the paper says when it reaches the driven pulley, just over
-    0.3 s, not which it is; take the link whose arrival is nearest to 0.32 s."""
+    0.3 s, not which it is; take the link whose arrival is nearest to 0.32 s.
+    """
     starts = {}
     for link in range(result.contact.pulley.shape[1]):
         touching = on_driven(result, link)
@@ -50,11 +51,10 @@ def arriving_link(result: bd.Result) -> int:
 def chosen_of_case_2(result: bd.Result) -> int:
     """The "chosen element" of case 2 moves towards the right side of the driven pulley, and its
     force starts at about 420 N, falls to 100 and rises to 1110: of the links on the arriving half
-    of that pulley, the one whose force swings between the extremes the paper prints."""
+    of that pulley, the one whose force swings between the extremes the paper prints.
+    """
     force = result.joints.force
-    misfit = (
-        np.abs(np.log(force.min(axis=0) / 100.0)) + np.abs(np.log(force.max(axis=0) / 1110.0))
-    )
+    misfit = np.abs(np.log(force.min(axis=0) / 100.0)) + np.abs(np.log(force.max(axis=0) / 1110.0))
     candidates = [
         link for link in range(force.shape[1])
         if on_driven(result, link).all() and np.abs(result.contact.mu[:, link]).max() > 0.95

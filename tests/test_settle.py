@@ -91,7 +91,8 @@ def test_free_pulleys_carry_no_torque() -> None:
 
 def test_tensioned_by_moving_a_pulley() -> None:
     """From 6 mm slack to its place with friction: the belt rubs inward over both drums, so spans
-    are tighter than arcs, and by no more than the capstan allows."""
+    are tighter than arcs, and by no more than the capstan allows.
+    """
     params = bd.scenes.kubas_case_1().params
     moved = bd.settle(params, friction=True, offset={1: (-0.006, 0.0)})
     still = bd.settle(params)
@@ -161,7 +162,7 @@ def test_refuses_overlap_where_it_starts() -> None:
 
 def test_says_when_it_does_not_come_to_rest() -> None:
     params = bd.scenes.kubas_case_1().params
-    with pytest.raises(bd.SimulationError, match="did not come to rest.*max_time") as caught:
+    with pytest.raises(bd.SimulationError, match=r"did not come to rest.*max_time") as caught:
         bd.settle(params, max_time=1e-3)
     assert caught.value.symbol == "BD_ERR_NOT_SETTLED"
     assert caught.value.value > 1e-9

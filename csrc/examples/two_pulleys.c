@@ -55,9 +55,16 @@ int main(void) {
   }
 
   double links[8][LINKS], theta[PULLEYS], omega[PULLEYS];
-  bd_state state = {.x = links[0],    .y = links[1],  .phi = links[2],  .vx = links[3],
-                    .vy = links[4],   .vphi = links[5], .mu = links[6], .slip = links[7],
-                    .theta = theta, .omega = omega};
+  bd_state state = {.x = links[0],
+                    .y = links[1],
+                    .phi = links[2],
+                    .vx = links[3],
+                    .vy = links[4],
+                    .vphi = links[5],
+                    .mu = links[6],
+                    .slip = links[7],
+                    .theta = theta,
+                    .omega = omega};
   bd_sim *sim = NULL;
   int code = bd_settle_create(&sim, model, NULL, NULL, &error);
   if (code == BD_OK) {

@@ -113,8 +113,8 @@ static void belt_lines_have_their_lengths(void) {
   CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
   bd_model_info(model, &info);
   double tilt = asin(0.06 / 0.35);
-  double exact = 2 * 0.35 * cos(tilt) + 0.06 * (acos(-1.0) - 2 * tilt) +
-                 0.12 * (acos(-1.0) + 2 * tilt);
+  double exact =
+      2 * 0.35 * cos(tilt) + 0.06 * (acos(-1.0) - 2 * tilt) + 0.12 * (acos(-1.0) + 2 * tilt);
   CHECK(fabs(info.path_length - exact) < 1e-14);
   bd_model_free(model);
   const bd_pulley single[] = {{{3, 4}, 0.1, 1}};
@@ -173,7 +173,8 @@ static void settles_and_runs(void) {
   bd_stats stats;
   bd_sim_stats(sim, &stats);
   CHECK(stats.steps > 10 && stats.nfev >= 6 * stats.steps);
-  CHECK(bd_sim_pass(sim, 0) != NULL && bd_sim_pass(sim, 99) == NULL && bd_sim_pass(sim, -1) == NULL);
+  CHECK(bd_sim_pass(sim, 0) != NULL && bd_sim_pass(sim, 99) == NULL &&
+        bd_sim_pass(sim, -1) == NULL);
   CHECK(strcmp(bd_sim_method(sim), "tsit5") == 0);
   bd_state end = state_in(&r2);
   bd_sim_state(sim, &end);
@@ -337,15 +338,11 @@ static void dahl_in_closed_form(void) {
 }
 
 static const test tests[] = {
-#define T(name) {#name, name}
-    T(errors_have_names),
-    T(bad_scenes_are_refused),
-    T(belt_lines_have_their_lengths),
-    T(settles_and_runs),
-    T(bad_runs_are_refused),
-    T(torque_functions_are_heard),
-    T(rates_leave_no_trace),
-    T(dahl_in_closed_form),
+#define T(name)                                                                                    \
+  { #name, name }
+    T(errors_have_names),    T(bad_scenes_are_refused), T(belt_lines_have_their_lengths),
+    T(settles_and_runs),     T(bad_runs_are_refused),   T(torque_functions_are_heard),
+    T(rates_leave_no_trace), T(dahl_in_closed_form),
 };
 
 int main(int argc, char **argv) {

@@ -105,4 +105,6 @@ static void every_allocation_may_fail(void) {
 
 static const test tests[] = {{"every_allocation_may_fail", every_allocation_may_fail}};
 
-int main(int argc, char **argv) { return run_tests(argc, argv, tests, 1); }
+int main(int argc, char **argv) {
+  return run_tests(argc, argv, tests, 1);
+}
