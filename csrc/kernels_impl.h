@@ -278,11 +278,17 @@ static void combine(size_t n, double *out, const double *y, double h, int m, con
 #define CASE(count)                                                                                \
   case count:                                                                                      \
     combine_fixed(n, out, y, h, count, a, k);                                                      \
-    break;
-    CASE(1)
-    CASE(2) CASE(3) CASE(4) CASE(5) CASE(6) CASE(7)
+    break
+    CASE(1);
+    CASE(2);
+    CASE(3);
+    CASE(4);
+    CASE(5);
+    CASE(6);
+    CASE(7);
 #undef CASE
-        default : break;
+  default:
+    break;
   }
 }
 
