@@ -4,6 +4,7 @@
  *
  *   _core.c         the module: tables, functions, errors
  *   _core_model.c   Model, and states in and out
+ *   _core_output.c  the arrays a run fills
  *   _core_torque.c  torque terms, and calling Python from the core
  *   _core_sim.c     Simulation
  */
@@ -67,6 +68,13 @@ int bd_core_state_new(bd_core_state *out, const bd_info *info);
 /* A dict of the arrays by name, and "t" if asked for. */
 PyObject *bd_core_state_dict(const bd_core_state *state, int with_time);
 void bd_core_state_release(bd_core_state *state);
+
+/* --- outputs --------------------------------------------------------------------------------- */
+
+/* Fresh arrays of so many rows, no energy without the ledger: owned by the list `keep`, views of
+ * them by name in `dict`, their data in *output for the core. */
+int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
+                       int ledger, npy_intp rows);
 
 /* --- torque ---------------------------------------------------------------------------------- */
 

@@ -275,47 +275,8 @@ static void sim_dealloc(PyObject *object) {
 
 /* --- samples --------------------------------------------------------------------------------- */
 
-/* A fresh (rows, columns) array whose every byte pattern means "not written yet": NaN or -1. It is
- * kept in `keep`; the dict gets a view, which cannot be resized. */
-static void *add_output(PyObject *keep, PyObject *dict, const char *name, int type, npy_intp rows,
-                        npy_intp columns) {
-  const npy_intp shape[2] = {rows, columns};
-  void *data = NULL;
-  PyObject *array = PyArray_SimpleNew(2, shape, type);
-  PyObject *fill = type == NPY_DOUBLE ? PyFloat_FromDouble(NAN) : PyLong_FromLong(-1);
-  if (array && fill && PyArray_FillWithScalar((PyArrayObject *)array, fill) == 0 &&
-      PyList_Append(keep, array) == 0 &&
-      bd_core_set(dict, name, PyArray_View((PyArrayObject *)array, NULL, NULL)) == 0) {
-    data = PyArray_DATA((PyArrayObject *)array);
-  }
-  Py_XDECREF(fill);
-  Py_XDECREF(array);
-  return data;
-}
-
-enum { WIDTH_PULLEYS, WIDTH_LINKS, WIDTH_ENERGY };
-
-static int add_outputs(const bd_core_sim *self, PyObject *keep, PyObject *dict, npy_intp rows,
-                       bd_output *output) {
-  const npy_intp width[] = {
-      [WIDTH_PULLEYS] = self->model->info.n_pulleys,
-      [WIDTH_LINKS] = self->model->info.n_bodies,
-      [WIDTH_ENERGY] = self->ledger ? BD_N_ENERGY : 0,
-  };
-#define X(name, group, size, unit, text)                                                           \
-  if (width[WIDTH_##size]) {                                                                       \
-    output->name = add_output(keep, dict, #name, NPY_DOUBLE, rows, width[WIDTH_##size]);           \
-    if (!output->name)                                                                             \
-      return -1;                                                                                   \
-  }
-  BD_OUTPUTS(X)
-#undef X
-  output->pulley = add_output(keep, dict, "pulley", NPY_INT32, rows, width[WIDTH_LINKS]);
-  return output->pulley ? 0 : -1;
-}
-
 PyDoc_STRVAR(sample_doc,
-             "sample($self, t, /)\n--\n\n"
+             "sample($self, /, t)\n--\n\n"
              "Attach sample times; once, before the first advance().\n\n"
              "t: times [s], shape (n_t,), non-decreasing and within the run. Returns a dict of\n"
              "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger) and\n"
@@ -323,9 +284,14 @@ PyDoc_STRVAR(sample_doc,
              "row; rows not yet written hold NaN and -1. They stay valid after the simulation.\n"
              "Raises TypeError or ValueError for bad times, RuntimeError if called too late.");
 
-static PyObject *sim_sample(PyObject *object, PyObject *times) {
+static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
+  char *names[] = {"t", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
   const npy_intp any = BD_ANY;
+  PyObject *times;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:sample", names, &times)) {
+    return NULL;
+  }
   PyArrayObject *t = bd_convert_array(times, "t_eval", 1, &any);
   if (!t) {
     return NULL;
@@ -341,7 +307,8 @@ static PyObject *sim_sample(PyObject *object, PyObject *times) {
     PyErr_SetString(PyExc_RuntimeError, self->outputs ? "the sample times are set already"
                                                       : "sample times must be set before the run");
   } else if ((dict = PyDict_New()) && (keep = PyList_New(0))) {
-    ready = !add_outputs(self, keep, dict, PyArray_DIM(t, 0), &output);
+    ready = !bd_core_output_new(&output, keep, dict, &self->model->info, self->ledger,
+                                PyArray_DIM(t, 0));
   }
   if (ready) {
     code = bd_sim_set_output(self->sim, (size_t)PyArray_DIM(t, 0), PyArray_DATA(t), &output, &err);
@@ -394,18 +361,22 @@ static double next_rate(double rate, long steps, double seconds) {
   return fmin(measured, most);
 }
 
-static int advance_chunk(bd_core_sim *self, long steps, bd_error *err) {
-  if (self->n_calls) { /* Python's own code lets other threads in */
-    return bd_sim_advance(self->sim, steps, err);
-  }
-  PyThreadState *thread = PyEval_SaveThread();
+/* Without the GIL unless there is Python to call, whose own code lets other threads in. The time
+ * waited for the GIL is not the chunk's. */
+static int advance_chunk(bd_core_sim *self, double left, bd_error *err) {
+  const long steps = chunk_steps(self->rate, left);
+  PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
+  const double begin = clock_seconds();
   int code = bd_sim_advance(self->sim, steps, err);
-  PyEval_RestoreThread(thread);
+  self->rate = next_rate(self->rate, steps, clock_seconds() - begin);
+  if (thread) {
+    PyEval_RestoreThread(thread);
+  }
   return code;
 }
 
 PyDoc_STRVAR(advance_doc,
-             "advance($self, seconds, /)\n--\n\n"
+             "advance($self, /, seconds)\n--\n\n"
              "Run for about this much wall time [s]; True at the end of the run, else False.\n\n"
              "seconds: >= 0, may be inf; at least one step is made. Runs without the GIL unless a\n"
              "torque is a Python callable, and answers signals every few milliseconds: after\n"
@@ -414,10 +385,13 @@ PyDoc_STRVAR(advance_doc,
              "SimulationError if the run cannot go on, again whenever called again, and\n"
              "RuntimeError if the simulation is running in another call.");
 
-static PyObject *sim_advance(PyObject *object, PyObject *argument) {
+static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keywords) {
+  char *names[] = {"seconds", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
+  PyObject *argument;
   double seconds;
-  if (bd_convert_real(argument, "seconds", &seconds) < 0) {
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:advance", names, &argument) ||
+      bd_convert_real(argument, "seconds", &seconds) < 0) {
     return NULL;
   }
   if (!(seconds >= 0)) {
@@ -433,11 +407,8 @@ static PyObject *sim_advance(PyObject *object, PyObject *argument) {
   double now = clock_seconds();
   const double end = now + seconds;
   do {
-    const double begin = now;
-    const long steps = chunk_steps(self->rate, end - now);
-    code = advance_chunk(self, steps, &err);
+    code = advance_chunk(self, end - now, &err);
     now = clock_seconds();
-    self->rate = next_rate(self->rate, steps, now - begin);
     if (code == BD_MORE && self->n_calls) {
       /* A callable written in C runs no bytecode: let other threads in here. */
       PyEval_RestoreThread(PyEval_SaveThread());
@@ -539,8 +510,9 @@ static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
 static PyMethodDef sim_methods[] = {
     {"settle", (PyCFunction)(void (*)(void))sim_settle, METH_VARARGS | METH_KEYWORDS | METH_CLASS,
      settle_doc},
-    {"sample", sim_sample, METH_O, sample_doc},
-    {"advance", sim_advance, METH_O, advance_doc},
+    {"sample", (PyCFunction)(void (*)(void))sim_sample, METH_VARARGS | METH_KEYWORDS, sample_doc},
+    {"advance", (PyCFunction)(void (*)(void))sim_advance, METH_VARARGS | METH_KEYWORDS,
+     advance_doc},
     {"state", sim_state, METH_NOARGS, state_doc},
     {NULL, NULL, 0, NULL},
 };

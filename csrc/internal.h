@@ -249,9 +249,6 @@ typedef struct bd_plan_options {
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-/* Keeps the search list right for a step of length h from y: every link that can touch a pulley
- * within the step is listed. */
-void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Centres at time t into the drums (they stand still unless settling moves them). */
 void bd_plan_place(bd_plan *plan, double t);
 /* Which pulley holds each friction slot, from positions alone; at the start of a run. */
@@ -261,6 +258,12 @@ void bd_plan_own(bd_plan *plan, const double *y);
  * sunk past half a pulley's radius. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);
+
+/* --- search.c, on a plan -------------------------------------------------------------------- */
+
+/* Keeps the search list right for a step of length h from y: every link that can touch a pulley
+ * within the step is listed. */
+void bd_search_ready(bd_plan *plan, const double *y, double h);
 
 /* --- observe.c ------------------------------------------------------------------------------- */
 
@@ -297,8 +300,11 @@ struct bd_sim {
   size_t next_break, next_sample, n_samples;
   double *t_sample;
   bd_output output;
-  int started, rate_known, status, settling;
+  int started, rate_known, status;
   atomic_flag running;
+  /* Settling only (settle.c): looks at every step, or its failure; may end the run or restart it.
+   */
+  int (*watch)(bd_sim *sim, int code, int *finished);
   bd_settle_options settle;
   double *settle_start, *settle_offset;
   int settle_tries;
@@ -307,8 +313,6 @@ struct bd_sim {
   bd_error failure;
 };
 
-int bd_settle_check(bd_sim *sim, int *at_rest, bd_error *err);
-int bd_settle_retry(bd_sim *sim);
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */
 bd_sim *bd_sim_new(const bd_model *model, const bd_torque *torque, int settling);
 void bd_sim_weights(bd_sim *sim);

@@ -134,54 +134,6 @@ static void set_up(bd_sim *sim) {
   sim->options.ledger = 0;
 }
 
-int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
-                     const bd_settle_options *options, bd_error *err) {
-  *out = NULL;
-  bd_settle_options defaults;
-  bd_settle_options_default(&defaults);
-  options = options ? options : &defaults;
-  if (bd_model_check_geometry(model, err) != BD_OK) {
-    return BD_ERR_GEOMETRY;
-  }
-  if (check_options(model, options, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
-  bd_sim *sim = bd_sim_new(model, NULL, 1);
-  if (!sim) {
-    return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
-  }
-  sim->settle = *options;
-  if (options->offset) {
-    memcpy(sim->settle_offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));
-    sim->settle.offset = sim->settle_offset;
-  }
-  set_up(sim);
-  int code =
-      initial ? bd_state_import(model, initial, sim->y, &sim->turns, err) : lay_belt(sim, err);
-  if (code != BD_OK) {
-    bd_sim_free(sim);
-    return code;
-  }
-  memcpy(sim->settle_start, sim->y, model->lay.size * sizeof *sim->y);
-  bd_sim_weights(sim);
-  *out = sim;
-  return BD_OK;
-}
-
-/* Starts over with half the step, a few times: the bound on the contact is an estimate. */
-int bd_settle_retry(bd_sim *sim) {
-  if (sim->settle_tries >= 4 ||
-      (sim->failure.code != BD_ERR_NOT_FINITE && sim->failure.code != BD_ERR_PASSED_THROUGH)) {
-    return 0;
-  }
-  ++sim->settle_tries;
-  memcpy(sim->y, sim->settle_start, sim->model->lay.size * sizeof *sim->y);
-  sim->t = sim->t0;
-  sim->options.step *= 0.5;
-  sim->rate_known = 0;
-  return 1;
-}
-
 /* Without friction the belt slides round its path almost freely, against a stiffness that is the
  * polygon's alone and thousands of times below all others. It is measured, from how the mean push
  * along the links changes with the way slid since the last check, and the circulation is given the
@@ -214,7 +166,7 @@ static void tune_circulation(bd_sim *sim, const double *dy) {
 
 /* The largest unbalanced force with everything stopped, over the mean tension, into
  * stats.residual; velocities must be gone to the same degree. At rest: stops the belt. */
-int bd_settle_check(bd_sim *sim, int *at_rest, bd_error *err) {
+static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
   const bd_model *model = sim->model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
@@ -269,5 +221,65 @@ int bd_settle_check(bd_sim *sim, int *at_rest, bd_error *err) {
                       "tolerance, or check that the links are short against the pulleys",
                       sim->t_end, sim->stats.residual, fastest);
   }
+  return BD_OK;
+}
+
+/* Starts over with half the step, a few times: the bound on the contact is an estimate. */
+static int retry(bd_sim *sim) {
+  if (sim->settle_tries >= 4 ||
+      (sim->failure.code != BD_ERR_NOT_FINITE && sim->failure.code != BD_ERR_PASSED_THROUGH)) {
+    return 0;
+  }
+  ++sim->settle_tries;
+  memcpy(sim->y, sim->settle_start, sim->model->lay.size * sizeof *sim->y);
+  sim->t = sim->t0;
+  sim->options.step *= 0.5;
+  sim->started = sim->rate_known = 0;
+  return 1;
+}
+
+/* Every 64 steps, a millisecond or less, looks whether the belt has come to rest. */
+static int watch(bd_sim *sim, int code, int *finished) {
+  if (code != BD_OK) {
+    return retry(sim) ? BD_OK : code;
+  }
+  if (sim->stats.steps % 64 == 0 || sim->t >= sim->t_end) {
+    code = check_rest(sim, finished, &sim->failure);
+  }
+  return code;
+}
+
+int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+                     const bd_settle_options *options, bd_error *err) {
+  *out = NULL;
+  bd_settle_options defaults;
+  bd_settle_options_default(&defaults);
+  options = options ? options : &defaults;
+  if (bd_model_check_geometry(model, err) != BD_OK) {
+    return BD_ERR_GEOMETRY;
+  }
+  if (check_options(model, options, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
+  bd_sim *sim = bd_sim_new(model, NULL, 1);
+  if (!sim) {
+    return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
+  }
+  sim->settle = *options;
+  sim->watch = watch;
+  if (options->offset) {
+    memcpy(sim->settle_offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));
+    sim->settle.offset = sim->settle_offset;
+  }
+  set_up(sim);
+  int code =
+      initial ? bd_state_import(model, initial, sim->y, &sim->turns, err) : lay_belt(sim, err);
+  if (code != BD_OK) {
+    bd_sim_free(sim);
+    return code;
+  }
+  memcpy(sim->settle_start, sim->y, model->lay.size * sizeof *sim->y);
+  bd_sim_weights(sim);
+  *out = sim;
   return BD_OK;
 }

@@ -51,7 +51,6 @@ bd_sim *bd_sim_new(const bd_model *model, const bd_torque *torque, int settling)
   sim = bd_carve(&carver, 1, sizeof *sim);
   carve(&carver, sim, model, torque, settling);
   sim->model = model;
-  sim->settling = settling;
   sim->stats.spectral_bound = model->info.spectral_bound;
   atomic_flag_clear(&sim->running);
   return sim;
@@ -152,7 +151,7 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
 
 int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
                       bd_error *err) {
-  if (sim->started || sim->t_sample || sim->settling) {
+  if (sim->started || sim->t_sample || sim->watch) {
     return bd_fail(err, BD_ERR_BUSY, "t_eval",
                    "the sample times must be set once, before the run starts");
   }
@@ -407,8 +406,8 @@ static int step(bd_sim *sim) {
 }
 
 static int advance(bd_sim *sim, long max_steps) {
-  int code = sim->started ? BD_OK : start(sim);
-  for (long k = 0; code == BD_OK && sim->t < sim->t_end; ++k) {
+  int code = BD_OK, finished = 0;
+  for (long k = 0; code == BD_OK && !finished && sim->t < sim->t_end; ++k) {
     if (k >= max_steps) {
       return BD_MORE;
     }
@@ -419,16 +418,12 @@ static int advance(bd_sim *sim, long max_steps) {
                         "max_steps or loosen rtol",
                         sim->options.max_steps, sim->t, sim->t_end);
     }
-    code = step(sim);
-    if (sim->settling && code != BD_OK && bd_settle_retry(sim)) {
-      code = start(sim);
-    } else if (sim->settling && code == BD_OK &&
-               (sim->stats.steps % 64 == 0 || sim->t >= sim->t_end)) {
-      int at_rest = 0;
-      code = bd_settle_check(sim, &at_rest, &sim->failure);
-      if (at_rest) {
-        break;
-      }
+    code = sim->started ? BD_OK : start(sim);
+    if (code == BD_OK) {
+      code = step(sim);
+    }
+    if (sim->watch) {
+      code = sim->watch(sim, code, &finished);
     }
   }
   return code;

@@ -178,6 +178,13 @@ def test_signatures_can_be_read():
     assert list(settle)[:2] == ["model", "state"] and settle["state"].default is None
 
 
+def test_arguments_have_their_names(model, rest):
+    simulation = _core.Simulation(model=model, state=rest, torque=TORQUE, t_end=0.02)
+    assert len(simulation.sample(t=[0.0])["x"]) == 1 and simulation.advance(seconds=INF) is True
+    assert model.rate(state=rest, torque=[0, 0]).keys() == model.rate(rest, [0, 0]).keys()
+    assert _core.Simulation.settle(model=model, state=rest).time == 0.0
+
+
 @pytest.mark.parametrize("kind", [_core.Model, _core.Simulation])
 def test_types_are_closed(kind):
     with pytest.raises(TypeError, match="not an acceptable base type"):
@@ -241,6 +248,23 @@ def test_dahl_refuses():
         _core.dahl_slide(0.0, 0, 1, INF)
     with refused(TypeError, "mu0 must be a real number, got str"):
         _core.dahl_path([0.0], "0", 1, 1)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda model: _core.dahl_slide(1.0),
+        lambda model: _core.dahl_path([1.0], 0, 1, sigma_0=1),
+        lambda model: _core.kernel_level(1),
+        lambda model: model.rate({}),
+        lambda model: model.check_geometry(1),
+        lambda model: _core.Simulation(model),
+        lambda model: _core.Simulation.settle(),
+    ],
+)
+def test_arguments_are_counted(model, call):
+    with pytest.raises(TypeError, match="argument"):
+        call(model)
 
 
 # --- scalars -----------------------------------------------------------------------------------
@@ -398,6 +422,21 @@ def test_model_needs_every_argument(name):
 def test_model_refuses(changes, kind, message):
     with refused(kind, message):
         make_model(**changes)
+
+
+class NoArray:
+    def __array__(self, *args, **kwargs):
+        raise ZeroDivisionError("mine")
+
+
+def test_what_an_argument_raises_comes_out():
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        make_model(radii=NoArray())
+
+
+def test_shapes_of_many_dimensions_are_cut_short():
+    with refused(ValueError, f"radii must have shape (2,), got ({'1, ' * 43}...)"):
+        make_model(radii=np.ones((1,) * 60))
 
 
 @pytest.mark.parametrize(
@@ -868,6 +907,13 @@ def test_one_pulley_is_singular(rest):
     simulation = make_simulation(model, state, [("call", lambda t, theta, omega: [])])
     with refused(ValueError, "torque_fn must return 1 torque, one per pulley, got 0"):
         simulation.advance(INF)
+
+
+def test_what_an_answer_raises_comes_out(model, rest):
+    for answer in [[0.0, Broken()], NoArray()]:
+        torque = [("call", lambda t, theta, omega, answer=answer: answer)]
+        with pytest.raises(ZeroDivisionError, match="mine"):
+            make_simulation(model, rest, torque).advance(INF)
 
 
 class Shrinking:

@@ -14,62 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 import reference as ref
+import reference_run as runs
 import scipy.integrate
-
-# -------------------------------------------------------------------- scenes
-
-
-def no_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-    return np.zeros_like(omega)
-
-
-def some_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-    return np.array([-30.0, 12.0]) - np.array([0.5, 2.0]) * omega
-
-
-def small_drive(**changes: Any) -> ref.Reference:
-    """24 soft links on the paper's pulleys: 100 times fewer right-hand sides per second."""
-    data: dict[str, Any] = {
-        "axial_stiffness": 7e3,
-        "axial_damping": 2.0,
-        "contact": (1e8, 5e6, 200.0),
-        "mu_k": 0.8,
-        "sigma": 2e3,
-    }
-    return ref.paper_drive(24, **(data | changes))
-
-
-def shaken(model: ref.Reference, seed: int) -> ref.Array:
-    """Return a random state near the belt line: links in and out of contact, all moving.
-
-    Every pair is kept off the kinks p = 0, N = 0 and v_T = 0, so that a finite difference along the
-    motion sees a smooth function.
-    """
-    rng = np.random.default_rng(seed)
-    y0 = ref.start_state(model)
-    scale = 0.02 * model.l0
-    while True:
-        y = y0.copy()
-        links, pulleys, memory = model.links(y), model.pulleys(y), model.memory(y)
-        links[0, :2] += scale * rng.uniform(-1, 1, links[0, :2].shape)
-        links[0, 2] += 0.1 * rng.uniform(-1, 1, model.n_bodies)
-        links[1, :2] = rng.uniform(-1, 1, links[1, :2].shape)
-        links[1, 2] = 30 * rng.uniform(-1, 1, model.n_bodies)
-        pulleys[:] = rng.uniform(-5, 5, pulleys.shape)
-        touching = model.penetration(y) > 0
-        if model.mu_k is not None:
-            memory[0] = model.mu_k * rng.uniform(-1, 1, touching.shape) * touching
-        memory[1] = 1e-3 * rng.uniform(-1, 1, touching.shape) * touching
-        at = model.contacts(y)
-        p = np.maximum(at.penetration, 0)
-        total = model.c1 * p**2 + model.c2 * p + model.b * at.rate
-        if (
-            np.abs(at.penetration).min() > 1e-7
-            and np.abs(total[touching]).min() > 1e-3
-            and np.abs(at.velocity[touching]).min() > 1e-3
-        ):
-            return y
-
+from oracle_drives import no_torque, shaken, small_drive
 
 MODELS: dict[str, Callable[[], ref.Reference]] = {
     "paper": ref.paper_drive,
@@ -164,7 +111,7 @@ def test_dahl_in_the_drive_follows_the_closed_form() -> None:
     on_0 = links[0, 0] < 0
     links[0, :2, on_0] *= 1 - 1e-3  # p = 0.1 mm
     model.pulleys(y0)[1] = 5.0
-    run = ref.integrate(model, y0, no_torque, np.linspace(0.0, 1e-3, 6), tol=1e-8)
+    run = runs.integrate(model, y0, no_torque, np.linspace(0.0, 1e-3, 6), tol=1e-8)
     mu, slip = np.moveaxis(model.memory(run.y), 1, 0)
     held = (model.penetration(run.y) > 0)[:, 0].all(axis=0)
     assert held.sum() >= 5
@@ -263,7 +210,7 @@ def test_constants_of_a_link_by_hand() -> None:
 
 def test_error_weights_are_a_max_norm_on_the_scale_of_the_stretch() -> None:
     model = ref.paper_drive()
-    weights = ref.error_weights(model, ref.start_state(model), 1e-6, stretch=1e-4)
+    weights = runs.error_weights(model, ref.start_state(model), 1e-6, stretch=1e-4)
     weights *= 1e6 * math.sqrt(model.size)
     links = model.links(weights)
     np.testing.assert_allclose(links[0, :, 7], [1e-4, 1e-4, 1e-2], rtol=1e-14)
@@ -273,7 +220,7 @@ def test_error_weights_are_a_max_norm_on_the_scale_of_the_stretch() -> None:
     assert np.all(model.memory(weights)[1] > 1e20) and np.all(model.ledger(weights) > 1e20)
     # From the belt line, 1.20832 m of path for 1.2 m of belt, the mean stretch is about the surplus
     # per link, but for chords on the arcs.
-    own = ref.error_weights(model, ref.start_state(model), 1.0) * math.sqrt(model.size)
+    own = runs.error_weights(model, ref.start_state(model), 1.0) * math.sqrt(model.size)
     assert model.links(own)[0, 0, 0] == pytest.approx(0.00832 / 60, rel=0.5)
 
 
@@ -587,212 +534,3 @@ def test_belt_line_of_three_unequal_pulleys(order: int) -> None:
 def test_belt_line_refuses_a_pulley_outside_the_loop() -> None:
     with pytest.raises(ValueError, match="convex"):
         ref.belt_line([[0.0, 0.0], [1.0, 0.0], [0.5, 0.02], [0.5, 1.0]], [0.1] * 4, 3.5, 50)
-
-
-# -------------------------------------------------------------------- integration
-
-
-def ramp(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-    return np.array([-20.0 * min(t / 0.01, 1.0), -2.0 * omega[1]])
-
-
-@pytest.fixture(scope="module")
-def small_run() -> tuple[ref.Reference, ref.Run]:
-    model = small_drive(inertias=np.array([5e-4, 5e-4]))
-    start = ref.settle(model, ref.start_state(model))
-    times = np.linspace(0.0, 0.06, 25)
-    return model, ref.integrate(model, start, ramp, times, tol=1e-6, breakpoints=[0.01])
-
-
-def test_settled_belt_is_in_equilibrium() -> None:
-    model = ref.paper_drive()
-    y = ref.settle(model, ref.start_state(model))
-    force = model.mass * model.links(model.rhs(0.0, y, no_torque))[1, :2]
-    tension = model.joints(y)[1]
-    assert np.abs(force).max() < 1e-6  # newtons, against some 500 N of tension
-    # Without friction nor EI a belt carries the same tension all round. The paper's drive bends a
-    # little (EI/R^2 = 1 N), so it may differ by that.
-    assert np.ptp(tension) < 2.0
-    assert tension.min() > 100
-
-
-def test_energy_residual_of_a_run_vanishes(small_run: tuple[ref.Reference, ref.Run]) -> None:
-    model, run = small_run
-    ledger = model.ledger(run.y)[-1]
-    residual = model.residual(run.y, run.y[0])
-    # Power went through all four channels ...
-    assert abs(ledger[0]) > 0.05 and np.all(ledger[1:] > 0)
-    # ... and the books balance to tol times the work done. Each step errs by less than 1e-6 of the
-    # stretch; the energy of a stretch of 1e-2 l0 is a joule.
-    assert np.abs(residual).max() < 1e-6 * ledger[0]
-
-
-def test_run_keeps_friction_within_its_limit(small_run: tuple[ref.Reference, ref.Run]) -> None:
-    model, run = small_run
-    assert run.mu_excess < 1e-6
-    assert np.abs(model.memory(run.y)[:, 0]).max() <= 0.8
-    lost = model.penetration(run.y) <= 0
-    assert np.all(model.memory(run.y)[:, 0][lost] == 0) and np.all(
-        model.memory(run.y)[:, 1][lost] == 0
-    )
-
-
-def test_no_output_shows_friction_without_contact() -> None:
-    """Steps so loose, and outputs so dense, that the interpolant of mu runs ahead of contact."""
-    model = small_drive(inertias=np.array([5e-4, 5e-4]))
-    start = ref.settle(model, ref.start_state(model))
-    run = ref.integrate(model, start, ramp, np.linspace(0, 0.03, 20001), tol=1.0)
-    lost = model.penetration(run.y) <= 0
-    assert np.any(lost[0] != lost[-1])
-    assert np.all(model.memory(run.y)[:, 0][lost] == 0)
-    assert np.all(model.memory(run.y)[:, 1][lost] == 0)
-
-
-def test_lost_contacts_are_reset_when_they_happen(
-    small_run: tuple[ref.Reference, ref.Run],
-) -> None:
-    """At a reset p = 0, seen from a second run that stops just there."""
-    model, run = small_run
-    assert run.resets, "the scene is meant to run links off the pulleys"
-    time, pulley, link = run.resets[len(run.resets) // 2]
-    before = time - 1e-7
-    again = ref.integrate(
-        model, run.y[0], ramp, [0.0, before, time + 1e-7], tol=1e-6, breakpoints=[0.01]
-    )
-    p = model.penetration(again.y)[:, pulley, link]
-    # In 1e-7 s a link recedes by less than 1e-6 m (10 m/s).
-    assert 0 < p[1] < 1e-6 and -1e-6 < p[2] <= 0
-    assert model.memory(again.y)[1, 1, pulley, link] != 0
-    assert np.all(model.memory(again.y)[2, :, pulley, link] == 0)
-
-
-@pytest.mark.parametrize(
-    ("half_depth", "crossing"), [(1e-7, True), (-1e-7, False)], ids=["dips below 0", "stays in"]
-)
-def test_dip_within_a_step_is_seen(half_depth: float, crossing: bool) -> None:
-    """A link that leaves and comes back between two ends of a step, both in contact.
-
-    Made by hand: p(t) = a ((t - h/2)^2 - (h/6)^2) or the same parabola raised above zero.
-    """
-    model = small_drive()
-    base = ref.start_state(model)
-    links = model.links(base)
-    links[0, :2] *= np.where(links[0, 0] < 0, 1.001, 1.0)  # clear of pulley 0, but for one link
-    pulley, link, h = 0, 20, 1e-5
-    arm = links[0, :2, link]
-    outward = arm / np.hypot(*arm)
-    model.memory(base)[:, pulley, link] = 0.3, 1e-4
-    a = half_depth / (h / 6) ** 2 if crossing else -half_depth / (h / 6) ** 2
-    offset = -abs(half_depth) if crossing else abs(half_depth)
-
-    def dense(t: float) -> ref.Array:
-        y = base.copy()
-        part = model.links(y)
-        part[0, :2, link] = (0.1 - (a * (t - h / 2) ** 2 + offset)) * outward
-        part[1, :2, link] = -2 * a * (t - h / 2) * outward
-        return y
-
-    suspects = ref._suspects(model, h, dense(0.0), dense(h))
-    assert suspects == ([(pulley, link)] if crossing else suspects)
-    time, state, lost = ref._locate_lost(model, dense, 0.0, h, dense(h), suspects)
-    if crossing:
-        # p = 0 at h/2 - h/6, going down; p there is known to 1e-17 m of 1 m/s or so.
-        assert time == pytest.approx(h / 3, rel=1e-6)
-        assert lost == [(pulley, link)] and np.all(model.memory(state)[:, pulley, link] == 0)
-    else:
-        assert (time, lost) == (h, []) and model.memory(state)[0, pulley, link] == 0.3
-
-
-def test_two_methods_agree() -> None:
-    """DOP853 (explicit, order 8) and Radau (implicit, order 5) from the same state."""
-    model = small_drive()
-    start = ref.settle(model, ref.start_state(model))
-    times = [0.0, 0.001, 0.002]
-
-    def torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-        return np.array([-10.0, 10.0])
-
-    one = ref.integrate(model, start, torque, times, tol=1e-7)
-    two = ref.integrate(model, start, torque, times, tol=1e-4, method="Radau")
-    force_one, force_two = model.joints(one.y)[1], model.joints(two.y)[1]
-    assert np.ptp(force_one[-1]) > 1.0  # something happened
-    # Radau at 1e-4 of the stretch per step leaves 1e-3 of the tension at most.
-    assert np.abs(force_one - force_two).max() < 1e-3 * force_one.mean()
-    np.testing.assert_allclose(
-        model.pulleys(one.y)[-1], model.pulleys(two.y)[-1], rtol=1e-4, atol=1e-9
-    )
-
-
-def test_free_ring_without_damping_keeps_energy_and_momentum() -> None:
-    """No pulley within reach: energy and both momenta are constants of the motion."""
-    model = small_drive(
-        centers=np.array([[9.0, 9.0]]),
-        radii=np.array([0.1]),
-        inertias=np.array([1.0]),
-        axial_damping=0.0,
-        mu_k=None,
-        sigma=None,
-    )
-    angle = -2 * math.pi * np.arange(24) / 24
-    rng = np.random.default_rng(11)
-    radius = 1.2 / (2 * math.pi)
-    start = model.pack(
-        {
-            "x": radius * np.cos(angle),
-            "y": radius * np.sin(angle),
-            "phi": angle - math.pi / 2,
-            "vx": rng.normal(size=24),
-            "vy": rng.normal(size=24),
-        }
-    )
-    run = ref.integrate(model, start, no_torque, np.linspace(0, 0.02, 5), tol=1e-8)
-    energy = model.energy(run.y)
-    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
-    x, y, _ = np.moveaxis(model.links(run.y)[:, 0], 1, 0)
-    vx, vy, spin = np.moveaxis(model.links(run.y)[:, 1], 1, 0)
-    turning = (model.mass * (x * vy - y * vx) + model.inertia * spin).sum(axis=1)
-    np.testing.assert_allclose(turning, turning[0], rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(vx.sum(axis=1), vx[0].sum(), atol=1e-10)
-
-
-def test_output_times_and_breakpoints_do_not_change_the_motion() -> None:
-    model = small_drive()
-    start = ref.settle(model, ref.start_state(model))
-    coarse = ref.integrate(model, start, ramp, [0.0, 0.002], tol=1e-7)
-    fine = ref.integrate(
-        model, start, ramp, np.linspace(0, 0.002, 30), tol=1e-7, breakpoints=[0.0007, 0.0013]
-    )
-    # Joint forces to 1e-5 of the mean tension: two runs at 1e-7 with different steps.
-    force = model.joints(coarse.y)[1][-1]
-    assert np.abs(force - model.joints(fine.y)[1][-1]).max() < 1e-5 * force.mean()
-
-
-def test_torque_step_is_taken_from_the_left_before_it() -> None:
-    """A step in the torque at a breakpoint: impulse exactly M (t - t_step) on a free pulley."""
-    model = small_drive(centers=np.array([[9.0, 9.0], [-9.0, 9.0]]), mu_k=None, sigma=None)
-    angle = -2 * math.pi * np.arange(24) / 24
-    radius = 1.2 / (2 * math.pi)
-    start = model.pack(
-        {"x": radius * np.cos(angle), "y": radius * np.sin(angle), "phi": angle - math.pi / 2}
-    )
-
-    def step(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-        return np.array([0.0 if t < 0.0005 else 3.0, 0.0])
-
-    run = ref.integrate(model, start, step, [0.0, 0.0005, 0.001], tol=1e-4, breakpoints=[0.0005])
-    omega = model.pulleys(run.y)[:, 1, 0]
-    np.testing.assert_allclose(omega, [0.0, 0.0, 3.0 / 0.01 * 0.0005], rtol=1e-12, atol=1e-14)
-
-
-def test_pack_and_unpack() -> None:
-    model = ref.paper_drive()
-    y = shaken(model, 12)
-    state = model.unpack(y, 0.25)
-    assert state["t"] == 0.25
-    np.testing.assert_array_equal(model.pack(state), y)
-    touched = (model.penetration(y) > 0).any(axis=0)
-    single = state | {"mu": state["mu"].sum(axis=0), "slip": state["slip"].sum(axis=0)}
-    np.testing.assert_array_equal(model.pack(single), y)
-    single["mu"] = np.where(touched, 0.0, 0.1)
-    with pytest.raises(ValueError, match="touches no pulley"):
-        model.pack(single)

@@ -6,6 +6,7 @@ import attrs
 import numpy as np
 import pytest
 import reference
+import reference_run
 from bridge import fields, oracle_of
 
 import beltdyn as bd
@@ -47,7 +48,7 @@ def test_mean_tension_is_that_of_the_oracle(n_bodies: int) -> None:
     params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=n_bodies))
     oracle = oracle_of(attrs.evolve(params, friction=None))
     start = reference.start_state(oracle)
-    mean = np.mean(oracle.joints(reference.settle(oracle, start))[1])
+    mean = np.mean(oracle.joints(reference_run.settle(oracle, start))[1])
     ours = np.mean(oracle.joints(oracle.pack(fields(bd.settle(params))))[1])
     assert ours == pytest.approx(mean, rel=2e-3)
 

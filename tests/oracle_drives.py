@@ -1,0 +1,60 @@
+"""Drives and states that the tests of the oracle share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import reference as ref
+
+
+def no_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
+    return np.zeros_like(omega)
+
+
+def some_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
+    return np.array([-30.0, 12.0]) - np.array([0.5, 2.0]) * omega
+
+
+def small_drive(**changes: Any) -> ref.Reference:
+    """24 soft links on the paper's pulleys: 100 times fewer right-hand sides per second."""
+    data: dict[str, Any] = {
+        "axial_stiffness": 7e3,
+        "axial_damping": 2.0,
+        "contact": (1e8, 5e6, 200.0),
+        "mu_k": 0.8,
+        "sigma": 2e3,
+    }
+    return ref.paper_drive(24, **(data | changes))
+
+
+def shaken(model: ref.Reference, seed: int) -> ref.Array:
+    """Return a random state near the belt line: links in and out of contact, all moving.
+
+    Every pair is kept off the kinks p = 0, N = 0 and v_T = 0, so that a finite difference along the
+    motion sees a smooth function.
+    """
+    rng = np.random.default_rng(seed)
+    y0 = ref.start_state(model)
+    scale = 0.02 * model.l0
+    while True:
+        y = y0.copy()
+        links, pulleys, memory = model.links(y), model.pulleys(y), model.memory(y)
+        links[0, :2] += scale * rng.uniform(-1, 1, links[0, :2].shape)
+        links[0, 2] += 0.1 * rng.uniform(-1, 1, model.n_bodies)
+        links[1, :2] = rng.uniform(-1, 1, links[1, :2].shape)
+        links[1, 2] = 30 * rng.uniform(-1, 1, model.n_bodies)
+        pulleys[:] = rng.uniform(-5, 5, pulleys.shape)
+        touching = model.penetration(y) > 0
+        if model.mu_k is not None:
+            memory[0] = model.mu_k * rng.uniform(-1, 1, touching.shape) * touching
+        memory[1] = 1e-3 * rng.uniform(-1, 1, touching.shape) * touching
+        at = model.contacts(y)
+        p = np.maximum(at.penetration, 0)
+        total = model.c1 * p**2 + model.c2 * p + model.b * at.rate
+        if (
+            np.abs(at.penetration).min() > 1e-7
+            and np.abs(total[touching]).min() > 1e-3
+            and np.abs(at.velocity[touching]).min() > 1e-3
+        ):
+            return y

@@ -1,0 +1,296 @@
+"""The oracle run: `reference.Reference` integrated by SciPy, lost contacts located as events.
+
+And its frictionless equilibrium, by Newton's method.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.integrate
+import scipy.optimize
+from reference import Array, Reference, Torque
+
+
+@dataclass(frozen=True)
+class Run:
+    """What `integrate` returns: states (n_t, size) at `t`, and counts."""
+
+    t: Array
+    y: Array
+    nfev: int
+    steps: int
+    resets: list[tuple[float, int, int]]  # (time, pulley, link) of every lost contact
+    mu_excess: float  # how far |mu| was above mu_k at any output before clipping
+
+
+def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None = None) -> Array:
+    """Vector `atol` for SciPy: absolute weights on the scale that matters, the joint's stretch.
+
+    `tol` times: mean stretch of the joints at y0 for x, y; stretch/(l0/2) for phi; 0.1 m/s and
+    0.1/(l0/2) for their rates; 1 for mu; 1e-3 rad for theta; 1 rad/s for omega. Weights from |x|
+    would be a thousand times too loose for the joint forces.
+
+    SciPy accepts a step when the RMS of error/weight over all n components is <= 1. Dividing the
+    weights by sqrt(n) makes that the Euclidean norm, so a step SciPy accepts also passes the max
+    norm with the undivided weights: no single link can hide in the average.
+
+    Slip displacements and the ledger drive nothing; they are left out of the error control (their
+    weights are huge) and are as accurate as the steps the rest needs.
+    """
+    if stretch is None:
+        stretch = max(float(np.mean(model.joints(y0)[0])), 1e-4 * model.l0)
+    half = 0.5 * model.l0
+    weights = np.full(model.size, 1e30)
+    links, pulleys, memory = model.links(weights), model.pulleys(weights), model.memory(weights)
+    links[0] = np.array([stretch, stretch, stretch / half])[:, None]
+    links[1] = np.array([0.1, 0.1, 0.1 / half])[:, None]
+    pulleys[0], pulleys[1] = 1e-3, 1.0
+    memory[0] = 1.0
+    return tol * weights / math.sqrt(model.size)
+
+
+def integrate(
+    model: Reference,
+    y0: Array,
+    torque: Torque,
+    t_eval: npt.ArrayLike,
+    *,
+    tol: float = 1e-6,
+    method: str = "DOP853",
+    breakpoints: Sequence[float] = (),
+    t0: float | None = None,
+    rtol: float = 100 * np.finfo(float).eps,
+    atol: Array | None = None,
+    max_step: float = np.inf,
+) -> Run:
+    """Integrate with a solver of `scipy.integrate` and return the states at `t_eval`.
+
+    Starts at `t0` (default: t_eval[0]) from `y0`. `atol` defaults to `error_weights(model, y0,
+    tol)`; `rtol` to the least SciPy takes, so that the weights are absolute.
+
+    Lost contacts (section 4) are located: after each step, a pair that holds memory (mu or slip)
+    and went from p > 0 to p <= 0, at the end of the step or in a dip inside it, is traced back on
+    the dense output; the first such time ends the step, mu and slip of that pair become 0, and the
+    solver starts again from there. `scipy.integrate.solve_ivp` drives the same solver objects; it
+    is not used itself because its events see a step's two ends only. Making contact and reversals
+    of slip are left to the step-size control.
+
+    The solver also starts again at each of `breakpoints` (times where the torque has a kink or a
+    jump); up to a breakpoint the torque's limit from the left is used.
+    """
+    times = np.atleast_1d(np.asarray(t_eval, dtype=float))
+    if np.any(np.diff(times) <= 0):
+        raise ValueError("t_eval must increase")
+    t = float(times[0]) if t0 is None else float(t0)
+    if times[0] < t:
+        raise ValueError("t_eval begins before t0")
+    weights = error_weights(model, y0, tol) if atol is None else atol
+    make_solver = getattr(scipy.integrate, method)
+    end = float(times[-1])
+    stops = [*sorted({float(b) for b in breakpoints if t < b < end}), end]
+
+    y = model.forget(y0)
+    out = np.empty((len(times), model.size))
+    filled = 0
+    if times[0] == t:
+        out[0], filled = y, 1
+    nfev = steps = 0
+    resets: list[tuple[float, int, int]] = []
+    first_step: float | None = None
+    for stop in stops:
+        latest = float(np.nextafter(stop, -np.inf))
+
+        def fun(time: float, state: Array, latest: float = latest) -> Array:
+            return model.rhs(min(time, latest), state, torque)
+
+        while t < stop:
+            # One solver lives until a contact is lost or the stop is reached.
+            room = stop - t
+            solver = make_solver(
+                fun,
+                t,
+                y,
+                stop,
+                rtol=rtol,
+                atol=weights,
+                max_step=max_step,
+                first_step=None if first_step is None else min(first_step, room),
+            )
+            lost: list[tuple[int, int]] = []
+            while solver.status == "running" and not lost:
+                t_old, y_old = t, y
+                message = solver.step()
+                if solver.status == "failed":
+                    raise RuntimeError(f"{method} failed at t = {t_old!r}: {message}")
+                steps += 1
+                t, y = float(solver.t), np.array(solver.y)
+                if not np.all(np.isfinite(y)):
+                    raise RuntimeError(f"state is not finite after t = {t_old!r}")
+                dense = None
+                suspects = _suspects(model, t - t_old, y_old, y)
+                if suspects:
+                    dense = solver.dense_output()
+                    t, y, lost = _locate_lost(model, dense, t_old, t, y, suspects)
+                    resets += [(t, j, i) for j, i in lost]
+                upto = int(np.searchsorted(times, t, side="left"))
+                if upto > filled:
+                    dense = solver.dense_output() if dense is None else dense
+                    out[filled:upto] = dense(times[filled:upto]).T
+                    filled = upto
+                if filled < len(times) and times[filled] == t:
+                    out[filled] = y
+                    filled += 1
+            nfev += solver.nfev
+            first_step = getattr(solver, "h_abs", None)
+        first_step = None
+    # Inside a step that makes contact, the interpolant gives mu a value before there is one.
+    out = model.forget(out)
+    excess = 0.0
+    if model.mu_k is not None:
+        mu = model.memory(out)[:, 0]
+        excess = max(0.0, float(np.max(np.abs(mu))) - model.mu_k)
+        np.clip(mu, -model.mu_k, model.mu_k, out=mu)
+    return Run(times, out, nfev, steps, resets, excess)
+
+
+def _penetration_rate(model: Reference, y: Array) -> Array:
+    return model.contacts(y).rate
+
+
+def _suspects(model: Reference, h: float, y_old: Array, y_new: Array) -> list[tuple[int, int]]:
+    """Pairs (pulley, link) that may have lost contact between two states, h apart."""
+    held = np.any(model.memory(y_new) != 0, axis=0)
+    p_old, p_new = model.penetration(y_old), model.penetration(y_new)
+    found = held & (p_new <= 0)
+    # A dip: p > 0 at both ends, falling then rising, and the two end tangents meet below 0. (p is
+    # convex in a dip, so it lies above them.) Only pairs near their edge are worth the look.
+    near = held & (p_new > 0) & (p_old > 0)
+    near &= np.minimum(p_old, p_new) < 2 * h * np.abs(model.links(y_new)[1, :2]).max()
+    if near.any():
+        rate_old, rate_new = _penetration_rate(model, y_old), _penetration_rate(model, y_new)
+        dip = near & (rate_old < 0) & (rate_new > 0)
+        if dip.any():
+            turn = (p_new - p_old - rate_new * h) / np.where(dip, rate_old - rate_new, 1.0)
+            found |= dip & (p_old + rate_old * turn <= 0)
+    return [(int(j), int(i)) for j, i in np.argwhere(found)]
+
+
+def _locate_lost(
+    model: Reference,
+    dense: Callable[[float], Array],
+    t_old: float,
+    t_new: float,
+    y_new: Array,
+    suspects: list[tuple[int, int]],
+) -> tuple[float, Array, list[tuple[int, int]]]:
+    """First time a suspect's p reaches 0 from above; the state there, its memory forgotten."""
+    first, y_first = t_new, y_new
+    for pair in suspects:
+
+        def p(time: float, pair: tuple[int, int] = pair) -> float:
+            return float(model.penetration(dense(time))[pair])
+
+        low = t_new
+        if p(t_old) <= 0:  # touched and left within the step: no force is left, forget at its end
+            continue
+        if model.penetration(y_new)[pair] > 0:
+            best = scipy.optimize.minimize_scalar(
+                p,
+                bounds=(t_old, t_new),
+                method="bounded",
+                options={"xatol": 1e-4 * (t_new - t_old)},
+            )
+            low = float(best.x)
+            if best.fun > 0:
+                continue
+        elif p(t_new) > 0:  # the interpolant misses the end of the step by rounding
+            continue
+        time = float(scipy.optimize.brentq(p, t_old, low, xtol=1e-15, rtol=1e-15))
+        # Stop on the lost side of the root, or contact would begin anew there.
+        nudge = np.spacing(time)
+        while time < low and p(time) > 0:
+            time = min(time + nudge, low)
+            nudge *= 2
+        if time < first:
+            first, y_first = time, dense(time)
+    p_first = model.penetration(y_first)
+    held = np.any(model.memory(y_first) != 0, axis=0)
+    lost = [(int(j), int(i)) for j, i in np.argwhere(held & (p_first <= 0))]
+    return first, model.forget(y_first), lost
+
+
+def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 300) -> Array:
+    """Find the belt at rest without friction, near y0 (what the paper calls stabilised).
+
+    Newton's method with Levenberg's damping: the belt is free to slide along its path, so the
+    stiffness matrix is singular, and links that touch or leave make it jump. Energy must fall, so
+    that it ends at a minimum, not a saddle (the polygon of links has both along its path). Ends
+    when no force on a link (or moment over half a link) exceeds `tol` times the belt's EA/1000.
+    Pulleys keep their angles; memory and ledger are cleared.
+    """
+    y = np.array(y0, dtype=float)
+    model.links(y)[1] = 0.0
+    model.pulleys(y)[1] = 0.0
+    model.memory(y)[:] = 0.0
+    model.ledger(y)[:] = 0.0
+    n_b, n, half = model.n_bodies, 3 * model.n_bodies, 0.5 * model.l0
+    unit = np.repeat([1.0, 1.0, 1.0 / half], n_b)  # phi as the shift of a link's end
+    inertia = np.repeat([model.mass, model.mass, model.inertia / half], n_b)
+    no_torque = np.zeros(model.n_pulleys)
+
+    def residual(q: Array) -> Array:
+        y[:n] = q * unit
+        force: Array = model.rhs(0.0, y, lambda *_: no_torque)[n : 2 * n] * inertia
+        return force
+
+    def stiffness(q: Array) -> Array:
+        """-d residual / dq; links three apart share no neighbour, so they are moved together."""
+        h = 1e-6 * model.l0
+        matrix = np.zeros((3, n_b, 3, n_b))
+        whole = n_b - n_b % 3
+        groups = [np.arange(k, whole, 3) for k in range(3)] + [
+            np.array([k]) for k in range(whole, n_b)
+        ]
+        for group in groups:
+            for row in range(3):
+                shift = np.zeros((3, n_b))
+                shift[row, group] = h
+                change = residual(q - shift.ravel()) - residual(q + shift.ravel())
+                for offset in (-1, 0, 1):
+                    at = (group + offset) % n_b
+                    matrix[:, at, row, group] = change.reshape(3, n_b)[:, at] / (2 * h)
+        return matrix.reshape(n, n)
+
+    q = y[:n] / unit
+    force, energy = residual(q), float(model.energy(y))
+    target = tol * 1e-3 * model.axial_stiffness
+    damping = 1e-2 * model.c_tra
+    for _ in range(iterations):
+        if np.abs(force).max() <= target:
+            residual(q)
+            return y
+        k = stiffness(q)
+        k = 0.5 * (k + k.T)
+        for _ in range(30):
+            q_new = q + np.linalg.solve(k + damping * np.eye(n), force)
+            force_new, energy_new = residual(q_new), float(model.energy(y))
+            flat = abs(energy_new - energy) <= 1e-12 * abs(energy)
+            quieter = np.linalg.norm(force_new) < np.linalg.norm(force)
+            if (flat and quieter) or (not flat and energy_new < energy):
+                q, force, energy, damping = q_new, force_new, energy_new, 0.1 * damping
+                break
+            damping *= 5
+        else:
+            break
+    if np.abs(force).max() > 100 * target:
+        raise RuntimeError(f"no equilibrium found: {np.abs(force).max():.3g} N left")
+    residual(q)
+    return y
+
+
+# -------------------------------------------------------------------- geometry
