@@ -337,36 +337,16 @@ static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords
   return result;
 }
 
-#define INFO(X)                                                                                    \
-  X(n_bodies)                                                                                      \
-  X(n_pulleys)                                                                                     \
-  X(n_slots)                                                                                       \
-  X(winding)                                                                                       \
-  X(link_length)                                                                                   \
-  X(link_mass)                                                                                     \
-  X(link_inertia)                                                                                  \
-  X(joint_stiffness)                                                                               \
-  X(joint_damping)                                                                                 \
-  X(bending_stiffness)                                                                             \
-  X(bending_damping)                                                                               \
-  X(contact_quadratic)                                                                             \
-  X(contact_linear)                                                                                \
-  X(contact_damping)                                                                               \
-  X(path_length)                                                                                   \
-  X(strain)                                                                                        \
-  X(mean_tension)                                                                                  \
-  X(spectral_bound)
-
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_info *info = &((bd_core_model *)object)->info;
   PyObject *dict = PyDict_New();
   if (!dict) {
     return NULL;
   }
-#define X(name)                                                                                    \
+#define X(type, name, text)                                                                        \
   if (bd_core_set(dict, #name, BD_CORE_NUMBER(info->name)) < 0)                                    \
     goto fail;
-  INFO(X)
+  BD_INFO(X)
 #undef X
   return dict;
 fail:

@@ -85,6 +85,10 @@ typedef struct bd_scene {
   double gravity[2];
 } bd_scene;
 
+/* Sizes up to which all counting stays within an int. */
+#define BD_MAX_LINKS 1000000
+#define BD_MAX_PULLEYS 1000
+
 /* --- model ----------------------------------------------------------------------------------- */
 
 typedef struct bd_model bd_model;
@@ -99,16 +103,9 @@ void bd_model_free(bd_model *model);
 int bd_model_check_geometry(const bd_model *model, bd_error *err);
 
 typedef struct bd_info {
-  int n_bodies, n_pulleys;
-  int n_slots; /* friction slots per link; 1 unless pulleys overlap; 0 without friction */
-  int winding; /* turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise */
-  double link_length, link_mass, link_inertia;
-  double joint_stiffness, joint_damping, bending_stiffness, bending_damping; /* per joint */
-  double contact_quadratic, contact_linear, contact_damping;                 /* per link */
-  double path_length;    /* of the tight belt line round the pulleys [m] */
-  double strain;         /* path_length / length - 1 */
-  double mean_tension;   /* axial_stiffness * strain, the scale of forces [N] */
-  double spectral_bound; /* closed-form |lambda|max of the joints [1/s] */
+#define X(type, name, text) type name;
+  BD_INFO(X)
+#undef X
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);

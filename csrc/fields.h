@@ -8,7 +8,8 @@
 #define BELTDYN_FIELDS_H
 
 /* Scene parameters: X(group, name, rule, unit, text). Rules: POSITIVE (> 0), NONNEGATIVE (>= 0),
- * FINITE, LINKS (integer >= 3). Groups are the structs of beltdyn.h and the Python classes. */
+ * FINITE, LINKS (integer from 3 to BD_MAX_LINKS). Groups are the structs of beltdyn.h and the
+ * Python classes. */
 #define BD_PARAMETERS(X)                                                                           \
   X(belt, length, POSITIVE, "m", "stress-free length of the closed belt, L")                       \
   X(belt, n_bodies, LINKS, "1", "number of rigid links, n_b")                                      \
@@ -38,6 +39,27 @@
   X(slip, SLOTS)                                                                                   \
   X(theta, PULLEYS)                                                                                \
   X(omega, PULLEYS)
+
+/* What a model knows of itself: X(type, name, text). */
+#define BD_INFO(X)                                                                                 \
+  X(int, n_bodies, "links")                                                                        \
+  X(int, n_pulleys, "pulleys")                                                                     \
+  X(int, n_slots, "friction slots per link: 1 unless pulleys overlap; 0 without friction")         \
+  X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
+  X(double, link_length, "stress-free length of a link, l0 [m]")                                   \
+  X(double, link_mass, "m [kg]")                                                                   \
+  X(double, link_inertia, "I_z [kg m^2]")                                                          \
+  X(double, joint_stiffness, "c_tra [N/m]")                                                        \
+  X(double, joint_damping, "b_tra [N s/m]")                                                        \
+  X(double, bending_stiffness, "c_tor of a joint [N m]")                                           \
+  X(double, bending_damping, "b_tor of a joint [N m s]")                                           \
+  X(double, contact_quadratic, "c1 of a link [N/m^2]")                                             \
+  X(double, contact_linear, "c2 of a link [N/m]")                                                  \
+  X(double, contact_damping, "b of a link [N s/m]")                                                \
+  X(double, path_length, "of the tight belt line round the pulleys [m]")                           \
+  X(double, strain, "path_length / length - 1")                                                    \
+  X(double, mean_tension, "axial_stiffness * strain, the scale of forces [N]")                     \
+  X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). */
 #define BD_OUTPUTS(X)                                                                              \

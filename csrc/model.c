@@ -18,10 +18,10 @@ enum { RULE_POSITIVE, RULE_NONNEGATIVE, RULE_FINITE, RULE_LINKS };
 
 static int check(bd_error *err, const char *where, const char *name, int rule, double value,
                  const char *unit, const char *text) {
-  static const char *const wording[] = {"> 0", ">= 0", "finite", "an integer >= 3"};
+  static const char *const wording[] = {"> 0", ">= 0", "finite", "an integer from 3 to 1000000"};
   int good = isfinite(value) && (rule == RULE_POSITIVE      ? value > 0.0
                                  : rule == RULE_NONNEGATIVE ? value >= 0.0
-                                 : rule == RULE_LINKS       ? value >= 3.0
+                                 : rule == RULE_LINKS       ? value >= 3.0 && value <= BD_MAX_LINKS
                                                             : 1);
   if (good) {
     return BD_OK;
@@ -29,7 +29,7 @@ static int check(bd_error *err, const char *where, const char *name, int rule, d
   char field[64];
   snprintf(field, sizeof field, "%s.%s", where, name);
   return bd_fail_at(err, BD_ERR_PARAMETER, field, (double)NAN, -1, -1, value,
-                    "%s must be %s%s (%s), got %g%s%s", field, isfinite(value) ? "" : "finite and ",
+                    "%s must be %s%s (%s), got %.10g%s%s", field, isfinite(value) ? "" : "finite and ",
                     wording[rule], text, value, strcmp(unit, "1") ? " " : "",
                     strcmp(unit, "1") ? unit : "");
 }
@@ -59,8 +59,9 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
     }                                                                                              \
   }
 #define X(group, name, rule, unit, text) CHECK_##group(name, rule, unit, text)
-  if (scene->n_pulleys < 1) {
-    return bd_fail(err, BD_ERR_PARAMETER, "pulleys", "pulleys must hold at least one pulley");
+  if (scene->n_pulleys < 1 || scene->n_pulleys > BD_MAX_PULLEYS) {
+    return bd_fail(err, BD_ERR_PARAMETER, "pulleys", "pulleys must hold 1 to %d pulleys, got %d",
+                   BD_MAX_PULLEYS, scene->n_pulleys);
   }
   BD_PARAMETERS(X)
 #undef X

@@ -151,7 +151,10 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
 
 int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
                       bd_error *err) {
-  if (sim->started || sim->t_sample || sim->watch) {
+  if (sim->watch) {
+    return bd_fail(err, BD_ERR_BUSY, "t_eval", "settling has no samples: only its end counts");
+  }
+  if (sim->started || sim->t_sample) {
     return bd_fail(err, BD_ERR_BUSY, "t_eval",
                    "the sample times must be set once, before the run starts");
   }
@@ -482,7 +485,8 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
       .terms =
           &(bd_torque_term){.kind = BD_TORQUE_PIECEWISE, .n_t = 1, .t = &moment, .values = torque}};
   bd_sim *sim = NULL;
-  int code = bd_sim_create(&sim, model, state, &given, state->t + 1.0, NULL, err);
+  int code =
+      bd_sim_create(&sim, model, state, &given, state->t + fmax(1.0, fabs(state->t)), NULL, err);
   if (code != BD_OK) {
     return code;
   }
