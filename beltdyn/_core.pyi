@@ -16,6 +16,7 @@ ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: the columns of output "
 STATS: tuple[tuple[str, str], ...]  # name, text
 ERRORS: tuple[tuple[str, int, str, str], ...]  # symbol, code, kind, text
 MAX_STRAIN: float
+MAX_LINKS: int
 
 def kernel_level() -> str: ...
 def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...

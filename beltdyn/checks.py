@@ -39,17 +39,18 @@ def real(name: str, value: object, unit: str = "1") -> float:
     return number
 
 
-def integer(name: str, value: object, least: int) -> int:
-    """Check an integer, not below ``least``; give it as a plain int. 60.0 is not one.
+def integer(name: str, value: object, least: int, most: int | None = None) -> int:
+    """Check an integer from ``least`` to ``most``; give it as a plain int. 60.0 is not one.
 
     Raises:
         TypeError: Not an integer.
-        ValueError: Too small.
+        ValueError: Too small or too large.
     """
-    rule = f"{name} must be an integer >= {least}"
+    bounds = f">= {least}" if most is None else f"from {least} to {most}"
+    rule = f"{name} must be an integer {bounds}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise TypeError(f"{rule}, got {reprlib.repr(value)}")
-    if value < least:
+    if value < least or (most is not None and value > most):
         raise ValueError(f"{rule}, got {value}")
     return int(value)
 

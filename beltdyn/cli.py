@@ -7,9 +7,12 @@ interrupted still writes what it computed.
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
@@ -28,7 +31,38 @@ def _stop(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@contextmanager
+def _signals(handler: Any, *which: signal.Signals) -> Iterator[None]:
+    before = [(one, signal.signal(one, handler)) for one in which]
+    try:
+        yield
+    finally:
+        for one, old in before:
+            signal.signal(one, old)
+
+
+class _Group(click.Group):
+    """Says what is wrong in one line, never by a traceback."""
+
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        try:
+            code = super().main(*args, standalone_mode=False, **extra)
+        except click.ClickException as error:
+            context = error.ctx if isinstance(error, click.UsageError) else None
+            hint = f" (try: {context.command_path} --help)" if context else ""
+            _stop(f"{error.format_message()}{hint}", _BAD_INPUT)
+        except click.Abort:
+            _stop("interrupted", _INTERRUPTED)
+        except MemoryError as error:
+            _stop(str(error) or "out of memory", _FAILED)
+        except OSError as error:
+            # Standard output is gone or full: nothing more can be said there.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+            _stop(f"cannot write: {error.strerror}", _FAILED)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+@click.group("beltdyn", cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="beltdyn")
 def main() -> None:
     """Dynamics of belt drives."""
@@ -62,18 +96,22 @@ def run(
     """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
     for path in filter(None, (out, plot)):
         _check_writable(path)
+    if out is not None and out == plot:
+        _stop(f"--out and --plot must not be the same file, {out}", _BAD_INPUT)
     if plot is not None:
         _check_plot(plot)
     try:
         params, torque_fn, scene_t_end = _find(scene)
-        result = simulate(
-            params,
-            torque_fn,
-            scene_t_end if t_end is None else t_end,
-            method=method,
-            rtol=rtol,
-            progress=not quiet,
-        )
+        # What asks a batch job to end is answered like Ctrl-C.
+        with _signals(signal.default_int_handler, signal.SIGTERM):
+            result = simulate(
+                params,
+                torque_fn,
+                scene_t_end if t_end is None else t_end,
+                method=method,
+                rtol=rtol,
+                progress=not quiet,
+            )
     except OSError as error:
         _stop(f"cannot read {error.filename}: {error.strerror}", _BAD_INPUT)
     except (TypeError, ValueError) as error:
@@ -81,7 +119,9 @@ def run(
     except SimulationError as error:
         _stop(f"{error}{_write(error.result, out, plot)}", _FAILED)
     except Interrupted as error:
-        _stop(f"{error}{_write(error.result, out, plot)}", _INTERRUPTED)
+        # The finished part is being written: a second Ctrl-C must not lose it.
+        with _signals(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
+            _stop(f"{error}{_write(error.result, out, plot)}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
     written = _write(result, out, plot)
@@ -90,6 +130,8 @@ def run(
 
 
 def _find(scene: str) -> scenes.Scene:
+    if os.path.isdir(scene):
+        raise ValueError(f"{scene} is a folder, not a scene")
     if scene.endswith(".toml") or os.path.isfile(scene):
         return scenes.Scene.from_toml(Path(scene))
     return scenes.get(scene)

@@ -31,5 +31,6 @@ def read(path: str | os.PathLike[str], what: str, build: Callable[[dict[str, Any
         try:
             with np.load(file, allow_pickle=False) as arrays:
                 return build(dict(arrays))
-        except (KeyError, TypeError, ValueError, BadZipFile, EOFError) as error:
-            raise ValueError(f"{os.fspath(path)} is not a saved {what}: {error}") from None
+        except (KeyError, TypeError, ValueError, BadZipFile, EOFError):
+            # NumPy's own message would advise to load it as a pickle.
+            raise ValueError(f"{os.fspath(path)} is not a saved {what}") from None

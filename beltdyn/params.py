@@ -41,7 +41,7 @@ class Rule(NamedTuple):
         """
         label = f"{self.group}.{self.name}".lstrip(".")
         if self.rule == "LINKS":
-            return checks.integer(label, value, 3)
+            return checks.integer(label, value, 3, _core.MAX_LINKS)
         if self.rule == "PAIR":
             return checks.pair(label, value, self.unit)
         number = checks.real(label, value, self.unit)
@@ -295,8 +295,10 @@ class Params:
             [
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
                 *_lines(rows, indent="  "),
-                f"  tight belt line {info['path_length']:.6g} m, strain "
-                f"{100 * info['strain']:.3g} %, mean tension {info['mean_tension']:.4g} N",
+                f"  tight belt line {info['path_length']:.6g} m: strain "
+                f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
+                f"straight links on the pulleys add up to {100 * info['mesh_strain']:.2g} %, "
+                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N",
             ]
         )
 

@@ -348,6 +348,11 @@ class Result:
             f"steps, {self.stats.cpu_time:.3g} s CPU)"
         )
 
+    def __str__(self) -> str:
+        rows = self.summary()
+        width = max(len(label) for label, _ in rows)
+        return "\n".join([repr(self), *(f"  {label:<{width}}  {value}" for label, value in rows)])
+
     def summary(self) -> list[tuple[str, str]]:
         """List what one looks at first: label and value.
 

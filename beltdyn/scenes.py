@@ -70,8 +70,11 @@ class Scene(NamedTuple):
 
         Raises:
             TypeError: The torque is a function; only torque objects can be written.
+            ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
         """
         from . import toml
+
+        self.check()
 
         return toml.write(toml.scene_document(self), path)
 

@@ -90,7 +90,7 @@ def simulate(
         "step": _positive("step", step, "s"),
         "max_step": _positive("max_step", max_step, "s"),
         "max_steps": 0 if max_steps is None else integer("max_steps", max_steps, 1),
-        "ledger": bool(ledger),
+        "ledger": ledger,
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
@@ -186,7 +186,7 @@ def settle(
         raise ValueError(f'pulleys must be "held" or "free", got {pulleys!r}')
     has_friction = params.friction is not None
     options: dict[str, Any] = {
-        "friction": bool(friction) and has_friction,
+        "friction": friction and has_friction,
         "free_pulleys": pulleys == "free",
         "offset": _offset(offset, len(params.pulleys)),
         "move_time": _positive("move_time", move_time, "s"),
@@ -215,7 +215,8 @@ def _check_initial(params: Params, initial: object) -> None:
     if initial is None:
         return
     if not isinstance(initial, State):
-        raise TypeError(f"initial must be a State or None, got {type(initial).__name__}")
+        hint = ", its final_state is one" if isinstance(initial, Result) else ""
+        raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
     initial.check_fits(params.belt.n_bodies, len(params.pulleys))
 
 
@@ -228,12 +229,14 @@ def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
         raise ValueError(
             f"t_eval must be non-decreasing, got {times[k]:g} s before {times[k + 1]:g} s"
         )
-    if times.size and (times[0] < start or times[-1] > end):
+    # What np.arange leaves by rounding beyond an end is meant to be that end.
+    slack = 8 * np.spacing(max(abs(start), abs(end)))
+    if times.size and (times[0] < start - slack or times[-1] > end + slack):
         raise ValueError(
-            f"t_eval must lie within the run, [{start:g}, {end:g}] s, "
-            f"got [{times[0]:g}, {times[-1]:g}] s"
+            f"t_eval must lie within the run, [{start:.12g}, {end:.12g}] s, "
+            f"got [{times[0]:.12g}, {times[-1]:.12g}] s"
         )
-    return times
+    return np.clip(times, start, end)
 
 
 def _method(method: object) -> str:

@@ -177,13 +177,13 @@ class Viscous(Torque):
 def _summands(value: Sequence[Torque]) -> tuple[Torque, ...]:
     parts = tuple(value)
     if not parts:
-        raise ValueError("TorqueSum.parts must hold at least one torque")
+        raise ValueError("torque must hold at least one torque")
     for k, part in enumerate(parts):
         if not isinstance(part, Torque):
-            raise TypeError(f"TorqueSum.parts[{k}] must be a torque object, got {part!r}")
+            raise TypeError(f"torque[{k}] must be a torque object, got {part!r}")
         if part.n_pulleys != parts[0].n_pulleys:
             raise ValueError(
-                f"TorqueSum.parts[{k}] must be for {parts[0].n_pulleys} pulley(s) like the first, "
+                f"torque[{k}] must be for {parts[0].n_pulleys} pulley(s) like the first, "
                 f"got one for {part.n_pulleys}"
             )
     return parts

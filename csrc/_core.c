@@ -54,7 +54,8 @@ PyObject *bd_core_raise(int code, const bd_error *err) {
     return NULL;
   }
   if (kind == BD_KIND_MEMORY) {
-    return PyErr_NoMemory();
+    PyErr_SetString(PyExc_MemoryError, err->message);
+    return NULL;
   }
   PyObject *message = message_of(code, err);
   if (!message) {
@@ -275,6 +276,7 @@ static int add_tables(PyObject *module) {
                  add(module, "STATS", TABLE(stats)) < 0 ||
                  add(module, "ERRORS", error_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
+                 add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0
              ? -1
              : 0;

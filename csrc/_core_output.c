@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * The arrays a run fills: allocated by NumPy before it, written by the core while it goes on.
- * Guarded by tests/test_module.py (shapes, contents) and tests/test_lifetime.py (who owns them).
+ * Guarded by tests/test_module_run.py (shapes, contents) and tests/test_lifetime.py (who owns
+ * them).
  */
 #include "_core.h"
 

@@ -6,7 +6,7 @@
  * atomic flag, so a second thread or a torque function that calls back gets a RuntimeError; the
  * arrays the core writes to are held by the Simulation, their users only get views, so they cannot
  * be freed or resized under a run; signals are answered between chunks, where the state is that of
- * a finished step. Guarded by tests/test_module.py (arguments) and tests/test_lifetime.py.
+ * a finished step. Guarded by tests/test_module_run.py and tests/test_threads.py.
  */
 #include "_core.h"
 

@@ -244,8 +244,9 @@ void bd_dahl_path(size_t n, const double *x, double mu0, double mu_k, double sig
 
 /* --- build ----------------------------------------------------------------------------------- */
 
-/* Kernel level in use ("avx512", "avx2", "baseline"), chosen once from the processor, or by the
- * environment variable BELTDYN_KERNELS. */
+/* Kernel level a model made now would use ("avx512", "avx2", "baseline"): the processor's best, or
+ * what the environment variable BELTDYN_KERNELS names; "none" if the processor lacks that one, and
+ * then no model can be made. */
 const char *bd_kernel_level(void);
 
 #ifdef __cplusplus

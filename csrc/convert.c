@@ -210,7 +210,8 @@ PyArrayObject *bd_convert_array(PyObject *object, const char *name, int ndim,
     goto out;
   }
   array = (PyArrayObject *)PyArray_FROMANY((PyObject *)given, NPY_DOUBLE, 0, 0,
-                                           NPY_ARRAY_IN_ARRAY | NPY_ARRAY_ENSUREARRAY);
+                                           NPY_ARRAY_IN_ARRAY | NPY_ARRAY_ENSUREARRAY |
+                                               NPY_ARRAY_ENSURECOPY);
   if (array && check_finite(array, name) < 0) {
     Py_CLEAR(array);
   }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Which kernel level runs: the best the processor has, or the one BELTDYN_KERNELS names if the
- * processor has it. Asked when a model is made; nothing is cached, so nothing is global.
+ * Which kernel level runs: the best the processor has, or the one BELTDYN_KERNELS names; NULL if
+ * the processor does not have that one. Asked when a model is made; nothing is cached, so nothing
+ * is global.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -28,14 +29,18 @@ const bd_kernels *bd_kernels_choose(void) {
 #endif
   found[n++] = &bd_kernels_baseline;
   const char *wanted = getenv("BELTDYN_KERNELS");
-  for (int k = 0; wanted && k < n; ++k) {
+  if (!wanted || !*wanted) {
+    return found[0];
+  }
+  for (int k = 0; k < n; ++k) {
     if (strcmp(found[k]->level, wanted) == 0) {
       return found[k];
     }
   }
-  return found[0];
+  return NULL;
 }
 
 const char *bd_kernel_level(void) {
-  return bd_kernels_choose()->level;
+  const bd_kernels *kernels = bd_kernels_choose();
+  return kernels ? kernels->level : "none";
 }

@@ -59,6 +59,7 @@
   X(double, path_length, "of the tight belt line round the pulleys [m]")                           \
   X(double, strain, "path_length / length - 1")                                                    \
   X(double, mean_tension, "axial_stiffness * strain, the scale of forces [N]")                     \
+  X(double, mesh_strain, "what tangent links, longer than the arcs they span, add to the strain")  \
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). */

@@ -184,8 +184,9 @@ typedef struct bd_load {
   int np;
   size_t n_terms, n_breaks;
   bd_torque_term *terms;
-  double *breaks; /* sorted, distinct */
-  double *part;   /* scratch: one term's torques */
+  double *breaks;       /* sorted, distinct */
+  double after, before; /* the breaks round the present piece; functions never see them exactly */
+  double *part;         /* scratch: one term's torques */
 } bd_load;
 
 void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *torque);
@@ -249,10 +250,12 @@ typedef struct bd_plan_options {
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+double bd_plan_circulation(const bd_plan *plan, const double *y);
 /* Centres at time t into the drums (they stand still unless settling moves them). */
 void bd_plan_place(bd_plan *plan, double t);
-/* Which pulley holds each friction slot, from positions alone; at the start of a run. */
-void bd_plan_own(bd_plan *plan, const double *y);
+/* Which pulley holds each friction slot, from positions alone, at the start of a run; memory that
+ * no pulley holds is cleared. */
+void bd_plan_own(bd_plan *plan, double *y);
 /* MODEL section 4 after a step: friction memory of a link off its pulley goes to 0, |mu| <= mu_k.
  * *changed: by more than `tolerance`, so that the rates must be taken anew. Fails when a link has
  * sunk past half a pulley's radius. */
@@ -309,6 +312,7 @@ struct bd_sim {
   double *settle_start, *settle_offset;
   int settle_tries;
   double settle_push, settle_speed, settle_time; /* circulation at the last check */
+  double settle_stiffness;
   bd_stats stats;
   bd_error failure;
 };

@@ -72,25 +72,20 @@ static void copy_neighbours(const bd_layout *lay, double *y) {
   }
 }
 
-SPECIALISED double joints(const bd_links *links, double *y, double *dy, const int bending,
-                          const int ledger) {
+/* Right ends of the links: position and velocity. */
+SPECIALISED void link_ends(const bd_links *links, const double *y) {
   const bd_layout *lay = &links->lay;
   const int n = lay->n, n8 = lay->n8;
-  const double half = links->half, stiffness = links->stiffness, damping = links->damping;
-  const double inv_mass = links->inv_mass, inv_inertia = links->inv_inertia;
-  copy_neighbours(lay, y);
-
-  const double *restrict x = ALIGNED(bd_field(lay, y, F_X));
-  const double *restrict yy = ALIGNED(bd_field(lay, y, F_Y));
-  const double *restrict phi = ALIGNED(bd_field(lay, y, F_PHI));
-  const double *restrict vx = ALIGNED(bd_field(lay, y, F_VX));
-  const double *restrict vy = ALIGNED(bd_field(lay, y, F_VY));
-  const double *restrict vphi = ALIGNED(bd_field(lay, y, F_VPHI));
+  const double half = links->half;
+  const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
+  const double *restrict yy = ALIGNED(bd_cfield(lay, y, F_Y));
+  const double *restrict phi = ALIGNED(bd_cfield(lay, y, F_PHI));
+  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
+  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
+  const double *restrict vphi = ALIGNED(bd_cfield(lay, y, F_VPHI));
   double *restrict co = ALIGNED(links->cos), *restrict si = ALIGNED(links->sin);
   double *restrict rx = ALIGNED(links->rx), *restrict ry = ALIGNED(links->ry);
   double *restrict ru = ALIGNED(links->ru), *restrict rv = ALIGNED(links->rv);
-
-  /* right ends of the links: position and velocity */
   SIMD for (int i = 0; i < n8; ++i) {
     double s, c;
     sine_cosine(phi[i], &s, &c);
@@ -106,49 +101,79 @@ SPECIALISED double joints(const bd_links *links, double *y, double *dy, const in
   ry[-1] = ry[n - 1];
   ru[-1] = ru[n - 1];
   rv[-1] = rv[n - 1];
+}
 
-  /* forces in the joints, tension along +d */
+/* Forces in the joints, tension along +d, and bending moments; returns the dampers' power. */
+SPECIALISED double joint_forces(const bd_links *links, const double *y, const int bending,
+                                const int ledger) {
+  const bd_layout *lay = &links->lay;
+  const int n = lay->n, n8 = lay->n8;
+  const double half = links->half, stiffness = links->stiffness, damping = links->damping;
+  const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
+  const double *restrict yy = ALIGNED(bd_cfield(lay, y, F_Y));
+  const double *restrict phi = ALIGNED(bd_cfield(lay, y, F_PHI));
+  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
+  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
+  const double *restrict vphi = ALIGNED(bd_cfield(lay, y, F_VPHI));
+  const double *restrict co = ALIGNED(links->cos), *restrict si = ALIGNED(links->sin);
+  const double *restrict rx = ALIGNED(links->rx), *restrict ry = ALIGNED(links->ry);
+  const double *restrict ru = ALIGNED(links->ru), *restrict rv = ALIGNED(links->rv);
+  const double *restrict live = ALIGNED(links->live);
   double *restrict fx = ALIGNED(links->fx), *restrict fy = ALIGNED(links->fy);
   double *restrict moment = ALIGNED(links->moment);
-  const double *restrict live = ALIGNED(links->live);
   double loss = 0.0;
   _Pragma("omp simd reduction(+ : loss)") for (int i = 0; i < n8; ++i) {
     const double hc = half * co[i], hs = half * si[i], w = vphi[i];
     const double dx = (x[i] - hc) - rx[i - 1];
-    const double dy_ = (yy[i] - hs) - ry[i - 1];
+    const double dy = (yy[i] - hs) - ry[i - 1];
     const double du = FMA(hs, w, vx[i]) - ru[i - 1];
     const double dv = FMA(-hc, w, vy[i]) - rv[i - 1];
     fx[i] = FMA(stiffness, dx, damping * du);
-    fy[i] = FMA(stiffness, dy_, damping * dv);
+    fy[i] = FMA(stiffness, dy, damping * dv);
     if (ledger) {
       loss += live[i] * damping * FMA(du, du, dv * dv);
     }
   }
-  if (bending) {
-    const double ctor = links->bending, btor = links->bending_damping, wind = links->wind;
-    double bend_loss = 0.0;
-    _Pragma("omp simd reduction(+ : bend_loss)") for (int i = 0; i < n8; ++i) {
-      const double turn = phi[i] - phi[i - 1], rate = vphi[i] - vphi[i - 1];
-      moment[i] = FMA(ctor, turn, btor * rate);
-      if (ledger) {
-        bend_loss += live[i] * btor * rate * rate;
-      }
-    }
-    /* the winding stands between links n-1 and 0 only */
-    moment[0] += ctor * wind;
-    moment[n] = moment[0];
-    loss += bend_loss;
-  }
   fx[n] = fx[0];
   fy[n] = fy[0];
+  if (!bending) {
+    return loss;
+  }
+  const double ctor = links->bending, btor = links->bending_damping;
+  double bend_loss = 0.0;
+  _Pragma("omp simd reduction(+ : bend_loss)") for (int i = 0; i < n8; ++i) {
+    const double turn = phi[i] - phi[i - 1], rate = vphi[i] - vphi[i - 1];
+    moment[i] = FMA(ctor, turn, btor * rate);
+    if (ledger) {
+      bend_loss += live[i] * btor * rate * rate;
+    }
+  }
+  /* the winding stands between links n-1 and 0 only */
+  moment[0] += ctor * links->wind;
+  moment[n] = moment[0];
+  return loss + bend_loss;
+}
 
-  double *restrict ox = ALIGNED(bd_field(lay, dy, F_X));
-  double *restrict oy = ALIGNED(bd_field(lay, dy, F_Y));
-  double *restrict ophi = ALIGNED(bd_field(lay, dy, F_PHI));
-  double *restrict ovx = ALIGNED(bd_field(lay, dy, F_VX));
-  double *restrict ovy = ALIGNED(bd_field(lay, dy, F_VY));
-  double *restrict ovphi = ALIGNED(bd_field(lay, dy, F_VPHI));
-  const double arm = half * inv_inertia;
+/* (2.11) without contact: every link between its two joints. Sets all link blocks of out. */
+SPECIALISED void link_rates(const bd_links *links, const double *y, double *out,
+                            const int bending) {
+  const bd_layout *lay = &links->lay;
+  const int n8 = lay->n8;
+  const double inv_mass = links->inv_mass, inv_inertia = links->inv_inertia;
+  const double arm = links->half * inv_inertia;
+  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
+  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
+  const double *restrict vphi = ALIGNED(bd_cfield(lay, y, F_VPHI));
+  const double *restrict co = ALIGNED(links->cos), *restrict si = ALIGNED(links->sin);
+  const double *restrict fx = ALIGNED(links->fx), *restrict fy = ALIGNED(links->fy);
+  const double *restrict moment = ALIGNED(links->moment);
+  const double *restrict live = ALIGNED(links->live);
+  double *restrict ox = ALIGNED(bd_field(lay, out, F_X));
+  double *restrict oy = ALIGNED(bd_field(lay, out, F_Y));
+  double *restrict ophi = ALIGNED(bd_field(lay, out, F_PHI));
+  double *restrict ovx = ALIGNED(bd_field(lay, out, F_VX));
+  double *restrict ovy = ALIGNED(bd_field(lay, out, F_VY));
+  double *restrict ovphi = ALIGNED(bd_field(lay, out, F_VPHI));
   SIMD for (int i = 0; i < n8; ++i) {
     ox[i] = live[i] * vx[i];
     oy[i] = live[i] * vy[i];
@@ -162,11 +187,19 @@ SPECIALISED double joints(const bd_links *links, double *y, double *dy, const in
     ovphi[i] = live[i] * turning;
   }
   for (int f = F_MU; f < F_MU + 2 * lay->slots; ++f) {
-    double *restrict o = ALIGNED(bd_field(lay, dy, f));
+    double *restrict o = ALIGNED(bd_field(lay, out, f));
     SIMD for (int i = 0; i < n8; ++i) {
       o[i] = 0.0;
     }
   }
+}
+
+SPECIALISED double joints(const bd_links *links, double *y, double *dy, const int bending,
+                          const int ledger) {
+  copy_neighbours(&links->lay, y);
+  link_ends(links, y);
+  const double loss = joint_forces(links, y, bending, ledger);
+  link_rates(links, y, dy, bending);
   return loss;
 }
 

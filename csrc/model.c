@@ -14,11 +14,15 @@
 
 #include "internal.h"
 
+#define TEXT_OF(value) #value
+#define TEXT(macro) TEXT_OF(macro)
+#define LINKS_RULE "an integer from 3 to " TEXT(BD_MAX_LINKS)
+
 enum { RULE_POSITIVE, RULE_NONNEGATIVE, RULE_FINITE, RULE_LINKS };
 
 static int check(bd_error *err, const char *where, const char *name, int rule, double value,
                  const char *unit, const char *text) {
-  static const char *const wording[] = {"> 0", ">= 0", "finite", "an integer from 3 to 1000000"};
+  static const char *const wording[] = {"> 0", ">= 0", "finite", LINKS_RULE};
   int good = isfinite(value) && (rule == RULE_POSITIVE      ? value > 0.0
                                  : rule == RULE_NONNEGATIVE ? value >= 0.0
                                  : rule == RULE_LINKS       ? value >= 3.0 && value <= BD_MAX_LINKS
@@ -29,9 +33,9 @@ static int check(bd_error *err, const char *where, const char *name, int rule, d
   char field[64];
   snprintf(field, sizeof field, "%s.%s", where, name);
   return bd_fail_at(err, BD_ERR_PARAMETER, field, (double)NAN, -1, -1, value,
-                    "%s must be %s%s (%s), got %.10g%s%s", field, isfinite(value) ? "" : "finite and ",
-                    wording[rule], text, value, strcmp(unit, "1") ? " " : "",
-                    strcmp(unit, "1") ? unit : "");
+                    "%s must be %s%s (%s), got %.10g%s%s", field,
+                    isfinite(value) ? "" : "finite and ", wording[rule], text, value,
+                    strcmp(unit, "1") ? " " : "", strcmp(unit, "1") ? unit : "");
 }
 
 static int check_scene(const bd_scene *scene, bd_error *err) {
@@ -65,6 +69,12 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
   }
   BD_PARAMETERS(X)
 #undef X
+  if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
+    return bd_fail(
+        err, BD_ERR_PARAMETER, "contact.linear",
+        "contact.linear and contact.quadratic must not both be 0: nothing would hold the "
+        "belt off its pulleys");
+  }
   for (int k = 0; k < 2; ++k) {
     if (check(err, "gravity", k ? "y" : "x", RULE_FINITE, scene->gravity[k], "m/s^2",
               "acceleration")) {
@@ -153,6 +163,18 @@ static void derive(bd_model *model) {
   info->spectral_bound = spectral_bound(info);
 }
 
+/* A link of angle 2 a lies as a tangent, longer than its arc by tan(a) / a - 1 (MODEL section 6);
+ * infinite when it is too long to lie on the pulley at all. */
+static double mesh_strain(const bd_model *model) {
+  double longer = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    double a = 0.5 * model->info.link_length / model->radius[j];
+    double arc = model->wraps[j].wrap * model->radius[j];
+    longer += a < 0.5 * BD_PI ? arc * (tan(a) / a - 1.0) : (double)INFINITY;
+  }
+  return longer / model->belt.length;
+}
+
 static void check_line(bd_model *model) {
   bd_info *info = &model->info;
   bd_error *err = &model->geometry;
@@ -170,6 +192,7 @@ static void check_line(bd_model *model) {
   if (code != BD_OK) {
     return;
   }
+  info->mesh_strain = mesh_strain(model);
   if (info->strain <= 0.0) {
     bd_fail_at(err, BD_ERR_GEOMETRY, "belt.length", (double)NAN, -1, -1, model->belt.length,
                "belt.length is too long for its pulleys: %g m, but the tight line round them is "
@@ -180,6 +203,11 @@ static void check_line(bd_model *model) {
                "belt.length is too short for its pulleys: %g m round a tight line of %g m is a "
                "strain of %.3g, at most %g is allowed",
                model->belt.length, path, info->strain, BD_MAX_STRAIN);
+  } else if (info->mesh_strain > BD_MAX_STRAIN) {
+    bd_fail_at(err, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, -1, info->n_bodies,
+               "belt.n_bodies is too small for its pulleys: %d links of %g m, laid round them as "
+               "tangents, add a strain of %.3g, at most %g is allowed",
+               info->n_bodies, info->link_length, info->mesh_strain, BD_MAX_STRAIN);
   }
 }
 
@@ -199,6 +227,13 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   *out = NULL;
   if (check_scene(scene, err) != BD_OK) {
     return BD_ERR_PARAMETER;
+  }
+  const bd_kernels *kernels = bd_kernels_choose();
+  if (!kernels) {
+    return bd_fail(
+        err, BD_ERR_OPTION, "BELTDYN_KERNELS",
+        "BELTDYN_KERNELS must name a kernel level this processor has, of baseline, avx2, "
+        "avx512, or be unset");
   }
   int np = scene->n_pulleys;
   bd_model *model = NULL;
@@ -237,7 +272,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? friction_slots(model) : 0);
   derive(model);
   check_line(model);
-  model->kernels = bd_kernels_choose();
+  model->kernels = kernels;
   *out = model;
   return BD_OK;
 }

@@ -119,35 +119,39 @@ static void put_joints(bd_plan *plan, double *y, const bd_output *out, size_t k)
   }
 }
 
+/* Of a link on two pulleys, those of the larger normal force. */
 static void put_contact(bd_plan *plan, double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
-  size_t n = (size_t)lay->n, row = k * n;
+  const size_t n = (size_t)lay->n, row = k * n;
   double *columns[] = {out->normal, out->friction, out->mu, out->slip, out->velocity};
+  double *best = plan->links.moment; /* scratch between evaluations: the largest N so far */
+  for (size_t i = 0; i < n; ++i) {
+    best[i] = -1.0;
+    if (out->pulley) {
+      out->pulley[row + i] = -1;
+    }
+  }
   for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {
     if (columns[c]) {
       memset(columns[c] + row, 0, n * sizeof(double));
     }
-  }
-  if (!out->normal || !out->pulley) {
-    return; /* the larger normal force decides, so they are needed for the rest */
-  }
-  for (size_t i = 0; i < n; ++i) {
-    out->pulley[row + i] = -1;
   }
   for (int j = 0; j < lay->np; ++j) {
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
         touch c;
-        size_t at = row + (size_t)i;
-        if (!touching(plan, y, i, j, &c) || (out->pulley[at] >= 0 && out->normal[at] >= c.normal)) {
+        if (!touching(plan, y, i, j, &c) || c.normal <= best[i]) {
           continue;
         }
-        out->pulley[at] = j;
+        best[i] = c.normal;
+        if (out->pulley) {
+          out->pulley[row + (size_t)i] = j;
+        }
         const double values[] = {c.normal, c.mu * c.normal, c.mu, c.slip, c.velocity};
         for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
           if (columns[q]) {
-            columns[q][at] = values[q];
+            columns[q][row + (size_t)i] = values[q];
           }
         }
       }

@@ -73,9 +73,27 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
-/* Settling only: a bath that drags on every mass but lets the belt run round, mean speed v along
- * the links and the turning kappa v that goes with it; that has a drag and an inertia of its own.
- */
+/* Settling only. How fast all runs round together, belt and the pulleys that it grips, of the
+ * velocities in y; or of the accelerations, if y is a rate. */
+double bd_plan_circulation(const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *co = plan->links.cos, *si = plan->links.sin;
+  double sum = 0.0, mass = lay->n;
+  for (int i = 0; i < lay->n; ++i) {
+    sum += vx[i] * co[i] + vy[i] * si[i];
+  }
+  for (int j = 0; plan->friction_on && !plan->held && j < lay->np; ++j) {
+    double r = plan->model->radius[j];
+    double rim = plan->model->inertia[j] / (r * r * plan->model->info.link_mass);
+    sum += rim * y[lay->omega + j] * r * plan->model->info.winding;
+    mass += rim;
+  }
+  return sum / mass;
+}
+
+/* Settling only: a bath that drags on every mass but lets all run round together, speed v along the
+ * links, with the turning kappa v that goes with it; that has a drag and an inertia of its own. */
 static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
@@ -86,12 +104,8 @@ static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *e
   double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
   double *aphi = bd_field(lay, dy, F_VPHI);
   const double bath = plan->bath, pitch = 4.0 * plan->links.half;
-  double speed = 0.0, push = 0.0;
-  for (int i = 0; i < n; ++i) {
-    speed += (vx[i] * co[i] + vy[i] * si[i]) / n;
-    push += (ax[i] * co[i] + ay[i] * si[i]) / n;
-  }
-  const double spared = (bath - plan->round_drag) * speed + (plan->round_gain - 1.0) * push;
+  const double spared = (bath - plan->round_drag) * bd_plan_circulation(plan, y) +
+                        (plan->round_gain - 1.0) * bd_plan_circulation(plan, dy);
   for (int i = 0; i < n; ++i) {
     double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
                   (i == 0 || i + 1 == n ? wind : 0.0);
@@ -100,7 +114,7 @@ static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *e
     aphi[i] -= bath * vphi[i] - spared * turn / pitch;
   }
   for (int j = 0; !plan->held && j < lay->np; ++j) {
-    double round = plan->model->info.winding / plan->model->radius[j];
+    double round = plan->friction_on ? plan->model->info.winding / plan->model->radius[j] : 0.0;
     dy[lay->omega + j] -= bath * y[lay->omega + j] - spared * round;
   }
   return BD_OK;
@@ -221,7 +235,17 @@ void bd_plan_place(bd_plan *plan, double t) {
 
 /* --- after a step ---------------------------------------------------------------------------- */
 
-void bd_plan_own(bd_plan *plan, const double *y) {
+/* MODEL section 4: what touches no pulley remembers no friction. */
+static void forget(const bd_layout *lay, double *y, int slot, const int *owner, int begin,
+                   int end) {
+  double *mu = bd_field(lay, y, F_MU + slot), *slip = bd_field(lay, y, bd_f_slip(lay) + slot);
+  for (int i = begin; i < end; ++i) {
+    mu[i] = owner[i] < 0 ? 0.0 : mu[i];
+    slip[i] = owner[i] < 0 ? 0.0 : slip[i];
+  }
+}
+
+void bd_plan_own(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   for (int k = 0; k < lay->n * lay->slots; ++k) {
@@ -235,6 +259,9 @@ void bd_plan_own(bd_plan *plan, const double *y) {
         plan->owner[drum->slot * lay->n + i] = j;
       }
     }
+  }
+  for (int s = 0; s < lay->slots; ++s) {
+    forget(lay, y, s, plan->owner + s * lay->n, 0, lay->n);
   }
 }
 
@@ -258,15 +285,15 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
         if (rho2 < 0.25 * rim2) {
           return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
                             "link %d sank past half the radius of pulley %d at t = %.9g s: the "
-                            "contact is too soft for this load; raise contact.linear",
+                            "contact is too soft for this tension, or the tension too high",
                             i, j, t);
         }
         if (!mu) {
           continue;
         }
         int held = rho2 < rim2;
-        if (held ? owner[i] >= 0 && owner[i] != j : owner[i] == j) {
-          mu[i] = slip[i] = 0.0;
+        if (held && owner[i] >= 0 && owner[i] != j) {
+          mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
         }
         owner[i] = held ? j : owner[i] == j ? -1 : owner[i];
         if (held && fabs(mu[i]) > limit) {
@@ -274,6 +301,14 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
           mu[i] = copysign(limit, mu[i]);
         }
       }
+    }
+  }
+  for (int j = 0; plan->friction_on && j < lay->np; ++j) {
+    const int slot = plan->drums[j].slot;
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+      forget(lay, y, slot, plan->owner + slot * lay->n, runs[r].begin,
+             runs[r].end < lay->n ? runs[r].end : lay->n);
     }
   }
   return BD_OK;

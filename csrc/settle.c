@@ -134,34 +134,55 @@ static void set_up(bd_sim *sim) {
   sim->options.ledger = 0;
 }
 
-/* Without friction the belt slides round its path almost freely, against a stiffness that is the
- * polygon's alone and thousands of times below all others. It is measured, from how the mean push
- * along the links changes with the way slid since the last check, and the circulation is given the
- * inertia and drag that bring it to rest as fast as the slowest of the rest will bear. */
+/* Without friction the belt slides round its path almost freely, and with it a drive whose pulleys
+ * are free turns so, against a stiffness that is the polygon's alone and thousands of times below
+ * all others. It is measured, from how the push round the path changes with the way gone since the
+ * last check, and running round is given the inertia and drag that bring it to rest as fast as the
+ * slowest of the rest will bear. */
 static void tune_circulation(bd_sim *sim, const double *dy) {
   bd_plan *plan = &sim->plan;
-  const bd_layout *lay = &sim->model->lay;
-  const double *ax = bd_cfield(lay, dy, F_VX), *ay = bd_cfield(lay, dy, F_VY);
-  const double *vx = bd_cfield(lay, sim->y, F_VX), *vy = bd_cfield(lay, sim->y, F_VY);
-  double push = 0.0, speed = 0.0;
-  for (int i = 0; i < lay->n; ++i) {
-    push += (ax[i] * plan->links.cos[i] + ay[i] * plan->links.sin[i]) / lay->n;
-    speed += (vx[i] * plan->links.cos[i] + vy[i] * plan->links.sin[i]) / lay->n;
-  }
+  double push = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->y);
   double way = 0.5 * (speed + sim->settle_speed) * (sim->t - sim->settle_time);
-  if (fabs(way) > 1e-9 * sim->model->info.link_length) {
-    double stiffness = -(push - sim->settle_push) / way;
-    double pace = plan->bath / 16.0;
-    if (plan->friction_on) {
-      plan->round_drag = fmin(plan->bath, 2.0 * sqrt(fmax(0.0, stiffness)));
-    } else {
-      plan->round_gain = fmin(1e4, fmax(1.0, pace * pace / fabs(stiffness)));
-      plan->round_drag = stiffness > 0.0 ? 2.0 * pace : pace;
-    }
+  /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
+  if (sim->t > plan->move_time + 30.0 / plan->bath &&
+      fabs(way) > 1e-9 * sim->model->info.link_length) {
+    /* a stiffness once seen is let go slowly: a gain that followed it round the path would pump */
+    double seen = fabs(push - sim->settle_push) / fabs(way), pace = plan->bath / 16.0;
+    sim->settle_stiffness = fmax(seen, 0.9 * sim->settle_stiffness);
+    plan->round_gain = fmin(1e4, fmax(1.0, pace * pace / sim->settle_stiffness));
+    plan->round_drag = fmin(plan->bath, 2.0 * fmax(pace, sqrt(sim->settle_stiffness)));
   }
   sim->settle_push = push;
   sim->settle_speed = speed;
   sim->settle_time = sim->t;
+}
+
+/* Whether the joints of the last evaluation pull on the whole. */
+static int taut(const bd_sim *sim) {
+  const bd_links *links = &sim->plan.links;
+  double pull = 0.0;
+  for (int i = 0; i < links->lay.n; ++i) {
+    pull += links->fx[i] * links->cos[i] + links->fy[i] * links->sin[i];
+  }
+  return pull > 1e-6 * sim->model->info.mean_tension * links->lay.n;
+}
+
+/* Takes all velocities out of y; returns the largest, of link ends and rims [m/s]. */
+static double stop(const bd_sim *sim, double *y) {
+  const bd_layout *lay = &sim->model->lay;
+  double fastest = 0.0;
+  for (int f = F_VX; f <= F_VPHI; ++f) {
+    double *v = bd_field(lay, y, f), arm = f == F_VPHI ? sim->plan.links.half : 1.0;
+    for (int i = 0; i < lay->n; ++i) {
+      fastest = fmax(fastest, arm * fabs(v[i]));
+      v[i] = 0.0;
+    }
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    fastest = fmax(fastest, sim->model->radius[j] * fabs(y[lay->omega + j]));
+    y[lay->omega + j] = 0.0;
+  }
+  return fastest;
 }
 
 /* The largest unbalanced force with everything stopped, over the mean tension, into
@@ -172,19 +193,16 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
   const bd_info *info = &model->info;
   *at_rest = 0;
   double *y = sim->y_mid, *dy = sim->stage[sim->method->stages - 1];
-  double fastest = 0.0, worst = 0.0;
+  double fastest, worst = 0.0;
   memcpy(y, sim->y, lay->size * sizeof *y);
-  for (int f = F_VX; f <= F_VPHI; ++f) {
-    double *v = bd_field(lay, y, f);
-    double arm = f == F_VPHI ? 0.5 * info->link_length : 1.0;
-    for (int i = 0; i < lay->n; ++i) {
-      fastest = fmax(fastest, arm * fabs(v[i]));
-      v[i] = 0.0;
-    }
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    fastest = fmax(fastest, model->radius[j] * fabs(y[lay->omega + j]));
-    y[lay->omega + j] = 0.0;
+  fastest = stop(sim, y);
+  double wave = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
+  if (!(fastest < wave)) {
+    return bd_fail_at(
+        err, BD_ERR_NOT_FINITE, "settle", sim->t, -1, -1, fastest,
+        "settling blew up: a link moves at %.3g m/s, faster than waves along the belt; "
+        "the start is too far from rest or the contact too stiff for it",
+        fastest);
   }
   double gain = sim->plan.round_gain;
   sim->plan.round_gain = 1.0; /* the true forces */
@@ -205,9 +223,14 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
     worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
   }
   sim->stats.residual = worst / info->mean_tension;
-  double wave = info->strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density);
   int still = sim->stats.residual <= sim->settle.tolerance &&
-              fastest <= sim->settle.tolerance * wave && sim->t >= sim->plan.move_time;
+              fastest <= sim->settle.tolerance * info->strain * wave &&
+              sim->t >= sim->plan.move_time;
+  if (still && !taut(sim)) {
+    return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
+                      "the belt came to rest without tension: it has slipped off its pulleys, or "
+                      "the contact is too soft, or the links too long for the pulleys");
+  }
   if (still) {
     memcpy(sim->y, y, lay->size * sizeof *y);
     sim->t = sim->t0;
@@ -215,18 +238,19 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
     return BD_OK;
   }
   if (sim->t >= sim->t_end) {
-    return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
-                      "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
-                      "mean tension, fastest motion %.3g m/s; allow more max_time, a looser "
-                      "tolerance, or check that the links are short against the pulleys",
-                      sim->t_end, sim->stats.residual, fastest);
+    return bd_fail_at(
+        err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
+        "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
+        "mean tension, fastest motion %.3g m/s; allow more max_time, a looser "
+        "tolerance; or the contact is too soft, or the links too long for the pulleys",
+        sim->t_end, sim->stats.residual, fastest);
   }
   return BD_OK;
 }
 
 /* Starts over with half the step, a few times: the bound on the contact is an estimate. */
 static int retry(bd_sim *sim) {
-  if (sim->settle_tries >= 4 ||
+  if (sim->settle_tries >= 8 ||
       (sim->failure.code != BD_ERR_NOT_FINITE && sim->failure.code != BD_ERR_PASSED_THROUGH)) {
     return 0;
   }
@@ -235,18 +259,18 @@ static int retry(bd_sim *sim) {
   sim->t = sim->t0;
   sim->options.step *= 0.5;
   sim->started = sim->rate_known = 0;
+  sim->settle_push = sim->settle_speed = sim->settle_time = sim->settle_stiffness = 0.0;
+  sim->plan.round_drag = 0.0;
+  sim->plan.round_gain = 1.0;
   return 1;
 }
 
 /* Every 64 steps, a millisecond or less, looks whether the belt has come to rest. */
 static int watch(bd_sim *sim, int code, int *finished) {
-  if (code != BD_OK) {
-    return retry(sim) ? BD_OK : code;
-  }
-  if (sim->stats.steps % 64 == 0 || sim->t >= sim->t_end) {
+  if (code == BD_OK && (sim->stats.steps % 64 == 0 || sim->t >= sim->t_end)) {
     code = check_rest(sim, finished, &sim->failure);
   }
-  return code;
+  return code != BD_OK && retry(sim) ? BD_OK : code;
 }
 
 int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
@@ -277,6 +301,12 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
   if (code != BD_OK) {
     bd_sim_free(sim);
     return code;
+  }
+  stop(sim, sim->y);
+  if (!sim->plan.friction_on) {
+    for (int f = F_MU; f < F_MU + 2 * model->lay.slots; ++f) {
+      memset(bd_field(&model->lay, sim->y, f), 0, (size_t)model->lay.n * sizeof *sim->y);
+    }
   }
   memcpy(sim->settle_start, sim->y, model->lay.size * sizeof *sim->y);
   bd_sim_weights(sim);

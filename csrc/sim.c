@@ -10,6 +10,7 @@
  */
 #include <float.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "internal.h"
@@ -121,7 +122,8 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   if (check_options(options, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
-  if (!(t_end > initial->t) || !isfinite(t_end)) {
+  if (!(t_end - initial->t > 1e3 * DBL_EPSILON * fmax(fabs(t_end), fabs(initial->t))) ||
+      !isfinite(t_end)) {
     return bd_fail(err, BD_ERR_OPTION, "t_end",
                    "t_end must be finite and later than the start t = %g s, got %g", initial->t,
                    t_end);
@@ -231,15 +233,31 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
   return BD_OK;
 }
 
-static int fail_not_finite(bd_sim *sim, double h) {
-  int body, pulley;
-  const char *name = bd_state_bad(&sim->model->lay, sim->y_new, &body, &pulley);
-  return bd_fail_at(&sim->failure, BD_ERR_NOT_FINITE, name ? name : "rate", sim->t, body, pulley, h,
-                    "the step after t = %.9g s is no longer finite, first in %s of %s %d (method "
-                    "%s, step %.3g s): take a shorter step than %.3g s or an adaptive method",
-                    sim->t, name ? name : "the rate", pulley >= 0 ? "pulley" : "link",
-                    pulley >= 0 ? pulley : body, sim->method->name, h,
-                    sim->method->stability / sim->model->info.spectral_bound);
+/* A fixed step beyond the stability limit shows as links thrown about or as numbers gone. */
+static int fail_unstable(bd_sim *sim, int code, double h) {
+  const bd_tableau *m = sim->method;
+  int body = sim->failure.body, pulley = sim->failure.pulley;
+  const char *name = "contact";
+  if (code == BD_ERR_NOT_FINITE) {
+    name = bd_state_bad(&sim->model->lay, sim->y_new, &body, &pulley);
+    name = name ? name : "rate";
+  }
+  char where[32] = "";
+  if (body >= 0 || pulley >= 0) {
+    snprintf(where, sizeof where, " of %s %d", body >= 0 ? "link" : "pulley",
+             body >= 0 ? body : pulley);
+  }
+  if (m->error) {
+    return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
+                      "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
+                      "parameters far out of scale",
+                      sim->t, name, where);
+  }
+  return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
+                    "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
+                    "take a shorter step than %.3g s or an adaptive method",
+                    sim->t, name, where, m->name, h,
+                    m->stability / sim->model->info.spectral_bound);
 }
 
 static int fail_step_floor(bd_sim *sim, double h, double floor) {
@@ -301,12 +319,16 @@ static int accept(bd_sim *sim, double h, double t_new) {
 /* --- running --------------------------------------------------------------------------------- */
 
 static double next_stop(bd_sim *sim) {
-  const bd_load *load = &sim->plan.load;
+  bd_load *load = &sim->plan.load;
   while (sim->next_break < load->n_breaks && load->breaks[sim->next_break] <= sim->t) {
     ++sim->next_break;
   }
-  double stop = sim->next_break < load->n_breaks ? load->breaks[sim->next_break] : sim->t_end;
-  return stop < sim->t_end ? stop : sim->t_end;
+  if (sim->next_break > 0) {
+    load->after = load->breaks[sim->next_break - 1];
+  }
+  load->before =
+      sim->next_break < load->n_breaks ? load->breaks[sim->next_break] : (double)INFINITY;
+  return fmin(load->before, sim->t_end);
 }
 
 /* Steps come from a geometric ladder, 2^(1/32) apart: rounding in the error estimate then does not
@@ -378,15 +400,19 @@ static int step(bd_sim *sim) {
         &sim->model->lay, h, m->stages, m->error ? m->error : m->c, sim->stage, sim->weights);
     if (!m->error) {
       if (!isfinite(error) || bd_state_bad(&sim->model->lay, sim->y_new, &(int){0}, &(int){0})) {
-        return fail_not_finite(sim, h);
+        return fail_unstable(sim, BD_ERR_NOT_FINITE, h);
       }
       code = accept(sim, h, t_new);
+      if (code == BD_ERR_PASSED_THROUGH && h * sim->model->info.spectral_bound > m->stability) {
+        code = fail_unstable(sim, code, h);
+      }
     } else {
       error /= sim->options.rtol;
       if (!(error <= 1.0)) {
         ++sim->stats.rejected;
         if (h <= step_floor) {
-          return isfinite(error) ? fail_step_floor(sim, h, step_floor) : fail_not_finite(sim, h);
+          return isfinite(error) ? fail_step_floor(sim, h, step_floor)
+                                 : fail_unstable(sim, BD_ERR_NOT_FINITE, h);
         }
         double shrink = isfinite(error) ? 0.9 * pow(error, -1.0 / m->order) : 0.1;
         sim->h = fmax(step_floor, rung(h * fmin(0.9, fmax(0.1, shrink))));

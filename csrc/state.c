@@ -9,7 +9,7 @@
 
 /* Beyond this the angles of a long-running belt would cost digits of the joints' stretch, so whole
  * turns are kept apart; below it a state comes back to the last bit. */
-#define MAX_ANGLE 100.0
+#define MAX_ANGLE 50.0
 #define FAR_AWAY 1e6 /* where the padding stands: on no pulley */
 
 static int field_index(const char *name) {
@@ -53,6 +53,22 @@ static void get_links(const bd_layout *lay, const double *y, int f, double *v, d
   }
 }
 
+/* Angles run on continuously and close with the winding: a step near a turn is one wrapped away. */
+static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
+  const int n = model->lay.n;
+  for (int i = 0; i < n; ++i) {
+    double closing = i == 0 ? 2.0 * BD_PI * model->info.winding : 0.0;
+    double turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
+    if (fabs(turn) > 1.5 * BD_PI || fabs(phi[i]) > 1e9) {
+      return bd_fail_at(err, BD_ERR_STATE, "phi", (double)NAN, i, -1, turn,
+                        "state phi must run on continuously round the ring, never wrapped, and "
+                        "within +-1e9; from link %d to link %d it turns by %g rad",
+                        i > 0 ? i - 1 : n - 1, i, turn);
+    }
+  }
+  return BD_OK;
+}
+
 int bd_state_import(const bd_model *model, const bd_state *state, double *y, double *turns,
                     bd_error *err) {
   const bd_layout *lay = &model->lay;
@@ -72,6 +88,9 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
                         state->mu[k]);
     }
   }
+  if (check_ring(model, state->phi, err) != BD_OK) {
+    return BD_ERR_STATE;
+  }
   memset(y, 0, lay->size * sizeof *y);
   for (int f = F_X; f <= F_Y; ++f) {
     double *block = bd_field(lay, y, f);
@@ -79,10 +98,11 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
       block[i] = FAR_AWAY;
     }
   }
-  *turns = fabs(state->phi[0]) > MAX_ANGLE ? rint(state->phi[0] / (2.0 * BD_PI)) : 0.0;
+  *turns = 0.0;
   put_links(lay, y, F_X, state->x, -model->origin[0]);
   put_links(lay, y, F_Y, state->y, -model->origin[1]);
-  put_links(lay, y, F_PHI, state->phi, -*turns * 2.0 * BD_PI);
+  put_links(lay, y, F_PHI, state->phi, 0.0);
+  bd_state_wind(lay, y, turns);
   put_links(lay, y, F_VX, state->vx, 0.0);
   put_links(lay, y, F_VY, state->vy, 0.0);
   put_links(lay, y, F_VPHI, state->vphi, 0.0);

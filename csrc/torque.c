@@ -111,6 +111,8 @@ int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err) {
   }
   qsort(load->breaks, n, sizeof *load->breaks, ascending);
   load->n_breaks = 0;
+  load->after = -(double)INFINITY;
+  load->before = (double)INFINITY;
   for (size_t k = 0; k < n; ++k) {
     if (load->n_breaks == 0 || load->breaks[k] > load->breaks[load->n_breaks - 1]) {
       load->breaks[load->n_breaks++] = load->breaks[k];
@@ -153,6 +155,11 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
       return BD_OK;
     }
   }
+  /* A function cannot know which side of its jump is meant: show it a time just inside the piece.
+   */
+  double t_inside = t <= load->after    ? nextafter(load->after, (double)INFINITY)
+                    : t >= load->before ? nextafter(load->before, -(double)INFINITY)
+                                        : t;
   for (size_t k = 0; k < load->n_terms; ++k) {
     const bd_torque_term *term = &load->terms[k];
     int code = 0;
@@ -167,11 +174,11 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
       continue;
     case BD_TORQUE_FUNCTION:
       memset(load->part, 0, (size_t)np * sizeof *load->part);
-      term->function(t, theta, omega, load->part, term->user);
+      term->function(t_inside, theta, omega, load->part, term->user);
       break;
     default:
       memset(load->part, 0, (size_t)np * sizeof *load->part);
-      code = term->call(t, theta, omega, load->part, term->user);
+      code = term->call(t_inside, theta, omega, load->part, term->user);
       break;
     }
     if (code != 0) {

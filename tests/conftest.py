@@ -3,5 +3,38 @@
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
+
+
+# Fixtures of the tests of the binding. They import late: not before sys.path is as above.
+
+
+@pytest.fixture(scope="module")
+def model():
+    from module_common import make_model
+
+    return make_model()
+
+
+@pytest.fixture(scope="module")
+def rest(model):
+    from module_common import INF
+
+    from beltdyn import _core
+
+    settling = _core.Simulation.settle(model, tolerance=1e-5)
+    assert settling.advance(INF) is True
+    return settling.state()
+
+
+@pytest.fixture(scope="module")
+def driven(model, rest):
+    """Run under TORQUE and return the final state."""
+    from module_common import INF, make_simulation
+
+    simulation = make_simulation(model, rest)
+    assert simulation.advance(INF) is True
+    return simulation.state()

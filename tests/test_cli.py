@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -116,7 +118,9 @@ def test_bad_values(call: Callable[..., Result], options: list[str], words: list
 def test_bad_usage(call: Callable[..., Result], options: list[str]) -> None:
     result = call("run", *(["kubas-case-1", *options] if options else []))
     assert result.exit_code == 2
-    assert "Error" in result.stderr and "Traceback" not in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stderr.startswith("beltdyn: ")
+    assert "Traceback" not in result.stderr
 
 
 def never(*_: Any, **__: Any) -> Any:
@@ -249,3 +253,50 @@ def test_importing_is_light(tmp_path: Path) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=60
     )
     assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_output_and_figure_in_one_file(call: Callable[..., Result], tmp_path: Path) -> None:
+    target = tmp_path / "both.png"
+    result = call("run", "kubas-case-1", *SHORT, "--out", target, "--plot", target)
+    assert result.exit_code == 2
+    assert "--out and --plot must not be the same file" in result.stderr
+    assert not target.exists()
+
+
+def test_a_folder_is_no_scene(call: Callable[..., Result], tmp_path: Path) -> None:
+    result = call("run", tmp_path)
+    assert result.exit_code == 2
+    assert "is a folder, not a scene" in result.stderr
+
+
+def test_standard_output_that_is_full(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "beltdyn", "run", "kubas-case-1", "--t-end", "0.001"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, cwd=tmp_path, timeout=60
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("beltdyn: cannot write: ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_keeps_the_finished_part(tmp_path: Path, which: signal.Signals) -> None:
+    """Sent twice, as an impatient user does: the second must not lose what is being written."""
+    out = tmp_path / "run.npz"
+    command = [sys.executable, "-m", "beltdyn", "run", "kubas-case-1", "--t-end", "1000"]
+    with subprocess.Popen(
+        [*command, "--out", str(out)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+    ) as process:
+        time.sleep(4.0)  # imports and settling take less; a run of 1000 s takes minutes
+        process.send_signal(which)
+        time.sleep(0.1)
+        process.send_signal(which)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "interrupted" in errors and "Traceback" not in errors
+    assert bd.Result.load(out).status == "interrupted"

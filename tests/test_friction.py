@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import attrs
 import numpy as np
 import pytest
 import reference
@@ -127,3 +128,19 @@ def test_dissipation_is_positive_over_a_closed_loop() -> None:
     exact = 2 * (0.8 * stroke - (0.8 + peak) * (0.8 / 1e4) * (-math.expm1(-z)))
     assert area == pytest.approx(exact, rel=1e-4)
     assert area > 0
+
+
+def test_memory_given_off_the_pulleys_is_forgotten() -> None:
+    """An initial state with mu on links that touch nothing runs like the one without."""
+    scene = bd.scenes.kubas_case_1()
+    state = bd.simulate(*scene[:2], 0.1, t_eval=[0.1])
+    off = state.contact.pulley[-1] < 0
+    clean = state.final_state
+    tainted = attrs.evolve(
+        clean, mu=np.where(off, -0.9, clean.mu), slip=np.where(off, 1e-3, clean.slip)
+    )
+    one, other = (bd.simulate(*scene[:2], 0.16, initial=s) for s in (clean, tainted))
+    assert np.array_equal(one.contact.mu, other.contact.mu)
+    assert np.array_equal(one.final_state.mu, other.final_state.mu)
+    arrived = (one.contact.pulley[-1] >= 0) & off
+    assert arrived.any()

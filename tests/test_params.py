@@ -92,7 +92,9 @@ def test_messages_name_field_unit_rule_and_value() -> None:
 @pytest.mark.parametrize(("group", "name", "rule"), ROWS)
 def test_bounds(group: str, name: str, rule: str) -> None:
     if rule == "LINKS":
-        with pytest.raises(ValueError, match=r"^belt\.n_bodies must be an integer >= 3, got 2$"):
+        with pytest.raises(
+            ValueError, match=r"^belt\.n_bodies must be an integer from 3 to 1000000, got 2$"
+        ):
             build(group, **{name: 2})
         assert getattr(build(group, **{name: 3}), name) == 3
         return
@@ -108,7 +110,9 @@ def test_bounds(group: str, name: str, rule: str) -> None:
 
 @pytest.mark.parametrize("value", [60.0, np.float64(60.0), "60", math.nan])
 def test_number_of_links_must_be_an_integer(value: Any) -> None:
-    with pytest.raises(TypeError, match=r"^belt\.n_bodies must be an integer >= 3, got "):
+    with pytest.raises(
+        TypeError, match=r"^belt\.n_bodies must be an integer from 3 to 1000000, got "
+    ):
         build("belt", n_bodies=value)
 
 
@@ -195,6 +199,16 @@ def test_a_pulley_the_belt_cannot_reach(params: bd.Params) -> None:
         with_pulleys(params, (0.0, 0.0, 0.1), (0.3, 0.0, 0.02), (0.6, 0.0, 0.1), length=1.8)
 
 
+def test_a_mesh_too_coarse_for_its_pulleys(params: bd.Params) -> None:
+    with pytest.raises(ValueError, match=r"belt\.n_bodies is too small for its pulleys: 6 links"):
+        attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=6))
+
+
+def test_a_contact_that_holds_nothing(params: bd.Params) -> None:
+    with pytest.raises(ValueError, match=r"contact\.linear and contact\.quadratic must not both"):
+        attrs.evolve(params, contact=bd.Contact(linear=0.0, damping=1.0))
+
+
 def test_derived_values(params: bd.Params) -> None:
     info = params.info
     path = 2 * 0.29 + 2 * math.pi * 0.1
@@ -239,6 +253,6 @@ def test_printing_shows_every_field_with_its_unit(params: bd.Params) -> None:
     text = str(params)
     for line in ("belt.length", "1.2 m", "pulleys[1].center", "(0.29, 0) m", "friction.sigma"):
         assert line in text
-    assert "mean tension 485.2 N" in text
+    assert "0.693 %, 485.2 N" in text
     assert "friction" in str(attrs.evolve(params, friction=None))
     assert str(params.belt).splitlines()[1].split()[:3] == ["length", "1.2", "m"]

@@ -167,3 +167,53 @@ def test_says_when_it_does_not_come_to_rest() -> None:
         bd.settle(params, max_time=1e-3)
     assert caught.value.symbol == "BD_ERR_NOT_SETTLED"
     assert caught.value.value > 1e-9
+
+
+@pytest.mark.parametrize("pulleys", ["held", "free"])
+@pytest.mark.parametrize("friction", [True, False])
+def test_settles_from_a_running_state(pulleys: str, friction: bool) -> None:
+    """Its velocities are dropped; without friction so is its friction."""
+    scene = bd.scenes.kubas_case_1()
+    running = bd.simulate(*scene[:2], 0.2, t_eval=[0.2]).final_state
+    assert np.max(np.abs(running.mu)) > 0.5
+    state = bd.settle(scene.params, initial=running, pulleys=pulleys, friction=friction)
+    assert is_still(state)
+    assert state.residual <= 1e-9
+    assert state.mu.any() == friction
+    if not friction:
+        result = bd.simulate(scene.params, bd.Viscous([0.0, 0.0]), 0.25, initial=state)
+        first = result.joints.force[0]
+        assert np.max(np.abs(result.joints.force - first)) <= 1e-7 * np.mean(first)
+
+
+def thrust(depth: float) -> tuple[bd.Params, bd.State]:
+    """A stiff contact and a link thrust that deep into the driven pulley."""
+    base = bd.scenes.kubas_case_1().params
+    rest = bd.settle(base)
+    params = attrs.evolve(base, contact=bd.Contact(quadratic=5e13, linear=0.0, damping=1e3))
+    center, i = np.array([0.29, 0.0]), 15
+    arm = np.array([rest.x[i], rest.y[i]]) - center
+    arm *= 1.0 - depth / np.hypot(*arm)
+    x, y = rest.x.copy(), rest.y.copy()
+    x[i], y[i] = center + arm
+    return params, attrs.evolve(rest, x=x, y=y)
+
+
+def test_starts_over_with_a_shorter_step() -> None:
+    """The step estimated from the belt line's contact blows up, and is halved until it does not."""
+    from beltdyn import _core
+
+    params, state = thrust(1e-3)
+    sim = _core.Simulation.settle(params._model, state._to_core(True))
+    while not sim.advance(1.0):
+        pass
+    stats = sim.stats
+    assert stats["smallest_step"] < 0.6 * stats["largest_step"]
+    assert stats["residual"] <= 1e-9
+
+
+def test_says_when_the_start_is_beyond_help() -> None:
+    params, state = thrust(6e-3)
+    with pytest.raises(bd.SimulationError, match="settling blew up") as caught:
+        bd.settle(params, initial=state)
+    assert caught.value.symbol == "BD_ERR_NOT_FINITE"

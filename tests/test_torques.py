@@ -97,7 +97,7 @@ def test_sums() -> None:
     assert isinstance(total, bd.TorqueSum) and total.parts == (ramp, drag, ramp)
     assert total(0.5, [0, 0], [3, 4]).tolist() == [-2.0, -2.0]
     assert len(total.terms()) == 3
-    with pytest.raises(ValueError, match=r"parts\[1\] must be for 2 pulley\(s\).*got one for 3"):
+    with pytest.raises(ValueError, match=r"torque\[1\] must be for 2 pulley\(s\).*got one for 3"):
         ramp + bd.Viscous([1, 1, 1])
     with pytest.raises(TypeError):
         ramp + law  # type: ignore[operator]

@@ -187,6 +187,15 @@ static void settles_and_runs(void) {
   }
   bd_sim_free(sim);
 
+  /* each array alone is what it is among all */
+  static double alone[SAMPLES * N];
+  const bd_output one = {.mu = alone};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 3e-3, NULL, &err) == BD_OK);
+  CHECK(bd_sim_set_output(sim, SAMPLES, times, &one, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_OK);
+  CHECK(memcmp(alone, out.mu, sizeof alone) == 0);
+  bd_sim_free(sim);
+
   /* the fixed-step method reaches the same place */
   bd_options options;
   bd_options_default(&options);

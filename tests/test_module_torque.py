@@ -1,0 +1,283 @@
+"""Torque as the binding takes it: terms, and what a callable is given and may return."""
+
+import ctypes
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from module_common import (
+    INF,
+    LAYOUTS,
+    TORQUE,
+    Broken,
+    NoArray,
+    make_model,
+    make_simulation,
+    refused,
+    same_bits,
+    strange_layouts,
+)
+
+from beltdyn.errors import SimulationError
+
+# --- torque terms ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("torque", "kind", "message"),
+    [
+        (None, TypeError, "torque must be a sequence of terms, got NoneType"),
+        (7, TypeError, "torque must be a sequence of terms, got int"),
+        ([7], TypeError, "torque[0] must be a tuple that begins with its kind, got 7"),
+        ([()], TypeError, "torque[0] must be a tuple that begins with its kind, got ()"),
+        ([("viscous", [0, 0]), ["viscous", [0, 0]]], TypeError,
+         "torque[1] must be a tuple that begins with its kind, got ['viscous', [0, 0]]"),
+        ([(1, 2)], TypeError, "torque[0] must be a tuple that begins with its kind, got (1, 2)"),
+        ([("spline", [0, 0])], ValueError,
+         "torque[0] must be of kind 'piecewise', 'viscous', 'function' or 'call', got 'spline'"),
+        ([("viscous",)], ValueError, "torque[0] of kind 'viscous' must have 1 argument, got 0"),
+        ([("call", print, 1)], ValueError, "torque[0] of kind 'call' must have 1 argument, got 2"),
+        ([("piecewise", [0])], ValueError,
+         "torque[0] of kind 'piecewise' must have 2 arguments, got 1"),
+        ([("viscous", [0, 0, 0])], ValueError,
+         "torque[0] coefficients must have shape (2,), got (3,)"),
+        ([("viscous", [0, math.nan])], ValueError,
+         "torque[0] coefficients[1] must be finite, got nan"),
+        ([("viscous", None)], TypeError,
+         "torque[0] coefficients must hold real numbers, got dtype object"),
+        ([("piecewise", 0.0, [[0, 0]])], ValueError,
+         "torque[0] times must have shape (n,), got ()"),
+        ([("piecewise", [0, INF], [[0, 0]])], ValueError,
+         "torque[0] times[1] must be finite, got inf"),
+        ([("piecewise", [0, 1], [[0, 0]])], ValueError,
+         "torque[0] values must have shape (2, 2), got (1, 2)"),
+        ([("piecewise", [0, 1], [0, 0])], ValueError,
+         "torque[0] values must have shape (2, 2), got (2,)"),
+        ([("piecewise", [0, 1], [[0, 0], [0, INF]])], ValueError,
+         "torque[0] values[1, 1] must be finite, got inf"),
+        ([("call", None)], TypeError, "torque[0] must hold a callable, got NoneType"),
+        ([("function", 0, 0)], ValueError, "torque[0] function address must not be 0"),
+        ([("function", -1, 0)], ValueError,
+         "torque[0] function address must be an address, got -1"),
+        ([("function", 1.0, 0)], TypeError,
+         "torque[0] function address must be an integer, got float"),
+        ([("function", 1, None)], TypeError,
+         "torque[0] user address must be an integer, got NoneType"),
+    ],
+)  # fmt: skip
+def test_torque_refuses(model, rest, torque, kind, message):
+    with refused(kind, message):
+        make_simulation(model, rest, torque)
+
+
+def test_rules_for_torque_times(model, rest):
+    with pytest.raises(ValueError, match="non-decreasing"):
+        make_simulation(model, rest, [("piecewise", [1, 0], [[0, 0], [0, 0]])])
+    with pytest.raises(ValueError, match="t must not be empty"):
+        make_simulation(model, rest, [("piecewise", [], np.zeros((0, 2)))])
+
+
+def same_run(model, rest, torque, expected):
+    simulation = make_simulation(model, rest, torque)
+    assert simulation.advance(INF) is True
+    return same_bits(simulation.state(), expected)
+
+
+def test_torque_may_be_any_iterable(model, rest, driven):
+    assert same_run(model, rest, tuple(TORQUE), driven)
+    assert same_run(model, rest, iter(TORQUE), driven)
+    assert not same_run(model, rest, TORQUE[:1], driven)
+    assert not same_run(model, rest, [], driven)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_torque_layouts(model, rest, driven, layout):
+    (_, t, values), (_, coefficients) = TORQUE
+    torque = [
+        ("piecewise", strange_layouts(t)[layout], strange_layouts(values)[layout]),
+        ("viscous", strange_layouts(coefficients)[layout]),
+    ]
+    assert same_run(model, rest, torque, driven)
+
+
+def test_the_torque_is_copied(model, rest, driven):
+    t, values = np.array([0.0, 0.02]), np.array([[0.0, 0.0], [-50.0, 0.0]])
+    coefficients = np.array([0.0, 16.0])
+    torque = [("piecewise", t, values), ("viscous", coefficients)]
+    simulation = make_simulation(model, rest, torque)
+    for array in (t, values, coefficients):
+        array[...] = math.nan
+    torque.clear()
+    assert simulation.advance(INF) is True
+    assert simulation.state()["omega"].tobytes() == driven["omega"].tobytes()
+
+
+def test_compiled_functions(model, rest):
+    """Called with the right arguments, user pointer included; the same as the same in Python."""
+    numbers = ctypes.POINTER(ctypes.c_double)
+    seen = set()
+
+    @ctypes.CFUNCTYPE(None, ctypes.c_double, numbers, numbers, numbers, numbers)
+    def compiled(t, theta, omega, torque, user):
+        seen.add(user[0])
+        torque[0] = -50.0 * t + theta[0]
+        torque[1] = -16.0 * omega[1]
+
+    user = ctypes.c_double(42.0)
+    address = ctypes.cast(compiled, ctypes.c_void_p).value
+    simulation = make_simulation(model, rest, [("function", address, ctypes.addressof(user))])
+    assert simulation.advance(INF) is True and seen == {42.0}
+
+    def plain(t, theta, omega):
+        return [-50.0 * t + theta[0], -16.0 * omega[1]]
+
+    assert same_run(model, rest, [("call", plain)], simulation.state())
+
+
+def test_terms_add_up(model, rest):
+    half = [("viscous", [0.0, 8.0]), ("call", lambda t, theta, omega: [-50.0 * t / 0.02, 0.0])]
+    simulation = make_simulation(model, rest, [*half, ("viscous", [0.0, 8.0])])
+    whole = make_simulation(model, rest)
+    assert simulation.advance(INF) and whole.advance(INF)
+    np.testing.assert_allclose(simulation.state()["omega"], whole.state()["omega"], rtol=1e-6)
+
+
+# --- what a torque callable may return ---------------------------------------------------------
+
+GOOD = [-1.0, -2.0]
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        GOOD,
+        tuple(GOOD),
+        [-1, -2],
+        [np.float64(-1), np.float32(-2)],
+        [Fraction(-1), np.array(-2.0)],
+        np.array(GOOD),
+        np.array(GOOD, "f4"),
+        np.array(GOOD, ">f8"),
+        np.array([-1, -2]),
+        np.array([-1.0, 0.0, -2.0, 0.0])[::2],
+        memoryview(np.array(GOOD)),
+        range(-1, -3, -1),
+    ],
+    ids=lambda answer: f"{type(answer).__name__}",
+)
+def test_callables_may_return(model, rest, answer):
+    simulation = make_simulation(model, rest, [("call", lambda t, theta, omega: answer)])
+    assert simulation.advance(INF) is True
+    assert same_run(model, rest, [("piecewise", [0.0], [GOOD])], simulation.state())
+
+
+MUST = "torque_fn must return 2 torques, one per pulley"
+
+
+@pytest.mark.parametrize(
+    ("answer", "kind", "message"),
+    [
+        (None, TypeError, f"{MUST}, got NoneType"),
+        ("12", TypeError, f"{MUST}, got str"),
+        (b"12", TypeError, f"{MUST}, got bytes"),
+        (1.0, TypeError, f"{MUST}, got float"),
+        (np.float64(1.0), TypeError, f"{MUST}, got numpy.float64"),
+        (np.array(1.0), TypeError, f"{MUST}, got numpy.ndarray"),
+        ({0: 1.0, 1: 2.0}, TypeError, f"{MUST}, got dict"),
+        ({1.0, 2.0}, TypeError, f"{MUST}, got set"),
+        ([1.0], ValueError, f"{MUST}, got 1"),
+        ((1.0, 2.0, 3.0), ValueError, f"{MUST}, got 3"),
+        ([], ValueError, f"{MUST}, got 0"),
+        (np.zeros(3), ValueError, f"{MUST}, got 3"),
+        (range(1), ValueError, f"{MUST}, got 1"),
+        (np.zeros((2, 1)), ValueError, f"{MUST}, got an array of shape (2, 1)"),
+        (np.zeros(2, complex), TypeError, f"{MUST}, got an array of dtype complex128"),
+        (np.zeros(2, bool), TypeError, f"{MUST}, got an array of dtype bool"),
+        (np.array([None, 1.0]), TypeError, f"{MUST}, got an array of dtype object"),
+        ([1.0, None], TypeError, f"{MUST}: number 1 must be a real number, got NoneType"),
+        ([1j, 1.0], TypeError, f"{MUST}: number 0 must be a real number, got complex"),
+        ([1.0, "2"], TypeError, f"{MUST}: number 1 must be a real number, got str"),
+        ([True, 1.0], TypeError, f"{MUST}: number 0 must be a real number, got bool"),
+        ([1.0, [2.0]], TypeError, f"{MUST}: number 1 must be a real number, got list"),
+    ],
+    ids=lambda value: repr(value) if isinstance(value, type) else None,
+)
+def test_callables_must_not_return(model, rest, answer, kind, message):
+    simulation = make_simulation(model, rest, [("call", lambda t, theta, omega: answer)])
+    with refused(kind, message):
+        simulation.advance(INF)
+    assert simulation.time == 0.0
+
+
+def test_one_pulley_is_singular(rest):
+    model = make_model(centers=[(0, 0)], radii=[0.2], inertias=[0.01])
+    state = {**rest, "theta": [0.0], "omega": [0.0]}
+    simulation = make_simulation(model, state, [("call", lambda t, theta, omega: [])])
+    with refused(ValueError, "torque_fn must return 1 torque, one per pulley, got 0"):
+        simulation.advance(INF)
+
+
+def test_what_an_answer_raises_comes_out(model, rest):
+    for answer in [[0.0, Broken()], NoArray()]:
+        torque = [("call", lambda t, theta, omega, answer=answer: answer)]
+        with pytest.raises(ZeroDivisionError, match="mine"):
+            make_simulation(model, rest, torque).advance(INF)
+
+
+class Shrinking:
+    """A number that takes itself, and the rest, out of the list it stands in."""
+
+    def __init__(self, owner):
+        self.owner = owner
+
+    def __float__(self):
+        self.owner.clear()
+        return 1.0
+
+
+def test_a_list_that_shrinks_while_it_is_read(model, rest):
+    def torque(t, theta, omega):
+        answer = []
+        answer += [Shrinking(answer), 1.0]
+        return answer
+
+    with refused(ValueError, f"{MUST}, got 0"):
+        make_simulation(model, rest, [("call", torque)]).advance(INF)
+
+
+def test_callables_get_plain_read_only_arrays(model, rest):
+    state = {**rest, "theta": [0.25, 0.5], "omega": [1.0, 2.0]}
+    calls = []
+
+    def torque(t, theta, omega):
+        calls.append((t, theta, omega))
+        return [0.0, 0.0]
+
+    make_simulation(model, state, [("call", torque)]).advance(0.0)
+    t, theta, omega = calls[0]
+    assert t == 0.0 and type(t) is float
+    assert theta.tolist() == [0.25, 0.5] and omega.tolist() == [1.0, 2.0]
+    for array in (theta, omega):
+        assert type(array) is np.ndarray and array.dtype == np.dtype(float)
+        assert array.shape == (2,) and not array.flags.writeable
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+@pytest.mark.parametrize("value", [math.nan, INF, -INF], ids=["nan", "inf", "-inf"])
+def test_torque_that_is_not_finite(model, rest, value):
+    def torque(t, theta, omega):
+        return [0.0, value if t > 0.01 else 0.0]
+
+    simulation = make_simulation(model, rest, [("call", torque)])
+    with pytest.raises(SimulationError, match="torque on pulley 1") as caught:
+        simulation.advance(INF)
+    error = caught.value
+    assert error.symbol == "BD_ERR_TORQUE_VALUE" and error.pulley == 1 and error.body == -1
+    assert error.t > 0.01 and error.field == "torque" and error.result is None
+    assert repr(error.value) == repr(value)
+    assert 0.0 < simulation.time <= 0.01
+    with pytest.raises(SimulationError) as again:
+        simulation.advance(INF)
+    assert str(again.value) == str(error) and again.value is not error

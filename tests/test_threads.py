@@ -1,0 +1,498 @@
+"""Who may run when: threads, a torque that calls back, its arrays and exceptions, signals."""
+
+import contextlib
+import gc
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import warnings
+import weakref
+
+import numpy as np
+import pytest
+from module_common import INF, TORQUE, Token, drive, make_model, run, same_bits
+
+from beltdyn import _core
+from beltdyn.errors import SimulationError
+
+LONG = 2000.0  # simulated seconds, more than any test gets to see
+PATIENCE = 10.0  # wall seconds after which what should have happened did not
+RUNNING = "^the simulation is running in another call"
+
+
+def wait_until_running(simulation):
+    """Return True as soon as another thread runs the simulation; False after a long wait."""
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        try:
+            assert simulation.time >= 0
+        except RuntimeError:
+            return True
+    return False
+
+
+# --- threads -----------------------------------------------------------------------------------
+
+
+def is_refused(use):
+    """Try until another thread is running the simulation; between its calls one gets through."""
+    for _ in range(10000):
+        try:
+            use()
+        except RuntimeError as error:
+            if re.match(RUNNING, str(error)):
+                return True
+    return False
+
+
+def test_one_simulation_two_threads(model, rest):
+    simulation = _core.Simulation(model, rest, TORQUE, LONG)
+    stop = threading.Event()
+
+    def work():
+        while not stop.is_set():
+            with contextlib.suppress(RuntimeError):
+                simulation.advance(0.05)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        assert is_refused(lambda: simulation.advance(0.0))
+        assert is_refused(lambda: simulation.state())
+        assert is_refused(lambda: simulation.sample([0.0]))
+        assert is_refused(lambda: simulation.stats)
+        assert is_refused(lambda: simulation.samples)
+        assert is_refused(lambda: simulation.time)
+        assert simulation.method == "tsit5" and len(simulation.passes) > 2
+    finally:
+        stop.set()
+        thread.join()
+    assert 0.0 < simulation.time == simulation.state()["t"]
+
+
+def test_one_simulation_two_threads_in_python(model, rest):
+    """The GIL is kept for a Python torque, whose own code lets other threads in."""
+    inside, outside = threading.Event(), threading.Event()
+
+    def torque(t, theta, omega):
+        if not inside.is_set():
+            inside.set()
+            assert outside.wait(10)
+        return [0.0, 0.0]
+
+    simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
+    done = []
+    thread = threading.Thread(target=lambda: done.append(simulation.advance(INF)))
+    thread.start()
+    assert inside.wait(10)
+    for use in [lambda: simulation.advance(0.0), simulation.state, lambda: simulation.time]:
+        with pytest.raises(RuntimeError, match=RUNNING):
+            use()
+    outside.set()
+    thread.join()
+    assert done == [True] and simulation.time == 0.02
+
+
+@pytest.mark.parametrize("torque", [TORQUE, [("call", drive)]], ids=["C", "Python"])
+def test_two_simulations_two_threads(model, rest, torque):
+    """One model, many threads: each as alone, to the last bit."""
+    scales = [0.5, 1.0, 1.5, 2.0]
+    states = [{**rest, "omega": scale * np.array([1.0, 1.0])} for scale in scales]
+    alone = [run(model, state, torque) for state in states]
+    assert not same_bits(alone[0][1], alone[1][1])
+    for _ in range(3):
+        together = [None] * len(states)
+
+        def work(k, together=together):
+            together[k] = run(model, states[k], torque)
+
+        threads = [threading.Thread(target=work, args=(k,)) for k in range(len(states))]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        for (samples, final), (samples_alone, final_alone) in zip(together, alone, strict=True):
+            assert same_bits(samples, samples_alone) and same_bits(final, final_alone)
+
+
+def turns_of_others(simulation, seconds):
+    """How often another thread gets the GIL while the simulation runs."""
+    count, stop = [0], threading.Event()
+
+    def work():
+        while not stop.is_set():
+            count[0] += 1
+            time.sleep(0)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        before = count[0]
+        assert simulation.advance(seconds) is False
+        return count[0] - before
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_others_run_while_the_core_does(model, rest):
+    """Without the GIL others run all the time, not once a chunk (some 40 chunks here)."""
+    assert turns_of_others(_core.Simulation(model, rest, TORQUE, LONG), 0.3) > 300
+
+
+# --- a torque that calls back ------------------------------------------------------------------
+
+
+def test_a_torque_cannot_use_its_own_simulation(model, rest):
+    errors = []
+
+    def torque(t, theta, omega):
+        for use in [
+            lambda: simulation.advance(0.0),
+            lambda: simulation.state(),
+            lambda: simulation.sample([0.0]),
+            lambda: simulation.stats,
+            lambda: simulation.samples,
+            lambda: simulation.time,
+        ]:
+            with pytest.raises(RuntimeError, match=RUNNING) as caught:
+                use()
+            errors.append(caught.value)
+        assert simulation.method == "tsit5" and simulation.passes
+        return drive(t, theta, omega)
+
+    simulation = _core.Simulation(model, rest, [("call", torque)], 0.002)
+    assert simulation.advance(INF) is True
+    assert len(errors) > 6 and simulation.time == 0.002
+    _, expected = run(model, rest, [("call", drive)], 0.002)
+    assert same_bits(simulation.state(), expected)
+
+
+def test_re_entry_that_is_not_caught_ends_the_run(model, rest):
+    def torque(t, theta, omega):
+        return [0.0, 0.0 if t < 0.001 else simulation.time]
+
+    simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
+    with pytest.raises(RuntimeError, match=RUNNING):
+        simulation.advance(INF)
+    assert 0.0 < simulation.time <= 0.001
+
+
+def test_a_torque_may_run_another_simulation(model, rest):
+    """And make, settle, sample and drop some: the outer and the inner come out as alone."""
+    inner_alone = run(model, rest, [("call", drive)], 0.001)
+    outer_alone = run(model, rest, [("call", drive)], 0.001)
+    inner = []
+
+    def torque(t, theta, omega):
+        if len(inner) < 20:
+            inner.append(run(model, rest, [("call", drive)], 0.001))
+            assert _core.Simulation.settle(make_model(), tolerance=1e-2).advance(INF) is True
+        return drive(t, theta, omega)
+
+    outer = run(model, rest, [("call", torque)], 0.001)
+    assert same_bits(outer[0], outer_alone[0]) and same_bits(outer[1], outer_alone[1])
+    assert len(inner) == 20
+    for samples, final in inner:
+        assert same_bits(samples, inner_alone[0]) and same_bits(final, inner_alone[1])
+
+
+def test_simulations_within_simulations(model, rest):
+    depth = []
+
+    def nested(level):
+        def torque(t, theta, omega):
+            if level and len(depth) < 30:
+                depth.append(level)
+                run(model, rest, [("call", nested(level - 1))], 1e-4)
+            return [0.0, 0.0]
+
+        return torque
+
+    _, final = run(model, rest, [("call", nested(30))], 1e-4)
+    assert depth == list(range(30, 0, -1))
+    assert same_bits(final, run(model, rest, [("call", nested(0))], 1e-4)[1])
+
+
+@pytest.mark.parametrize(
+    "kind", [ValueError, KeyError, SimulationError, KeyboardInterrupt, SystemExit]
+)
+def test_an_exception_comes_out_as_it_is(model, rest, kind):
+    mine = kind("mine")
+
+    def torque(t, theta, omega):
+        if t > 0.01:
+            raise mine
+        return drive(t, theta, omega)
+
+    simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
+    samples = simulation.sample([0.0, 0.005, 0.02])
+    with pytest.raises(kind) as caught:
+        simulation.advance(INF)
+    assert caught.value is mine and mine.__cause__ is None and mine.__context__ is None
+    assert 0.0 < simulation.time <= 0.01 and simulation.samples == 2
+    assert np.isfinite(samples["x"][:2]).all() and np.isnan(samples["x"][2]).all()
+    state = simulation.state()
+    assert state["t"] == simulation.time and np.isfinite(state["x"]).all()
+    with pytest.raises(RuntimeError, match="ended by an exception in its torque function"):
+        simulation.advance(INF)
+    # the state it left is one to go on from
+    simulation = _core.Simulation(model, state, [("call", drive)], 0.02)
+    assert simulation.advance(INF) is True
+
+
+def test_an_exception_is_let_go(model, rest):
+    token = Token()
+    watch = weakref.ref(token)
+
+    def torque(t, theta, omega, token=token):
+        raise ValueError(token)
+
+    simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
+    with pytest.raises(ValueError):
+        simulation.advance(INF)
+    del token, torque
+    gc.collect()
+    assert watch() is not None  # the simulation's callable has it as a default
+    del simulation
+    gc.collect()
+    assert watch() is None
+
+
+# --- arrays given to a torque ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "keep",
+    [
+        lambda array: array,
+        lambda array: array[:1],
+        lambda array: memoryview(array),
+        lambda array: array.T.view("i8"),
+    ],
+    ids=["itself", "slice", "memoryview", "view"],
+)
+def test_kept_arrays_keep_their_values(model, rest, keep):
+    kept = []
+
+    def torque(t, theta, omega):
+        if len(kept) < 400 and len(kept) % 3 != 2:
+            kept.append([(keep(a), np.array(keep(a))) for a in (theta, omega)])
+        else:
+            kept.append([])
+        return drive(t, theta, omega)
+
+    final = run(model, {**rest, "omega": [1.0, 2.0]}, [("call", torque)])[1]
+    assert same_bits(final, run(model, {**rest, "omega": [1.0, 2.0]}, [("call", drive)])[1])
+    gc.collect()
+    pairs = [pair for call in kept for pair in call]
+    assert len(pairs) > 500
+    for array, values in pairs:
+        assert np.asarray(array).tobytes() == values.tobytes()
+    assert len({values.tobytes() for _, values in pairs}) > 100
+
+
+def test_arrays_are_used_again_when_nobody_has_them(model, rest):
+    seen = set()
+
+    def torque(t, theta, omega):
+        seen.update((id(theta), id(omega)))
+        return [0.0, 0.0]
+
+    run(model, rest, [("call", torque)])
+    assert len(seen) == 2
+
+
+def spoil_size(array):
+    array.resize(1, refcheck=False)
+
+
+def spoil_flags(array):
+    array.flags.writeable = True
+    array[:] = math.nan
+
+
+def spoil_shape(array):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        array.shape = (2, 1)
+
+
+def spoil_dtype(array):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        array.dtype = "i8"
+
+
+@pytest.mark.parametrize("spoil", [spoil_size, spoil_flags, spoil_shape, spoil_dtype])
+def test_arrays_a_torque_has_spoilt(model, rest, spoil):
+    """What a callable does to its arguments is undone, or its arrays are not used again."""
+    state = {**rest, "omega": [1.0, 2.0]}
+
+    def torque(t, theta, omega):
+        assert theta.shape == omega.shape == (2,) and omega.dtype == np.dtype(float)
+        assert not theta.flags.writeable and not omega.flags.writeable
+        answer = drive(t, theta, omega)
+        spoil(theta)
+        spoil(omega)
+        return answer
+
+    _, final = run(model, state, [("call", torque)])
+    assert same_bits(final, run(model, state, [("call", drive)])[1])
+
+
+def test_a_torque_may_hand_its_arguments_back(model, rest):
+    state = {**rest, "omega": [1.0, 2.0]}
+    _, final = run(model, state, [("call", lambda t, theta, omega: omega)])
+    _, expected = run(model, state, [("call", lambda t, theta, omega: omega.tolist())])
+    assert same_bits(final, expected)
+
+
+# --- signals -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def handlers():
+    """Let a test set signal handlers; SIGINT is Python's own, whatever the shell has set."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGUSR1)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def when_running(simulation, action):
+    """Start a thread that acts once the simulation is running."""
+
+    def work():
+        if wait_until_running(simulation):
+            action()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    return thread
+
+
+@pytest.fixture
+def interrupt(handlers):
+    """Send SIGINT, answered as Python does; `.seen` says whether the simulation was running."""
+
+    def send(simulation):
+        def handler(_number, _frame):
+            try:
+                simulation.state()
+            except RuntimeError:
+                send.seen.append("running")
+            raise KeyboardInterrupt
+
+        signal.signal(signal.SIGINT, handler)
+        return when_running(simulation, lambda: os.kill(os.getpid(), signal.SIGINT))
+
+    send.seen = []
+    return send
+
+
+def test_interrupt(model, rest, interrupt):
+    """A run that has no end to speak of is interrupted, and goes on as if it had not been."""
+    times = np.linspace(0.0, 0.2, 41)
+    undisturbed = _core.Simulation(model, rest, TORQUE, LONG)
+    expected = undisturbed.sample(times)
+    while undisturbed.samples < times.size:
+        undisturbed.advance(0.01)
+
+    simulation = _core.Simulation(model, rest, TORQUE, LONG)
+    samples = simulation.sample(times)
+    for _ in range(3):
+        thread = interrupt(simulation)
+        with pytest.raises(KeyboardInterrupt):
+            simulation.advance(PATIENCE)
+        thread.join()
+        state = simulation.state()
+        assert 0.0 < state["t"] == simulation.time < LONG
+        assert all(np.isfinite(value).all() for value in state.values())
+        done = simulation.samples
+        assert done == np.searchsorted(times, state["t"], side="right")
+        assert same_bits(
+            {name: array[:done] for name, array in samples.items()},
+            {name: array[:done] for name, array in expected.items()},
+        )
+    assert interrupt.seen == ["running"] * 3
+    while simulation.samples < times.size:
+        simulation.advance(0.01)
+    assert same_bits(samples, expected)
+
+
+def test_interrupt_in_python(model, rest, interrupt):
+    simulation = _core.Simulation(model, rest, [("call", drive)], LONG)
+    thread = interrupt(simulation)
+    with pytest.raises(KeyboardInterrupt):
+        simulation.advance(PATIENCE)
+    thread.join()
+    state = simulation.state()
+    assert interrupt.seen == ["running"]
+    assert 0.0 <= state["t"] < LONG and np.isfinite(state["x"]).all()
+
+
+def test_interrupt_settling(model, interrupt):
+    settling = _core.Simulation.settle(model, tolerance=1e-300, max_time=LONG)
+    thread = interrupt(settling)
+    with pytest.raises(KeyboardInterrupt):
+        settling.advance(PATIENCE)
+    thread.join()
+    assert interrupt.seen == ["running"]
+    assert np.isfinite(settling.state()["x"]).all()
+
+
+def test_handlers_run_between_chunks(model, rest, handlers):
+    """A handler that returns lets the run go on; it cannot use the simulation; it may raise."""
+    seen = []
+
+    def handler(_number, _frame):
+        with pytest.raises(RuntimeError, match=RUNNING) as caught:
+            simulation.state()
+        seen.append(caught.value)
+        if len(seen) == 3:
+            raise LookupError("from the handler")
+
+    def signal_thrice():
+        for count in range(3):
+            os.kill(os.getpid(), signal.SIGUSR1)
+            while len(seen) <= count:
+                time.sleep(1e-4)
+
+    signal.signal(signal.SIGUSR1, handler)
+    simulation = _core.Simulation(model, rest, TORQUE, LONG)
+    thread = when_running(simulation, signal_thrice)
+    with pytest.raises(LookupError, match="from the handler"):
+        simulation.advance(PATIENCE)
+    thread.join()
+    assert len(seen) == 3 and simulation.advance(0.0) is False
+
+
+def test_interrupt_of_a_process():
+    program = textwrap.dedent("""
+        import signal
+        from beltdyn import _core
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        model = _core.Model((1.2, 24, 0.1, 70e3, 1.4, 0.01, 0.0), [(0, 0), (0.29, 0)],
+                            [0.1, 0.1], [0.01, 0.01], (5e10, 2.5e7, 1e3), None, (0, 0))
+        settling = _core.Simulation.settle(model, tolerance=1e-300, max_time=1e6)
+        print("ready", flush=True)
+        settling.advance(float("inf"))
+    """)
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "ready\n"
+        process.send_signal(signal.SIGINT)
+        try:
+            _, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert errors.rstrip().endswith("KeyboardInterrupt") and process.returncode != 0
