@@ -50,9 +50,10 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     rule = f"{name} must be an integer {bounds}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise TypeError(f"{rule}, got {reprlib.repr(value)}")
-    if value < least or (most is not None and value > most):
-        raise ValueError(f"{rule}, got {value}")
-    return int(value)
+    number = int(value)
+    if number < least or (most is not None and number > most):
+        raise ValueError(f"{rule}, got {number}")
+    return number
 
 
 def pair(name: str, value: object, unit: str) -> tuple[float, float]:

@@ -44,9 +44,9 @@ def _signals(handler: Any, *which: signal.Signals) -> Iterator[None]:
 class _Group(click.Group):
     """Says what is wrong in one line, never by a traceback."""
 
-    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+    def main(self, *args: Any, **options: Any) -> Any:
         try:
-            code = super().main(*args, standalone_mode=False, **extra)
+            code = super().main(*args, **(options | {"standalone_mode": False}))
         except click.ClickException as error:
             context = error.ctx if isinstance(error, click.UsageError) else None
             hint = f" (try: {context.command_path} --help)" if context else ""

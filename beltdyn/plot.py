@@ -96,7 +96,11 @@ def _draw_forces(axes: Axes, result: Result, row: int) -> None:
         title=f"Along the belt at t = {result.t[row]:.4g} s",
         xlim=(-0.5, n_b - 0.5),
     )
-    axes.legend(framealpha=0.8, edgecolor="none")
+    handles, labels = axes.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda k: int(labels[k].rpartition(" ")[2]))
+    axes.legend(
+        [handles[k] for k in order], [labels[k] for k in order], framealpha=0.8, edgecolor="none"
+    )
 
 
 def _draw_drive(axes: Axes, result: Result, row: int) -> None:
