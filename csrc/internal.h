@@ -309,7 +309,8 @@ struct bd_sim {
    */
   int (*watch)(bd_sim *sim, int code, int *finished);
   bd_settle_options settle;
-  double *settle_start, *settle_offset;
+  double *settle_start, *settle_offset, *settle_centers, settle_turns;
+  bd_wrap *settle_wraps;
   int settle_tries;
   double settle_push, settle_speed, settle_time; /* circulation at the last check */
   double settle_stiffness;

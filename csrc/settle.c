@@ -26,7 +26,8 @@ static double fastest_mode(const bd_sim *sim) {
   for (int j = 1; j < model->lay.np; ++j) {
     tightest = fmin(tightest, model->radius[j]);
   }
-  double normal = 4.0 * info->mean_tension * info->link_length / tightest;
+  double tension = model->belt.axial_stiffness * (info->strain + info->mesh_strain);
+  double normal = 4.0 * tension * info->link_length / tightest;
   double c1 = info->contact_quadratic, c2 = info->contact_linear;
   double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
   double grip = sim->plan.friction_on ? model->dahl.sigma * normal : 0.0;
@@ -50,21 +51,17 @@ static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const
   }
 }
 
-/* Lays the belt along the line round the centres where they start. The scratch vectors of the
- * simulation lend the room, before they are needed. */
+/* Lays the belt along the line round the centres where they start. A vector of the simulation lends
+ * the room for it, before it is needed. */
 static int lay_belt(bd_sim *sim, bd_error *err) {
   const bd_model *model = sim->model;
   int n = model->lay.n, np = model->lay.np, direction;
   double length, *room = sim->y_new;
-  double *cx = sim->y_mid, *cy = cx + np;
+  double *cx = sim->settle_centers, *cy = cx + np;
+  bd_wrap *wraps = sim->settle_wraps;
   for (int j = 0; j < np; ++j) {
     cx[j] = model->cx[j] + (sim->plan.offset ? sim->plan.offset[2 * j] : 0.0);
     cy[j] = model->cy[j] + (sim->plan.offset ? sim->plan.offset[2 * j + 1] : 0.0);
-  }
-  bd_wrap *wraps = (bd_wrap *)(void *)sim->stage[0];
-  if ((size_t)np * sizeof *wraps > model->lay.size * sizeof *room ||
-      (size_t)(2 * np) > model->lay.size) {
-    return bd_fail(err, BD_ERR_MEMORY, "pulleys", "too many pulleys for so few links");
   }
   int code = bd_path_lay(np, cx, cy, model->radius, wraps, &direction, &length, err);
   if (code != BD_OK) {
@@ -257,6 +254,7 @@ static int retry(bd_sim *sim) {
   ++sim->settle_tries;
   memcpy(sim->y, sim->settle_start, sim->model->lay.size * sizeof *sim->y);
   sim->t = sim->t0;
+  sim->turns = sim->settle_turns;
   sim->options.step *= 0.5;
   sim->started = sim->rate_known = 0;
   sim->settle_push = sim->settle_speed = sim->settle_time = sim->settle_stiffness = 0.0;
@@ -308,6 +306,7 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
       memset(bd_field(&model->lay, sim->y, f), 0, (size_t)model->lay.n * sizeof *sim->y);
     }
   }
+  sim->settle_turns = sim->turns;
   memcpy(sim->settle_start, sim->y, model->lay.size * sizeof *sim->y);
   bd_sim_weights(sim);
   *out = sim;

@@ -34,6 +34,8 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
   if (settling) {
     BD_CARVE(carver, sim->settle_start, lay->size);
     BD_CARVE(carver, sim->settle_offset, 2 * lay->np);
+    BD_CARVE(carver, sim->settle_centers, 2 * lay->np);
+    BD_CARVE(carver, sim->settle_wraps, lay->np);
   }
   bd_plan_carve(carver, &sim->plan, lay);
   bd_load_carve(carver, &sim->plan.load, lay->np, torque);
