@@ -90,7 +90,7 @@ def simulate(
         "step": _positive("step", step, "s"),
         "max_step": _positive("max_step", max_step, "s"),
         "max_steps": 0 if max_steps is None else integer("max_steps", max_steps, 1),
-        "ledger": ledger,
+        "ledger": _flag("ledger", ledger),
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
@@ -186,7 +186,7 @@ def settle(
         raise ValueError(f'pulleys must be "held" or "free", got {pulleys!r}')
     has_friction = params.friction is not None
     options: dict[str, Any] = {
-        "friction": friction and has_friction,
+        "friction": _flag("friction", friction) and has_friction,
         "free_pulleys": pulleys == "free",
         "offset": _offset(offset, len(params.pulleys)),
         "move_time": _positive("move_time", move_time, "s"),
@@ -263,6 +263,12 @@ def _positive(name: str, value: object, unit: str) -> float:
     if number <= 0.0:
         raise ValueError(f"{name} must be > 0, got {number:g}")
     return number
+
+
+def _flag(name: str, value: object) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be a bool, got {value!r}")
+    return bool(value)
 
 
 def _offset(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import attrs
@@ -99,6 +100,10 @@ class State:
     def n_pulleys(self) -> int:
         """Number of pulleys, n_p."""
         return self.theta.size
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and read-only as well.
+        return partial(State, **attrs.asdict(self, recurse=False)), ()
 
     def __repr__(self) -> str:
         at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"

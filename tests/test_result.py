@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -501,3 +504,12 @@ def test_progress_goes_to_stderr_only(
 ) -> None:
     bd.simulate(scene.params, scene.torque_fn, 0.002, progress=True)
     assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize("clone", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
+def test_copies_of_a_state_are_states(clone: Callable[[bd.State], bd.State]) -> None:
+    state = bd.settle(bd.scenes.kubas_case_1().params)
+    other = clone(state)
+    assert other == state and other is not state
+    assert other.residual == state.residual
+    assert not any(getattr(other, name).flags.writeable for name in ("x", "mu", "theta"))

@@ -217,3 +217,12 @@ def test_says_when_the_start_is_beyond_help() -> None:
     with pytest.raises(bd.SimulationError, match="settling blew up") as caught:
         bd.settle(params, initial=state)
     assert caught.value.symbol == "BD_ERR_NOT_FINITE"
+
+
+@pytest.mark.parametrize("value", ["no", 1, None])
+def test_flags_are_bools(value: object) -> None:
+    scene = bd.scenes.kubas_case_1()
+    with pytest.raises(TypeError, match="friction must be a bool"):
+        bd.settle(scene.params, friction=value)
+    with pytest.raises(TypeError, match="ledger must be a bool"):
+        bd.simulate(*scene, ledger=value)
