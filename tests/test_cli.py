@@ -284,7 +284,8 @@ def test_standard_output_that_is_full(tmp_path: Path) -> None:
 def test_a_signal_keeps_the_finished_part(tmp_path: Path, which: signal.Signals) -> None:
     """Sent twice, as an impatient user does: the second must not lose what is being written."""
     out = tmp_path / "run.npz"
-    command = [sys.executable, "-m", "beltdyn", "run", "kubas-case-1", "--t-end", "1000"]
+    code = "import sys; from beltdyn import cli; print('ready', flush=True); cli.main(sys.argv[1:])"
+    command = [sys.executable, "-c", code, "run", "kubas-case-1", "--t-end", "1000"]
     with subprocess.Popen(
         [*command, "--out", str(out)],
         stderr=subprocess.PIPE,
@@ -292,7 +293,9 @@ def test_a_signal_keeps_the_finished_part(tmp_path: Path, which: signal.Signals)
         text=True,
         cwd=tmp_path,
     ) as process:
-        time.sleep(4.0)  # imports and settling take less; a run of 1000 s takes minutes
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(3.0)  # settling takes 0.1 s, a run of 1000 s takes minutes
         process.send_signal(which)
         time.sleep(0.1)
         process.send_signal(which)
