@@ -24,6 +24,8 @@ from .simulation import METHODS, simulate
 __all__ = ["main"]
 
 _FAILED, _BAD_INPUT, _INTERRUPTED = 1, 2, 130
+#: What ends a batch job, or a terminal that is closed; Windows has no SIGHUP.
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def _stop(message: str, code: int) -> NoReturn:
@@ -47,6 +49,9 @@ class _Group(click.Group):
     def main(self, *args: Any, **options: Any) -> Any:
         try:
             code = super().main(*args, **(options | {"standalone_mode": False}))
+        except click.exceptions.NoArgsIsHelpError as error:
+            click.echo(error.format_message())
+            sys.exit(0)
         except click.ClickException as error:
             context = error.ctx if isinstance(error, click.UsageError) else None
             hint = f" (try: {context.command_path} --help)" if context else ""
@@ -95,7 +100,10 @@ def run(
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
     for path in filter(None, (out, plot)):
-        _check_writable(path)
+        try:
+            _check_writable(path)
+        except OSError as error:
+            _stop(f"cannot write {path}: {error.strerror}", _BAD_INPUT)
     if out is not None and out == plot:
         _stop(f"--out and --plot must not be the same file, {out}", _BAD_INPUT)
     if plot is not None:
@@ -103,7 +111,7 @@ def run(
     try:
         params, torque_fn, scene_t_end = _find(scene)
         # What asks a batch job to end is answered like Ctrl-C.
-        with _signals(signal.default_int_handler, signal.SIGTERM):
+        with _signals(signal.default_int_handler, *_ENDING):
             result = simulate(
                 params,
                 torque_fn,
@@ -120,7 +128,7 @@ def run(
         _stop(f"{error}{_write(error.result, out, plot)}", _FAILED)
     except Interrupted as error:
         # The finished part is being written: a second Ctrl-C must not lose it.
-        with _signals(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
+        with _signals(signal.SIG_IGN, signal.SIGINT, *_ENDING):
             _stop(f"{error}{_write(error.result, out, plot)}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
@@ -176,7 +184,8 @@ def _write(result: Result | None, out: Path | None, plot: Path | None) -> str:
             overview(result).savefig(plot)
             written.append(str(plot))
     except OSError as error:
-        _stop(f"cannot write {error.filename}: {error.strerror}", _FAILED)
+        path = error.filename or (out if out is not None and not written else plot)
+        _stop(f"cannot write {path}: {error.strerror}", _FAILED)
     what = "" if result.success else ", up to there"
     return f"\nwritten{what}: {', '.join(written)}"
 

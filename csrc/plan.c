@@ -235,13 +235,16 @@ void bd_plan_place(bd_plan *plan, double t) {
 
 /* --- after a step ---------------------------------------------------------------------------- */
 
+/* Who holds a friction slot: a pulley, none, or none any more since this step. */
+enum { FREE = -1, RELEASED = -2 };
+
 /* MODEL section 4: what touches no pulley remembers no friction. */
-static void forget(const bd_layout *lay, double *y, int slot, const int *owner, int begin,
-                   int end) {
+static void forget(const bd_layout *lay, double *y, int slot, int *owner, int begin, int end) {
   double *mu = bd_field(lay, y, F_MU + slot), *slip = bd_field(lay, y, bd_f_slip(lay) + slot);
   for (int i = begin; i < end; ++i) {
     mu[i] = owner[i] < 0 ? 0.0 : mu[i];
     slip[i] = owner[i] < 0 ? 0.0 : slip[i];
+    owner[i] = owner[i] < 0 ? FREE : owner[i];
   }
 }
 
@@ -249,7 +252,7 @@ void bd_plan_own(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   for (int k = 0; k < lay->n * lay->slots; ++k) {
-    plan->owner[k] = -1;
+    plan->owner[k] = FREE;
   }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
     const bd_drum *drum = &plan->drums[j];
@@ -292,10 +295,11 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
           continue;
         }
         int held = rho2 < rim2;
-        if (held && owner[i] >= 0 && owner[i] != j) {
+        if (held && owner[i] != j && owner[i] != FREE) {
           mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
+          *changed = 1;
         }
-        owner[i] = held ? j : owner[i] == j ? -1 : owner[i];
+        owner[i] = held ? j : owner[i] == j ? RELEASED : owner[i];
         if (held && fabs(mu[i]) > limit) {
           *changed |= fabs(mu[i]) > limit * (1.0 + tolerance);
           mu[i] = copysign(limit, mu[i]);

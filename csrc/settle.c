@@ -39,15 +39,18 @@ static double fastest_mode(const bd_sim *sim) {
   return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
 }
 
+/* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
+ * friction would remember it. */
 static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const bd_wrap *wraps,
                           int direction, double length, bd_state *state) {
   const bd_model *model = sim->model;
   int n = model->lay.n;
+  double inward = 1e-3 * model->info.strain * model->info.link_length * direction;
   for (int i = 0; i < n; ++i) {
     bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction, length * (i + 0.5) / n,
                   &state->x[i], &state->y[i], &state->phi[i]);
-    state->x[i] += model->origin[0];
-    state->y[i] += model->origin[1];
+    state->x[i] += model->origin[0] - inward * sin(state->phi[i]);
+    state->y[i] += model->origin[1] + inward * cos(state->phi[i]);
   }
 }
 

@@ -10,7 +10,8 @@
 /* Beyond this the angles of a long-running belt would cost digits of the joints' stretch, so whole
  * turns are kept apart; below it a state comes back to the last bit. */
 #define MAX_ANGLE 50.0
-#define FAR_AWAY 1e6 /* where the padding stands: on no pulley */
+#define LARGEST_ANGLE 1e9 /* beyond it an angle has no digits left for a step's turn */
+#define FAR_AWAY 1e6      /* where the padding stands: on no pulley */
 
 static int field_index(const char *name) {
   int k = 0;
@@ -59,7 +60,7 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
   for (int i = 0; i < n; ++i) {
     double closing = i == 0 ? 2.0 * BD_PI * model->info.winding : 0.0;
     double turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
-    if (fabs(turn) > 1.5 * BD_PI || fabs(phi[i]) > 1e9) {
+    if (fabs(turn) > 1.5 * BD_PI || fabs(phi[i]) > LARGEST_ANGLE) {
       return bd_fail_at(err, BD_ERR_STATE, "phi", (double)NAN, i, -1, turn,
                         "state phi must run on continuously round the ring, never wrapped, and "
                         "within +-1e9; from link %d to link %d it turns by %g rad",
@@ -90,6 +91,13 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
   }
   if (check_ring(model, state->phi, err) != BD_OK) {
     return BD_ERR_STATE;
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    if (fabs(state->theta[j]) > LARGEST_ANGLE) {
+      return bd_fail_at(err, BD_ERR_STATE, "theta", state->t, -1, j, state->theta[j],
+                        "state theta[%d] must be within +-%g, got %g", j, LARGEST_ANGLE,
+                        state->theta[j]);
+    }
   }
   memset(y, 0, lay->size * sizeof *y);
   for (int f = F_X; f <= F_Y; ++f) {

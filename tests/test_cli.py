@@ -303,3 +303,15 @@ def test_a_signal_keeps_the_finished_part(tmp_path: Path, which: signal.Signals)
     assert process.returncode == 130, errors
     assert "interrupted" in errors and "Traceback" not in errors
     assert bd.Result.load(out).status == "interrupted"
+
+
+def test_no_command_shows_the_help(call: Callable[..., Result]) -> None:
+    result = call()
+    assert result.exit_code == 0
+    assert "Usage:" in result.stdout and result.stderr == ""
+
+
+def test_a_name_too_long(call: Callable[..., Result], tmp_path: Path) -> None:
+    result = call("run", "kubas-case-1", "--out", tmp_path / ("x" * 300))
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1

@@ -226,3 +226,20 @@ def test_flags_are_bools(value: object) -> None:
         bd.settle(scene.params, friction=value)
     with pytest.raises(TypeError, match="ledger must be a bool"):
         bd.simulate(*scene, ledger=value)
+
+
+@pytest.mark.parametrize("pulleys", ["held", "free"])
+def test_rounding_does_not_decide_what_friction_holds(pulleys: str) -> None:
+    """With friction 1024 m away, where centres are rounded to 2e-13 m, 1e-9 of a stretch."""
+    here = bd.scenes.three_pulleys().params
+    there = attrs.evolve(
+        here,
+        pulleys=[
+            attrs.evolve(p, center=(p.center[0] + 1024.0, p.center[1] - 1024.0))
+            for p in here.pulleys
+        ],
+    )
+    one, other = (bd.settle(p, friction=True, pulleys=pulleys) for p in (here, there))
+    assert np.max(np.abs(one.mu)) > 1e-2
+    assert np.max(np.abs(one.mu - other.mu)) <= 1e-6
+    assert np.max(np.abs(one.x + 1024.0 - other.x)) <= 1e-9
