@@ -127,8 +127,9 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   if (!(t_end - initial->t > 1e3 * DBL_EPSILON * fmax(fabs(t_end), fabs(initial->t))) ||
       !isfinite(t_end)) {
     return bd_fail(err, BD_ERR_OPTION, "t_end",
-                   "t_end must be finite and later than the start t = %g s, got %g", initial->t,
-                   t_end);
+                   "t_end must be finite and later than the start t = %.17g s by more than "
+                   "rounding, got %.17g",
+                   initial->t, t_end);
   }
   bd_sim *sim = bd_sim_new(model, torque, 0);
   if (!sim) {

@@ -66,4 +66,15 @@ static inline int settle_into(const bd_model *model, bd_state *state, bd_error *
   return code;
 }
 
+/* The drive, settled into the room; NULL if anything fails on the way. */
+static inline bd_model *settled_drive(bd_state *state) {
+  bd_model *model = NULL;
+  bd_scene scene = test_scene();
+  if (bd_model_create(&model, &scene, NULL) == BD_OK && settle_into(model, state, NULL) != BD_OK) {
+    bd_model_free(model);
+    model = NULL;
+  }
+  return model;
+}
+
 #endif

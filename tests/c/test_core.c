@@ -129,11 +129,9 @@ static void belt_lines_have_their_lengths(void) {
 static void settles_and_runs(void) {
   static room r, r2;
   bd_error err;
-  bd_model *model = NULL;
-  bd_scene scene = test_scene();
   bd_state state = state_in(&r);
-  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
-  CHECK(settle_into(model, &state, &err) == BD_OK);
+  bd_model *model = settled_drive(&state);
+  CHECK(model != NULL);
   for (int i = 0; i < N; ++i) {
     CHECK(state.vx[i] == 0.0 && state.vy[i] == 0.0 && state.vphi[i] == 0.0);
   }
@@ -216,12 +214,10 @@ static void settles_and_runs(void) {
 static void bad_runs_are_refused(void) {
   static room r;
   bd_error err;
-  bd_model *model = NULL;
   bd_sim *sim = NULL;
-  bd_scene scene = test_scene();
   bd_state state = state_in(&r);
-  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
-  CHECK(settle_into(model, &state, &err) == BD_OK);
+  bd_model *model = settled_drive(&state);
+  CHECK(model != NULL);
   bd_options options;
   bd_options_default(&options);
   CHECK(bd_sim_create(&sim, model, &state, NULL, 0.0, NULL, &err) == BD_ERR_OPTION && !sim);
@@ -288,12 +284,10 @@ static int enter_again(double t, const double *theta, const double *omega, doubl
 static void torque_functions_are_heard(void) {
   static room r;
   bd_error err;
-  bd_model *model = NULL;
   bd_sim *sim = NULL;
-  bd_scene scene = test_scene();
   bd_state state = state_in(&r);
-  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
-  CHECK(settle_into(model, &state, &err) == BD_OK);
+  bd_model *model = settled_drive(&state);
+  CHECK(model != NULL);
   bd_torque_term term = {.kind = BD_TORQUE_CALL, .call = stop_later, .user = &r};
   bd_torque torque = {.n_terms = 1, .terms = &term};
   CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-2, NULL, &err) == BD_OK);
@@ -321,11 +315,9 @@ static void torque_functions_are_heard(void) {
 static void rates_leave_no_trace(void) {
   static room r, r2;
   bd_error err;
-  bd_model *model = NULL;
-  bd_scene scene = test_scene();
   bd_state state = state_in(&r), rate = state_in(&r2);
-  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
-  CHECK(settle_into(model, &state, &err) == BD_OK);
+  bd_model *model = settled_drive(&state);
+  CHECK(model != NULL);
   const double torque[NP] = {1.0, 0.0, -1.0};
   CHECK(bd_model_rate(model, &state, torque, &rate, &err) == BD_OK);
   CHECK(fabs(rate.omega[0] - (1.0 / 0.01 + (rate.omega[0] - 1.0 / 0.01))) < 1e-9);
