@@ -36,6 +36,7 @@ from .result import Result, Stats
 from .scenes import Scene
 from .simulation import METHODS, settle, simulate
 from .state import State
+from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "SimulationError",
     "State",
     "Stats",
+    "Tensioning",
     "Torque",
     "TorqueSum",
     "Viscous",

@@ -74,6 +74,7 @@ class Simulation:
         free_pulleys: bool = False,
         offset: ArrayLike | None = None,
         move_time: float = 0.0,
+        shift: float = 0.0,
         tolerance: float = ...,
         max_time: float = 0.0,
     ) -> Simulation: ...

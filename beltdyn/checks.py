@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "integer", "pair", "real", "real_array"]
+__all__ = ["Array", "flag", "integer", "pair", "real", "real_array"]
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,17 @@ def real(name: str, value: object, unit: str = "1") -> float:
     if not np.isfinite(number):
         raise ValueError(f"{name} must be finite{_with_unit(unit)}, got {value!r}")
     return number
+
+
+def flag(name: str, value: object) -> bool:
+    """Check a bool, Python's or NumPy's.
+
+    Raises:
+        TypeError: Not a bool.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be a bool, got {value!r}")
+    return bool(value)
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:

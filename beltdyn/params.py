@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import attrs
 
 from . import _core, checks
+from .tensioning import Tensioning
 
 __all__ = ["Belt", "Contact", "Dahl", "Params", "Pulley"]
 
@@ -228,6 +229,7 @@ class Params:
         contact: Normal contact between belt and pulleys.
         friction: Friction law between belt and pulleys, or None for none.
         gravity: Acceleration (x, y) [m/s^2].
+        tensioning: How the belt is brought under preload before a run.
 
     Raises:
         TypeError: A field is of the wrong kind.
@@ -242,6 +244,9 @@ class Params:
         default=None, validator=attrs.validators.optional(_instance("friction", Dahl))
     )
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)
+    tensioning: Tensioning = attrs.field(
+        factory=Tensioning, validator=_instance("tensioning", Tensioning)
+    )
     _model: _core.Model = attrs.field(init=False, repr=False, eq=False)
 
     def __attrs_post_init__(self) -> None:
@@ -258,6 +263,7 @@ class Params:
             self.gravity,
         )
         model.check_geometry()
+        self.tensioning.check_fits(len(self.pulleys))
         object.__setattr__(self, "_model", model)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -295,6 +301,7 @@ class Params:
             [
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
                 *_lines(rows, indent="  "),
+                f"  tensioned {self.tensioning}",
                 f"  tight belt line {info['path_length']:.6g} m: strain "
                 f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
                 f"straight links on the pulleys add up to {100 * info['mesh_strain']:.2g} %, "

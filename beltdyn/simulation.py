@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from .checks import Array, integer, real, real_array
+from .checks import Array, flag, integer, real, real_array
 from .errors import Interrupted, SimulationError
 from .params import Params
 from .result import Result, Stats
@@ -61,7 +62,8 @@ def simulate(
         method: One of :data:`METHODS`.
         rtol: Error control: the local error of a step, in the largest component, over the stretch
             of a joint; 1e-12 to 1.
-        initial: State to start from; None: the belt at rest under preload, from :func:`settle`.
+        initial: State to start from; None: the belt at rest under preload, from :func:`settle`,
+            tensioned as ``params.tensioning`` says.
         progress: Whether to show a progress bar on stderr (needs ``rich``).
         breakpoints: Times at which ``torque_fn`` has a kink or jump (k,) [s], to be stepped on
             exactly; those of torque objects are known.
@@ -90,7 +92,7 @@ def simulate(
         "step": _positive("step", step, "s"),
         "max_step": _positive("max_step", max_step, "s"),
         "max_steps": 0 if max_steps is None else integer("max_steps", max_steps, 1),
-        "ledger": _flag("ledger", ledger),
+        "ledger": flag("ledger", ledger),
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
@@ -144,29 +146,30 @@ def settle(
     params: Params,
     *,
     initial: State | None = None,
-    friction: bool = False,
-    pulleys: str = "held",
+    friction: bool | None = None,
+    pulleys: str | None = None,
     offset: Mapping[int, Sequence[float]] | ArrayLike | None = None,
     move_time: float | None = None,
+    shift: float | None = None,
     tolerance: float | None = None,
     max_time: float | None = None,
     progress: bool = False,
 ) -> State:
     """Bring the belt to rest under preload: what the paper calls the stabilisation phase.
 
-    How the arcs are locked depends on how the belt was tensioned. The default lays the belt round
-    the pulleys without friction, so its tension is the same everywhere. A belt is really tensioned
-    by moving a pulley: ``offset`` starts from pulleys displaced towards a slack belt and, with
-    ``friction=True``, leaves the friction this motion builds up.
+    How the wraps are locked depends on how the belt was tensioned: ``params.tensioning``. The
+    arguments of the same names, where given, take the place of its fields; see
+    :class:`beltdyn.Tensioning`.
 
     Args:
         params: The drive.
         initial: State to start from; None: the belt line round the pulleys.
         friction: Whether friction acts while settling; its state is then kept.
         pulleys: "held": the pulleys do not turn; "free": they may.
-        offset: Where the centres start, relative to their places: {index: (dx, dy)} or (n_p, 2)
-            [m]; None: in their places.
-        move_time: Duration of the motion from there [s]; None: chosen.
+        offset: Where the centres start, relative to their places: {index: (dx, dy)} or one
+            (dx, dy) per pulley [m].
+        move_time: Duration of the motion from there [s].
+        shift: How far link 0 is laid past its place along the belt line [m].
         tolerance: At rest when the largest unbalanced force is below this times the mean tension;
             None: the core's default.
         max_time: Simulated time after which to give up [s]; None: chosen.
@@ -182,20 +185,23 @@ def settle(
     """
     _check_params(params)
     _check_initial(params, initial)
-    if pulleys not in ("held", "free"):
-        raise ValueError(f'pulleys must be "held" or "free", got {pulleys!r}')
-    has_friction = params.friction is not None
-    options: dict[str, Any] = {
-        "friction": _flag("friction", friction) and has_friction,
-        "free_pulleys": pulleys == "free",
-        "offset": _offset(offset, len(params.pulleys)),
-        "move_time": _positive("move_time", move_time, "s"),
-        "max_time": _positive("max_time", max_time, "s"),
+    given = {
+        "friction": friction,
+        "pulleys": pulleys,
+        "offset": offset,
+        "move_time": move_time,
+        "shift": shift,
     }
+    changes = {name: value for name, value in given.items() if value is not None}
+    tensioning = attrs.evolve(params.tensioning, **changes)
+    n_pulleys, has_friction = len(params.pulleys), params.friction is not None
+    tensioning.check_fits(n_pulleys)
+    options = tensioning._options(n_pulleys, has_friction)
+    options["max_time"] = _positive("max_time", max_time, "s")
     if tolerance is not None:
         options["tolerance"] = _positive("tolerance", tolerance, "1")
-    given = None if initial is None else initial._to_core(has_friction)
-    sim = _core.Simulation.settle(params._model, given, **options)
+    state = None if initial is None else initial._to_core(has_friction)
+    sim = _core.Simulation.settle(params._model, state, **options)
     try:
         with _progress(progress, "settling", 0.0, None) as show:
             while not sim.advance(_CHUNK):
@@ -263,29 +269,6 @@ def _positive(name: str, value: object, unit: str) -> float:
     if number <= 0.0:
         raise ValueError(f"{name} must be > 0, got {number:g}")
     return number
-
-
-def _flag(name: str, value: object) -> bool:
-    if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{name} must be a bool, got {value!r}")
-    return bool(value)
-
-
-def _offset(
-    offset: Mapping[int, Sequence[float]] | ArrayLike | None, n_pulleys: int
-) -> Array | None:
-    if offset is None:
-        return None
-    if not isinstance(offset, Mapping):
-        return real_array("offset", offset, ndim=2, shape=(n_pulleys, 2))
-    table = np.zeros((n_pulleys, 2))
-    for index, shift in offset.items():
-        if integer("offset index", index, 0) >= n_pulleys:
-            raise ValueError(
-                f"offset index must be that of one of the {n_pulleys} pulley(s), got {index}"
-            )
-        table[index] = real_array(f"offset[{index}]", shift, ndim=1, shape=(2,))
-    return table
 
 
 @contextmanager

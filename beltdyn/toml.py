@@ -24,6 +24,7 @@ from cattrs.gen import make_dict_structure_fn
 
 from .checks import Array
 from .params import Dahl, Params
+from .tensioning import Offsets, Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 
 if TYPE_CHECKING:
@@ -75,10 +76,11 @@ def _converter() -> cattrs.Converter:
         return converter.structure(value, cast(Any, list[element]))
 
     # Plain values pass as they are: the classes check them and know the rule.
-    for kind in (float, int):
+    for kind in (bool, float, int, str):
         converter.register_structure_hook(kind, lambda value, _kind: value)
     converter.register_structure_hook_func(
-        lambda kind: kind in (Array, tuple[float, float]), lambda value, _kind: value
+        lambda kind: kind in (Array, tuple[float, float], Offsets, float | None),
+        lambda value, _kind: value,
     )
     converter.register_structure_hook_factory(attrs.has, table_of)
     converter.register_structure_hook_func(_is_list_of_tables, list_of)
@@ -176,6 +178,9 @@ def read_scene(source: Source) -> Scene:
 def params_document(params: Params) -> dict[str, Any]:
     """Turn parameters into plain tables."""
     document: dict[str, Any] = {"gravity": None, **_converter().unstructure(params)}
+    tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
+    if params.tensioning != Tensioning():
+        document["tensioning"] = tensioning
     friction = document.pop("friction")
     if friction is not None:
         document["friction"] = {"kind": "dahl", **friction}

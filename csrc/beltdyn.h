@@ -177,6 +177,7 @@ typedef struct bd_settle_options {
   const double
       *offset;      /* (n_p, 2): centres start displaced by this and move in; NULL: they do not */
   double move_time; /* duration of that motion [s]; 0: chosen */
+  double shift;     /* link 0 is laid this far past its place along the belt line [m] */
   double tolerance; /* at rest when the unbalanced force is below this times the mean tension */
   double max_time;  /* give up after this much simulated time [s]; 0: chosen */
 } bd_settle_options;

@@ -47,8 +47,10 @@ static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const
   int n = model->lay.n;
   double inward = 1e-3 * model->info.strain * model->info.link_length * direction;
   for (int i = 0; i < n; ++i) {
-    bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction, length * (i + 0.5) / n,
+    double s = length * (i + 0.5) / n + sim->settle.shift, round = floor(s / length);
+    bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction, s - round * length,
                   &state->x[i], &state->y[i], &state->phi[i]);
+    state->phi[i] += round * direction * 2.0 * BD_PI;
     state->x[i] += model->origin[0] - inward * sin(state->phi[i]);
     state->y[i] += model->origin[1] + inward * cos(state->phi[i]);
   }
@@ -98,6 +100,11 @@ static int check_options(const bd_model *model, const bd_settle_options *options
     return bd_fail(err, BD_ERR_OPTION, "move_time",
                    "move_time and max_time must be finite and >= 0 (0: chosen), got %g and %g",
                    options->move_time, options->max_time);
+  }
+  if (!(fabs(options->shift) <= model->belt.length)) {
+    return bd_fail(err, BD_ERR_OPTION, "shift",
+                   "shift must be at most the belt's length, %g m, got %g", model->belt.length,
+                   options->shift);
   }
   for (int k = 0; options->offset && k < 2 * model->lay.np; ++k) {
     if (!isfinite(options->offset[k])) {

@@ -244,7 +244,7 @@ def test_other_things_are_no_numbers(model, rest, value):
     for name in ["rtol", "step", "max_step"]:
         with refused(TypeError, f"{name} {got}"):
             make_simulation(model, rest, **{name: value})
-    for name in ["move_time", "tolerance", "max_time"]:
+    for name in ["move_time", "shift", "tolerance", "max_time"]:
         with refused(TypeError, f"{name} {got}"):
             _core.Simulation.settle(model, **{name: value})
 

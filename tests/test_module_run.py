@@ -249,6 +249,8 @@ def test_settle_rules_of_the_core(model):
         _core.Simulation.settle(model, tolerance=0.0)
     with pytest.raises(ValueError, match="max_time must be finite and >= 0"):
         _core.Simulation.settle(model, max_time=-1.0)
+    with pytest.raises(ValueError, match="shift must be at most the belt's length"):
+        _core.Simulation.settle(model, shift=math.inf)
     with pytest.raises(ValueError, match="overlap"):
         _core.Simulation.settle(make_model(centers=[(0, 0), (0.1, 0)]))
     with pytest.raises(RuntimeError, match="settling has no samples"):

@@ -1,0 +1,111 @@
+"""How a belt was brought under preload before the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .checks import flag, integer, pair, real
+
+__all__ = ["Offsets", "Tensioning"]
+
+Offsets = tuple[tuple[float, float], ...]
+
+
+def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
+    """Give one (dx, dy) for each pulley up to the last that moves."""
+    if value is None:
+        return ()
+    if isinstance(value, Mapping):
+        places = {integer("offset index", index, 0): shift for index, shift in value.items()}
+        rows = [places.get(index, (0.0, 0.0)) for index in range(max(places, default=-1) + 1)]
+    elif isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
+        rows = list(value)
+    else:
+        raise TypeError(
+            "offset must be a mapping {index: (dx, dy)} or one (dx, dy) per pulley, "
+            f"got {value!r}"
+        )
+    return tuple(pair(f"offset[{index}]", row, "m") for index, row in enumerate(rows))
+
+
+def _pulleys(value: object) -> str:
+    if value not in ("held", "free"):
+        raise ValueError(f'pulleys must be "held" or "free", got {value!r}')
+    return str(value)
+
+
+def _move_time(value: object) -> float | None:
+    if value is None:
+        return None
+    number = real("move_time", value, "s")
+    if number <= 0.0:
+        raise ValueError(f"move_time must be > 0 s, got {number:g} s")
+    return number
+
+
+@attrs.frozen(kw_only=True)
+class Tensioning:
+    """How the belt was tensioned: what :func:`beltdyn.settle` does, the paper's stabilisation.
+
+    The default lays the belt round the pulleys without friction, so its tension is the same
+    everywhere. A belt is really tensioned with friction on it: laid round the pulleys at the strain
+    of the belt line, or by moving a pulley, and what friction builds up then stays in the wraps.
+
+    Attributes:
+        friction: Whether friction acts; its state is then kept.
+        pulleys: "held": the pulleys do not turn; "free": they may.
+        offset: Where the pulley centres start, relative to their places: {index: (dx, dy)} or one
+            (dx, dy) per pulley [m]; None or (): in their places. Kept as a tuple of pairs.
+        move_time: Duration of the motion from there [s]; None: chosen.
+        shift: How far link 0 is laid past its place along the belt line [m], at most the belt's
+            length either way; its place begins where the belt leaves pulley 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    friction: bool = attrs.field(default=False, converter=lambda value: flag("friction", value))
+    pulleys: str = attrs.field(default="held", converter=_pulleys)
+    offset: Offsets = attrs.field(default=(), converter=_offset)
+    move_time: float | None = attrs.field(default=None, converter=_move_time)
+    shift: float = attrs.field(default=0.0, converter=lambda value: real("shift", value, "m"))
+
+    def check_fits(self, n_pulleys: int) -> None:
+        """Raise ValueError if there are more offsets than pulleys."""
+        if len(self.offset) > n_pulleys:
+            raise ValueError(
+                f"offset index must be that of one of the {n_pulleys} pulley(s), "
+                f"got {len(self.offset) - 1}"
+            )
+
+    def __str__(self) -> str:
+        words = [
+            "with friction" if self.friction else "without friction",
+            "pulleys free to turn" if self.pulleys == "free" else "pulleys held",
+        ]
+        words += [
+            f"pulley {index} moved in from ({dx:g}, {dy:g}) m"
+            for index, (dx, dy) in enumerate(self.offset)
+            if (dx, dy) != (0.0, 0.0)
+        ]
+        if self.shift:
+            words.append(f"laid {self.shift:g} m on")
+        return ", ".join(words)
+
+    def _options(self, n_pulleys: int, has_friction: bool) -> dict[str, Any]:
+        """Give what the core takes."""
+        table = np.zeros((n_pulleys, 2))
+        for index, shift in enumerate(self.offset):
+            table[index] = shift
+        return {
+            "friction": self.friction and has_friction,
+            "free_pulleys": self.pulleys == "free",
+            "offset": table if table.any() else None,
+            "move_time": self.move_time or 0.0,
+            "shift": self.shift,
+        }
