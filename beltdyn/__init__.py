@@ -8,6 +8,7 @@ Dahl friction model". SI units throughout; angles in rad, counter-clockwise posi
 from __future__ import annotations
 
 from pkgutil import extend_path
+from typing import TYPE_CHECKING, Any
 
 # In a source checkout the compiled core is not beside this file but where it was installed.
 __path__ = extend_path(__path__, __name__)
@@ -31,6 +32,14 @@ if _core_version != __version__:
 
 from . import scenes
 from .errors import Interrupted, SimulationError
+from .identification import (
+    Experiment,
+    Free,
+    Identification,
+    IdentificationInterrupted,
+    Target,
+    identify,
+)
 from .params import Belt, Contact, Dahl, Params, Pulley
 from .result import Result, Stats
 from .scenes import Scene
@@ -39,11 +48,18 @@ from .state import State
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 
+if TYPE_CHECKING:
+    from . import plot as plot
+
 __all__ = [
     "METHODS",
     "Belt",
     "Contact",
     "Dahl",
+    "Experiment",
+    "Free",
+    "Identification",
+    "IdentificationInterrupted",
     "Interrupted",
     "Params",
     "PiecewiseLinear",
@@ -53,12 +69,23 @@ __all__ = [
     "SimulationError",
     "State",
     "Stats",
+    "Target",
     "Tensioning",
     "Torque",
     "TorqueSum",
     "Viscous",
     "__version__",
+    "identify",
     "scenes",
     "settle",
     "simulate",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import ``bd.plot`` when it is first asked for: it needs matplotlib."""
+    if name == "plot":
+        from importlib import import_module
+
+        return import_module(f"{__name__}.plot")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The command line: ``beltdyn run SCENE``, ``beltdyn scenes``.
+"""The command line: ``beltdyn run SCENE``, ``beltdyn scenes``, ``beltdyn figures``.
 
 Exit codes: 0 fine, 1 the run failed, 2 bad input, 130 interrupted. A run that fails or is
 interrupted still writes what it computed.
@@ -6,13 +6,15 @@ interrupted still writes what it computed.
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import click
 
@@ -85,6 +87,9 @@ def list_scenes() -> None:
 @click.argument("scene")
 @click.option("--out", type=click.Path(path_type=Path), help="Write the result here (.npz).")
 @click.option("--plot", type=click.Path(path_type=Path), help="Write an overview figure here.")
+@click.option(
+    "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
+)
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
 @click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error control.")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
@@ -93,21 +98,15 @@ def run(
     scene: str,
     out: Path | None,
     plot: Path | None,
+    animate: Path | None,
     method: str,
     rtol: float,
     t_end: float | None,
     quiet: bool,
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
-    for path in filter(None, (out, plot)):
-        try:
-            _check_writable(path)
-        except OSError as error:
-            _stop(f"cannot write {path}: {error.strerror}", _BAD_INPUT)
-    if out is not None and out == plot:
-        _stop(f"--out and --plot must not be the same file, {out}", _BAD_INPUT)
-    if plot is not None:
-        _check_plot(plot)
+    outputs = _Outputs(out, plot, animate, quiet)
+    outputs.check()
     try:
         params, torque_fn, scene_t_end = _find(scene)
         # What asks a batch job to end is answered like Ctrl-C.
@@ -125,16 +124,106 @@ def run(
     except (TypeError, ValueError) as error:
         _stop(str(error), _BAD_INPUT)
     except SimulationError as error:
-        _stop(f"{error}{_write(error.result, out, plot)}", _FAILED)
+        _stop(f"{error}{outputs.write(error.result)}", _FAILED)
     except Interrupted as error:
         # The finished part is being written: a second Ctrl-C must not lose it.
         with _signals(signal.SIG_IGN, signal.SIGINT, *_ENDING):
-            _stop(f"{error}{_write(error.result, out, plot)}", _INTERRUPTED)
+            _stop(f"{error}{outputs.write(error.result)}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
-    written = _write(result, out, plot)
+    written = outputs.write(result)
     if not quiet:
         _print_summary(scene, result, written)
+
+
+@main.command("figures")
+@click.option(
+    "--out",
+    "folder",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder to write to; made if it is not there.",
+)
+@click.option(
+    "--format", "formats", default="png,pdf", show_default=True, help="Kinds of file, by comma."
+)
+@click.option(
+    "--size",
+    type=click.Choice(["notebook", "print"]),
+    default="print",
+    show_default=True,
+    help="print: panels as wide as a journal's column.",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
+    """Draw the paper's figures 5 to 19 from new runs, and the table of its numbers beside ours.
+
+    Writes fig-05.png, fig-05.pdf and so on, and table.txt.
+    """
+    try:
+        _check_folder(folder)
+    except OSError as error:
+        _stop(f"cannot write to {folder}: {error.strerror}", _BAD_INPUT)
+    _need_matplotlib("beltdyn figures")
+    kinds = [kind.strip().lower().removeprefix(".") for kind in formats.split(",")]
+    known = _figure_kinds()
+    for kind in kinds:
+        if kind not in known:
+            _stop(f"--format: {kind!r} must be one of {', '.join(known)}", _BAD_INPUT)
+    written: list[Path] = []
+    try:
+        with _signals(signal.default_int_handler, *_ENDING):
+            comparison = _write_figures(folder, list(dict.fromkeys(kinds)), size, quiet, written)
+    except SimulationError as error:
+        _stop(str(error), _FAILED)
+    except OSError as error:
+        _stop(f"cannot write {error.filename or folder}: {error.strerror or error}", _FAILED)
+    except KeyboardInterrupt as error:
+        so_far = f"; {len(written)} files written to {folder}" if written else ""
+        _stop(f"{str(error) or 'interrupted'}{so_far}", _INTERRUPTED)
+    if not quiet:
+        click.echo(comparison)
+        click.echo(f"written: {len(written)} files in {folder}")
+
+
+def _write_figures(
+    folder: Path, kinds: list[str], size: str, quiet: bool, written: list[Path]
+) -> str:
+    from . import kubas
+    from .kubas.figures import FIGURES
+
+    runs = kubas.runs(progress=not quiet)
+    comparison = str(kubas.compare(runs))
+    folder.mkdir(exist_ok=True)
+
+    def write(name: str, content: bytes) -> None:
+        path = folder / name
+        path.write_bytes(content)
+        written.append(path)
+
+    write("table.txt", f"{comparison}\n".encode())
+    hidden = quiet or not sys.stderr.isatty()
+    with click.progressbar(
+        FIGURES.values(), label="drawing", file=sys.stderr, hidden=hidden
+    ) as figures:
+        for figure in figures:
+            drawn = figure(runs, size=size)
+            for kind in kinds:
+                # In memory first: an interrupted drawing leaves no half a file.
+                picture = io.BytesIO()
+                drawn.savefig(picture, format=kind)
+                write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
+    return comparison
+
+
+def _check_folder(folder: Path) -> None:
+    """Before the runs: that files can be written there, or the folder be made."""
+    if folder.exists() and not folder.is_dir():
+        _stop(f"cannot write to {folder}: it is a file", _BAD_INPUT)
+    if not folder.exists() and not folder.parent.is_dir():
+        _stop(f"cannot write to {folder}: there is no folder {folder.parent}", _BAD_INPUT)
+    if not os.access(folder if folder.exists() else folder.parent, os.W_OK):
+        _stop(f"cannot write to {folder}: permission denied", _BAD_INPUT)
 
 
 def _find(scene: str) -> scenes.Scene:
@@ -156,38 +245,109 @@ def _check_writable(path: Path) -> None:
         _stop(f"cannot write {path}: permission denied", _BAD_INPUT)
 
 
-def _check_plot(path: Path) -> None:
+def _need_matplotlib(what: str) -> None:
     try:
-        from matplotlib.backend_bases import FigureCanvasBase
+        import matplotlib  # noqa: F401
     except ImportError:
         _stop(
-            "--plot needs matplotlib: python -m pip install matplotlib (or beltdyn[plot])",
+            f"{what} needs matplotlib: python -m pip install matplotlib (or beltdyn[plot])",
             _BAD_INPUT,
         )
-    kinds = FigureCanvasBase.get_supported_filetypes()
+
+
+def _figure_kinds() -> list[str]:
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    return list(FigureCanvasBase.get_supported_filetypes())
+
+
+def _check_plot(path: Path) -> None:
+    _need_matplotlib("--plot")
+    kinds = _figure_kinds()
     if path.suffix[1:].lower() not in kinds:
         _stop(f"cannot plot to {path}: its ending must be one of {', '.join(kinds)}", _BAD_INPUT)
 
 
-def _write(result: Result | None, out: Path | None, plot: Path | None) -> str:
-    """Write what was asked for; say what was written."""
-    if result is None or (out is None and plot is None):
-        return ""
-    written = []
+def _check_film(path: Path) -> None:
     try:
-        if out is not None:
-            result.save(out)
-            written.append(str(out))
-        if plot is not None and result.t.size:
-            from .plot import overview
+        from .plot.animation import film_writer
 
-            overview(result).savefig(plot)
-            written.append(str(plot))
-    except OSError as error:
-        path = error.filename or (out if out is not None and not written else plot)
-        _stop(f"cannot write {path}: {error.strerror}", _FAILED)
-    what = "" if result.success else ", up to there"
-    return f"\nwritten{what}: {', '.join(written)}"
+        film_writer(path)
+    except ImportError as error:
+        _stop(f"--animate {path}: {error}", _BAD_INPUT)
+    except ValueError as error:
+        _stop(f"--animate: {error}", _BAD_INPUT)
+
+
+class _Outputs(NamedTuple):
+    """The files that were asked for."""
+
+    out: Path | None
+    plot: Path | None
+    animate: Path | None
+    quiet: bool
+
+    def check(self) -> None:
+        """Stop, before the run, if one could not be written after it."""
+        named = {
+            option: path
+            for option, path in (
+                ("--out", self.out),
+                ("--plot", self.plot),
+                ("--animate", self.animate),
+            )
+            if path is not None
+        }
+        for path in named.values():
+            try:
+                _check_writable(path)
+            except OSError as error:
+                _stop(f"cannot write {path}: {error.strerror}", _BAD_INPUT)
+        for (one, path), (other, same) in combinations(named.items(), 2):
+            if path == same:
+                _stop(f"{one} and {other} must not be the same file, {path}", _BAD_INPUT)
+        if self.plot is not None:
+            _check_plot(self.plot)
+        if self.animate is not None:
+            _check_film(self.animate)
+
+    def write(self, result: Result | None) -> str:
+        """Write them; say what was written."""
+        if result is None:
+            return ""
+        drawable = result.t.size > 0
+        written = []
+        for path, write in (
+            (self.out, result.save),
+            (self.plot if drawable else None, lambda path: _draw(result, path)),
+            (self.animate if drawable else None, lambda path: _film(result, path, self.quiet)),
+        ):
+            if path is None:
+                continue
+            try:
+                write(path)
+            except OSError as error:
+                _stop(f"cannot write {path}: {error.strerror or error}", _FAILED)
+            written.append(str(path))
+        what = "" if result.success else ", up to there"
+        return f"\nwritten{what}: {', '.join(written)}" if written else ""
+
+
+def _draw(result: Result, path: Path) -> None:
+    from .plot import overview
+
+    overview(result).savefig(path)
+
+
+def _film(result: Result, path: Path, quiet: bool) -> None:
+    from .plot import animate
+
+    film = animate(result)
+    hidden = quiet or not sys.stderr.isatty()
+    with click.progressbar(
+        length=film.frames, label="animating", file=sys.stderr, hidden=hidden
+    ) as bar:
+        film.save(path, progress_callback=lambda _frame, _frames: bar.update(1))
 
 
 def _print_summary(scene: str, result: Result, written: str) -> None:

@@ -21,8 +21,10 @@ def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
     if value is None:
         return ()
     if isinstance(value, Mapping):
-        places = {integer("offset index", index, 0): shift for index, shift in value.items()}
-        rows = [places.get(index, (0.0, 0.0)) for index in range(max(places, default=-1) + 1)]
+        places = {integer("offset index", index, 0, 9999): shift for index, shift in value.items()}
+        rows: list[Any] = [
+            places.get(index, (0.0, 0.0)) for index in range(max(places, default=-1) + 1)
+        ]
     elif isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
         rows = list(value)
     else:
@@ -37,6 +39,14 @@ def _pulleys(value: object) -> str:
     if value not in ("held", "free"):
         raise ValueError(f'pulleys must be "held" or "free", got {value!r}')
     return str(value)
+
+
+def _friction(value: object) -> bool:
+    return flag("friction", value)
+
+
+def _shift(value: object) -> float:
+    return real("shift", value, "m")
 
 
 def _move_time(value: object) -> float | None:
@@ -69,11 +79,11 @@ class Tensioning:
         TypeError, ValueError: A field breaks its rule.
     """
 
-    friction: bool = attrs.field(default=False, converter=lambda value: flag("friction", value))
+    friction: bool = attrs.field(default=False, converter=_friction)
     pulleys: str = attrs.field(default="held", converter=_pulleys)
     offset: Offsets = attrs.field(default=(), converter=_offset)
     move_time: float | None = attrs.field(default=None, converter=_move_time)
-    shift: float = attrs.field(default=0.0, converter=lambda value: real("shift", value, "m"))
+    shift: float = attrs.field(default=0.0, converter=_shift)
 
     def check_fits(self, n_pulleys: int) -> None:
         """Raise ValueError if there are more offsets than pulleys."""
@@ -89,7 +99,7 @@ class Tensioning:
             "pulleys free to turn" if self.pulleys == "free" else "pulleys held",
         ]
         words += [
-            f"pulley {index} moved in from ({dx:g}, {dy:g}) m"
+            f"pulley {index} moved to its place from ({dx:g}, {dy:g}) m off"
             for index, (dx, dy) in enumerate(self.offset)
             if (dx, dy) != (0.0, 0.0)
         ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import beltdyn as bd
-from beltdyn import cli
+from beltdyn import cli, kubas
 
 SHORT = ("--t-end", "0.002")
 
@@ -46,6 +48,20 @@ def test_run_a_scene(call: Callable[..., Result], tmp_path: Path) -> None:
     assert str(out) in result.stdout and str(plot) in result.stdout
     assert bd.Result.load(out).t[-1] == 0.002
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_animate(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:
+        return bd.simulate(params, torque, t_end, t_eval=[0.0, 1e-3, 2e-3], **options)
+
+    monkeypatch.setattr(cli, "simulate", simulate)  # three samples, so three frames
+    film = tmp_path / "run.gif"
+    result = call("run", "kubas-case-1", *SHORT, "--animate", film)
+    assert result.exit_code == 0 and result.stderr == ""
+    assert f"written: {film}" in result.stdout
+    assert film.read_bytes().startswith(b"GIF8")
 
 
 def test_names_with_underscores_and_toml_files(call: Callable[..., Result], tmp_path: Path) -> None:
@@ -127,7 +143,7 @@ def never(*_: Any, **__: Any) -> Any:
     raise AssertionError("it ran")
 
 
-@pytest.mark.parametrize("option", ["--out", "--plot"])
+@pytest.mark.parametrize("option", ["--out", "--plot", "--animate"])
 def test_output_that_cannot_be_written_is_found_before_the_run(
     call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
@@ -152,6 +168,28 @@ def test_plot_without_matplotlib_is_said_before_the_run(
     monkeypatch.setitem(sys.modules, "matplotlib.backend_bases", None)
     plot = tmp_path / "run.png"
     refused(call("run", "kubas-case-1", "--plot", plot), "pip install", "beltdyn[plot]")
+
+
+def test_a_film_of_an_unknown_kind_is_found_before_the_run(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "simulate", never)
+    refused(call("run", "kubas-case-1", "--animate", tmp_path / "run.avi"), "run.avi", "gif, mp4")
+
+
+def test_a_film_without_its_package_is_said_before_the_run(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "simulate", never)
+    monkeypatch.setattr(shutil, "which", lambda *_: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    film = tmp_path / "run.mp4"
+    refused(call("run", "kubas-case-1", "--animate", film), "pip install", "beltdyn[animation]")
+    for name in [name for name in sys.modules if name.startswith("beltdyn.plot")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    film = tmp_path / "run.gif"
+    refused(call("run", "kubas-case-1", "--animate", film), "pip install", "beltdyn[plot]")
 
 
 def stopping(error: BaseException) -> Callable[..., bd.Result]:
@@ -197,6 +235,129 @@ def test_failed_run_writes_the_finished_part(
     assert "torque" in result.stderr and f"written, up to there: {out}" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 2
     assert bd.Result.load(out).status == "failed"
+
+
+# --- the paper's figures -------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def three_runs() -> kubas.Runs:
+    return kubas.runs()
+
+
+@pytest.fixture
+def one_figure(three_runs: kubas.Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave Fig. 12 alone, of runs that were made before."""
+    from beltdyn.kubas import figures
+
+    monkeypatch.setattr(figures, "FIGURES", {12: figures.FIGURES[12]})
+    monkeypatch.setattr(kubas, "runs", lambda progress: three_runs)
+
+
+def test_all_figures_of_the_paper(call: Callable[..., Result], tmp_path: Path) -> None:
+    folder = tmp_path / "figures"
+    result = call("figures", "--out", folder)
+    assert result.exit_code == 0, result.output
+    numbers = range(5, 20)
+    names = {f"fig-{number:02d}.{kind}" for number in numbers for kind in ("png", "pdf")}
+    assert {path.name for path in folder.iterdir()} == names | {"table.txt"}
+    for number in numbers:
+        assert (folder / f"fig-{number:02d}.png").read_bytes().startswith(b"\x89PNG")
+        assert (folder / f"fig-{number:02d}.pdf").read_bytes().startswith(b"%PDF")
+    table = (folder / "table.txt").read_text()
+    assert "joint force at 0.4 s, passive span" in table and table in result.stdout
+    assert f"written: 31 files in {folder}" in result.stdout
+
+
+def test_options_of_the_figures(
+    call: Callable[..., Result], tmp_path: Path, one_figure: None
+) -> None:
+    for size, width in (("notebook", 504), ("print", 1020)):
+        result = call(
+            "figures", "--out", tmp_path, "--format", "PNG, .svg", "--size", size, "--quiet"
+        )
+        assert result.exit_code == 0 and result.output == ""
+        assert {path.name for path in tmp_path.iterdir()} == {
+            "fig-12.png", "fig-12.svg", "table.txt",
+        }  # fmt: skip
+        header = (tmp_path / "fig-12.png").read_bytes()[16:20]
+        assert int.from_bytes(header, "big") == width
+
+
+def test_figures_that_cannot_be_written_are_refused_before_the_runs(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kubas, "runs", never)
+    file = tmp_path / "file"
+    file.touch()
+    refused(call("figures", "--out", file), str(file), "it is a file")
+    refused(call("figures", "--out", tmp_path / "a" / "b"), "no folder", str(tmp_path / "a"))
+    refused(call("figures", "--out", tmp_path / ("x" * 300)), "cannot write to")
+    for kinds in ("png,xyz", "", "png,,pdf"):
+        refused(call("figures", "--out", tmp_path, "--format", kinds), "--format", "png")
+    refused(call("figures", "--out", tmp_path, "--size", "poster"), "--size", "notebook")
+    refused(call("figures"), "--out")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    refused(call("figures", "--out", tmp_path), "pip install", "beltdyn[plot]")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (bd.SimulationError("the step became too small"), 1, "the step became too small"),
+        (bd.Interrupted("interrupted at t = 0.5 s"), 130, "interrupted at t = 0.5 s"),
+    ],
+)
+def test_runs_of_the_figures_that_do_not_finish(
+    call: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+    says: str,
+) -> None:
+    def runs(progress: bool) -> kubas.Runs:
+        raise error
+
+    monkeypatch.setattr(kubas, "runs", runs)
+    folder = tmp_path / "figures"
+    result = call("figures", "--out", folder)
+    assert result.exit_code == code and result.stdout == ""
+    assert result.stderr.strip() == f"beltdyn: {says}"
+    assert not folder.exists()
+
+
+def test_drawing_that_is_interrupted_tells_what_is_there(
+    call: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    one_figure: None,
+) -> None:
+    def savefig(_figure: object, _file: object, format: str) -> None:
+        if format == "pdf":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", savefig)
+    result = call("figures", "--out", tmp_path)
+    assert result.exit_code == 130
+    assert f"interrupted; 2 files written to {tmp_path}" in result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"table.txt", "fig-12.png"}
+
+
+def test_a_disk_that_is_full_while_drawing(
+    call: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    one_figure: None,
+) -> None:
+    def write_bytes(path: Path, _content: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
+    result = call("figures", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert "table.txt: No space left on device" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
 
 
 # --- as a user starts it -------------------------------------------------------------------------
@@ -261,6 +422,10 @@ def test_output_and_figure_in_one_file(call: Callable[..., Result], tmp_path: Pa
     assert result.exit_code == 2
     assert "--out and --plot must not be the same file" in result.stderr
     assert not target.exists()
+    target = tmp_path / "both.gif"
+    result = call("run", "kubas-case-1", *SHORT, "--plot", target, "--animate", target)
+    assert result.exit_code == 2
+    assert "--plot and --animate must not be the same file" in result.stderr
 
 
 def test_a_folder_is_no_scene(call: Callable[..., Result], tmp_path: Path) -> None:

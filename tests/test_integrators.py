@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 import attrs
+import drives
 import numpy as np
 import pytest
 
@@ -130,7 +131,7 @@ def test_methods_agree() -> None:
 
 
 def test_steps_end_on_breakpoints_and_never_on_samples() -> None:
-    params = bd.scenes.kubas_case_1().params
+    params = drives.plain()
     start = bd.settle(params)
     seen: list[float] = []
 
@@ -152,7 +153,7 @@ def test_steps_end_on_breakpoints_and_never_on_samples() -> None:
 
 def test_a_jump_has_two_sides() -> None:
     """A torque step as a time given twice: nothing before, all of it after, no rejected steps."""
-    params = bd.scenes.kubas_case_1().params
+    params = drives.plain()
     start = bd.settle(params)
     jump = bd.PiecewiseLinear([2e-3, 2e-3], [[0, 0], [-10, 0]])
     times = np.array([0.0, 1e-3, 2e-3, np.nextafter(2e-3, 1), 3e-3])
@@ -167,7 +168,7 @@ def test_a_jump_has_two_sides() -> None:
 @pytest.mark.parametrize("included", [True, False], ids=["t >= tb", "t > tb"])
 def test_a_named_jump_of_a_function_has_two_sides(included: bool) -> None:
     """However the function itself decides at the jump: the same as the object that knows it."""
-    params = bd.scenes.kubas_case_1().params
+    params = drives.plain()
     start = bd.settle(params)
     at = 2.0001e-3
 
@@ -184,7 +185,7 @@ def test_a_named_jump_of_a_function_has_two_sides(included: bool) -> None:
 
 def test_free_pulley_follows_the_closed_form() -> None:
     """A pulley under a ramp, friction off: omega = slope t^2 / 2 I, theta = slope t^3 / 6 I."""
-    base = bd.scenes.kubas_case_1().params
+    base = drives.plain()
     params = attrs.evolve(base, friction=None)
     ramp = bd.PiecewiseLinear([0.0, 1.0], [[0, 0], [-3.0, 0.0]])
     result = bd.simulate(params, ramp, 0.05, t_eval=np.linspace(0, 0.05, 51))
@@ -196,7 +197,7 @@ def test_free_pulley_follows_the_closed_form() -> None:
 
 
 def test_viscous_spin_down_follows_the_closed_form() -> None:
-    params = attrs.evolve(bd.scenes.kubas_case_1().params, friction=None)
+    params = attrs.evolve(drives.plain(), friction=None)
     start = attrs.evolve(bd.settle(params), omega=np.array([3.0, -2.0]))
     result = bd.simulate(params, bd.Viscous([0.1, 0.3]), 0.1, initial=start)
     exact = np.array([3.0, -2.0]) * np.exp(-result.t[:, None] * np.array([0.1, 0.3]) / 0.01)
@@ -207,7 +208,7 @@ def test_links_in_contact_are_found_without_testing_the_rest() -> None:
     """The list of links near a pulley is rebuilt once per some millimetres of travel, and hides
     nothing: contact forces are those of all pairs (compared with the oracle in test_oracle).
     """
-    scene = bd.scenes.kubas_case_1()
+    scene = drives.plain_scene()
     result = bd.simulate(*scene)
     travelled = abs(result.pulleys.theta[-1]).max() * 0.1
     spacing = scene.params.info["link_length"]
@@ -216,7 +217,7 @@ def test_links_in_contact_are_found_without_testing_the_rest() -> None:
 
 
 def test_effects_name_what_was_simulated_and_no_more() -> None:
-    scene = bd.scenes.kubas_case_1()
+    scene = drives.plain_scene()
     bare = attrs.evolve(
         scene.params, friction=None, belt=attrs.evolve(scene.params.belt, bending_stiffness=0.0)
     )
@@ -230,7 +231,7 @@ def test_effects_name_what_was_simulated_and_no_more() -> None:
 
 def test_step_floor_is_a_named_error() -> None:
     """A torque that flickers faster than any step can follow."""
-    params = bd.scenes.kubas_case_1().params
+    params = drives.plain()
     start = bd.settle(params)
     flips = [0]
 
@@ -249,7 +250,7 @@ def test_step_floor_is_a_named_error() -> None:
 
 
 def test_too_long_a_fixed_step_is_a_named_error() -> None:
-    scene = bd.scenes.kubas_case_1()
+    scene = drives.plain_scene()
     with pytest.raises(bd.SimulationError, match=r"blew up.*take a shorter step than") as caught:
         bd.simulate(*scene, method="rk4", step=1e-4)
     error = caught.value
@@ -263,7 +264,7 @@ def test_too_long_a_fixed_step_is_a_named_error() -> None:
 
 
 def test_limit_on_steps_is_a_named_error() -> None:
-    scene = bd.scenes.kubas_case_1()
+    scene = drives.plain_scene()
     with pytest.raises(bd.SimulationError, match="limit of 100 steps") as caught:
         bd.simulate(*scene, max_steps=100)
     assert caught.value.symbol == "BD_ERR_MAX_STEPS"
@@ -271,7 +272,7 @@ def test_limit_on_steps_is_a_named_error() -> None:
 
 
 def test_belt_pulled_through_a_pulley_is_a_named_error() -> None:
-    base = bd.scenes.kubas_case_1().params
+    base = drives.plain()
     params = attrs.evolve(base, contact=bd.Contact(linear=2e4))
     with pytest.raises(bd.SimulationError, match="pulley"):
         bd.simulate(params, bd.Viscous([0, 0]), 0.1)

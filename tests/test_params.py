@@ -9,6 +9,7 @@ import re
 from typing import Any
 
 import attrs
+import drives
 import numpy as np
 import pytest
 
@@ -45,7 +46,7 @@ def build(group: str, **changes: Any) -> Any:
 
 @pytest.fixture
 def params() -> bd.Params:
-    return bd.scenes.kubas_case_1().params
+    return drives.plain()
 
 
 def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt: Any) -> bd.Params:
@@ -230,7 +231,7 @@ def test_refining_the_mesh_keeps_the_belt(params: bd.Params) -> None:
 def test_frozen_equal_and_hashable(params: bd.Params) -> None:
     with pytest.raises(attrs.exceptions.FrozenInstanceError):
         params.belt.length = 1.0  # type: ignore[misc]
-    again = bd.scenes.kubas_case_1().params
+    again = drives.plain()
     assert params == again and hash(params) == hash(again)
     assert params != attrs.evolve(params, friction=None)
 

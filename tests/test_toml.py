@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+import drives
 import numpy as np
 import pytest
 
@@ -89,7 +90,7 @@ def test_one_torque_is_itself_and_friction_may_be_absent() -> None:
 
 
 def test_text_is_readable() -> None:
-    text = bd.scenes.kubas_case_1().to_toml()
+    text = drives.plain_scene().to_toml()
     assert "center = [0.29, 0.0]" in text
     assert "    [-100.0, 0.0],\n" in text
     assert 'kind = "dahl"' in text

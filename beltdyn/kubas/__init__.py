@@ -1,4 +1,23 @@
 """The paper this package starts from: its stated numbers and its figures, beside our runs.
 
 K. Kubas, "A model for the dynamic analysis of a belt transmission using the Dahl friction model".
+
+:func:`runs` simulates the paper's cases, :func:`compare` sets its numbers beside ours, and
+:mod:`beltdyn.kubas.figures` (which needs matplotlib) draws its figures.
 """
+
+from .cases import LINKS, Runs, runs
+from .rows import QUANTITIES, Links, Quantity
+from .table import Comparison, Line, compare
+
+__all__ = [
+    "LINKS",
+    "QUANTITIES",
+    "Comparison",
+    "Line",
+    "Links",
+    "Quantity",
+    "Runs",
+    "compare",
+    "runs",
+]

@@ -1,0 +1,23 @@
+"""Finding the parameters of a drive from measurements: values, intervals, what stays unknown.
+
+Needs SciPy, which is imported when :func:`identify` is called.
+"""
+
+from __future__ import annotations
+
+from .experiment import Experiment, Target
+from .fit import identify
+from .free import Free
+from .linear import Combination
+from .report import Identification, IdentificationInterrupted, Sensitivity
+
+__all__ = [
+    "Combination",
+    "Experiment",
+    "Free",
+    "Identification",
+    "IdentificationInterrupted",
+    "Sensitivity",
+    "Target",
+    "identify",
+]

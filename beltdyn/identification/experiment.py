@@ -1,0 +1,363 @@
+"""Experiments on the rig, and what was measured in them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import attrs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import Array, real, real_array
+from ..params import Params
+from ..result import EnergyLedger, Result
+from ..simulation import settle, simulate
+from ..state import State
+from ..torques import TorqueLike
+from . import names
+
+__all__ = ["Experiment", "Read", "Target"]
+
+#: Reads numbers off a run.
+Read: TypeAlias = "Callable[[Result], ArrayLike]"
+
+_QUANTITY = re.compile(r"([a-z_.]+)(?:\[(\d+)\])?")
+
+
+def _keywords(function: Callable[..., Any], *others: str) -> set[str]:
+    return {
+        name
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and name not in others
+    }
+
+
+_SETTLING = _keywords(settle, "initial", "progress")
+_OPTIONS = _keywords(simulate, "t_eval", "initial", "progress")
+_QUANTITIES = [
+    *(f"{group}.{name}" for group, kind in Result._GROUPS.items() for name in names.fields(kind)),
+    *(f"energy.{name}" for name, kind in vars(EnergyLedger).items() if isinstance(kind, property)),
+    "span_tension",
+    "slip",
+]
+
+
+def _mapping(known: set[str] | None) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    def check(_self: Any, field: attrs.Attribute[Any], value: Any) -> None:
+        for key in value:
+            if known is not None and key not in known:
+                raise ValueError(
+                    f"Experiment.{field.name} has no {key!r}{names.close_to(str(key), known)}: "
+                    f"it takes {', '.join(sorted(known))}"
+                )
+
+    return check
+
+
+def _dict(value: Mapping[str, Any] | None) -> dict[str, Any]:
+    if value is not None and not isinstance(value, Mapping):
+        raise TypeError(f"settling, changes and options must be mappings, got {value!r}")
+    return dict(value or {})
+
+
+def _t_end(value: object) -> float:
+    t_end = real("Experiment.t_end", value, "s")
+    if t_end <= 0.0:
+        raise ValueError(f"Experiment.t_end must be > 0 s, got {t_end:g} s")
+    return t_end
+
+
+@attrs.frozen(eq=False)
+class Experiment:
+    """One run of the rig: its loads, how long it took, how it began.
+
+    What was measured in it is added with :meth:`curve` and :meth:`number`; all of it is read off
+    one and the same simulation.
+
+    Attributes:
+        torque_fn: The set torques, as :func:`beltdyn.simulate` takes them; a Python function is
+            called from several threads.
+        t_end: End of the run [s].
+        settling: Arguments of :func:`beltdyn.settle` that go before ``params.tensioning``, such as
+            ``{"friction": True, "tolerance": 1e-5}``.
+        changes: What differs in this run, by name, in place of the value in ``params`` or the one
+            that is searched: ``{"friction.sigma": 5e3}``, ``{"pulleys[1].center": (0.3, 0.0)}``.
+        initial: How the run begins: a State, or ``initial(params) -> State``, called from several
+            threads; None: settled.
+        options: Arguments of :func:`beltdyn.simulate`, such as ``{"rtol": 1e-3}``.
+        name: What messages and tables call it; None: "run", numbered if there are several.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+
+    torque_fn: TorqueLike
+    t_end: float = attrs.field(converter=_t_end)
+    settling: dict[str, Any] = attrs.field(
+        default=None, converter=_dict, validator=_mapping(_SETTLING), kw_only=True
+    )
+    changes: dict[str, Any] = attrs.field(
+        default=None, converter=_dict, validator=_mapping(None), kw_only=True
+    )
+    initial: State | Callable[[Params], State] | None = attrs.field(default=None, kw_only=True)
+    options: dict[str, Any] = attrs.field(
+        default=None, converter=_dict, validator=_mapping(_OPTIONS), kw_only=True
+    )
+    name: str | None = attrs.field(default=None, kw_only=True)
+
+    def __attrs_post_init__(self) -> None:
+        for name in self.changes:
+            names.parse(name)
+        if not (self.initial is None or isinstance(self.initial, State) or callable(self.initial)):
+            raise TypeError(
+                "Experiment.initial must be a State, a function of the parameters or None, "
+                f"got {type(self.initial).__name__}"
+            )
+        if self.initial is not None and self.settling:
+            raise ValueError("Experiment.settling says nothing where initial is given")
+        if self.start >= self.t_end:
+            raise ValueError(
+                f"Experiment.t_end must be > initial.t ({self.start:g} s), got {self.t_end:g} s"
+            )
+
+    @property
+    def start(self) -> float:
+        """Time the run begins [s]."""
+        return self.initial.t if isinstance(self.initial, State) else 0.0
+
+    def drive(self, params: Params) -> Params:
+        """Give the drive of this run.
+
+        Raises:
+            ValueError: There is no such drive.
+        """
+        drive: Params = names.assign(
+            params, [(names.parse(name), value) for name, value in self.changes.items()]
+        )
+        return drive
+
+    def begin(self, drive: Params) -> State:
+        """Give the state this run starts from.
+
+        Raises:
+            SimulationError: The belt did not come to rest.
+        """
+        if self.initial is None:
+            return settle(drive, **self.settling)
+        if isinstance(self.initial, State):
+            return self.initial
+        return self.initial(drive)
+
+    def curve(
+        self,
+        quantity: str | Read,
+        t: ArrayLike,
+        values: ArrayLike,
+        *,
+        sigma: ArrayLike | None = None,
+        name: str | None = None,
+    ) -> Target:
+        """Add a measured curve.
+
+        Args:
+            quantity: What was measured, as it is called in a Result, with its column:
+                "pulleys.omega[1]", "span_tension[0]", "joints.force[15]"; without a column, all
+                of them. Or ``quantity(result)``, which gives the values at ``result.t``; it is
+                called from several threads.
+            t: Times of the samples (n_t,) [s], non-decreasing.
+            values: The measured values (n_t,) or (n_t, k).
+            sigma: Standard deviation of a measured value, one or an array that broadcasts to
+                ``values``; None: unknown, see :func:`beltdyn.identify`.
+            name: What messages and tables call it; None: the quantity.
+
+        Raises:
+            TypeError, ValueError: An argument breaks its rule.
+        """
+        label = f"target {name or quantity!r}" if isinstance(quantity, str) or name else "target"
+        times = _times(f"{label}: t", t, self)
+        array = np.asarray(values)
+        measured = real_array(f"{label}: values", values, ndim=2 if array.ndim == 2 else 1)
+        if measured.shape[0] != times.size:
+            raise ValueError(
+                f"{label}: values must have one row for each of the {times.size} times, "
+                f"got shape {measured.shape}"
+            )
+        read = _reader(quantity)
+        return Target(
+            experiment=self,
+            read=read,
+            t=times,
+            values=measured,
+            sigma=_sigma(label, sigma, measured.shape),
+            name=name or (quantity if isinstance(quantity, str) else _name_of(quantity)),
+            parts=None,
+            is_curve=True,
+        )
+
+    def number(
+        self,
+        read: Read,
+        values: ArrayLike,
+        *,
+        t: ArrayLike | None = None,
+        sigma: ArrayLike | None = None,
+        name: str | None = None,
+        names: Sequence[str] | None = None,
+    ) -> Target:
+        """Add one measured number, or several that are read together.
+
+        Args:
+            read: ``read(result)`` gives the number, or an array like ``values``; it is called from
+                several threads.
+            values: The measured value, or values (n,).
+            t: Times of the samples in the Result that ``read`` is given [s]; None: 1001 equally
+                spaced ones.
+            sigma: Standard deviation of a measured value, one or (n,); None: unknown, see
+                :func:`beltdyn.identify`.
+            name: What messages and tables call it; None: the name of ``read``.
+            names: The same for each of several values (n,).
+
+        Raises:
+            TypeError, ValueError: An argument breaks its rule.
+        """
+        if not callable(read):
+            raise TypeError(f"read must be callable, got {read!r}; a text is for curve()")
+        label = f"target {name or _name_of(read)!r}"
+        measured = real_array(f"{label}: values", np.atleast_1d(np.asarray(values)), ndim=1)
+        if names is not None and len(names) != measured.size:
+            raise ValueError(
+                f"{label}: names must hold one for each of the {measured.size} values, "
+                f"got {len(names)}"
+            )
+        samples = np.linspace(self.start, self.t_end, 1001) if t is None else t
+        return Target(
+            experiment=self,
+            read=read,
+            t=_times(f"{label}: t", samples, self),
+            values=measured,
+            sigma=_sigma(label, sigma, measured.shape),
+            name=name or _name_of(read),
+            parts=None if names is None else tuple(names),
+            is_curve=False,
+        )
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Target:
+    """What was measured, and how to read the same off a run; see :class:`Experiment`.
+
+    Attributes:
+        experiment: The run in which it was measured.
+        read: Reads it off a Result.
+        t: Sample times of that Result (n_t,) [s].
+        values: What was measured (n,), (n_t,) or (n_t, k).
+        sigma: Standard deviation of the values, of their shape; None: unknown.
+        name: What messages and tables call it.
+        parts: Names of the single numbers, if they have any.
+        is_curve: Whether the values belong to the sample times.
+    """
+
+    experiment: Experiment = attrs.field(repr=False)
+    read: Read = attrs.field(repr=False)
+    t: Array = attrs.field(repr=False)
+    values: Array = attrs.field(repr=False)
+    sigma: Array | None = attrs.field(repr=False)
+    name: str
+    parts: tuple[str, ...] | None
+    is_curve: bool
+
+    def labels(self, name: str) -> list[str]:
+        """Name every single number."""
+        if self.is_curve:
+            columns = (
+                [f"[{k}]" for k in range(self.values.shape[1])] if self.values.ndim > 1 else [""]
+            )
+            return [f"{name}{column} at {t:g} s" for t in self.t for column in columns]
+        if self.parts is not None:
+            return list(self.parts)
+        return (
+            [name] if self.values.size == 1 else [f"{name}[{k}]" for k in range(self.values.size)]
+        )
+
+    def compute(self, name: str, result: Result) -> Array:
+        """Read the target off a run at its own times; NaN where the run has no value.
+
+        Raises:
+            TypeError, ValueError: It does not give what was measured.
+        """
+        given = np.asarray(self.read(result))
+        if given.dtype.kind not in "iuf":
+            raise TypeError(f"target {name!r}: read must give real numbers, got {given.dtype}")
+        if not self.is_curve:
+            given = np.atleast_1d(given)
+        if given.shape != self.values.shape:
+            raise ValueError(
+                f"target {name!r}: the run gives shape {given.shape}, the measured values have "
+                f"{self.values.shape}"
+            )
+        return given.astype(np.float64)
+
+
+def _name_of(read: Read) -> str:
+    return str(getattr(read, "__name__", type(read).__name__))
+
+
+def _times(label: str, t: ArrayLike, experiment: Experiment) -> Array:
+    times = real_array(label, t, ndim=1)
+    if times.size == 0:
+        raise ValueError(f"{label} must hold at least one time")
+    if (np.diff(times) < 0.0).any():
+        raise ValueError(f"{label} must be non-decreasing")
+    start, end = experiment.start, experiment.t_end
+    slack = 8 * np.spacing(max(abs(start), abs(end)))
+    if times[0] < start - slack or times[-1] > end + slack:
+        raise ValueError(
+            f"{label} must lie within the run, [{start:.12g}, {end:.12g}] s, "
+            f"got [{times[0]:.12g}, {times[-1]:.12g}] s"
+        )
+    return np.clip(times, start, end)
+
+
+def _sigma(label: str, sigma: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
+    if sigma is None:
+        return None
+    given = real_array(f"{label}: sigma", sigma, ndim=np.ndim(np.asarray(sigma)))
+    try:
+        array = np.broadcast_to(given, shape)
+    except ValueError:
+        raise ValueError(
+            f"{label}: sigma must be one number or fit values of shape {shape}, "
+            f"got shape {given.shape}"
+        ) from None
+    if (array <= 0.0).any():
+        raise ValueError(f"{label}: sigma must be > 0, got {array.min():g}")
+    return array
+
+
+def _reader(quantity: str | Read) -> Read:
+    if callable(quantity):
+        return quantity
+    if not isinstance(quantity, str):
+        raise TypeError(f"quantity must be a str or a function of a Result, got {quantity!r}")
+    match = _QUANTITY.fullmatch(quantity)
+    path, column = match.groups() if match else (quantity, None)
+    if path not in _QUANTITIES:
+        raise ValueError(f"a Result has no {path!r}{names.close_to(path, _QUANTITIES)}")
+
+    def read(result: Result) -> Array:
+        group, _, field = path.partition(".")
+        values: Any = getattr(result, group)
+        if values is None:
+            raise ValueError(f"{quantity}: the run carries no energy ledger (options ledger=False)")
+        values = getattr(values, field) if field else values
+        if column is None:
+            return np.asarray(values)
+        if values.ndim < 2 or int(column) >= values.shape[1]:
+            columns = values.shape[1] if values.ndim > 1 else "no"
+            raise ValueError(f"{quantity}: {path} has {columns} columns")
+        return np.asarray(values[:, int(column)])
+
+    return read

@@ -1,0 +1,415 @@
+"""The search for parameters: nonlinear least squares over simulated experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..checks import Array, flag, integer, pair, real
+from ..params import Params
+from . import linear
+from .experiment import Target
+from .free import Free, Parameter, resolve
+from .report import Identification, IdentificationInterrupted, confidence_of
+from .threads import Workers
+from .trials import Rig, Trial
+
+__all__ = ["identify"]
+
+#: SciPy's losses of a squared residual, and their derivatives: its weight once linearised.
+_LOSSES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
+    "linear": (lambda z: z, np.ones_like),
+    "soft_l1": (lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: (1.0 + z) ** -0.5),
+    "huber": (
+        lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
+        lambda z: np.maximum(z, 1.0) ** -0.5,
+    ),
+    "cauchy": (np.log1p, lambda z: 1.0 / (1.0 + z)),
+}
+#: Unknown standard deviations: first guess and least value, in parts of the target's rms, and the
+#: relative change at which they count as found.
+_GUESS, _LEAST, _SETTLED, _PASSES = 0.05, 1e-6, 0.05, 8
+
+
+def identify(
+    params: Params,
+    free: Sequence[Free | str],
+    targets: Sequence[Target],
+    *,
+    workers: int | None = None,
+    confidence: float = 0.95,
+    limit: float = 2.0,
+    jac: str = "3-point",
+    diff_step: float = 0.01,
+    tol: float = 1e-5,
+    max_nfev: int = 100,
+    loss: str = "linear",
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    progress: bool = False,
+) -> Identification:
+    """Find parameters of a drive from what was measured on a rig.
+
+    Least squares, 1/2 sum ((computed - measured)/sigma)^2, by SciPy's trust-region method in the
+    logarithms of positive parameters. Trials that cannot be simulated count as bad ones.
+
+    A target without ``sigma`` is taken to be measured with one unknown standard deviation; it is
+    estimated from the residuals, with the freedom the fitted parameters take away, and the search
+    repeated until it no longer changes. Intervals then come from Student's t. Such a target needs
+    more numbers than there are free parameters.
+
+    Args:
+        params: The drive; its values are where the search begins, and what is not free stays.
+        free: What to find: names, or :class:`Free` for limits, scales, and parameters of one's own.
+        targets: What was measured, from :meth:`Experiment.curve` and :meth:`Experiment.number`.
+        workers: Threads that simulate; None: one per CPU. The result does not depend on it.
+        confidence: Of the intervals, between 0 and 1.
+        limit: Factor, > 1: wider standard deviations count as undetermined.
+        jac: Derivatives by differences, "3-point" (central) or "2-point" (half the runs).
+        diff_step: Step of these, relative for logarithms and in parts of the size for linear
+            parameters; small ones pick up the error of integration and links that come and go.
+        tol: The search ends when the cost or the parameters change less than this, relatively.
+        max_nfev: Most points tried, not counting those for derivatives.
+        loss: "linear", or a loss that gives outliers less weight: "soft_l1", "huber", "cauchy";
+            needs the sigma of every target.
+        prior: What is known beforehand, {name: (value, standard deviation)}, in the unit of the
+            parameter; counts like one more measured number.
+        progress: Whether to show runs and cost on stderr (needs ``rich``).
+
+    Raises:
+        ImportError: SciPy is not installed.
+        TypeError, ValueError: An argument breaks its rule.
+        SimulationError: The experiments cannot be simulated with the parameters the search begins
+            with.
+        IdentificationInterrupted: Ctrl-C; ``.identification`` holds the best found so far.
+        Exception: What a torque function or a reader raises comes out unchanged.
+    """
+    try:
+        least_squares = import_module("scipy.optimize").least_squares
+    except ImportError:
+        raise ImportError(
+            "beltdyn.identify needs SciPy: python -m pip install scipy (or beltdyn[identify])"
+        ) from None
+    if not isinstance(params, Params):
+        raise TypeError(f"params must be a Params, got {type(params).__name__}")
+    parameters = resolve(params, free)
+    options = _Options(
+        confidence=confidence_of(confidence),
+        limit=_above("limit", limit, 1.0),
+        central=_one_of("jac", jac, ("3-point", "2-point")) == "3-point",
+        step=_above("diff_step", diff_step, 0.0),
+        loss=_one_of("loss", loss, tuple(_LOSSES)),
+        prior=_prior(parameters, prior),
+    )
+    tol = _above("tol", tol, 0.0)
+    most = integer("max_nfev", max_nfev, 1)
+    with Workers(workers) as pool, _progress(flag("progress", progress)) as show:
+        search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)
+        try:
+            search.begin()
+            success, message = search.run(least_squares, tol, most)
+        except KeyboardInterrupt as error:
+            if search.best is None:
+                raise
+            stopped = f"interrupted after {search.rig.runs} runs"
+            raise IdentificationInterrupted(stopped, search.report(False, stopped)) from error
+        return search.report(success, message)
+
+
+@attrs.frozen(kw_only=True)
+class _Options:
+    confidence: float
+    limit: float
+    central: bool
+    step: float
+    loss: str
+    prior: tuple[tuple[int, float, float], ...]
+
+
+class _Search:
+    """One identification under way: what was tried last, the best so far, the standard deviations.
+
+    A row of residuals holds the measured numbers, then the priors.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        parameters: tuple[Parameter, ...],
+        options: _Options,
+        show: Callable[[int, float], None],
+    ) -> None:
+        self.rig = rig
+        self.parameters = parameters
+        self.options = options
+        self.best: Trial | None = None
+        self._best_cost = np.inf
+        self._show = show
+        self._last: Trial | None = None
+        self._slopes: tuple[Array, Array] | None = None
+        self._low = np.array([part.coordinate(part.low) for part in parameters])
+        self._high = np.array([part.coordinate(part.high) for part in parameters])
+        self._active = np.zeros(len(parameters), dtype=int)
+        self._nfev = self._failed = 0
+        self._unknown = [name for name, target in rig.targets.items() if target.sigma is None]
+        if self._unknown and options.loss != "linear":
+            raise ValueError(
+                f"loss {options.loss!r} needs the sigma of target {self._unknown[0]!r}"
+            )
+        self._measured = np.concatenate([target.values.ravel() for target in rig.targets.values()])
+        self._sigma = np.ones_like(self._measured)
+        for name, target in rig.targets.items():
+            if target.sigma is not None:
+                self._sigma[rig.slices[name]] = target.sigma.ravel()
+                continue
+            if target.values.size <= len(parameters):
+                raise ValueError(
+                    f"target {name!r} needs a sigma: {target.values.size} number(s) are too few "
+                    f"to estimate it beside {len(parameters)} free parameter(s)"
+                )
+            self._sigma[rig.slices[name]] = _GUESS * self._size(name)
+
+    def _size(self, name: str) -> float:
+        size = float(np.sqrt(np.mean(self.rig.targets[name].values ** 2)))
+        if size == 0.0:
+            raise ValueError(f"target {name!r} needs a sigma: all its values are 0")
+        return size
+
+    def begin(self) -> None:
+        """Try the start, where nothing may go wrong."""
+        trial = self._try(np.ones(len(self.parameters)))
+        if trial.error is not None:
+            raise trial.error
+
+    def run(self, least_squares: Callable[..., Any], tol: float, max_nfev: int) -> tuple[bool, str]:
+        """Search, and search again as long as estimates of unknown sigmas change."""
+        u = np.ones(len(self.parameters))
+        for _ in range(_PASSES):
+            self._best_cost = np.inf
+            found = least_squares(
+                self._residuals,
+                u,
+                jac=self._jacobian,
+                bounds=(self._low, self._high),
+                method="trf",
+                x_scale=1.0,
+                loss=self.options.loss,
+                ftol=tol,
+                xtol=tol,
+                gtol=1e-12,
+                max_nfev=max(1, max_nfev - self._nfev),
+            )
+            u, self._active = found.x, found.active_mask
+            self.best = self._try(u)
+            self._slopes_at(u)
+            if not self._unknown or found.status == 0:
+                break
+            if self._estimate_sigma() <= _SETTLED:
+                break
+        else:
+            return False, "the estimated standard deviations keep changing"
+        return found.status > 0, str(found.message)
+
+    def _try(self, u: Array) -> Trial:
+        if self._last is not None and np.array_equal(self._last.u, u):
+            return self._last
+        if self.best is not None and np.array_equal(self.best.u, u):
+            return self.best
+        trial = self.rig.try_all([u.copy()], keep=True)[0]
+        self._nfev += 1
+        self._failed += trial.error is not None
+        self._last = trial
+        self._note(trial)
+        return trial
+
+    def _note(self, trial: Trial) -> None:
+        if trial.error is None:
+            cost = self._cost(trial)
+            if cost < self._best_cost:
+                self.best, self._best_cost = trial, cost
+        self._show(self.rig.runs, self._best_cost)
+
+    def _residuals(self, u: Array) -> Array:
+        trial = self._try(u)
+        if trial.error is not None:
+            # The trust region shrinks on what is not finite.
+            return np.full(self._measured.size + len(self.options.prior), np.nan)
+        self._note(trial)
+        return self._residuals_of(trial)
+
+    def _residuals_of(self, trial: Trial) -> Array:
+        known = [(trial.u[k] - at) / std for k, at, std in self.options.prior]
+        return np.concatenate([(trial.y - self._measured) / self._sigma, known])
+
+    def _cost(self, trial: Trial) -> float:
+        loss, _ = _LOSSES[self.options.loss]
+        return 0.5 * float(np.sum(loss(self._residuals_of(trial) ** 2)))
+
+    def _jacobian(self, u: Array) -> Array:
+        return self._scaled(self._slopes_at(u))
+
+    def _scaled(self, slopes: Array) -> Array:
+        rows = np.zeros((len(self.options.prior), slopes.shape[1]))
+        for row, (k, _, std) in zip(rows, self.options.prior, strict=True):
+            row[k] = 1.0 / std
+        return np.concatenate([slopes / self._sigma[:, None], rows])
+
+    def _slopes_at(self, u: Array) -> Array:
+        """Give the derivatives of the computed numbers (n, n_free), by differences."""
+        if self._slopes is None or not np.array_equal(self._slopes[0], u):
+            here = self._try(u)
+            self._slopes = u.copy(), self._differences(here)
+        return self._slopes[1]
+
+    def _differences(self, here: Trial) -> Array:
+        slopes = np.zeros((self._measured.size, here.u.size))
+        todo, step = list(range(here.u.size)), self.options.step
+        error: Exception | None = None
+        # Where no step is possible, a smaller one may be.
+        for _ in range(3):
+            points = [(k, point) for k in todo for point in self._points(here.u, k, step)]
+            trials = self.rig.try_all([point for _, point in points])
+            self._show(self.rig.runs, self._best_cost)
+            for k in todo:
+                tried = [t for (j, _), t in zip(points, trials, strict=True) if j == k]
+                good = [t for t in tried if t.error is None]
+                if good:
+                    first, last = good[0], good[1] if len(good) == 2 else here
+                    slopes[:, k] = (first.y - last.y) / (first.u[k] - last.u[k])
+                    todo = [j for j in todo if j != k]
+                else:
+                    error = tried[0].error
+            if not todo:
+                return slopes
+            step /= 8.0
+        assert error is not None
+        raise error
+
+    def _points(self, u: Array, k: int, step: float) -> Iterator[Array]:
+        room = {1.0: self._high[k] - u[k], -1.0: u[k] - self._low[k]}
+        sides = [side for side in room if room[side] >= 0.1 * step]
+        if not sides:
+            sides = [max(room, key=lambda side: room[side])]
+        for side in sides if self.options.central else sides[:1]:
+            point = u.copy()
+            point[k] += side * min(step, room[side])
+            yield point
+
+    def _estimate_sigma(self) -> float:
+        """Estimate unknown sigmas; gives the largest relative change."""
+        assert self.best is not None and self._slopes is not None
+        residuals = self._residuals_of(self.best)
+        freedom = 1.0 - linear.leverage(self._scaled(self._slopes[1]))
+        changes = []
+        for name in self._unknown:
+            here = self.rig.slices[name]
+            old = float(self._sigma[here][0])
+            factor = np.sqrt(float(np.sum(residuals[here] ** 2)) / float(np.sum(freedom[here])))
+            new = max(old * factor, _LEAST * self._size(name))
+            self._sigma[here] = new
+            changes.append(abs(np.log(new / old)))
+        return float(max(changes))
+
+    def report(self, success: bool, message: str) -> Identification:
+        """Put together what was found."""
+        best, options, rig = self.best, self.options, self.rig
+        assert best is not None and best.params is not None
+        slopes = (
+            np.full((self._measured.size, best.u.size), np.nan)
+            if self._slopes is None
+            else self._slopes[1]
+        )
+        residuals, scaled = self._residuals_of(best), self._scaled(slopes)
+        _, weight = _LOSSES[options.loss]
+        weighted = scaled * np.sqrt(weight(residuals**2))[:, None]
+        dof = np.inf
+        if self._unknown and np.isfinite(weighted).all():
+            freedom = 1.0 - linear.leverage(weighted)
+            dof = float(sum(np.sum(freedom[rig.slices[name]]) for name in self._unknown))
+
+        def by_target(row: Array) -> dict[str, Array]:
+            return {
+                name: row[rig.slices[name]].reshape(target.values.shape)
+                for name, target in rig.targets.items()
+            }
+
+        return Identification(
+            params=best.params,
+            values={
+                part.name: part.value(float(at))
+                for part, at in zip(self.parameters, best.u, strict=True)
+            },
+            confidence=options.confidence,
+            limit=options.limit,
+            residuals=by_target(residuals),
+            sigma=by_target(self._sigma),
+            estimated=tuple(self._unknown),
+            jacobian=scaled[: self._measured.size],
+            labels=rig.labels,
+            computed=best.y,
+            weighted=weighted,
+            cost=self._cost(best),
+            dof=dof,
+            nfev=self._nfev,
+            failed=self._failed,
+            runs=rig.runs,
+            success=success,
+            message=message,
+            results=dict(zip(rig.experiments, best.results, strict=True)),
+            at_limit={
+                part.name: "lower" if side < 0 else "upper"
+                for part, side in zip(self.parameters, self._active, strict=True)
+                if side
+            },
+            parameters=self.parameters,
+            curves=frozenset(name for name, target in rig.targets.items() if target.is_curve),
+        )
+
+
+def _above(name: str, value: object, least: float) -> float:
+    number = real(name, value)
+    if number <= least:
+        raise ValueError(f"{name} must be > {least:g}, got {number:g}")
+    return number
+
+
+def _one_of(name: str, value: object, known: tuple[str, ...]) -> str:
+    if value not in known:
+        raise ValueError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    return str(value)
+
+
+def _prior(
+    parameters: Sequence[Parameter], prior: Mapping[str, tuple[float, float]] | None
+) -> tuple[tuple[int, float, float], ...]:
+    """Give index, coordinate and its standard deviation."""
+    names = [part.name for part in parameters]
+    rows = []
+    for name, given in (prior or {}).items():
+        if name not in names:
+            raise ValueError(f"prior {name!r} is not free; free are {', '.join(names)}")
+        part = parameters[names.index(name)]
+        value, std = pair(f"prior {name!r}", given, part.unit)
+        if std <= 0.0:
+            raise ValueError(f"prior {name!r}: the standard deviation must be > 0, got {std:g}")
+        if part.log and value <= 0.0:
+            raise ValueError(f"prior {name!r}: the value must be > 0, got {value:g}")
+        rows.append((names.index(name), part.coordinate(value), part.deviation(std, value)))
+    return tuple(rows)
+
+
+@contextmanager
+def _progress(enabled: bool) -> Iterator[Callable[[int, float], None]]:
+    """Show runs and cost on stderr."""
+    if not enabled:
+        yield lambda _runs, _cost: None
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status("identifying") as status:
+        yield lambda runs, cost: status.update(f"identifying: {runs} runs, cost {cost:.6g}")

@@ -1,0 +1,188 @@
+"""Free parameters: what a search may change, and on which scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import attrs
+import numpy as np
+
+from ..checks import Array, real
+from ..params import Params
+from . import names
+
+__all__ = ["Free", "Parameter", "place", "resolve"]
+
+
+@attrs.frozen
+class Free:
+    """A parameter to be found.
+
+    Args:
+        name: Name of a number of the drive, such as "belt.axial_stiffness", "pulleys[1].inertia",
+            "pulleys[*].inertia" (one value for all), "gravity[1]", "tensioning.offset[1][0]"; with
+            ``set`` any name.
+        lower: Least value, in the unit of the parameter; None: what its rule says.
+        upper: Largest value; None: no limit.
+        scale: "log": searched as its logarithm, so it stays positive and its interval is a factor;
+            "linear"; None: "log" for what may not be negative, unless it starts at 0, and "linear"
+            for the rest and with ``set``.
+        start: Where the search begins; None: the value in ``params``.
+        size: For "linear": the change that counts as large, 1 on its scale; None: |start|.
+        set: ``set(params, value) -> params``, for what has no name of its own; needs ``start``.
+            Called from several threads; a ValueError in it is a value that cannot be.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    name: str
+    lower: float | None = attrs.field(default=None, kw_only=True)
+    upper: float | None = attrs.field(default=None, kw_only=True)
+    scale: str | None = attrs.field(default=None, kw_only=True)
+    start: float | None = attrs.field(default=None, kw_only=True)
+    size: float | None = attrs.field(default=None, kw_only=True)
+    set: Callable[[Params, float], Params] | None = attrs.field(default=None, kw_only=True)
+
+    def __attrs_post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"Free.name must be a str, got {self.name!r}")
+        if self.set is None:
+            names.parse(self.name)
+        elif not callable(self.set):
+            raise TypeError(f"Free.set must be callable, got {self.set!r}")
+        elif self.start is None:
+            raise ValueError(f"{self.name}: a parameter with set= needs start=")
+        if self.scale not in (None, "log", "linear"):
+            raise ValueError(f'{self.name}: scale must be "log" or "linear", got {self.scale!r}')
+        for field in ("lower", "upper", "start", "size"):
+            value = getattr(self, field)
+            if value is not None:
+                object.__setattr__(self, field, real(f"{self.name}: {field}", value))
+        if self.size is not None and self.size <= 0.0:
+            raise ValueError(f"{self.name}: size must be > 0, got {self.size:g}")
+
+
+@attrs.frozen
+class Parameter:
+    """A free parameter with nothing left open.
+
+    Its coordinate is u = 1 + ln(value/start) or u = 1 + (value - start)/size, so every search
+    begins at ones and a change of 1 is large.
+    """
+
+    name: str
+    start: float
+    log: bool
+    size: float
+    low: float
+    high: float
+    unit: str
+    set: Callable[[Params, float], Params] | None
+
+    def value(self, u: float) -> float:
+        """Give the value at a coordinate; infinite where it leaves the range of floats."""
+        if not self.log:
+            return self.start + (u - 1.0) * self.size
+        try:
+            return self.start * math.exp(u - 1.0)
+        except OverflowError:
+            return math.inf
+
+    def coordinate(self, value: float) -> float:
+        """Give the coordinate of a value; infinite for infinite limits."""
+        if not self.log:
+            return 1.0 + (value - self.start) / self.size
+        return 1.0 + math.log(value / self.start) if value > 0.0 else -math.inf
+
+    def deviation(self, std: float, value: float) -> float:
+        """Give a standard deviation in the parameter's unit as one of the coordinate."""
+        return std / value if self.log else std / self.size
+
+
+def _start(params: Params, free: Free) -> float:
+    if free.start is not None:
+        return free.start
+    found = names.read(params, free.name)
+    for value in found:
+        if not isinstance(value, float):
+            hint = names.close_to(free.name, names.numbers(params))
+            raise ValueError(
+                f"{free.name} cannot be free: it is not a real number but {value!r}{hint}"
+            )
+    if any(value != found[0] for value in found):
+        values = ", ".join(f"{value:g}" for value in found)
+        raise ValueError(f"{free.name} differ ({values}): give bd.Free({free.name!r}, start=...)")
+    return float(found[0])
+
+
+def _resolve(params: Params, free: Free) -> Parameter:
+    if free.set is None:
+        names.read(params, free.name)
+    start = _start(params, free)
+    rule = names.rule_of(params, free.name) if free.set is None else None
+    kind = rule.rule if rule else ""
+    log = start > 0.0 and kind in ("POSITIVE", "NONNEGATIVE")
+    if free.scale is not None:
+        log = free.scale == "log"
+    least = 0.0 if log or kind in ("POSITIVE", "NONNEGATIVE") else -math.inf
+    low = max(least, -math.inf if free.lower is None else free.lower)
+    high = math.inf if free.upper is None else free.upper
+    if log and start <= 0.0:
+        raise ValueError(f'{free.name}: scale "log" needs a start > 0, got {start:g}')
+    if not low < high:
+        raise ValueError(f"{free.name}: lower must be < upper, got {low:g} and {high:g}")
+    if not low <= start <= high:
+        raise ValueError(
+            f"{free.name}: the start {start:g} must lie within its limits, [{low:g}, {high:g}]"
+        )
+    size = free.size or abs(start)
+    if not log and size == 0.0:
+        raise ValueError(
+            f"{free.name} starts at 0: say what change of it is large, "
+            f"bd.Free({free.name!r}, size=...)"
+        )
+    unit = "" if rule is None or rule.unit == "1" else rule.unit
+    return Parameter(free.name, start, log, size, low, high, unit, free.set)
+
+
+def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]:
+    """Look up free parameters in a drive.
+
+    Raises:
+        TypeError, ValueError: A name is unknown or stands twice, or a start is missing.
+    """
+    if isinstance(free, (str, Free)):
+        raise TypeError("free must be a sequence of names or bd.Free")
+    listed = [part if isinstance(part, Free) else Free(part) for part in free]
+    if not listed:
+        raise ValueError("free must hold at least one parameter")
+    found = tuple(_resolve(params, part) for part in listed)
+    for k, part in enumerate(found):
+        if part.name in [other.name for other in found[:k]]:
+            raise ValueError(f"free holds {part.name!r} twice")
+    return found
+
+
+def place(params: Params, parameters: Sequence[Parameter], u: Array) -> Params:
+    """Give the drive at the coordinates ``u`` (n_free,).
+
+    Raises:
+        ValueError: There is no such drive.
+    """
+    values = [parameter.value(float(at)) for parameter, at in zip(parameters, u, strict=True)]
+    if not np.isfinite(values).all():
+        raise ValueError("a parameter left the range of floats")
+    pairs = list(zip(parameters, values, strict=True))
+    drive: Params = names.assign(
+        params, [(names.parse(part.name), value) for part, value in pairs if part.set is None]
+    )
+    for part, value in pairs:
+        if part.set is not None:
+            drive = part.set(drive, value)
+            if not isinstance(drive, Params):
+                raise TypeError(
+                    f"{part.name}: set must return a Params, got {type(drive).__name__}"
+                )
+    return drive

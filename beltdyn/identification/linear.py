@@ -1,0 +1,151 @@
+"""What the linearised problem says: covariance, and directions in which the data say nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import attrs
+import numpy as np
+
+from ..checks import Array
+
+__all__ = ["Combination", "combinations", "correlation", "covariance", "leverage"]
+
+#: Singular values below this part of the largest are nothing but rounding.
+_RANK = 1e-9
+#: A parameter whose part of a direction is smaller has no part in it.
+_PART = 0.1
+#: Pairs whose estimates are correlated more than this are entangled.
+_ENTANGLED = 0.95
+
+
+@attrs.frozen(kw_only=True)
+class Combination:
+    """Parameters that can change together without the data taking notice.
+
+    Attributes:
+        weights: How much each of them changes, as its logarithm or in parts of its size; the
+            squares add up to 1.
+        std: Standard deviation along this direction, the other directions unchanged; for
+            logarithms exp(std) is a factor. Infinite if nothing changes at all.
+        correlation: Of the estimates, for an entangled pair; else None.
+    """
+
+    weights: Mapping[str, float]
+    std: float
+    correlation: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(self.weights)
+
+    def __str__(self) -> str:
+        first, *others = self.weights.items()
+        if not others:
+            return f"{first[0]} alone"
+        words = [f"{name} {'up' if weight * first[1] > 0 else 'down'}" for name, weight in others]
+        text = f"{first[0]} up with {', '.join(words)}"
+        return text if self.correlation is None else f"{text} (correlation {self.correlation:.3f})"
+
+
+def _split(jacobian: Array) -> tuple[Array, Array, int]:
+    """Give singular values and vectors (as columns, all n_free), and the rank."""
+    _, values, rows = np.linalg.svd(jacobian, full_matrices=True)
+    singular = np.zeros(jacobian.shape[1])
+    singular[: values.size] = values
+    largest = singular.max(initial=0.0)
+    return singular, rows.T, int((singular > _RANK * largest).sum())
+
+
+def covariance(jacobian: Array) -> Array:
+    """Give the covariance (n_free, n_free) from a Jacobian in standard deviations.
+
+    Infinite, with a sign off the diagonal, where the data leave a direction open.
+    """
+    singular, vectors, rank = _split(jacobian)
+    known, open_ = vectors[:, :rank], vectors[:, rank:]
+    spread = (known / singular[:rank] ** 2) @ known.T
+    nowhere = open_ @ open_.T
+    return np.asarray(np.where(np.abs(nowhere) > 1e-8, np.copysign(np.inf, nowhere), spread))
+
+
+def correlation(jacobian: Array) -> Array:
+    """Give the correlation (n_free, n_free); open directions count as very wide, not infinite."""
+    singular, vectors, rank = _split(jacobian)
+    # Wide enough to outweigh everything known, narrow enough for 1 - |r| to be right to 1e-6.
+    least = (singular[rank - 1] if rank else 1.0) * 1e-4
+    wide = vectors / np.where(np.arange(singular.size) < rank, singular, least) ** 2 @ vectors.T
+    scale = np.sqrt(np.diag(wide))
+    return np.asarray(np.clip(wide / np.outer(scale, scale), -1.0, 1.0))
+
+
+def leverage(jacobian: Array) -> Array:
+    """Give the part of each residual (n,) that the free parameters can absorb."""
+    left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    rank = int((singular > _RANK * singular.max(initial=0.0)).sum())
+    return np.asarray((left[:, :rank] ** 2).sum(axis=1))
+
+
+def _sparse(basis: Array) -> Array:
+    """Give a basis of the same space (columns) in which each has a parameter of its own."""
+    basis = basis.copy()
+    pivots: list[int] = []
+    for k in range(basis.shape[1]):
+        rest = np.abs(basis[:, k:])
+        rest[pivots] = -1.0
+        row, column = np.unravel_index(int(np.argmax(rest)), rest.shape)
+        basis[:, [k, k + int(column)]] = basis[:, [k + int(column), k]]
+        pivots.append(int(row))
+        basis[:, k] /= basis[row, k]
+        others = [j for j in range(basis.shape[1]) if j != k]
+        basis[:, others] -= np.outer(basis[:, k], basis[row, others])
+    return np.asarray(basis / np.linalg.norm(basis, axis=0))
+
+
+def _combination(
+    names: Sequence[str], weights: Array, std: float, correlation: float | None = None
+) -> Combination:
+    # Rounding does not decide which of two equal parts comes first.
+    order = np.argsort(-np.abs(weights).round(6), kind="stable")
+    kept = [k for k in order if abs(weights[k]) >= _PART * abs(weights[order[0]])]
+    sign = math.copysign(1.0, weights[order[0]])
+    return Combination(
+        weights={names[k]: sign * float(weights[k]) for k in kept},
+        std=std,
+        correlation=correlation,
+    )
+
+
+def combinations(names: Sequence[str], jacobian: Array, limit: float) -> tuple[Combination, ...]:
+    """List what the data cannot tell apart.
+
+    Args:
+        names: Names of the free parameters.
+        jacobian: In standard deviations (n, n_free).
+        limit: Directions whose standard deviation is larger are listed, then pairs correlated by
+            more than 0.95.
+    """
+    singular, vectors, rank = _split(jacobian)
+    with np.errstate(divide="ignore"):
+        loose = (np.arange(singular.size) >= rank) | (singular * limit < 1.0)
+    found = []
+    for direction in _sparse(vectors[:, loose]).T:
+        change = float(np.linalg.norm(jacobian @ direction))
+        known = change > _RANK * singular.max(initial=0.0) and change > 0.0
+        found.append(_combination(names, direction, 1.0 / change if known else math.inf))
+    together = [set(combination.names) for combination in found]
+    related = correlation(jacobian)
+    spread = np.sqrt(np.diag(covariance(jacobian)))
+    for i in range(len(names)):
+        for k in range(i):
+            pair = {names[i], names[k]}
+            if abs(related[i, k]) > _ENTANGLED and not any(pair <= others for others in together):
+                weights = np.zeros(len(names))
+                weights[k], weights[i] = spread[k], math.copysign(spread[i], related[i, k])
+                if not np.isfinite(weights).all():
+                    weights[k], weights[i] = 1.0, math.copysign(1.0, related[i, k])
+                std = float(np.linalg.norm(weights))
+                found.append(_combination(names, weights / std, std, float(related[i, k])))
+    return tuple(found)

@@ -1,0 +1,145 @@
+"""Parameters by name: ``"belt.axial_stiffness"``, ``"pulleys[1].inertia"``, ``"gravity[1]"``."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, TypeAlias
+
+import attrs
+
+from ..params import Params, Rule
+
+__all__ = ["Path", "assign", "close_to", "fields", "numbers", "parse", "read", "rule_of"]
+
+#: A field, an index, or "*" for every index.
+Path: TypeAlias = "tuple[str | int, ...]"
+
+_STEP = re.compile(r"(?:^|\.)([A-Za-z]\w*)|\[(\d+|\*)\]")
+
+
+def close_to(name: str, known: Iterable[str]) -> str:
+    """Give " (did you mean ...?)" for a misspelt name, or nothing."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def parse(name: object) -> Path:
+    """Split a name into its steps.
+
+    Raises:
+        TypeError: Not a str.
+        ValueError: Not of this form.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"the name of a parameter must be a str, got {name!r}")
+    steps: list[str | int] = []
+    at = 0
+    while match := _STEP.match(name, at):
+        field, index = match.groups()
+        steps.append(field or (index if index == "*" else int(index)))
+        at = match.end()
+    if at < len(name) or not steps:
+        raise ValueError(f'a parameter is named like "pulleys[1].inertia", got {name!r}')
+    return tuple(steps)
+
+
+def fields(kind: Any) -> list[str]:
+    """List the fields of a class."""
+    return [field.name for field in attrs.fields(kind) if field.init]
+
+
+def _leaves(node: object, prefix: str) -> Iterator[str]:
+    if attrs.has(type(node)):
+        for field in fields(type(node)):
+            yield from _leaves(getattr(node, field), f"{prefix}.{field}".lstrip("."))
+    elif isinstance(node, tuple):
+        for k, part in enumerate(node):
+            yield from _leaves(part, f"{prefix}[{k}]")
+    elif isinstance(node, float):
+        yield prefix
+
+
+def numbers(params: Params) -> list[str]:
+    """List the names of all real numbers in a drive."""
+    return list(_leaves(params, ""))
+
+
+def _step(node: Any, step: str | int, so_far: str) -> Any:
+    if isinstance(step, str):
+        if not attrs.has(type(node)) or step not in fields(type(node)):
+            raise KeyError
+        return getattr(node, step)
+    if not isinstance(node, tuple):
+        raise KeyError
+    if step >= len(node):
+        raise ValueError(f"{so_far}[{step}]: {so_far} has {len(node)} entries here")
+    return node[step]
+
+
+def read(params: Params, name: str) -> list[Any]:
+    """Give what stands under a name: one value, or one for each index of a "*".
+
+    Raises:
+        ValueError: Nothing is called that.
+    """
+    nodes: list[Any] = [params]
+    so_far = ""
+    for step in parse(name):
+        try:
+            if step == "*":
+                if not isinstance(nodes[0], tuple):
+                    raise KeyError
+                nodes = [part for node in nodes for part in node]
+            else:
+                nodes = [_step(node, step, so_far) for node in nodes]
+        except KeyError:
+            if nodes[0] is None:
+                raise ValueError(f"{name}: this drive has no {so_far}") from None
+            hint = close_to(name, numbers(params))
+            raise ValueError(f"no parameter is called {name!r}{hint}") from None
+        so_far += f"[{step}]" if isinstance(step, int) or step == "*" else f".{step}"
+        so_far = so_far.lstrip(".")
+    return nodes
+
+
+def rule_of(params: Params, name: str) -> Rule | None:
+    """Give the rule of the number under a name, None if it has none of its own."""
+    path = parse(name)
+    if not isinstance(path[-1], str) or path[-1] == "*":
+        return None
+    node: Any = params
+    for step in path[:-1]:
+        node = node[0] if step == "*" else _step(node, step, name)
+    rule: Rule | None = getattr(attrs.fields(type(node)), path[-1]).metadata.get("rule")
+    return rule
+
+
+def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:
+    """Give a copy with values changed, all at once: drives in between need not be possible.
+
+    The paths must be there, as :func:`read` makes sure; the last of two to one place counts.
+
+    Raises:
+        TypeError, ValueError: The drive with these values breaks a rule.
+    """
+    if not changes:
+        return node
+    whole = [value for path, value in changes if not path]
+    if whole:
+        return whole[-1]
+    if isinstance(node, tuple):
+        return tuple(
+            assign(part, [(path[1:], value) for path, value in changes if path[0] in (k, "*")])
+            for k, part in enumerate(node)
+        )
+    touched = {path[0] for path, _ in changes}
+    new = {
+        field: assign(
+            getattr(node, field), [(path[1:], value) for path, value in changes if path[0] == field]
+        )
+        for field in fields(type(node))
+        if field in touched
+    }
+    return attrs.evolve(node, **new)

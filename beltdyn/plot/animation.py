@@ -1,0 +1,260 @@
+"""The belt running: a film of a result, for files and notebooks."""
+
+from __future__ import annotations
+
+import base64
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.animation import (
+    AbstractMovieWriter,
+    FFMpegWriter,
+    FuncAnimation,
+    HTMLWriter,
+    PillowWriter,
+)
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ..checks import real
+from ..result import Result
+from . import style
+from .history import span_tensions, speeds
+from .picture import DrivePicture
+from .select import Indices, choice, named_links, with_samples
+
+__all__ = ["ENDINGS", "Animation", "animate", "film_writer"]
+
+#: What a film can be written as.
+ENDINGS = ("gif", "mp4", "html")
+_PANELS: dict[str, Any] = {"tensions": span_tensions, "speeds": speeds}
+#: Matplotlib drops the frames beyond its limit without an error; this is beyond any film [MB].
+_NO_LIMIT = 1e5
+
+
+def animate(
+    result: Result,
+    *,
+    duration: float = 5.0,
+    fps: float = 20.0,
+    colour: str | None = "tension",
+    panel: str | None = "tensions",
+    arcs: bool = True,
+    slip_from: float = 0.95,
+    links: Indices | Mapping[str, int] | None = 0,
+    limits: tuple[float, float] | None = None,
+) -> Animation:
+    """Animate the drive: the belt running, coloured by tension.
+
+    A notebook shows it; ``.save("drive.gif")`` writes it, as does ``"drive.mp4"`` and
+    ``"drive.html"``. The frames are samples of the run, equally spaced in time as nearly as the
+    samples are; fewer samples than frames give fewer frames, each shown for longer. The picture
+    tells the time and by how much the film is slower than the drive.
+
+    Args:
+        result: A run with at least one sample.
+        duration: How long the film runs [s].
+        fps: Frames per second. Those of a GIF last whole hundredths of a second: 10, 20, 25 and
+            50 are exact.
+        colour: What colours the belt, as in :func:`drive`; the scale is one for the whole run.
+        panel: What to draw below the drive over time: "tensions", "speeds" or None.
+        arcs: Whether to mark where the belt sticks and where it slips.
+        slip_from: A link slips from this share of mu_k on, in (0, 1].
+        links: Links to highlight: an index, a sequence of them, {name: index} or None; one lets
+            see the belt run.
+        limits: Ends of the colour scale; None: the extremes of the run for the tension, -mu_k and
+            mu_k for friction.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    seconds, rate = _positive("duration", duration, "s"), _positive("fps", fps, "1/s")
+    choice("panel", panel, (*_PANELS, None))
+    rows = _frames(result, max(1, round(seconds * rate)))
+    picture = DrivePicture(
+        result,
+        rows=slice(None),
+        colour=colour,
+        arcs=arcs,
+        slip_from=slip_from,
+        links=named_links(links, result.params.belt.n_bodies),
+        limits=limits,
+    )
+    heights = [2.2, 1.0] if panel else [1.0]
+    figure = style.new_figure(6.4, (4.4 if picture.wide else 5.2) + (1.2 if panel else 0.0))
+    drive_axes, *below = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[
+        :, 0
+    ]
+    picture.draw(drive_axes)
+    picture.move(int(rows[0]))
+    pace = _pace(seconds, float(result.t[-1] - result.t[0]))
+    digits = _digits(result.t[rows])
+    title = drive_axes.set_title(" ", fontsize="medium")
+    marks = []
+    for ax in below:
+        _PANELS[str(panel)](result, ax=ax)
+        style.legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        marks.append(ax.axvline(result.t[rows[0]], color="0.25", linewidth=1.0))
+    picture.add_legend(drive_axes)
+    figure.freeze_layout()
+
+    def show(row: np.int64) -> list[Artist]:
+        now = float(result.t[row])
+        title.set_text(f"t = {now:.{digits}f} s   ({pace})")
+        for mark in marks:
+            mark.set_xdata([now, now])
+        return [*picture.move(int(row)), title, *marks]
+
+    return Animation(figure, show, rows, len(rows) / seconds)
+
+
+def _positive(name: str, value: object, unit: str) -> float:
+    number = real(name, value, unit)
+    if number <= 0.0:
+        raise ValueError(f"{name} must be > 0, got {number:g}")
+    return number
+
+
+def _frames(result: Result, count: int) -> NDArray[np.int64]:
+    """Choose the samples nearest to equally spaced times."""
+    t = result.t
+    times = np.linspace(t[0], t[-1], min(count, t.size))
+    after = np.clip(np.searchsorted(t, times), 1, max(t.size - 1, 1))
+    nearer = times - t[after - 1] <= t[np.minimum(after, t.size - 1)] - times
+    return np.where(nearer, after - 1, after).clip(0, t.size - 1).astype(np.int64)
+
+
+def _pace(film: float, run: float) -> str:
+    if run <= 0.0:
+        return "one moment"
+    ratio = film / run
+    if 0.95 < ratio < 1.05:
+        return "real time"
+    return f"{ratio:.2g}x slower" if ratio > 1.0 else f"{1.0 / ratio:.2g}x faster"
+
+
+def _digits(times: NDArray[np.float64]) -> int:
+    """Decimals that tell one frame's time from the next."""
+    step = (times[-1] - times[0]) / max(len(times) - 1, 1)
+    return int(np.clip(np.ceil(-np.log10(step)) if step > 0.0 else 3, 0, 9))
+
+
+# --- writing -------------------------------------------------------------------------------------
+
+
+class Animation(FuncAnimation):
+    """A film of a drive, from :func:`animate`.
+
+    Attributes:
+        fps: Frames per second.
+        frames: How many there are.
+    """
+
+    def __init__(
+        self,
+        figure: Figure,
+        show: Callable[[np.int64], list[Artist]],
+        rows: NDArray[np.int64],
+        fps: float,
+    ) -> None:
+        self.fps, self.frames = fps, len(rows)
+        super().__init__(figure, show, frames=rows, interval=1e3 / fps)
+
+    def save(
+        self,
+        filename: str | os.PathLike[str],
+        writer: AbstractMovieWriter | str | None = None,
+        *args: Any,
+        **options: Any,
+    ) -> None:
+        """Write a GIF, an MP4 or an HTML file, by the ending of its name.
+
+        Args:
+            filename: Where to; its ending is one of gif, mp4 and html.
+            writer: One of matplotlib's, instead of that of the ending.
+            *args: As of ``matplotlib.animation.Animation.save``.
+            **options: As of ``matplotlib.animation.Animation.save``: ``dpi``,
+                ``progress_callback(frame, n_frames)``.
+
+        Raises:
+            ValueError: No film can have this ending.
+            ImportError: An MP4 needs ffmpeg and there is none; the message says what to install.
+            OSError: The file cannot be written.
+        """
+        if writer is None:
+            fps = args[0] if args else options.get("fps")
+            writer = film_writer(filename, self.fps if fps is None else fps)
+            # A writer may find out late, or leave a broken file, what can be found out now.
+            with open(filename, "ab"):
+                pass
+        try:
+            super().save(os.fspath(filename), writer, *args, **options)
+        except subprocess.CalledProcessError as error:
+            said = str(error.stderr or "").strip().splitlines()
+            why = said[-1] if said else f"exit code {error.returncode}"
+            raise OSError(f"ffmpeg could not write {os.fspath(filename)}: {why}") from error
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook: as a video, or as single frames where there is no ffmpeg."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "film.mp4"
+            try:
+                self.save(path)
+            except ImportError:
+                path = path.with_suffix(".html")
+                self.save(path)
+                return path.read_text(encoding="utf-8")
+            video = base64.b64encode(path.read_bytes()).decode("ascii")
+        source = f'<source type="video/mp4" src="data:video/mp4;base64,{video}">'
+        return f"<video controls autoplay loop muted>{source}</video>"
+
+
+class _FFMpeg(FFMpegWriter):
+    """Finds ffmpeg on the PATH or in the package imageio-ffmpeg."""
+
+    @classmethod
+    def bin_path(cls) -> str:
+        found = shutil.which(str(matplotlib.rcParams["animation.ffmpeg_path"]))
+        if found:
+            return found
+        try:
+            import imageio_ffmpeg  # type: ignore[import-untyped]
+
+            return str(imageio_ffmpeg.get_ffmpeg_exe())
+        except (ImportError, RuntimeError):
+            raise ImportError(
+                "an MP4 needs ffmpeg: install it, or python -m pip install imageio-ffmpeg "
+                "(or beltdyn[animation])"
+            ) from None
+
+
+def film_writer(path: str | os.PathLike[str], fps: float = 20.0) -> AbstractMovieWriter:
+    """Give what writes a film to such a file.
+
+    Raises:
+        ValueError: The ending is none of :data:`ENDINGS`.
+        ImportError: What it takes is not installed.
+    """
+    ending = Path(path).suffix[1:].lower()
+    if ending not in ENDINGS:
+        raise ValueError(f"the ending of {os.fspath(path)} must be one of {', '.join(ENDINGS)}")
+    if ending == "mp4":
+        _FFMpeg.bin_path()
+    rate: Any = fps  # matplotlib's stubs want an int, its writers do not
+    writers: dict[str, Callable[[], AbstractMovieWriter]] = {
+        "gif": lambda: PillowWriter(fps=rate),
+        "mp4": lambda: _FFMpeg(fps=rate),
+        "html": lambda: HTMLWriter(
+            fps=rate, embed_frames=True, default_mode="loop", embed_limit=_NO_LIMIT
+        ),
+    }
+    return writers[ending]()

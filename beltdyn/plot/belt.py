@@ -1,0 +1,152 @@
+"""The belt at one time: forces along it, and the drive to scale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..checks import integer
+from ..result import Result
+from . import style
+from .picture import DrivePicture
+from .select import Indices, named_links, sample, with_samples
+
+__all__ = ["drive", "force_along_belt"]
+
+
+def force_along_belt(
+    result: Result,
+    t: float | None = None,
+    *,
+    first: int = 0,
+    wraps: bool = True,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw the joint forces along the belt at one time: Fig. 9 of the paper.
+
+    The force of a joint stands at the left end of its element, half a number before it. Drawn into
+    axes that hold such forces already, with ``wraps=False``, it shows several times in one picture.
+
+    Args:
+        result: A run with at least one sample.
+        t: Time [s], the nearest sample; None: the last.
+        first: Number of the first element; the paper's is 1.
+        wraps: Whether to shade the elements on each pulley.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    row = sample(result, t)
+    first = integer("first", first, 0)
+    n_b = result.params.belt.n_bodies
+    ax = style.axes(ax)
+    if wraps:
+        _shade_wraps(ax, result.contact.pulley[row], first)
+    look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9}
+    look |= style.line_style(style.unused(ax, len(style.COLOURS) - 1)) | {"linestyle": "-"}
+    short = {"marker": "", "markersize": "ms", "linewidth": "lw", "color": "c", "linestyle": "ls"}
+    look = {key: value for key, value in look.items() if short[key] not in line}
+    label = {"label": f"t = {result.t[row]:.4g} s"}
+    ax.plot(first + np.arange(n_b) - 0.5, result.joints.force[row], **(look | label | line))
+    style.dress(ax, "element along the belt", "joint force [N]")
+    ax.set_xlim(first - 0.5, first + n_b - 0.5)
+    if wraps:
+        style.add_headroom(ax, rows=1)
+    if len(ax.lines) > 1:
+        ax.set_title("")
+        style.legend(ax)
+    elif "label" in line:
+        style.legend(ax)
+    else:
+        ax.set_title(label["label"], fontsize="medium")
+    return ax
+
+
+def _shade_wraps(ax: Axes, touched: NDArray[np.int32], first: int) -> None:
+    """Shade each wrap; its longest part carries the name."""
+    longest: dict[int, tuple[int, int]] = {}
+    for begin, end, pulley in _runs(touched):
+        if pulley < 0:
+            continue
+        ax.axvspan(
+            first + begin - 0.5, first + end - 0.5, color=style.tint(pulley), lw=0.0, zorder=0.5
+        )
+        if end - begin > int(np.subtract(*longest.get(pulley, (0, 0))[::-1])):
+            longest[pulley] = begin, end
+    for pulley, (begin, end) in longest.items():
+        ax.text(
+            first + (begin + end - 1) / 2.0,
+            0.985,
+            f"pulley {pulley}",
+            transform=ax.get_xaxis_transform(),
+            ha="center",
+            va="top",
+            fontsize="small",
+            clip_on=True,
+        )
+
+
+def _runs(values: NDArray[np.int32]) -> Iterator[tuple[int, int, int]]:
+    """Begin, end and value of every run of equal values."""
+    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
+    for begin, end in pairwise(edges):
+        yield begin, end, int(values[begin])
+
+
+def drive(
+    result: Result,
+    t: float | None = None,
+    *,
+    colour: str | None = "tension",
+    arcs: bool = True,
+    slip_from: float = 0.95,
+    links: Indices | Mapping[str, int] | None = None,
+    limits: tuple[float, float] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the drive to scale at one time, as Fig. 5 of the paper.
+
+    Pulleys carry their number, a mark that turns with them and, while they turn, an arrow.
+
+    Args:
+        result: A run with at least one sample.
+        t: Time [s], the nearest sample; None: the last.
+        colour: What colours the belt: "tension" (of a link, the mean of the joints at its ends),
+            "friction" (mu; grey off the pulleys) or None.
+        arcs: Whether to mark, within the rims, where the belt sticks and where it slips; not
+            for a drive without friction.
+        slip_from: A link slips from this share of mu_k on, in (0, 1].
+        links: Links to highlight: an index, a sequence of them, or {name: index}.
+        limits: Ends of the colour scale; None: what is there at this time for the tension,
+            -mu_k and mu_k for friction.
+        ax: Axes to draw into; None: those of a new figure.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    row = sample(result, t)
+    picture = DrivePicture(
+        result,
+        rows=slice(row, row + 1),
+        colour=colour,
+        arcs=arcs,
+        slip_from=slip_from,
+        links=named_links(links, result.params.belt.n_bodies),
+        limits=limits,
+    )
+    ax = style.axes(ax)
+    picture.draw(ax)
+    picture.move(row)
+    picture.add_legend(ax)
+    ax.set_title(f"t = {result.t[row]:.4g} s", fontsize="medium")
+    return ax

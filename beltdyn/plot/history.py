@@ -1,0 +1,179 @@
+"""Speeds, torques, tensions and joints over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from ..checks import Array
+from ..result import Result
+from . import style
+from .select import Indices, indices, with_samples
+
+__all__ = ["joint_deformation", "joint_force", "lines", "span_tensions", "speeds", "torques"]
+
+_TIME = "time [s]"
+
+
+def lines(ax: Axes, curves: Iterable[tuple[int, str, Array, Array]], given: dict[str, Any]) -> None:
+    """Draw curves of (style, name, x, y); ``given`` goes to ``plot``.
+
+    A ``label`` replaces the name of a single curve and stands before those of several.
+    """
+    chosen = list(curves)
+    for k, name, x, y in chosen:
+        label = given.get("label", name)
+        if "label" in given and len(chosen) > 1 and label is not None:
+            label = f"{label}, {name}"
+        look = style.line_style(style.unused(ax, k)) | {"linewidth": 1.2}
+        # matplotlib knows some keywords by two names.
+        short = {"color": "c", "linestyle": "ls", "linewidth": "lw"}
+        look = {key: value for key, value in look.items() if short[key] not in given}
+        ax.plot(x, y, **(look | given | {"label": label}))
+
+
+def _over_time(
+    result: Result,
+    columns: list[int],
+    values: Array,
+    names: list[str],
+    ylabel: str,
+    ax: Axes | None,
+    given: dict[str, Any],
+    *,
+    fixed_styles: bool = True,
+) -> Axes:
+    """One line per column; with ``fixed_styles`` a column looks the same in every figure."""
+    ax = style.axes(ax)
+    lines(
+        ax,
+        [
+            (column if fixed_styles else k, name, result.t, values[:, column])
+            for k, (column, name) in enumerate(zip(columns, names, strict=True))
+        ],
+        given,
+    )
+    style.dress(ax, _TIME, ylabel)
+    style.legend(ax)
+    return ax
+
+
+def _pulleys(
+    result: Result,
+    pulleys: Indices | None,
+    values: Array,
+    ylabel: str,
+    ax: Axes | None,
+    given: dict[str, Any],
+) -> Axes:
+    count = len(result.params.pulleys)
+    which = list(range(count)) if pulleys is None else indices("pulleys", pulleys, count)
+    names = [f"pulley {k}" for k in which]
+    return _over_time(result, which, values, names, ylabel, ax, given)
+
+
+def speeds(
+    result: Result, *, pulleys: Indices | None = None, ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the angular velocities of the pulleys over time: Figs 7, 14 and 19 of the paper.
+
+    Args:
+        result: A run with at least one sample.
+        pulleys: Index or indices of pulleys; None: all.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the name of the pulley when
+            there are several.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    ylabel = "angular velocity [rad/s]"
+    return _pulleys(result, pulleys, result.pulleys.omega, ylabel, ax, line)
+
+
+def torques(
+    result: Result, *, pulleys: Indices | None = None, ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the set torques M_d of (2.12) over time: Figs 6 and 13 of the paper.
+
+    Args:
+        result: A run with at least one sample.
+        pulleys: Index or indices of pulleys; None: all.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``, as in :func:`speeds`.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    return _pulleys(result, pulleys, result.pulleys.torque, "set torque [N m]", ax, line)
+
+
+def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
+    """Draw the mean tension of each free span over time; gaps where a span has no joint.
+
+    Args:
+        result: A run with at least one sample.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``, as in :func:`speeds`.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    count = len(result.params.pulleys)
+    names = [f"span {k} to {(k + 1) % count}" for k in range(count)]
+    columns = list(range(count))
+    return _over_time(result, columns, result.span_tension, names, "span tension [N]", ax, line)
+
+
+def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
+    """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper.
+
+    Args:
+        result: A run with at least one sample.
+        joint: Index or indices of joints, from 0; joint i is on the left of link i.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the name of the joint when
+            there are several.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    return _joints(result, joint, result.joints.force, "joint force [N]", ax, line)
+
+
+def joint_deformation(
+    result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the stretch of joints (2.2) over time, in mm: Fig. 8a of the paper.
+
+    Args:
+        result: A run with at least one sample.
+        joint: Index or indices of joints, from 0; joint i is on the left of link i.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``, as in :func:`joint_force`.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    stretch = 1e3 * result.joints.deformation
+    return _joints(result, joint, stretch, "joint deformation [mm]", ax, line)
+
+
+def _joints(
+    result: Result,
+    joint: Indices,
+    values: Array,
+    ylabel: str,
+    ax: Axes | None,
+    given: dict[str, Any],
+) -> Axes:
+    which = indices("joint", joint, result.params.belt.n_bodies)
+    names = [f"joint {k}" for k in which]
+    return _over_time(result, which, values, names, ylabel, ax, given, fixed_styles=False)

@@ -1,0 +1,65 @@
+"""The energy ledger over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..result import Result
+from . import style
+from .select import with_samples
+
+__all__ = ["energy"]
+
+_LOSSES = (
+    ("friction_loss", "friction"),
+    ("contact_loss", "contact dampers"),
+    ("joint_loss", "joint dampers"),
+)
+
+
+def energy(result: Result, *, ax: Axes | None = None) -> Axes:
+    """Draw where the work of the set torques went: losses stacked, what is stored on top.
+
+    The top of the stack, losses and stored energy together, is the work of the drives but for the
+    residual E(t) - E(0) - (drive - losses), whose size the title tells.
+
+    Args:
+        result: A run with at least one sample and its ledger.
+        ax: Axes to draw into; None: those of a new figure.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule, or the run carried no ledger.
+    """
+    result = with_samples(result)
+    ledger = result.energy
+    if ledger is None:
+        raise ValueError("result must carry the energy ledger: run simulate with ledger=True")
+    ax = style.axes(ax)
+    base = np.zeros_like(result.t)
+    for k, (name, label) in enumerate(_LOSSES):
+        top = base + getattr(ledger, name)
+        ax.fill_between(
+            result.t,
+            base,
+            top,
+            facecolor=style.tint(k + 1),
+            edgecolor=style.COLOURS[k + 1],
+            hatch=style.HATCHES[k + 1],
+            linewidth=0.5,
+            label=label,
+        )
+        base = top
+    # E(t) - E(0), where E(0) is that of the start of the run, maybe before the first sample.
+    stored = ledger.residual + ledger.drive - ledger.losses
+    ax.plot(result.t, base + stored, color=style.COLOURS[0], lw=2.4, label="losses + stored")
+    ax.plot(result.t, ledger.drive, color="black", ls=(0, (4, 2)), lw=1.0, label="work of drives")
+    ax.plot(result.t, stored, color=style.COLOURS[0], ls=style.DASHES[3], lw=1.4, label="stored")
+    worst = float(np.abs(ledger.residual).max())
+    passed = float(ledger.passed[-1])
+    share = f", {worst / passed:.1g} of {passed:.3g} J" if passed > 0 else ""
+    ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="medium")
+    style.dress(ax, "time [s]", "energy [J]")
+    style.add_headroom(ax, rows=3)
+    style.legend(ax, loc="upper left", ncols=2, handlelength=1.6, columnspacing=1.2)
+    return ax

@@ -1,0 +1,290 @@
+"""The drive to scale: drawn once, then moved to any sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, FancyArrowPatch
+from numpy.typing import NDArray
+
+from ..checks import Array, pair, real
+from ..result import Result
+from . import style
+from .select import choice
+
+__all__ = ["DrivePicture"]
+
+_MAPS = {"tension": "viridis", "friction": "PuOr_r"}
+_LABELS = {"tension": "joint force [N]", "friction": "friction coefficient [1]"}
+#: Marks of stick and slip: name, colour, dashes; and where they run, in radii.
+_ARCS = (("stick", style.COLOURS[0], "-"), ("slip", style.COLOURS[1], (0, (1.0, 0.8))))
+_ARC_AT, _SPOKE, _ARROW_AT = 0.86, (0.55, 0.80), 0.42
+#: A pulley turns above this share of the highest speed of its run.
+_TURNS = 1e-3
+
+
+class DrivePicture:
+    """The artists of a drive.
+
+    Args:
+        result: A run with at least one sample.
+        rows: Samples it will be moved to: axes, colours and legend suit them all.
+        colour: "tension", "friction" or None.
+        arcs: Whether to mark where the belt sticks and slips.
+        slip_from: A link slips from this share of mu_k on.
+        links: Links to highlight, by name.
+        limits: Ends of the colour scale; None: chosen.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+
+    def __init__(
+        self,
+        result: Result,
+        *,
+        rows: slice,
+        colour: str | None,
+        arcs: bool,
+        slip_from: float,
+        links: Mapping[str, int],
+        limits: tuple[float, float] | None,
+    ) -> None:
+        choice("colour", colour, ("tension", "friction", None))
+        if not isinstance(arcs, (bool, np.bool_)):
+            raise TypeError(f"arcs must be a bool, got {arcs!r}")
+        if not 0.0 < real("slip_from", slip_from) <= 1.0:
+            raise ValueError(f"slip_from must be > 0 and <= 1, got {slip_from:g}")
+        friction = result.params.friction
+        if colour == "friction" and friction is None:
+            raise ValueError('colour must not be "friction" for a drive without friction')
+        self._result = result
+        self._rows = rows
+        self._colour = colour
+        self._links = dict(links)
+        self._half = result.params.info["link_length"] / 2.0
+        self._slips_at = np.inf if friction is None else slip_from * friction.mu_k
+        self._arcs_on = bool(arcs) and friction is not None
+        self._limits = self._scale(limits)
+
+    def _scale(self, limits: object) -> tuple[float, float]:
+        if limits is not None:
+            low, high = pair("limits", limits, "1" if self._colour == "friction" else "N")
+            if not low < high:
+                raise ValueError(f"limits must rise, got {low:g}, {high:g}")
+            return low, high
+        if self._colour == "friction":
+            assert self._result.params.friction is not None
+            mu_k = self._result.params.friction.mu_k
+            return -mu_k, mu_k
+        tension = _of_links(self._result.joints.force[self._rows])
+        return float(tension.min()), float(tension.max())
+
+    # --- drawing once ----------------------------------------------------------------------------
+
+    def draw(self, ax: Axes) -> None:
+        """Put everything on the axes; :meth:`move` says where."""
+        params = self._result.params
+        self._spokes, self._arrows = [], []
+        for k, pulley in enumerate(params.pulleys):
+            rim = Circle(pulley.center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8, zorder=1)
+            ax.add_patch(rim)
+            self._spokes.append(
+                ax.plot([], [], color="0.35", lw=2.2, solid_capstyle="butt", zorder=1.5)[0]
+            )
+            ax.annotate(f"{k}", pulley.center, ha="center", va="center", zorder=2)
+            self._arrows.append([self._arrow(ax, k, sense) for sense in (1, -1)])
+        self._arcs = [
+            LineCollection([], colors=colour, linestyles=[dashes], linewidths=3.2, zorder=2)
+            for _, colour, dashes in (_ARCS if self._arcs_on else ())
+        ]
+        # The dark edge keeps the light end of a colour map apart from the paper.
+        self._edge = LineCollection([], colors="0.15", linewidths=5.0, capstyle="round", zorder=3)
+        self._belt = LineCollection([], linewidths=3.6, capstyle="round", zorder=3.1)
+        if self._colour is None:
+            self._belt.set_color("0.45")
+        for collection in (*self._arcs, self._edge, self._belt):
+            ax.add_collection(collection, autolim=False)
+        self._marks = [
+            ax.plot(
+                [],
+                [],
+                marker="os^Dv"[k % 5],
+                ms=8,
+                mfc="white",
+                mec=style.COLOURS[(k + 3) % len(style.COLOURS)],
+                mew=2,
+                ls="",
+                label=name,
+                zorder=4,
+            )[0]
+            for k, name in enumerate(self._links)
+        ]
+        self._place(ax)
+        style.dress(ax, "x [m]", "y [m]")
+        if self._colour is not None:
+            self._belt.set_cmap(colormaps[_MAPS[self._colour]].with_extremes(bad=style.FREE))
+            self._belt.set_clim(*self._limits)
+            self._colour_bar(ax, self._colour)
+
+    def _arrow(self, ax: Axes, k: int, sense: int) -> FancyArrowPatch:
+        """Round the axis, anticlockwise for +1."""
+        pulley = self._result.params.pulleys[k]
+        ends = np.deg2rad([-35.0, 35.0]) * sense - np.pi / 2.0
+        at = np.array(pulley.center)[:, None] + _ARROW_AT * pulley.radius * np.array(
+            [np.cos(ends), np.sin(ends)]
+        )
+        arrow = FancyArrowPatch(
+            tuple(at[:, 0]),
+            tuple(at[:, 1]),
+            connectionstyle=f"arc3,rad={0.32 * sense}",
+            arrowstyle="-|>",
+            mutation_scale=9,
+            shrinkA=0,
+            shrinkB=0,
+            color="0.25",
+            lw=1.1,
+            zorder=2,
+        )
+        ax.add_patch(arrow)
+        return arrow
+
+    @property
+    def wide(self) -> bool:
+        """Whether the drive is wider than it is high."""
+        (left, right), (bottom, top) = self._extent
+        return right - left > 1.5 * (top - bottom)
+
+    @cached_property
+    def _extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ranges of x and y that hold pulleys and belt at all samples [m]."""
+        belt, pulleys = self._result.belt, self._result.params.pulleys
+
+        def extent(axis: int, centres: Array) -> tuple[float, float]:
+            low = min(centres.min(), *(p.center[axis] - p.radius for p in pulleys))
+            high = max(centres.max(), *(p.center[axis] + p.radius for p in pulleys))
+            return float(low), float(high)
+
+        return extent(0, belt.x[self._rows]), extent(1, belt.y[self._rows])
+
+    def _place(self, ax: Axes) -> None:
+        (left, right), (bottom, top) = self._extent
+        margin = 0.05 * max(right - left, top - bottom)
+        ax.set_aspect("equal")
+        ax.set_xlim(left - margin, right + margin)
+        ax.set_ylim(bottom - margin, top + margin)
+
+    def _colour_bar(self, ax: Axes, colour: str) -> None:
+        where: dict[str, Any] = {"orientation": "vertical", "aspect": 25, "shrink": 0.9}
+        if self.wide:
+            entries = len(self._arcs) + (colour == "friction") + len(self._links)
+            pad = style.room_below(ax, rows=-(-entries // style.LEGEND_COLUMNS))
+            where = {"orientation": "horizontal", "aspect": 30, "shrink": 0.9} | pad
+        ax.figure.colorbar(self._belt, ax=ax, label=_LABELS[colour], **where)
+
+    # --- moving ----------------------------------------------------------------------------------
+
+    def move(self, row: int) -> list[Artist]:
+        """Show another sample; give the artists that changed."""
+        result = self._result
+        ends = self._ends(row)
+        self._belt.set_segments(list(ends))
+        self._edge.set_segments(list(ends))
+        if self._colour == "tension":
+            self._belt.set_array(_of_links(result.joints.force[row]))
+        elif self._colour == "friction":
+            on = result.contact.pulley[row] >= 0
+            self._belt.set_array(np.ma.masked_where(~on, result.contact.mu[row]))
+        speeds = np.abs(result.pulleys.omega)
+        for k, pulley in enumerate(result.params.pulleys):
+            angle = result.pulleys.theta[row, k]
+            along = pulley.radius * np.array([np.cos(angle), np.sin(angle)])
+            inner, outer = (np.array(pulley.center) + share * along for share in _SPOKE)
+            self._spokes[k].set_data([inner[0], outer[0]], [inner[1], outer[1]])
+            omega = result.pulleys.omega[row, k]
+            turns = abs(omega) > _TURNS * speeds.max()
+            for arrow, sense in zip(self._arrows[k], (1, -1), strict=True):
+                arrow.set_visible(bool(turns and sense * omega > 0))
+        if self._arcs:
+            on, slips = self._states(row)
+            for collection, chosen in zip(self._arcs, (on & ~slips, slips), strict=True):
+                collection.set_segments(self._rim_arcs(row, chosen))
+        for mark, link in zip(self._marks, self._links.values(), strict=True):
+            mark.set_data([result.belt.x[row, link]], [result.belt.y[row, link]])
+        return [
+            self._belt,
+            self._edge,
+            *self._spokes,
+            *self._arcs,
+            *self._marks,
+            *(arrow for pair_ in self._arrows for arrow in pair_),
+        ]
+
+    def _ends(self, row: int) -> Array:
+        """Both ends of each link (n_b, 2, 2) [m]."""
+        belt = self._result.belt
+        centre = np.stack([belt.x[row], belt.y[row]], axis=-1)
+        along = self._half * np.stack([np.cos(belt.phi[row]), np.sin(belt.phi[row])], axis=-1)
+        return np.stack([centre - along, centre + along], axis=1)
+
+    def _states(self, rows: int | slice) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which links touch a pulley, and which of them slip."""
+        contact = self._result.contact
+        on = contact.pulley[rows] >= 0
+        return on, on & (np.abs(contact.mu[rows]) >= self._slips_at)
+
+    def _rim_arcs(self, row: int, chosen: NDArray[np.bool_]) -> list[Array]:
+        """One polyline per run of links of the same state on the same pulley."""
+        touched = np.where(chosen, self._result.contact.pulley[row], -1)
+        ends = self._ends(row)
+        arcs: list[Array] = []
+        last = -1
+        for k in np.flatnonzero(touched >= 0):
+            pulley = self._result.params.pulleys[touched[k]]
+            centre = np.array(pulley.center)
+            off = ends[k] - centre
+            angles = np.arctan2(off[:, 1], off[:, 0])
+            turn = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
+            steps = angles[0] + turn * np.linspace(0.0, 1.0, 5)
+            at = _ARC_AT * pulley.radius
+            arc = centre + at * np.stack([np.cos(steps), np.sin(steps)], axis=-1)
+            if k == last + 1 and k > 0 and touched[k - 1] == touched[k]:
+                arcs[-1] = np.concatenate([arcs[-1], arc])
+            else:
+                arcs.append(arc)
+            last = int(k)
+        return arcs
+
+    # --- legend ----------------------------------------------------------------------------------
+
+    def add_legend(self, ax: Axes) -> None:
+        """Name arcs and highlighted links beneath the axes, what there is of them."""
+        handles: list[Artist] = []
+        if self._arcs:
+            on, slips = self._states(self._rows)
+            there = ((on & ~slips).any(), slips.any())
+            handles = [
+                Line2D([], [], color=colour, ls=dashes, lw=3.2, label=name)
+                for (name, colour, dashes), shown in zip(_ARCS, there, strict=True)
+                if shown
+            ]
+        if self._colour == "friction":
+            handles.append(Line2D([], [], color=style.FREE, lw=3.6, label="no contact"))
+        handles += self._marks
+        if handles:
+            style.legend_below(ax, handles)
+        style.settle_layout(ax)
+
+
+def _of_links(force: Array) -> Array:
+    """Tension of links, the mean of the joints at their ends; joints are on the last axis."""
+    mean: Array = (force + np.roll(force, -1, axis=-1)) / 2.0
+    return mean

@@ -1,0 +1,90 @@
+"""What is to be drawn: checks of results, samples, indices and words."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ..checks import integer, real
+from ..result import Result
+
+__all__ = ["Indices", "choice", "indices", "named_links", "sample", "with_samples"]
+
+Indices = int | Sequence[int]
+
+
+def with_samples(result: object) -> Result:
+    """Check that this is a result one can draw.
+
+    Raises:
+        TypeError: Not a result.
+        ValueError: It holds no samples.
+    """
+    if not isinstance(result, Result):
+        raise TypeError(f"result must be a Result, got {type(result).__name__}")
+    if result.t.size == 0:
+        raise ValueError("result must hold at least one sample to be drawn")
+    return result
+
+
+def sample(result: Result, t: float | None) -> int:
+    """Find the sample nearest to a time; the last one for None.
+
+    Raises:
+        TypeError: Not a time.
+        ValueError: More than a sample's distance outside the samples.
+    """
+    times = result.t
+    if t is None:
+        return times.size - 1
+    time = real("t", t, "s")
+    beyond = (times[-1] - times[0]) / max(times.size - 1, 1)
+    if not times[0] - beyond <= time <= times[-1] + beyond:
+        raise ValueError(
+            f"t must lie within the samples, {times[0]:g} to {times[-1]:g} s, got {time:g} s"
+        )
+    return int(np.argmin(np.abs(times - time)))
+
+
+def indices(name: str, value: object, count: int) -> list[int]:
+    """Check one index or a sequence of them, from 0 to ``count`` - 1.
+
+    Raises:
+        TypeError: Not integers.
+        ValueError: Out of range, or none at all.
+    """
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        return [integer(name, value, 0, count - 1)]
+    found = [integer(f"{name}[{k}]", one, 0, count - 1) for k, one in enumerate(value)]
+    if not found:
+        raise ValueError(f"{name} must hold at least one index, got none")
+    return found
+
+
+def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[str, int]:
+    """Check links to highlight, with names or not.
+
+    Raises:
+        TypeError: Not integers.
+        ValueError: Out of range, or an empty sequence.
+    """
+    if links is None:
+        return {}
+    if isinstance(links, Mapping):
+        return {
+            str(name): integer(f"links[{name!r}]", k, 0, count - 1) for name, k in links.items()
+        }
+    return {f"link {k}": k for k in indices("links", links, count)}
+
+
+def choice(name: str, value: object, options: Sequence[str | None]) -> None:
+    """Check a word against those there are.
+
+    Raises:
+        ValueError: Not one of ``options``.
+    """
+    if not (value is None or isinstance(value, str)) or value not in options:
+        words = ", ".join(repr(option) for option in options)
+        raise ValueError(f"{name} must be one of {words}, got {reprlib.repr(value)}")

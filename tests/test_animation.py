@@ -1,0 +1,254 @@
+"""Films: which samples they show, what is told on them, and that the files can be played."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import attrs
+import imageio_ffmpeg
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from PIL import Image
+
+import beltdyn as bd
+from beltdyn.plot.animation import film_writer
+
+N_T, T_END = 41, 0.3
+
+
+@pytest.fixture(scope="module")
+def result() -> bd.Result:
+    params, torque, _ = bd.scenes.kubas_case_1()
+    return bd.simulate(params, torque, T_END, t_eval=np.linspace(0.0, T_END, N_T))
+
+
+def shown(film: bd.plot.Animation, frame: int) -> Any:
+    """Show one frame; give the figure."""
+    rows = list(film.new_frame_seq())
+    film._draw_was_started = True  # drawn here, not by an event loop
+    film._func(rows[frame])
+    return film._fig
+
+
+def belt(figure: Any) -> LineCollection:
+    return [one for one in figure.axes[0].collections if isinstance(one, LineCollection)][-1]
+
+
+def rows(film: bd.plot.Animation) -> list[int]:
+    film._draw_was_started = True
+    return [int(row) for row in film.new_frame_seq()]
+
+
+# --- what it shows -------------------------------------------------------------------------------
+
+
+def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
+    film = bd.plot.animate(result, duration=1.0, fps=11.0)
+    assert film.frames == 11 and film.fps == 11.0
+    assert rows(film) == list(range(0, 41, 4))
+
+
+def test_fewer_samples_than_frames_keep_the_duration(result: bd.Result) -> None:
+    film = bd.plot.animate(result, duration=2.0, fps=50.0)
+    assert film.frames == N_T and film.fps == pytest.approx(N_T / 2.0)
+    assert rows(film) == list(range(N_T))
+
+
+def test_uneven_samples(result: bd.Result) -> None:
+    """The frames are the samples nearest to 0, 0.1, 0.2 and 0.3 s."""
+    uneven = bd.simulate(
+        *bd.scenes.kubas_case_1()[:2], 0.3, t_eval=[0.0, 0.01, 0.02, 0.03, 0.3], ledger=False
+    )
+    assert rows(bd.plot.animate(uneven, duration=4.0, fps=1.0)) == [0, 3, 4, 4]
+
+
+def test_one_sample(result: bd.Result) -> None:
+    one = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3, t_eval=[0.0])
+    film = bd.plot.animate(one, duration=1.0)
+    assert rows(film) == [0] and "one moment" in shown(film, 0).axes[0].get_title()
+
+
+def test_a_frame_is_its_sample(result: bd.Result) -> None:
+    film = bd.plot.animate(result, duration=1.0, fps=11.0, links={"chosen": 7})
+    limits = set()
+    for frame, row in ((0, 0), (5, 20), (10, 40)):
+        figure = shown(film, frame)
+        force = result.joints.force[row]
+        lines = belt(figure)
+        np.testing.assert_array_equal(lines.get_array(), (force + np.roll(force, -1)) / 2)
+        limits.add(lines.get_clim())
+        (panel,) = [ax for ax in figure.axes if "span tension" in ax.get_ylabel()]
+        np.testing.assert_array_equal(panel.lines[-1].get_xdata(), [result.t[row]] * 2)
+        mark = figure.axes[0].lines[-1]
+        assert mark.get_xdata()[0] == result.belt.x[row, 7]
+    force = result.joints.force
+    tension = (force + np.roll(force, -1, axis=1)) / 2
+    assert limits == {(tension.min(), tension.max())}, "one scale for the whole run"
+
+
+@pytest.mark.parametrize(
+    ("duration", "pace"),
+    [(3.0, "10x slower"), (0.3, "real time"), (0.15, "2x faster"), (5.0, "17x slower")],
+)
+def test_the_pace_is_told(result: bd.Result, duration: float, pace: str) -> None:
+    film = bd.plot.animate(result, duration=duration, fps=20.0, panel=None)
+    assert pace in shown(film, -1).axes[0].get_title()
+    assert "t = 0.3" in film._fig.axes[0].get_title()
+
+
+def test_every_frame_tells_another_time(result: bd.Result) -> None:
+    film = bd.plot.animate(result, panel=None)
+    titles = {shown(film, k).axes[0].get_title() for k in range(film.frames)}
+    assert len(titles) == film.frames == N_T
+
+
+def test_panels(result: bd.Result) -> None:
+    film = bd.plot.animate(result, panel="speeds", colour="friction")
+    figure = shown(film, 0)
+    assert any("angular velocity" in ax.get_ylabel() for ax in figure.axes)
+    alone = shown(bd.plot.animate(result, panel=None, colour=None), 0)
+    assert len(alone.axes) == 1
+
+
+def test_nothing_global_changes(result: bd.Result, tmp_path: Path) -> None:
+    before = dict(matplotlib.rcParams)
+    bd.plot.animate(result, duration=0.2, fps=10).save(tmp_path / "drive.gif")
+    assert dict(matplotlib.rcParams) == before
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def short(result: bd.Result) -> Iterator[bd.plot.Animation]:
+    yield bd.plot.animate(result, duration=0.5, fps=10.0)
+
+
+def test_gif(short: bd.plot.Animation, tmp_path: Path) -> None:
+    path = tmp_path / "drive.GIF"
+    seen = []
+    short.save(path, dpi=40, progress_callback=lambda k, n: seen.append((k, n)))
+    with Image.open(path) as image:
+        assert image.format == "GIF" and image.n_frames == 5
+        assert image.info["duration"] == 100, "ms: ten frames per second"
+        assert image.info["loop"] == 0, "for ever"
+    assert seen == [(k, 5) for k in range(5)]
+
+
+def test_mp4(short: bd.plot.Animation, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mp4"
+    short.save(path, dpi=41)  # an odd number of pixels, which H.264 does not take
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    # The container counts in fractions of a frame, 0.1 s.
+    assert frames == 5 and seconds == pytest.approx(0.5, abs=0.05)
+    ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
+    decode = [ffmpeg, "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "gray", "-"]
+    raw = subprocess.run(decode, capture_output=True, check=True, timeout=60)
+    assert raw.stderr == b""
+    pictures = np.frombuffer(raw.stdout, dtype=np.uint8).reshape(5, -1)
+    assert (pictures[0] != pictures[-1]).any()
+
+
+def test_html(short: bd.plot.Animation, tmp_path: Path) -> None:
+    path = tmp_path / "drive.html"
+    short.save(path, dpi=40)
+    text = path.read_text()
+    assert text.count("data:image/png;base64") == 5 and "<script" in text
+    assert [entry.name for entry in tmp_path.iterdir()] == ["drive.html"], "all in one file"
+
+
+def without_ffmpeg(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(shutil, "which", lambda *_: None)
+    patch.setitem(sys.modules, "imageio_ffmpeg", None)
+
+
+def test_a_notebook_shows_it(short: bd.plot.Animation, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert short._repr_html_().startswith("<video controls")
+    without_ffmpeg(monkeypatch)
+    assert short._repr_html_().count("data:image/png;base64") == 5
+    assert "data:image/png;base64" in short.to_jshtml()
+
+
+def test_mp4_without_ffmpeg_says_what_to_install(
+    short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_ffmpeg(monkeypatch)
+    with pytest.raises(ImportError, match=r"pip install imageio-ffmpeg \(or beltdyn\[animation\]"):
+        short.save(tmp_path / "drive.mp4")
+    assert not (tmp_path / "drive.mp4").exists()
+    film_writer("drive.gif")
+    film_writer("drive.html")
+
+
+def test_files_that_cannot_be_written(short: bd.plot.Animation, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"drive.avi must be one of gif, mp4, html"):
+        short.save(tmp_path / "drive.avi")
+    for ending in ("gif", "mp4", "html"):
+        with pytest.raises(FileNotFoundError):
+            short.save(tmp_path / "none" / f"drive.{ending}")
+
+
+def test_what_ffmpeg_says_comes_out(
+    short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An ffmpeg that fails: its words in an OSError, no traceback of a subprocess."""
+    script = tmp_path / "ffmpeg"
+    script.write_text("#!/bin/sh\ncat >/dev/null\necho 'no such encoder' >&2\nexit 1\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    with pytest.raises(OSError, match=r"ffmpeg could not write .*drive.mp4: no such encoder"):
+        short.save(tmp_path / "drive.mp4", dpi=40)
+
+
+# --- bad arguments -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "message"),
+    [
+        ({"duration": 0}, ValueError, "duration must be > 0"),
+        ({"duration": "1"}, TypeError, "duration must be a real number"),
+        ({"fps": -1}, ValueError, "fps must be > 0"),
+        ({"fps": float("nan")}, ValueError, "fps must be finite"),
+        ({"colour": "speed"}, ValueError, "colour must be one of 'tension', 'friction', None"),
+        ({"panel": "x"}, ValueError, "panel must be one of 'tensions', 'speeds', None"),
+        ({"links": [60]}, ValueError, r"links\[0\] must be an integer from 0 to 59"),
+        ({"limits": 3}, TypeError, "limits must be a pair"),
+    ],
+)
+def test_bad_arguments(
+    result: bd.Result, options: dict[str, Any], kind: type[Exception], message: str
+) -> None:
+    with pytest.raises(kind, match=message):
+        bd.plot.animate(result, **options)
+
+
+def test_a_result_without_samples() -> None:
+    empty = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-4, t_eval=[])
+    with pytest.raises(ValueError, match="result must hold at least one sample"):
+        bd.plot.animate(empty)
+
+
+def test_a_partial_result(result: bd.Result, tmp_path: Path) -> None:
+    half = attrs.evolve(
+        result,
+        t=result.t[:7],
+        success=False,
+        status="failed",
+        **{
+            name: type(group)(**{k: v[:7] for k, v in group._arrays().items()})
+            for name in ("pulleys", "belt", "joints", "contact", "energy")
+            if (group := getattr(result, name)) is not None
+        },
+    )
+    path = tmp_path / "half.gif"
+    bd.plot.animate(half, duration=1.0, fps=4.0).save(path, dpi=30)
+    with Image.open(path) as image:
+        assert image.n_frames == 4

@@ -1,0 +1,360 @@
+"""Finding parameters: what goes wrong in a search, and every argument that is wrong."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+from identify_common import (
+    T_END,
+    TIMES,
+    TORQUE,
+    changed,
+    curves,
+    free_pulley,
+    make_rig,
+)
+
+import beltdyn as bd
+
+
+@pytest.fixture(scope="module")
+def rig() -> bd.Params:
+    return make_rig()
+
+
+@pytest.fixture(scope="module")
+def rest(rig: bd.Params) -> bd.State:
+    return bd.settle(rig)
+
+
+@pytest.fixture(scope="module")
+def truth(rig: bd.Params) -> bd.Result:
+    return bd.simulate(rig, TORQUE, T_END, t_eval=TIMES)
+
+
+@pytest.fixture(scope="module")
+def experiment() -> bd.Experiment:
+    return bd.Experiment(TORQUE, T_END)
+
+
+@pytest.fixture(scope="module")
+def targets(experiment: bd.Experiment, truth: bd.Result) -> list[bd.Target]:
+    """Curves without noise."""
+    return curves(experiment, truth)
+
+
+# --- what goes wrong ------------------------------------------------------------------------------
+
+
+def test_trials_that_cannot_be_simulated_do_not_end_the_search() -> None:
+    """omega = M t/I over I itself: the first step from 0.08 to 0.03 wants to go to -0.053.
+
+    Such a drive is refused; the second time it is the reading that has no value below 0.028.
+    """
+    run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
+
+    def omega(result: bd.Result) -> float:
+        return float(result.pulleys.omega[-1, 1])
+
+    def omega_if_slow(result: bd.Result) -> float:
+        return omega(result) if result.params.pulleys[1].inertia > 0.028 else math.nan
+
+    own = bd.Free(
+        "inertia",
+        start=0.08,
+        size=0.16,
+        set=lambda params, value: changed(params, {"pulleys[1].inertia": value}),
+    )
+    for read in (omega, omega_if_slow):
+        data = run.number(read, 2.0, t=[0.02], sigma=0.01)
+        found = bd.identify(free_pulley(0.08), [own], [data])
+        assert found.success and found.failed > 0
+        assert found.params.pulleys[1].inertia == pytest.approx(0.03, rel=1e-4)
+
+
+def test_a_derivative_takes_the_side_that_can_be_simulated() -> None:
+    """Just above a value that is refused only steps up are possible."""
+    run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
+    data = run.number(lambda r: r.pulleys.omega[-1, 1], 2.0, t=[0.02], sigma=0.01)
+    refused = []
+
+    def heavy(params: bd.Params, value: float) -> bd.Params:
+        if value < 0.02995:
+            refused.append(value)
+            raise ValueError("too light")
+        return changed(params, {"pulleys[1].inertia": value})
+
+    free = bd.Free("inertia", start=0.03, scale="log", set=heavy)
+    found = bd.identify(free_pulley(0.03), [free], [data])
+    assert refused and found.success
+    # One-sided: (exp(-h) - 1)/h is -1 but for h/2.
+    assert found.sensitivity().values.item() == pytest.approx(-1.0, abs=0.006)
+
+    def only(params: bd.Params, value: float) -> bd.Params:
+        if value != 0.03:
+            raise ValueError("nothing but 0.03")
+        return params
+
+    with pytest.raises(ValueError, match=r"nothing but 0\.03"):
+        bd.identify(free_pulley(0.03), [bd.Free("inertia", start=0.03, set=only)], [data])
+
+
+def test_a_start_that_cannot_be_simulated_says_why(rig: bd.Params) -> None:
+    short = bd.Experiment(TORQUE, T_END, options={"max_steps": 10})
+    data = short.curve("slip[1]", [T_END], [0.0], sigma=0.1)
+    with pytest.raises(bd.SimulationError, match="steps"):
+        bd.identify(rig, ["friction.mu_k"], [data])
+    early = bd.Experiment(TORQUE, T_END).curve("slip[1]", [0.0, T_END], [0.0, 0.0], sigma=0.1)
+    with pytest.raises(ValueError, match=r"slip\[1\] at 0 s: the run has no value there"):
+        bd.identify(rig, ["friction.mu_k"], [early])
+
+
+class OutOfPaper(Exception):
+    """What only the user's code raises."""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_a_torque_function_raises_comes_out_unchanged(rig: bd.Params, workers: int) -> None:
+    mine = OutOfPaper("the plotter jams")
+    calls = []
+
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        calls.append(t)
+        if len(calls) > 3000:
+            raise mine
+        return [-30.0, 0.0]
+
+    data = bd.Experiment(torque, T_END).curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
+    with pytest.raises(OutOfPaper) as caught:
+        bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
+    assert caught.value is mine
+
+    def value_error(_t: float, _theta: Any, _omega: Any) -> list[float]:
+        raise ValueError("not a matter of parameters")
+
+    data = bd.Experiment(value_error, T_END).curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
+    with pytest.raises(ValueError, match="not a matter of parameters"):
+        bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_ends_it_soon_and_loses_nothing(
+    rig: bd.Params, rest: bd.State, workers: int
+) -> None:
+    """The runs that are interrupted would take a minute or more; their threads end with it."""
+    before = threading.active_count()
+    trials = []
+
+    def begin(params: bd.Params) -> bd.State:
+        trials.append(params.friction.mu_k)  # type: ignore[union-attr]
+        if len(trials) == 6:
+            main = threading.main_thread().ident
+            assert main is not None
+            threading.Timer(0.3, signal.pthread_kill, (main, signal.SIGINT)).start()
+        return rest
+
+    def long_after_the_fifth(_t: float, _theta: Any, _omega: Any) -> list[float]:
+        if len(trials) >= 6:
+            time.sleep(0.01)
+        return [-30.0, 0.0]
+
+    run = bd.Experiment(long_after_the_fifth, T_END, initial=begin)
+    data = run.curve("pulleys.omega", TIMES, np.full((20, 2), -20.0), sigma=1.0)
+    with pytest.raises(bd.Interrupted) as caught:
+        bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
+    assert isinstance(caught.value, bd.IdentificationInterrupted)
+    found = caught.value.identification
+    assert not found.success and "interrupted" in str(found)
+    assert found.values["friction.mu_k"] in trials
+    assert math.isfinite(found.std["friction.mu_k"])
+    assert threading.active_count() <= before
+
+
+def test_ctrl_c_before_anything_is_known_is_an_ordinary_one(rig: bd.Params) -> None:
+    def stop(_params: bd.Params) -> bd.State:
+        raise KeyboardInterrupt
+
+    run = bd.Experiment(TORQUE, T_END, initial=stop)
+    data = run.curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        bd.identify(rig, ["friction.mu_k"], [data])
+    assert not isinstance(caught.value, bd.IdentificationInterrupted)
+
+
+def test_without_scipy_it_says_what_to_install_and_nothing_imports_it_before() -> None:
+    script = """
+        import sys, beltdyn as bd
+        assert not any(name.startswith("scipy") for name in sys.modules)
+        sys.modules["scipy"] = sys.modules["scipy.optimize"] = None
+        try:
+            bd.identify(bd.scenes.three_pulleys().params, [], [])
+        except ImportError as error:
+            print(error)
+        """
+    ran = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, check=True
+    )
+    assert "beltdyn.identify needs SciPy: python -m pip install scipy" in ran.stdout
+
+
+# --- arguments ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (["belt.axial_stifness"], "did you mean 'belt.axial_stiffness'"),
+        (["pulleys[2].inertia"], r"pulleys has 2 entries"),
+        (["belt[0]"], "no parameter is called 'belt\\[0\\]'"),
+        (["belt.n_bodies"], "cannot be free: it is not a real number"),
+        (["tensioning.offset[1][0]"], "tensioning.offset has 0 entries"),
+        (["tensioning.move_time"], "cannot be free"),
+        (["pulleys[*].inertia"], "differ .*start="),
+        (["gravity[1]"], "size="),
+        (["axial stiffness"], "is named like"),
+        ([], "at least one"),
+        (["friction.mu_k", "friction.mu_k"], "twice"),
+        ([bd.Free("friction.mu_k", lower=0.9)], "must lie within its limits"),
+        ([bd.Free("friction.mu_k", lower=1.0, upper=0.9)], "lower must be < upper"),
+        ([bd.Free("gravity[1]", scale="log")], "needs a start > 0"),
+    ],
+)
+def test_bad_free_parameters(
+    rig: bd.Params, targets: list[bd.Target], free: Any, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        bd.identify(rig, free, targets)
+
+
+def test_friction_that_is_not_there_cannot_be_free(
+    rig: bd.Params, targets: list[bd.Target]
+) -> None:
+    with pytest.raises(ValueError, match="this drive has no friction"):
+        bd.identify(attrs.evolve(rig, friction=None), ["friction.mu_k"], targets)
+
+
+def no_params(_params: bd.Params, _value: float) -> Any:
+    return None
+
+
+@pytest.mark.parametrize(
+    ("make", "kind", "message"),
+    [
+        (lambda: bd.Free("x", set=no_params), ValueError, "needs start="),
+        (lambda: bd.Free("x", set=3, start=1.0), TypeError, "set must be callable"),
+        (lambda: bd.Free(3), TypeError, "must be a str"),
+        (lambda: bd.Free("belt.length", scale="cubic"), ValueError, "scale must be"),
+        (lambda: bd.Free("belt.length", size=0.0), ValueError, "size must be > 0"),
+        (lambda: bd.Free("belt.length", lower="0"), TypeError, "belt.length: lower"),
+        (lambda: bd.Experiment(TORQUE, 0.0), ValueError, "t_end must be > 0"),
+        (lambda: bd.Experiment(TORQUE, 1.0, options={"rtoll": 1}), ValueError, "mean 'rtol'"),
+        (lambda: bd.Experiment(TORQUE, 1.0, settling={"frictn": 1}), ValueError, "mean 'friction'"),
+        (lambda: bd.Experiment(TORQUE, 1.0, changes={"a b": 1}), ValueError, "is named like"),
+        (lambda: bd.Experiment(TORQUE, 1.0, options=[1]), TypeError, "must be mappings"),
+        (lambda: bd.Experiment(TORQUE, 1.0, initial=3), TypeError, "initial must be"),
+    ],
+)
+def test_bad_fields(make: Callable[[], object], kind: type[Exception], message: str) -> None:
+    with pytest.raises(kind, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "message"),
+    [
+        ({"quantity": "pulleys.omga[0]"}, ValueError, "mean 'pulleys.omega'"),
+        ({"quantity": 3}, TypeError, "quantity must be"),
+        ({"t": [0.0, 0.09]}, ValueError, r"t must lie within the run, \[0, 0.08\] s"),
+        ({"t": [0.02, 0.01]}, ValueError, "t must be non-decreasing"),
+        ({"t": [0.01]}, ValueError, "one row for each of the 1 times"),
+        ({"values": [1.0, np.nan]}, ValueError, "values must be finite"),
+        ({"sigma": 0.0}, ValueError, "sigma must be > 0"),
+        ({"sigma": [1.0, -1.0]}, ValueError, "sigma must be > 0"),
+        ({"sigma": [1.0, 1.0, 1.0]}, ValueError, "sigma must be one number or fit"),
+    ],
+)
+def test_bad_curves(
+    experiment: bd.Experiment, change: Mapping[str, Any], kind: type[Exception], message: str
+) -> None:
+    good = {"quantity": "pulleys.omega[0]", "t": [0.01, 0.02], "values": [1.0, 2.0], "sigma": 1.0}
+    with pytest.raises(kind, match=message):
+        experiment.curve(**{**good, **change})
+
+
+def test_bad_numbers(experiment: bd.Experiment) -> None:
+    with pytest.raises(TypeError, match="read must be callable"):
+        experiment.number("slip[1]", 1.0)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="names must hold one for each of the 2 values"):
+        experiment.number(len, [1.0, 2.0], names=["one"])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("target", "kind", "message"),
+    [
+        (("pulleys.omega", [0.01], [1.0]), ValueError, r"gives shape \(1, 2\)"),
+        (("pulleys.omega[2]", [0.01], [1.0]), ValueError, "has 2 columns"),
+        ((lambda _result: ["fast"], [0.01], [1.0]), TypeError, "must give real numbers"),
+    ],
+)
+def test_what_the_run_gives_must_fit_what_was_measured(
+    rig: bd.Params, experiment: bd.Experiment, target: Any, kind: type[Exception], message: str
+) -> None:
+    with pytest.raises(kind, match=message):
+        bd.identify(rig, ["friction.mu_k"], [experiment.curve(*target, sigma=1.0)])
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "message"),
+    [
+        ({"targets": []}, ValueError, "at least one target"),
+        ({"targets": [1.0]}, TypeError, r"targets\[0\] must be"),
+        ({"free": "friction.mu_k"}, TypeError, "free must be a sequence"),
+        ({"params": None}, TypeError, "params must be a Params"),
+        ({"confidence": 95.0}, ValueError, "confidence must be between 0 and 1"),
+        ({"limit": 1.0}, ValueError, "limit must be > 1"),
+        ({"jac": "5-point"}, ValueError, "jac must be one of"),
+        ({"loss": "l1"}, ValueError, "loss must be one of"),
+        ({"diff_step": 0.0}, ValueError, "diff_step must be > 0"),
+        ({"max_nfev": 0}, ValueError, "max_nfev must be an integer >= 1"),
+        ({"workers": 0}, ValueError, "workers must be an integer >= 1"),
+        ({"progress": 1}, TypeError, "progress must be a bool"),
+        ({"prior": {"friction.sigma": (1e4, 1e3)}}, ValueError, "is not free"),
+        ({"prior": {"friction.mu_k": (0.8, 0.0)}}, ValueError, "deviation must be > 0"),
+        ({"prior": {"friction.mu_k": (-0.8, 0.1)}}, ValueError, "the value must be > 0"),
+    ],
+)
+def test_bad_arguments(
+    rig: bd.Params,
+    targets: list[bd.Target],
+    change: Mapping[str, Any],
+    kind: type[Exception],
+    message: str,
+) -> None:
+    good = {"params": rig, "free": ["friction.mu_k"], "targets": targets}
+    with pytest.raises(kind, match=message):
+        bd.identify(**{**good, **change})  # type: ignore[arg-type]
+
+
+def test_unknown_noise_needs_enough_numbers(rig: bd.Params, experiment: bd.Experiment) -> None:
+    one = experiment.curve("pulleys.omega[0]", [0.01], [1.0])
+    with pytest.raises(ValueError, match="too few to estimate it beside 1 free"):
+        bd.identify(rig, ["friction.mu_k"], [one])
+    flat = experiment.curve("pulleys.omega[0]", [0.01, 0.02], [0.0, 0.0])
+    with pytest.raises(ValueError, match="all its values are 0"):
+        bd.identify(rig, ["friction.mu_k"], [flat])
+    with pytest.raises(ValueError, match="loss 'huber' needs the sigma"):
+        bd.identify(rig, ["friction.mu_k"], [flat], loss="huber")
+    twice = [experiment.curve("slip[1]", [0.01], [0.0], sigma=1.0) for _ in range(2)]
+    with pytest.raises(ValueError, match="two targets are called"):
+        bd.identify(rig, ["friction.mu_k"], twice)

@@ -1,0 +1,537 @@
+"""Figures: what is drawn is what the result holds; nothing global changes; errors name the rule."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch
+
+import beltdyn as bd
+
+N_T, T_END = 61, 0.3
+
+
+@pytest.fixture(scope="module")
+def result() -> bd.Result:
+    params, torque, _ = bd.scenes.kubas_case_1()
+    return bd.simulate(params, torque, T_END, t_eval=np.linspace(0.0, T_END, N_T))
+
+
+@pytest.fixture
+def ax() -> Axes:
+    return Figure().add_subplot()
+
+
+def with_contact(result: bd.Result, **arrays: Any) -> bd.Result:
+    return attrs.evolve(result, contact=attrs.evolve(result.contact, **arrays))
+
+
+def drawn(ax: Axes) -> list[tuple[np.ndarray, np.ndarray]]:
+    return [(np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in ax.lines]
+
+
+def labels(ax: Axes) -> list[str]:
+    legend = ax.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
+
+
+def hinges(r: bd.Result) -> int:
+    """Find a link that is on a pulley for some of the run and off for some of it."""
+    on = r.contact.pulley >= 0
+    return int(np.flatnonzero(on.any(axis=0) & ~on.all(axis=0))[0])
+
+
+# --- over time -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("draw", "values", "ylabel"),
+    [
+        (bd.plot.speeds, lambda r: r.pulleys.omega, "angular velocity [rad/s]"),
+        (bd.plot.torques, lambda r: r.pulleys.torque, "set torque [N m]"),
+        (bd.plot.span_tensions, lambda r: r.span_tension, "span tension [N]"),
+    ],
+)
+def test_per_pulley(
+    result: bd.Result, ax: Axes, draw: Callable[..., Axes], values: Any, ylabel: str
+) -> None:
+    assert draw(result, ax=ax) is ax
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", ylabel)
+    assert len(labels(ax)) == 2
+    for (x, y), column in zip(drawn(ax), values(result).T, strict=True):
+        np.testing.assert_array_equal(x, result.t)
+        np.testing.assert_array_equal(y, column)
+
+
+def test_chosen_pulleys_keep_their_looks(result: bd.Result) -> None:
+    both = bd.plot.speeds(result).lines
+    (one,) = bd.plot.speeds(result, pulleys=1).lines
+    (same,) = bd.plot.torques(result, pulleys=[1]).lines
+    np.testing.assert_array_equal(one.get_ydata(), result.pulleys.omega[:, 1])
+    np.testing.assert_array_equal(same.get_ydata(), result.pulleys.torque[:, 1])
+    assert one.get_color() == same.get_color() == both[1].get_color() != both[0].get_color()
+
+
+@pytest.mark.parametrize(
+    ("draw", "values", "ylabel"),
+    [
+        (bd.plot.joint_force, lambda r: r.joints.force, "joint force [N]"),
+        (
+            bd.plot.joint_deformation,
+            lambda r: 1e3 * r.joints.deformation,
+            "joint deformation [mm]",
+        ),
+    ],
+)
+def test_joints(
+    result: bd.Result, ax: Axes, draw: Callable[..., Axes], values: Any, ylabel: str
+) -> None:
+    assert draw(result, np.int64(7), ax=ax) is ax
+    assert ax.get_ylabel() == ylabel and labels(ax) == ["joint 7"]
+    np.testing.assert_array_equal(drawn(ax)[0], (result.t, values(result)[:, 7]))
+    several = draw(result, range(3, 6))
+    assert labels(several) == ["joint 3", "joint 4", "joint 5"]
+    for (_, y), k in zip(drawn(several), (3, 4, 5), strict=True):
+        np.testing.assert_array_equal(y, values(result)[:, k])
+
+
+def test_line_keywords_and_runs_compared(result: bd.Result, ax: Axes) -> None:
+    bd.plot.speeds(result, label="soft", ax=ax)
+    bd.plot.speeds(result, label="stiff", ax=ax)
+    assert labels(ax) == [f"{run}, pulley {k}" for run in ("soft", "stiff") for k in (0, 1)]
+    looks = {(line.get_color(), str(line.get_linestyle())) for line in ax.lines}
+    assert len(looks) == len({colour for colour, _ in looks}) == 4
+    bd.plot.joint_force(result, 1, label="measured", c="red", lw=3, ls=":", ax=ax)
+    last = ax.lines[-1]
+    assert last.get_label() == "measured"
+    assert (last.get_color(), last.get_linewidth(), last.get_linestyle()) == ("red", 3, ":")
+
+
+def test_a_later_line_is_given_room(result: bd.Result, ax: Axes) -> None:
+    """Room made for a legend must not freeze the limits."""
+    for label in ("a", "b"):
+        bd.plot.span_tensions(result, label=label, ax=ax)
+    higher = attrs.evolve(
+        result, joints=attrs.evolve(result.joints, force=10 * result.joints.force)
+    )
+    bd.plot.span_tensions(higher, ax=ax)
+    assert ax.get_ylim()[1] >= np.nanmax(higher.span_tension)
+
+
+# --- along the belt ------------------------------------------------------------------------------
+
+
+def test_force_along_belt(result: bd.Result, ax: Axes) -> None:
+    row = 20
+    assert bd.plot.force_along_belt(result, result.t[row] + 2e-3, first=1, ax=ax) is ax
+    ((x, y),) = drawn(ax)
+    # A joint is on the left of its element: half a number before it.
+    np.testing.assert_array_equal(x, np.arange(60) + 0.5)
+    np.testing.assert_array_equal(y, result.joints.force[row])
+    assert "0.1 s" in ax.get_title() and "[N]" in ax.get_ylabel()
+    assert ax.get_xlim() == (0.5, 60.5)
+    shaded = np.zeros(60, dtype=bool)
+    for patch in ax.patches:
+        left, right = patch.get_extents().transformed(ax.transData.inverted()).intervalx
+        shaded[round(left - 0.5) : round(right - 0.5)] = True
+    np.testing.assert_array_equal(shaded, result.contact.pulley[row] >= 0)
+    assert sorted(text.get_text() for text in ax.texts) == ["pulley 0", "pulley 1"]
+
+
+def test_several_times_along_the_belt(result: bd.Result, ax: Axes) -> None:
+    bd.plot.force_along_belt(result, 0.0, ax=ax)
+    patches = len(ax.patches)
+    bd.plot.force_along_belt(result, 0.06, wraps=False, ax=ax)
+    assert len(ax.patches) == patches
+    assert labels(ax) == ["t = 0 s", "t = 0.06 s"] and ax.get_title() == ""
+    assert ax.lines[0].get_color() != ax.lines[1].get_color()
+
+
+# --- contact -------------------------------------------------------------------------------------
+
+
+def test_contact_forces(result: bd.Result, ax: Axes) -> None:
+    k = hinges(result)
+    assert bd.plot.contact_forces(result, k, ax=ax) is ax
+    assert "[N]" in ax.get_ylabel() and labels(ax) == [f"normal, link {k}", f"friction, link {k}"]
+    normal, friction = drawn(ax)
+    np.testing.assert_array_equal(normal[1], result.contact.normal[:, k])
+    np.testing.assert_array_equal(friction[1], result.contact.friction[:, k])
+    (line,) = bd.plot.contact_forces(result, k, which="friction").lines
+    np.testing.assert_array_equal(line.get_ydata(), result.contact.friction[:, k])
+
+
+def test_gaps_off_the_pulleys(result: bd.Result) -> None:
+    k = hinges(result)
+    contact = result.contact
+    on = contact.pulley[:, k] >= 0
+    for ax, values in (
+        (bd.plot.friction_coefficient(result, k), contact.mu),
+        (bd.plot.relative_velocity(result, k), contact.velocity),
+    ):
+        ((x, y),) = drawn(ax)
+        np.testing.assert_array_equal(x, result.t)
+        np.testing.assert_array_equal(y, np.where(on, values[:, k], np.nan))
+    ((x, y),) = drawn(bd.plot.friction_coefficient(result, k, against="slip"))
+    np.testing.assert_array_equal(x, np.where(on, 1e3 * contact.slip[:, k], np.nan))
+    np.testing.assert_array_equal(y, np.where(on, contact.mu[:, k], np.nan))
+
+
+def test_labels_of_contact(result: bd.Result) -> None:
+    free = int(np.flatnonzero((result.contact.pulley < 0).all(axis=0))[0])
+    over_time = bd.plot.friction_coefficient(result, free)
+    assert over_time.get_xlabel() == "time [s]" and labels(over_time) == [
+        f"link {free} (no contact)"
+    ]
+    assert np.isnan(drawn(over_time)[0][1]).all()
+    loop = bd.plot.friction_coefficient(result, [0, 1], against="slip")
+    assert loop.get_xlabel() == "slip displacement [mm]" and len(labels(loop)) == 2
+    assert "[m/s]" in bd.plot.relative_velocity(result, 0).get_ylabel()
+
+
+def test_contact_begun_anew_between_samples_breaks_the_line(result: bd.Result) -> None:
+    """By hand: contact all along, v_T = 0.02 m/s; the slip starts from 0 again before sample 40."""
+    t, mu_k = result.t, 1.0
+    slip = 0.02 * np.where(t < t[40] - 1e-9, t, t - t[40] + 5e-4)
+    column = {
+        "pulley": np.zeros(N_T, dtype=np.int32),
+        "slip": slip,
+        "mu": mu_k * -np.expm1(-1e4 * slip),
+        "velocity": np.full(N_T, 0.02),
+    }
+    arrays = {name: getattr(result.contact, name).copy() for name in column}
+    for name, values in column.items():
+        arrays[name][:, 5] = values
+        arrays[name][:, 6] = values
+    arrays["slip"][:, 6] = 0.02 * t  # this one holds on
+    changed = with_contact(result, **arrays)
+    for against in ("time", "slip"):
+        broken, whole = drawn(bd.plot.friction_coefficient(changed, [5, 6], against=against))
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(broken[1])), [40])
+        np.testing.assert_array_equal(np.delete(broken[1], 40), column["mu"])
+        assert np.isnan(broken[0][40]) and not np.isnan(whole).any()
+    arrays["pulley"][30:, 6] = 1
+    ((_, y),) = drawn(bd.plot.relative_velocity(with_contact(result, **arrays), 6))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(y)), [30])
+
+
+def test_no_loop_is_broken_while_contact_holds(result: bd.Result) -> None:
+    """A link on one pulley at all 61 samples of a settled drive keeps its slip: no false gap."""
+    held = np.flatnonzero(
+        (result.contact.pulley >= 0).all(axis=0) & (result.contact.normal > 1.0).all(axis=0)
+    )
+    assert held.size > 5
+    for _, y in drawn(bd.plot.friction_coefficient(result, held, against="slip")):
+        assert y.shape == (N_T,) and not np.isnan(y).any()
+
+
+# --- the drive -----------------------------------------------------------------------------------
+
+
+def parts(ax: Axes) -> tuple[LineCollection, list[LineCollection]]:
+    """Give the belt and the stick and slip arcs."""
+    found = [one for one in ax.collections if isinstance(one, LineCollection)]
+    *arcs, _edge, belt = found
+    return belt, arcs
+
+
+def test_drive_to_scale_coloured_by_tension(result: bd.Result, ax: Axes) -> None:
+    row = 30
+    assert bd.plot.drive(result, result.t[row], ax=ax) is ax
+    assert ax.get_aspect() == 1.0 and ax.get_xlabel() == "x [m]" and "0.15 s" in ax.get_title()
+    belt, _ = parts(ax)
+    force = result.joints.force[row]
+    np.testing.assert_array_equal(belt.get_array(), (force + np.roll(force, -1)) / 2)
+    middles = np.array([segment.mean(axis=0) for segment in belt.get_segments()])
+    # The mean of both ends is the centre but for rounding of numbers below 1 m.
+    np.testing.assert_allclose(middles[:, 0], result.belt.x[row], atol=1e-15)
+    np.testing.assert_allclose(middles[:, 1], result.belt.y[row], atol=1e-15)
+    lengths = [np.hypot(*(segment[1] - segment[0])) for segment in belt.get_segments()]
+    np.testing.assert_allclose(lengths, 1.2 / 60, rtol=1e-12)
+    texts = [text.get_text() for text in ax.texts]
+    assert texts == ["0", "1"]
+
+
+def test_drive_coloured_by_friction(result: bd.Result, ax: Axes) -> None:
+    bd.plot.drive(result, colour="friction", ax=ax)
+    belt, _ = parts(ax)
+    assert result.params.friction is not None
+    mu_k = result.params.friction.mu_k
+    assert belt.get_clim() == (-mu_k, mu_k)
+    values = belt.get_array()
+    assert isinstance(values, np.ma.MaskedArray)
+    np.testing.assert_array_equal(np.ma.getmaskarray(values), result.contact.pulley[-1] < 0)
+    np.testing.assert_array_equal(values.data, result.contact.mu[-1])
+    assert "no contact" in labels(ax)
+
+
+def test_stick_and_slip_arcs(result: bd.Result) -> None:
+    """All links of pulley 0 made to slip, none of pulley 1: one arc each, inside the rims."""
+    assert result.params.friction is not None
+    mu_k = result.params.friction.mu_k
+    pulley = result.contact.pulley
+    changed = with_contact(result, mu=np.where(pulley == 0, 0.96 * mu_k, 0.5 * mu_k))
+    ax = bd.plot.drive(changed)
+    assert labels(ax) == ["stick", "slip"]
+    _, (stick, slip) = parts(ax)
+    for arcs, k in ((stick, 1), (slip, 0)):
+        centre, radius = result.params.pulleys[k].center, result.params.pulleys[k].radius
+        points = np.concatenate(arcs.get_segments()) - centre
+        assert (np.hypot(*points.T) < radius).all()
+        # from the outer end of the first link on it to that of the last one, clockwise
+        on = np.flatnonzero(pulley[-1] == k)
+        np.testing.assert_array_equal(np.diff(on), 1)
+        steps = np.diff(np.unwrap(np.arctan2(points[:, 1], points[:, 0])))
+        half = np.arctan2(result.params.info["link_length"] / 2, radius)
+        # Links lie tangent to the rim within the contact's compression, some 1e-3 of the radius.
+        assert -steps.sum() == pytest.approx(2 * half * on.size, rel=0.02)
+    assert labels(bd.plot.drive(changed, slip_from=0.97)) == ["stick"]
+    assert labels(bd.plot.drive(changed, arcs=False, colour=None)) == []
+
+
+def test_links_are_highlighted(result: bd.Result) -> None:
+    ax = bd.plot.drive(result, arcs=False, links={"chosen element": 7})
+    assert labels(ax) == ["chosen element"]
+    mark = ax.lines[-1]
+    assert (mark.get_xdata()[0], mark.get_ydata()[0]) == (
+        result.belt.x[-1, 7],
+        result.belt.y[-1, 7],
+    )
+    assert labels(bd.plot.drive(result, arcs=False, links=[3, 4])) == ["link 3", "link 4"]
+
+
+def test_arrows_and_marks_follow_the_rotation(result: bd.Result) -> None:
+    def seen(r: bd.Result, row: int) -> list[bool]:
+        ax = bd.plot.drive(r, r.t[row])
+        return [patch.get_visible() for patch in ax.patches if isinstance(patch, FancyArrowPatch)]
+
+    # of each pulley: counter-clockwise, clockwise
+    assert seen(result, 0) == [False] * 4, "at rest"
+    assert seen(result, -1) == [False, True] * 2, "the paper's drive runs clockwise"
+    back = attrs.evolve(result, pulleys=attrs.evolve(result.pulleys, omega=-result.pulleys.omega))
+    assert seen(back, -1) == [True, False] * 2
+
+    theta = np.full_like(result.pulleys.theta, np.pi / 2)
+    turned = attrs.evolve(result, pulleys=attrs.evolve(result.pulleys, theta=theta))
+    mark = bd.plot.drive(turned).lines[1]
+    centre = result.params.pulleys[1].center
+    # cos(pi/2) is 6e-17 in floating point
+    np.testing.assert_allclose(mark.get_xdata(), centre[0], atol=1e-15)
+    assert (np.asarray(mark.get_ydata()) > centre[1]).all()
+
+
+def test_drive_without_friction(result: bd.Result) -> None:
+    free = attrs.evolve(result, params=attrs.evolve(result.params, friction=None))
+    assert labels(bd.plot.drive(free)) == []
+    with pytest.raises(ValueError, match=r'colour must not be "friction"'):
+        bd.plot.drive(free, colour="friction")
+    with pytest.raises(ValueError, match=r"friction is None"):
+        bd.plot.friction_coefficient(free, 0)
+
+
+# --- energy --------------------------------------------------------------------------------------
+
+
+def test_energy(result: bd.Result, ax: Axes) -> None:
+    assert bd.plot.energy(result, ax=ax) is ax
+    ledger = result.energy
+    assert ledger is not None
+    top, work, stored = (y for _, y in drawn(ax))
+    np.testing.assert_array_equal(work, ledger.drive)
+    # Sums of terms of some J: rounding below 1e-12 J.
+    np.testing.assert_allclose(stored, ledger.total - ledger.total[0], atol=1e-12)
+    np.testing.assert_allclose(top, ledger.losses + stored, atol=1e-12)
+    assert ax.get_title().startswith(f"residual at most {np.abs(ledger.residual).max():.1g} J")
+    assert len(ax.collections) == 3 and len(labels(ax)) == 6
+    upper = np.zeros(N_T)
+    for area, name in zip(
+        ax.collections, ("friction_loss", "contact_loss", "joint_loss"), strict=True
+    ):
+        upper = upper + getattr(ledger, name)
+        outline = area.get_paths()[0].vertices
+        assert outline[:, 1].max() == pytest.approx(upper.max(), rel=1e-12)
+
+
+def test_energy_counts_from_the_start_of_the_run(result: bd.Result) -> None:
+    """Samples that begin late: what is stored is told against E(0), not the first sample."""
+    late = bd.simulate(
+        result.params, bd.scenes.kubas_case_1().torque_fn, T_END, t_eval=result.t[40:]
+    )
+    _, _, stored = (y for _, y in drawn(bd.plot.energy(late)))
+    assert result.energy is not None
+    whole = result.energy.total - result.energy.total[0]
+    # Both runs take their own steps: equal within rtol = 1e-4 of what is stored.
+    np.testing.assert_allclose(stored, whole[40:], rtol=1e-4)
+
+
+def test_no_ledger(result: bd.Result) -> None:
+    with pytest.raises(ValueError, match="result must carry the energy ledger"):
+        bd.plot.energy(attrs.evolve(result, energy=None))
+
+
+# --- all of them ---------------------------------------------------------------------------------
+
+ALL: dict[str, Callable[..., Any]] = {
+    "speeds": bd.plot.speeds,
+    "torques": bd.plot.torques,
+    "span_tensions": bd.plot.span_tensions,
+    "joint_force": lambda r, **o: bd.plot.joint_force(r, 0, **o),
+    "joint_deformation": lambda r, **o: bd.plot.joint_deformation(r, 0, **o),
+    "force_along_belt": bd.plot.force_along_belt,
+    "contact_forces": lambda r, **o: bd.plot.contact_forces(r, 0, **o),
+    "friction_coefficient": lambda r, **o: bd.plot.friction_coefficient(r, 0, **o),
+    "relative_velocity": lambda r, **o: bd.plot.relative_velocity(r, 0, **o),
+    "drive": bd.plot.drive,
+    "energy": bd.plot.energy,
+}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_figure_of_its_own(result: bd.Result, name: str) -> None:
+    before = dict(matplotlib.rcParams)
+    ax = ALL[name](result)
+    png = ax.figure._repr_png_()
+    assert png.startswith(b"\x89PNG"), "a notebook shows it"
+    assert ax.get_xlabel() and "[" in ax.get_ylabel()
+    assert not ax.spines["top"].get_visible() and not ax.spines["right"].get_visible()
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_bad_results_and_axes(result: bd.Result, empty: bd.Result, name: str) -> None:
+    with pytest.raises(TypeError, match="result must be a Result, got Scene"):
+        ALL[name](bd.scenes.kubas_case_1())
+    with pytest.raises(TypeError, match="ax must be matplotlib axes or None, got int"):
+        ALL[name](result, ax=1)
+    with pytest.raises(ValueError, match="result must hold at least one sample"):
+        ALL[name](empty)
+
+
+@pytest.fixture(scope="module")
+def empty(result: bd.Result) -> bd.Result:
+    start = bd.settle(result.params)
+    return bd.simulate(result.params, bd.Viscous([1, 1]), 1e-4, t_eval=[], initial=start)
+
+
+@pytest.fixture(scope="module", params=[1, 2], ids=["one sample", "two samples"])
+def partial(request: pytest.FixtureRequest, result: bd.Result) -> bd.Result:
+    """A run that failed 5 ms in."""
+    with pytest.raises(bd.SimulationError) as error:
+        bd.simulate(
+            result.params,
+            lambda t, theta, omega: [float("nan") if t > 5e-3 else 0.0, 0.0],
+            0.02,
+            t_eval=[0.0, 1e-3, 0.01] if request.param == 2 else [0.0],
+        )
+    found = error.value.result
+    assert found is not None and found.t.size == request.param
+    return found
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_failed_run_can_be_drawn(partial: bd.Result, name: str) -> None:
+    """Warnings, such as of empty ranges, are errors here."""
+    ALL[name](partial).figure.draw_without_rendering()
+
+
+BAD: list[tuple[Callable[[bd.Result], Any], type[Exception], str]] = [
+    (lambda r: bd.plot.speeds(r, pulleys=2), ValueError, "pulleys must be an integer from 0 to 1"),
+    (lambda r: bd.plot.torques(r, pulleys=[0, -1]), ValueError, r"pulleys\[1\] must be an integer"),
+    (lambda r: bd.plot.speeds(r, pulleys=[]), ValueError, "pulleys must hold at least one"),
+    (lambda r: bd.plot.speeds(r, pulleys="0"), TypeError, "pulleys must be an integer"),
+    (lambda r: bd.plot.joint_force(r, 60), ValueError, "joint must be an integer from 0 to 59"),
+    (lambda r: bd.plot.joint_deformation(r, 1.0), TypeError, "joint must be an integer"),
+    (lambda r: bd.plot.contact_forces(r, -1), ValueError, "link must be an integer from 0 to 59"),
+    (lambda r: bd.plot.contact_forces(r, 0, which="mu"), ValueError, "which must be one of"),
+    (lambda r: bd.plot.contact_forces(r, 0, which=()), ValueError, "which must hold at least"),
+    (lambda r: bd.plot.contact_forces(r, 0, which=3), TypeError, "which must be a str"),
+    (
+        lambda r: bd.plot.friction_coefficient(r, 0, against="x"),
+        ValueError,
+        "against must be one of 'time', 'slip', got 'x'",
+    ),
+    (lambda r: bd.plot.relative_velocity(r, True), TypeError, "link must be an integer"),
+    (lambda r: bd.plot.force_along_belt(r, 1.0), ValueError, "t must lie within the samples"),
+    (lambda r: bd.plot.force_along_belt(r, "now"), TypeError, "t must be a real number"),
+    (lambda r: bd.plot.force_along_belt(r, first=-1), ValueError, "first must be an integer >= 0"),
+    (lambda r: bd.plot.drive(r, -0.1), ValueError, "t must lie within the samples"),
+    (lambda r: bd.plot.drive(r, colour="red"), ValueError, "colour must be one of 'tension'"),
+    (lambda r: bd.plot.drive(r, arcs=1), TypeError, "arcs must be a bool"),
+    (lambda r: bd.plot.drive(r, slip_from=0), ValueError, "slip_from must be > 0 and <= 1"),
+    (lambda r: bd.plot.drive(r, links={"x": 60}), ValueError, r"links\['x'\] must be an integer"),
+    (lambda r: bd.plot.drive(r, limits=(2, 1)), ValueError, "limits must rise, got 2, 1"),
+    (lambda r: bd.plot.overview(r, t=2.0), ValueError, "t must lie within the samples"),
+]
+
+
+@pytest.mark.parametrize(("call", "kind", "message"), BAD)
+def test_bad_arguments(
+    result: bd.Result, call: Callable[[bd.Result], Any], kind: type[Exception], message: str
+) -> None:
+    with pytest.raises(kind, match=message):
+        call(result)
+
+
+def test_overview_is_made_of_the_functions(result: bd.Result) -> None:
+    given = Figure()
+    assert bd.plot.overview(result, t=0.02, fig=given) is given
+    speeds, tensions, forces, drive, _bar = given.axes
+    for ax, alone in (
+        (speeds, bd.plot.speeds(result)),
+        (tensions, bd.plot.span_tensions(result)),
+        (forces, bd.plot.force_along_belt(result, 0.02)),
+    ):
+        for (x, y), (x_alone, y_alone) in zip(drawn(ax), drawn(alone), strict=True):
+            np.testing.assert_array_equal(x, x_alone)
+            np.testing.assert_array_equal(y, y_alone)
+    assert drive.get_aspect() == 1.0 and "0.02 s" in drive.get_title()
+
+
+def test_no_overlap_without_a_layout(result: bd.Result) -> None:
+    """Axes of a plain figure: the colour bar lies below the legend, and this below the axis."""
+    ax = Figure().add_subplot()
+    bd.plot.drive(result, links=[1, 2, 3], ax=ax)
+    figure = ax.figure
+    figure.draw_without_rendering()
+    bar = figure.axes[1].get_window_extent()
+    legend, label = ax.get_legend().get_window_extent(), ax.xaxis.label.get_window_extent()
+    assert bar.y1 < legend.y0 and legend.y1 < label.y1
+
+
+def run(code: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_plot_is_found_without_an_import_and_without_pyplot() -> None:
+    code = (
+        "import beltdyn as bd, sys; assert 'matplotlib' not in sys.modules; "
+        "r = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3); "
+        "bd.plot.overview(r); bd.plot.animate(r, duration=0.1)._repr_html_(); "
+        "print('matplotlib' in sys.modules, 'matplotlib.pyplot' in sys.modules)"
+    )
+    assert run(code) == "True False"
+
+
+def test_without_matplotlib_it_says_what_to_install() -> None:
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "import beltdyn as bd\n"
+        "try: bd.plot\nexcept ImportError as error: print(error)"
+    )
+    assert "pip install matplotlib (or beltdyn[plot])" in run(code)
+    with pytest.raises(AttributeError, match="no attribute 'plots'"):
+        _ = bd.plots  # type: ignore[attr-defined]
