@@ -168,8 +168,8 @@ def candidates(result: Result, case: int) -> tuple[int, ...]:
         first = np.where(touching.any(axis=0), touching.argmax(axis=0), -1)
         time = result.t[np.maximum(first, 0)]
         return tuple(np.flatnonzero((first > 0) & (time > 0.26) & (time < 0.36)).tolist())
-    start = np.flatnonzero(touching[0])
-    return tuple(range(int(start[0]), int(start[0]) + 4))
+    start = np.flatnonzero(touching[0])[:4]
+    return tuple(int(start[0]) + k for k in range(start.size))
 
 
 def best_links(case_1: Result, case_2: Result) -> Links:

@@ -27,7 +27,7 @@ from ..params import Belt, Contact, Dahl, Params, Pulley
 from ..result import Result
 from ..simulation import settle, simulate
 from ..tensioning import Tensioning
-from .rows import QUANTITIES, Links, best_links, demands, misfit, read, residuals
+from .rows import QUANTITIES, Links, best_links, candidates, demands, misfit, read, residuals
 
 __all__ = [
     "BEGIN",
@@ -123,8 +123,8 @@ class Trial:
     Attributes:
         params: The drive.
         links: The chosen elements with which it fits best.
-        values: The quantities of the table, by name; empty if a run failed.
-        misfit: Sum z^2, infinite if a run failed.
+        values: The quantities of the table, by name; empty if the misfit is infinite.
+        misfit: Sum z^2, infinite if a run failed or no link can be a chosen element.
         cost: The same with what keeps a search within the demands.
     """
 
@@ -138,7 +138,9 @@ class Trial:
     def missed(self) -> tuple[str, ...]:
         """Names of the demanded quantities outside their scale."""
         z = residuals(self.values)
-        return tuple(q.name for q in QUANTITIES if q.demanded and not abs(z[q.name]) <= 1.0)
+        return tuple(
+            q.name for q in QUANTITIES if q.demanded and not abs(z.get(q.name, np.inf)) <= 1.0
+        )
 
 
 def _runs(params: Params) -> tuple[Result, Result]:
@@ -165,7 +167,10 @@ def evaluate(params: Params, links: Links | None = None) -> Trial:
         case_1, case_2 = _runs(params)
     except SimulationError:
         return Trial(params)
-    links = links or best_links(case_1, case_2)
+    if links is None:
+        if not (candidates(case_1, 1) and candidates(case_2, 2)):
+            return Trial(params)
+        links = best_links(case_1, case_2)
     values = read(case_1, 1, links.case_1) | read(case_2, 2, links.case_2)
     fit = misfit(values)
     return Trial(params, links, values, fit, fit + float(np.sum(demands(values) ** 2)))
