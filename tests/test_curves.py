@@ -1,0 +1,214 @@
+"""Every method with its default settings against reference curves of the paper's cases.
+
+The curves were made by two integrators that share nothing (`reference_curves.py`); their difference
+is the floor below which nothing can be told.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import shlex
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+import reference_curves as rc
+
+import beltdyn as bd
+from beltdyn.simulation import METHODS
+
+DEFAULT_RTOL = float(inspect.signature(bd.simulate).parameters["rtol"].default)
+
+
+def remake(case: str) -> str:
+    return f"make it anew: python tests/reference_curves.py --case {shlex.quote(case)}"
+
+
+def load(case: str) -> tuple[bd.Scene, rc.Curves]:
+    """Give the scene and its curves; fails if they are not of this scene."""
+    scene, path = rc.CASES[case](), rc.path_of(case)
+    if not path.exists():
+        pytest.fail(f"tests/curves/{path.name} is missing; {remake(case)}")
+    curves = rc.Curves.read(path)
+    try:
+        same = bd.Scene.from_toml(curves.scene) == scene
+    except ValueError as error:
+        pytest.fail(f"tests/curves/{path.name} holds a scene of old ({error}); {remake(case)}")
+    if not same:
+        pytest.fail(f"tests/curves/{path.name} is of a scene that has changed; {remake(case)}")
+    return scene, curves
+
+
+def allowed(scene: bd.Scene, curves: rc.Curves, force: float) -> dict[str, float]:
+    """Errors that go with an error ``force`` of the joint forces over the mean tension.
+
+    A contact force balances the joint forces beside it. Both spans pull at a pulley, which swings
+    against the other on them: their torque error 2 force T r turns into speed over I Omega, Omega
+    the frequency of two equal pulleys on two spans of stiffness EA / span each. A span that is too
+    long by force times its stretch shifts links on the pulley by that much, mu by sigma of it.
+    """
+    params = scene.params
+    pulleys = params.pulleys
+    belt, pulley = params.belt, min(pulleys, key=lambda p: p.inertia)
+    span = math.dist(pulleys[0].center, pulleys[1].center)
+    swing = math.sqrt(4.0 * belt.axial_stiffness / span * pulley.radius**2 / pulley.inertia)
+    speed = 2.0 * curves.tension * pulley.radius / (pulley.inertia * swing)
+    stretch = curves.tension / belt.axial_stiffness * span
+    assert params.friction is not None
+    return {
+        "omega": force * speed / curves.scales()["omega"],
+        "force": force,
+        "mu": force * params.friction.sigma * stretch,
+        "normal": force,
+    }
+
+
+def fixed_step(scene: bd.Scene, curves: rc.Curves, error: float) -> float:
+    """Step with which a fixed-step method errs by no more than ``error``, over the mean tension.
+
+    It does not see a link touch a pulley within a step: the contact damper's jump b v then acts for
+    up to a step h too long or short, v = omega l0 / 2 at most being the speed at which a link of
+    half length l0 / 2 comes down, and leaves the link swinging between its joints with the stretch
+    b v h / (m w), w^2 = 2 c / m. Each of two pulleys may do so at once: half the error for one.
+    Never beyond three quarters of the stability limit 2.785 of the joints.
+    """
+    info = scene.params.info
+    contact_jump = (
+        info["contact_damping"] * 0.5 * curves.scales()["omega"] * info["link_length"]
+    )  # N
+    mode = math.sqrt(2.0 * info["joint_stiffness"] * info["link_mass"])  # m w
+    stretch = curves.tension / info["joint_stiffness"]
+    return min(0.5 * error * stretch * mode / contact_jump, 0.75 * 2.785 / info["spectral_bound"])
+
+
+@pytest.mark.parametrize("case", rc.CASES)
+def test_curves_are_of_the_scene(case: str) -> None:
+    """Its parameters and torques, its whole run, and the start that a run takes by itself.
+
+    Settling ends at 1e-9 of the tension out of balance; along its path the belt is all but free,
+    so that much force may be a thousand times more of place (forces: 1e-6).
+    """
+    scene, curves = load(case)
+    assert (curves.edges[0], curves.edges[-1]) == (0.0, scene.t_end)
+    assert all(samples.stop - samples.start > 20 for _, samples in curves.legs())
+    own = bd.simulate(*scene[:2], 1e-6, t_eval=[0.0])
+    kept = bd.simulate(*scene[:2], 1e-6, t_eval=[0.0], initial=curves.state(0))
+    change = np.max(np.abs(own.joints.force - kept.joints.force)) / curves.tension
+    assert change <= 1e-6, f"the start of the scene has changed by {change:.1g}; {remake(case)}"
+
+
+@pytest.mark.parametrize("case", rc.CASES)
+def test_floor(case: str) -> None:
+    """In every leg the two integrators agree as well as the oracle's tests promise for 0.05 s:
+    1e-6 of the mean tension (and of the speed), 1e-5 in mu; and they are two.
+
+    Over the whole run the floors of the legs add up, each grown by the legs after it: by no more
+    than LEGS times the worst floor times the product of the growths so far. Where nothing grows
+    that is a bound; where much does, it says that the curves are known leg by leg only.
+    """
+    _, curves = load(case)
+    most = {"omega": 1e-6, "force": 1e-6, "mu": 1e-5, "normal": 1e-6}
+    for leg, samples in curves.legs():
+        for name, (worst, _) in curves.floor(samples).items():
+            assert worst <= most[name], (leg, name)
+        assert curves.floor(samples)["force"][1] > 0.0
+    grown = np.cumprod(np.maximum(curves.growth, 1.0))
+    bound = rc.LEGS * grown[:, None] * np.array([most[name] for name in rc.QUANTITIES])
+    assert np.all(curves.run_floor <= bound)
+
+
+def legs_by_defaults(
+    scene: bd.Scene, curves: rc.Curves, bounds: dict[str, float], **options: Any
+) -> dict[str, rc.Array]:
+    """Errors of a method over what a leg allows: the bound times its growth, plus its floor."""
+    shares: dict[str, list[rc.Array]] = {name: [] for name in bounds}
+    for leg, samples in curves.legs():
+        result = bd.simulate(
+            *scene[:2],
+            curves.edges[leg + 1],
+            t_eval=curves.t[samples],
+            initial=curves.state(leg),
+            **options,
+        )
+        floor = curves.floor(samples)
+        for name, error in curves.errors(rc.pick(result, curves.links), samples).items():
+            share = np.abs(error) / (max(1.0, curves.growth[leg]) * bounds[name] + floor[name][0])
+            shares[name].append(share)
+    return {name: np.vstack(parts) for name, parts in shares.items()}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("case", rc.CASES)
+def test_defaults_against_the_curves(case: str, method: str) -> None:
+    """From A's states at the start of each leg: joint forces to ten times the default tolerance.
+
+    The tolerance bounds the error of one step in the stretch of a joint, which over the mean
+    stretch is the error of its force over the mean tension. Only steps that straddle a kink, a
+    touching link, come near it, the others being held far below by stability; what such a step
+    leaves rings down in the dampers before many more are added: ten of them at the worst sample,
+    and, most samples lying between them, one in the mean. What the drive itself makes of an error
+    comes on top, the growth of the leg.
+    """
+    scene, curves = load(case)
+    force = 10.0 * DEFAULT_RTOL
+    options: dict[str, Any] = {"method": method}
+    if method == "rk4":
+        options["step"] = fixed_step(scene, curves, force)
+    shares = legs_by_defaults(scene, curves, allowed(scene, curves, force), **options)
+    for name, share in shares.items():
+        worst, mean = np.max(share), np.sqrt(np.mean(share**2))
+        print(f"  case {case}, {method}, {name}: max {worst:.1e}, rms {mean:.1e} of what may be")
+        assert worst <= 1.0, name
+        assert mean <= 0.1, name
+
+
+def test_a_drive_slightly_off_is_told_apart() -> None:
+    """A belt softer by 1 % pulls by 1 % less from the same places, ten times the bound."""
+    scene, curves = load("1")
+    params = scene.params
+    belt = attrs.evolve(params.belt, axial_stiffness=0.99 * params.belt.axial_stiffness)
+    other = scene._replace(params=attrs.evolve(params, belt=belt))
+    shares = legs_by_defaults(other, curves, allowed(scene, curves, 10.0 * DEFAULT_RTOL))
+    assert np.max(shares["force"]) > 1.0
+    assert np.sqrt(np.mean(shares["force"] ** 2)) > 0.1
+
+
+@pytest.mark.parametrize("leg", [0, rc.LEGS // 2])
+@pytest.mark.parametrize("case", rc.CASES)
+def test_script_makes_the_first_milliseconds_anew(case: str, leg: int) -> None:
+    """Both integrators, to a hundred (A) and ten (B) times their tolerances: kernels of other
+    widths and other versions of SciPy round differently.
+    """
+    scene, curves = load(case)
+    samples = dict(curves.legs())[leg]
+    count = np.count_nonzero(curves.t[samples] <= curves.edges[leg] + rc.FIRST)
+    assert count >= 2
+    samples = slice(samples.start, samples.start + int(count))
+    start, times = curves.state(leg), curves.t[samples]
+    a = rc.pick(rc.run_core(scene, start, times, times[-1], curves.rtol), curves.links)
+    b = rc.run_oracle(scene, start, times, curves.links, curves.tol)
+    changes = curves.errors(a, samples), curves.errors(b - (curves.b - curves.a)[samples], samples)
+    for change, bound in zip(changes, (100.0 * curves.rtol, 10.0 * curves.tol), strict=True):
+        for name, error in change.items():
+            assert np.max(np.abs(error)) <= bound, name
+
+
+def test_files_are_small() -> None:
+    size = sum(path.stat().st_size for path in rc.DIRECTORY.glob("*.npz"))
+    assert size < 300_000
+    assert {path.name for path in rc.DIRECTORY.glob("*.npz")} == {
+        rc.path_of(case).name for case in rc.CASES
+    }
+
+
+def test_stale_files_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed = rc.CASES["1"]()
+    belt = attrs.evolve(changed.params.belt, linear_density=0.11)
+    changed = changed._replace(params=attrs.evolve(changed.params, belt=belt))
+    monkeypatch.setitem(rc.CASES, "1", lambda: changed)
+    with pytest.raises(
+        pytest.fail.Exception, match=r"has changed; .*reference_curves\.py --case 1"
+    ):
+        load("1")
