@@ -84,6 +84,7 @@ def test_a_leak_is_seen(tmp_path: Path) -> None:
 
 def test_example_runs(tmp_path: Path) -> None:
     """The example of csrc/examples, and that its numbers are those of the Python package."""
+    import drives
     import numpy as np
 
     import beltdyn as bd
@@ -92,8 +93,7 @@ def test_example_runs(tmp_path: Path) -> None:
     compile_and_link(target, [CORE / "examples" / "two_pulleys.c", *SOURCES], "-O3")
     lines = run(target).splitlines()
     rows = np.array([[float(v) for v in line.split()] for line in lines[1:7]])
-    scene = bd.scenes.kubas_case_1()
-    result = bd.simulate(*scene[:2], 0.05, t_eval=rows[:, 0])
+    result = bd.simulate(*drives.plain_scene()[:2], 0.05, t_eval=rows[:, 0])
     assert rows[:, 1:3] == pytest.approx(result.pulleys.omega, abs=1e-3)
     assert rows[:, 3] == pytest.approx(result.joints.force.min(axis=1), abs=0.1)
     assert rows[:, 4] == pytest.approx(result.joints.force.max(axis=1), abs=0.1)
