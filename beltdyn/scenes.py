@@ -112,9 +112,10 @@ def kubas_case_1() -> Scene:
     belt was stabilised. They were identified from the numbers the paper states for both cases, in
     ``notebooks/2-identification.ipynb``: the belt is laid round held pulleys at the strain of the
     belt line, with friction on, and the pulleys are let go at t = 0, when each carries 0.13 N m.
-    mu_k is determined, and EA together with the contact; EI and the contact within a factor; the
-    dampings not at all, mass and inertia only together with the phase in which the speeds ring.
-    The notebook has the intervals, and where the paper's numbers contradict each other.
+    EA, together with the contact, is determined to 3 %, mu_k to 7 %; EI and the contact within a
+    factor; the dampings not at all, mass and inertia only together with the phase in which the
+    speeds ring. The notebook has the intervals, where the paper's numbers contradict each other,
+    and what a drive that rests by itself would miss (row 11).
     """
     torque = PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
     return Scene(_kubas_drive(1e4), torque + Viscous([0.0, 100.0 / (2.0 * math.pi)]), 1.0)

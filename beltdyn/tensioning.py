@@ -16,12 +16,18 @@ __all__ = ["Offsets", "Tensioning"]
 Offsets = tuple[tuple[float, float], ...]
 
 
+def _index(value: object) -> int:
+    # The keys of a TOML table are texts.
+    number = int(value) if isinstance(value, str) and value.isdecimal() else value
+    return integer("offset index", number, 0, 9999)
+
+
 def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
     """Give one (dx, dy) for each pulley up to the last that moves."""
     if value is None:
         return ()
     if isinstance(value, Mapping):
-        places = {integer("offset index", index, 0, 9999): shift for index, shift in value.items()}
+        places = {_index(index): shift for index, shift in value.items()}
         rows: list[Any] = [
             places.get(index, (0.0, 0.0)) for index in range(max(places, default=-1) + 1)
         ]
@@ -70,10 +76,12 @@ class Tensioning:
         friction: Whether friction acts; its state is then kept.
         pulleys: "held": the pulleys do not turn; "free": they may.
         offset: Where the pulley centres start, relative to their places: {index: (dx, dy)} or one
-            (dx, dy) per pulley [m]; None or (): in their places. Kept as a tuple of pairs.
+            (dx, dy) per pulley from pulley 0 on [m]; pulleys left out, None or (): in their
+            places. Kept as a tuple of pairs.
         move_time: Duration of the motion from there [s]; None: chosen.
         shift: How far link 0 is laid past its place along the belt line [m], at most the belt's
-            length either way; its place begins where the belt leaves pulley 0.
+            length either way; its place begins where the belt leaves pulley 0. Without friction
+            the belt slides on to one of the resting places of its polygon all the same.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.

@@ -358,3 +358,20 @@ def test_unknown_noise_needs_enough_numbers(rig: bd.Params, experiment: bd.Exper
     twice = [experiment.curve("slip[1]", [0.01], [0.0], sigma=1.0) for _ in range(2)]
     with pytest.raises(ValueError, match="two targets are called"):
         bd.identify(rig, ["friction.mu_k"], twice)
+
+
+def test_free_parameters_may_not_overlap(rig: bd.Params, targets: list[bd.Target]) -> None:
+    both = ["pulleys[1].inertia", bd.Free("pulleys[*].inertia", start=0.01)]
+    for free in (both, both[::-1]):
+        with pytest.raises(ValueError, match="which overlap"):
+            bd.identify(rig, free, targets)
+
+
+def test_a_step_of_a_whole_logarithm_is_refused(rig: bd.Params, targets: list[bd.Target]) -> None:
+    with pytest.raises(ValueError, match="diff_step must be < 1"):
+        bd.identify(rig, ["friction.mu_k"], targets, diff_step=10.0)
+
+
+def test_a_target_holds_at_least_one_number(experiment: bd.Experiment) -> None:
+    with pytest.raises(ValueError, match="must hold at least one number"):
+        experiment.number(lambda _result: np.array([]), [], sigma=1.0)

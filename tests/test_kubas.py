@@ -251,6 +251,12 @@ def test_little_strokes_back_and_forth_do_not_change_the_slope(letter: kubas.Run
     assert table["slope"].computed == pytest.approx(0.5, rel=1e-4)
 
 
+def test_too_few_samples_cannot_tell_a_jump(real: kubas.Runs) -> None:
+    coarse = bd.simulate(*bd.scenes.kubas_case_1(), t_eval=np.linspace(0, 1, 501))
+    with pytest.raises(ValueError, match="case 1 must be sampled at least three times"):
+        kubas.compare(real._replace(case_1=coarse))
+
+
 def test_a_start_that_is_no_rest_is_missed(real: kubas.Runs) -> None:
     table = kubas.compare(real)
     # 100 N m in 0.3 s and in 0.25 s, in 1 ms, at 0.1 m

@@ -40,6 +40,41 @@ def test_demanded(comparison: kubas.Comparison, name: str) -> None:
     assert line.within, "  ".join(line.cells())
 
 
+#: What is asked of the rows: paper's value and agreement, of the rows that need one.
+ASKED = {
+    "passive": (120.0, 0.03 * 120.0),
+    "active": (1120.0, 0.03 * 1120.0),
+    "growing": (10.0, 1.0),
+    "grown": (23.0, 1.0),
+    "falling": (40.0, 1.0),
+    "fallen": (53.0, 1.0),
+    "end": (580.0, 0.05 * 580.0),
+    "friction": (190.0, 0.15 * 190.0),
+    "negative_from": (0.16, 0.02),
+    "negative_to": (0.25, 0.02),
+    "positive_from": (0.66, 0.02),
+    "positive_to": (0.76, 0.02),
+    "extreme": (-0.83, 0.083),
+    "slope": (0.5, 0.025),
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_the_table_asks_what_is_asked(comparison: kubas.Comparison, name: str) -> None:
+    quantity = comparison[name].quantity
+    assert (quantity.paper, quantity.scale) == pytest.approx(ASKED[name])
+    assert quantity.demanded
+
+
+def test_the_fit_is_that_of_the_identification(comparison: kubas.Comparison) -> None:
+    """The readings jump a little with the steps: 110.8 to 113.0 for rtol from 1e-2 to 1e-8."""
+    values = {q.name: comparison[q.name].computed for q in kubas.QUANTITIES}
+    assert rows.misfit(values) == pytest.approx(111.0, abs=4.0)
+    comparison.assert_conflicts(6.0)
+    with pytest.raises(AssertionError, match="first peak"):
+        comparison.assert_conflicts(5.0)
+
+
 def test_nothing_else_is_demanded(comparison: kubas.Comparison) -> None:
     names = {line.quantity.name for line in comparison.demanded}
     assert names == {*DEMANDED, "rest_1", "rest_2", "slope"}

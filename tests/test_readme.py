@@ -26,10 +26,10 @@ def test_the_examples(capsys: pytest.CaptureFixture[str]) -> None:
         assert short != code
         exec(compile(short, "README.md", "exec"), names)
         assert capsys.readouterr().out
-    # measured on the drive itself: what was put in comes out
     found = names["found"]
     assert isinstance(found, bd.Identification)
-    assert found.values["belt.axial_stiffness"] == pytest.approx(70e3, rel=1e-6)
+    # 70e3 N was put in: half a percent is several standard deviations
+    assert found.values["belt.axial_stiffness"] == pytest.approx(70e3, rel=5e-3)
 
 
 def test_the_scene_file() -> None:

@@ -273,6 +273,20 @@ def test_tensioning_survives_toml_and_says_itself() -> None:
         params
     )
     assert how.offset == ((0.0, 0.0), (1e-3, 0.0))
+    assert str(bd.Tensioning(shift=-2e-3)).endswith("laid -0.002 m on")
+
+
+def test_a_tensioning_table_may_name_the_pulley() -> None:
+    text = (
+        drives.plain().to_toml() + "\n[tensioning]\nfriction = true\noffset = { 1 = [-0.006, 0] }"
+    )
+    tensioning = bd.Params.from_toml(text + "\n").tensioning
+    assert tensioning == bd.Tensioning(friction=True, offset={1: (-0.006, 0.0)})
+
+
+def test_friction_while_settling_needs_a_friction_law() -> None:
+    params = attrs.evolve(drives.plain(), friction=None, tensioning=bd.Tensioning(friction=True))
+    assert not bd.settle(params).mu.any()
 
 
 @pytest.mark.parametrize(

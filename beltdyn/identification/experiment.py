@@ -227,6 +227,8 @@ class Experiment:
             raise TypeError(f"read must be callable, got {read!r}; a text is for curve()")
         label = f"target {name or _name_of(read)!r}"
         measured = real_array(f"{label}: values", np.atleast_1d(np.asarray(values)), ndim=1)
+        if measured.size == 0:
+            raise ValueError(f"{label}: values must hold at least one number")
         if names is not None and len(names) != measured.size:
             raise ValueError(
                 f"{label}: names must hold one for each of the {measured.size} values, "

@@ -101,7 +101,7 @@ def identify(
         confidence=confidence_of(confidence),
         limit=_above("limit", limit, 1.0),
         central=_one_of("jac", jac, ("3-point", "2-point")) == "3-point",
-        step=_above("diff_step", diff_step, 0.0),
+        step=_step(diff_step),
         loss=_one_of("loss", loss, tuple(_LOSSES)),
         prior=_prior(parameters, prior),
     )
@@ -375,6 +375,13 @@ def _above(name: str, value: object, least: float) -> float:
     if number <= least:
         raise ValueError(f"{name} must be > {least:g}, got {number:g}")
     return number
+
+
+def _step(value: object) -> float:
+    step = _above("diff_step", value, 0.0)
+    if step >= 1.0:
+        raise ValueError(f"diff_step must be < 1, got {step:g}")
+    return step
 
 
 def _one_of(name: str, value: object, known: tuple[str, ...]) -> str:

@@ -29,7 +29,9 @@ class Free:
             "linear"; None: "log" for what may not be negative, unless it starts at 0, and "linear"
             for the rest and with ``set``.
         start: Where the search begins; None: the value in ``params``.
-        size: For "linear": the change that counts as large, 1 on its scale; None: |start|.
+        size: For "linear": the change that counts as large, 1 on its scale; None: |start|. The
+            differences that give the derivatives are ``diff_step`` times this, and a standard
+            deviation of ln(limit) times this counts as undetermined.
         set: ``set(params, value) -> params``, for what has no name of its own; needs ``start``.
             Called from several threads; a ValueError in it is a value that cannot be.
 
@@ -162,6 +164,9 @@ def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]
     for k, part in enumerate(found):
         if part.name in [other.name for other in found[:k]]:
             raise ValueError(f"free holds {part.name!r} twice")
+        for other in found[:k]:
+            if part.set is None and other.set is None and names.overlap(part.name, other.name):
+                raise ValueError(f"free holds {other.name!r} and {part.name!r}, which overlap")
     return found
 
 

@@ -11,7 +11,7 @@ import attrs
 
 from ..params import Params, Rule
 
-__all__ = ["Path", "assign", "close_to", "fields", "numbers", "parse", "read", "rule_of"]
+__all__ = ["Path", "assign", "close_to", "fields", "numbers", "overlap", "parse", "read", "rule_of"]
 
 #: A field, an index, or "*" for every index.
 Path: TypeAlias = "tuple[str | int, ...]"
@@ -43,6 +43,12 @@ def parse(name: object) -> Path:
     if at < len(name) or not steps:
         raise ValueError(f'a parameter is named like "pulleys[1].inertia", got {name!r}')
     return tuple(steps)
+
+
+def overlap(one: str, other: str) -> bool:
+    """Tell whether two names have a number in common, as "pulleys[*].inertia" with any other."""
+    steps = zip(parse(one), parse(other), strict=False)
+    return all(a == b or "*" in (a, b) for a, b in steps)
 
 
 def fields(kind: Any) -> list[str]:

@@ -286,7 +286,12 @@ class Identification:
                     self._remark(part.name),
                 ]
             )
-        lines = [repr(self), *([] if self.success else [f"  {self.message}"]), *_table(rows, "  ")]
+        lines = [repr(self)]
+        if not self.success:
+            lines.append(f"  not finished, values and intervals are those so far: {self.message}")
+        lines += _table(rows, "  ")
+        if len(self.labels) < len(self.values):
+            lines.append(f"  {len(self.labels)} numbers cannot fix {len(self.values)} parameters")
         if self.indistinguishable:
             lines.append("  the data cannot tell:")
             lines += [f"    {combination}" for combination in self.indistinguishable]
@@ -320,7 +325,7 @@ def _spread(part: Parameter, std: float) -> str:
     if not math.isfinite(std):
         return "none" if math.isnan(std) else "unlimited"
     if not part.log:
-        return f"{std:.2g}"
+        return f"{std:.2g} {part.unit}".rstrip()
     if std < 0.3:
         return f"{100.0 * std:.2g} %"
     return f"factor {math.exp(std):.3g}" if std < 7.0 else "unlimited"

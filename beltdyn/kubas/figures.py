@@ -45,8 +45,9 @@ _HEADING_TORQUE = -100.0
 #: The time at which the paper shows the forces along the belt [s].
 _SNAPSHOT = 0.4
 _GREY = "0.45"
-#: Dashes of lines that swing too fast for them.
+#: Lines that swing too fast for dashes: a dark and a light colour, apart in grey as well.
 _DENSE = {"linestyle": "-", "linewidth": 0.7}
+_DARK_AND_LIGHT = (COLOURS[0], COLOURS[4])
 
 
 class Size(NamedTuple):
@@ -182,7 +183,8 @@ def _remove_legend(ax: Axes) -> None:
 
 def _pulley_lines(draw: Callable[..., Axes], panel: _Panel, result: Result, **line: Any) -> None:
     for k, name in enumerate(("driving pulley", "driven pulley")):
-        draw(result, pulleys=k, ax=panel.ax, label=name, **(panel.line | line))
+        colour = {"color": _DARK_AND_LIGHT[k]} if line else {}
+        draw(result, pulleys=k, ax=panel.ax, label=name, **(panel.line | line | colour))
     panel.ax.set_xlim(0.0, 1.0)
 
 
