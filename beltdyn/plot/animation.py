@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -227,9 +228,7 @@ class _FFMpeg(FFMpegWriter):
         if found:
             return found
         try:
-            import imageio_ffmpeg  # type: ignore[import-untyped]
-
-            return str(imageio_ffmpeg.get_ffmpeg_exe())
+            return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
         except (ImportError, RuntimeError):
             raise ImportError(
                 "an MP4 needs ffmpeg: install it, or python -m pip install imageio-ffmpeg "
