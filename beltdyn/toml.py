@@ -150,6 +150,8 @@ def read_params(source: Source) -> Params:
     """See :meth:`beltdyn.Params.from_toml`."""
     document, prefix = _document(source)
     try:
+        if any(field in document for field in _SCENE_ONLY):
+            raise ValueError("this is a scene, with torque and t_end: read it with Scene.from_toml")
         params: Params = _structure(document, Params)
     except ValueError as error:
         raise ValueError(f"{prefix}{error}") from None
