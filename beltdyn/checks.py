@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import difflib
 import numbers
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "flag", "integer", "pair", "real", "real_array"]
+__all__ = [
+    "Array",
+    "close_to",
+    "flag",
+    "integer",
+    "pair",
+    "positive",
+    "real",
+    "real_array",
+    "sample_times",
+]
 
 Array = NDArray[np.float64]
 
@@ -36,6 +47,26 @@ def real(name: str, value: object, unit: str = "1") -> float:
         number = float("inf")
     if not np.isfinite(number):
         raise ValueError(f"{name} must be finite{_with_unit(unit)}, got {value!r}")
+    return number
+
+
+def close_to(name: str, known: Iterable[str]) -> str:
+    """Give " (did you mean ...?)" for a misspelt name, or nothing."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def positive(name: str, value: object, unit: str = "1") -> float:
+    """Check a real number > 0; give it as a plain float.
+
+    Raises:
+        TypeError: Not a real number.
+        ValueError: NaN, infinite, zero or negative.
+    """
+    number = real(name, value, unit)
+    if number <= 0.0:
+        with_unit = "" if unit == "1" else f" {unit}"
+        raise ValueError(f"{name} must be > 0{with_unit}, got {number:g}{with_unit}")
     return number
 
 
@@ -100,3 +131,26 @@ def real_array(name: str, value: Any, *, ndim: int, shape: tuple[int, ...] | Non
         raise ValueError(f"{name} must be finite, got {array[tuple(where)]} at [{index}]")
     array.flags.writeable = False
     return array
+
+
+def sample_times(name: str, value: Any, start: float, end: float) -> Array:
+    """Check non-decreasing times within a run (n_t,) [s].
+
+    Raises:
+        TypeError: Not real numbers.
+        ValueError: Wrong shape, NaN, infinite, decreasing or outside the run.
+    """
+    times = real_array(name, value, ndim=1)
+    if (np.diff(times) < 0.0).any():
+        k = int(np.argmax(np.diff(times) < 0.0))
+        raise ValueError(
+            f"{name} must be non-decreasing, got {times[k]:g} s before {times[k + 1]:g} s"
+        )
+    # What np.arange leaves by rounding beyond an end is meant to be that end.
+    slack = 8 * np.spacing(max(abs(start), abs(end)))
+    if times.size and (times[0] < start - slack or times[-1] > end + slack):
+        raise ValueError(
+            f"{name} must lie within the run, [{start:.12g}, {end:.12g}] s, "
+            f"got [{times[0]:.12g}, {times[-1]:.12g}] s"
+        )
+    return np.clip(times, start, end)

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable
 from typing import NamedTuple
 
-from .checks import real
+from .checks import positive
 from .params import Belt, Contact, Dahl, Params, Pulley
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, TorqueLike, Viscous, as_terms
@@ -43,8 +43,7 @@ class Scene(NamedTuple):
 
     def check(self) -> None:
         """Raise TypeError or ValueError unless the three fit together."""
-        if real("t_end", self.t_end, "s") <= 0.0:
-            raise ValueError(f"t_end must be > 0 s, got {self.t_end:g} s")
+        positive("t_end", self.t_end, "s")
         as_terms(self.torque_fn, len(self.params.pulleys))
 
     def __str__(self) -> str:

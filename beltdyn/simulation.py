@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from .checks import Array, flag, integer, real, real_array
+from .checks import Array, flag, integer, positive, real, real_array, sample_times
 from .errors import Interrupted, SimulationError
 from .params import Params
 from .result import Result, Stats
@@ -229,20 +229,7 @@ def _check_initial(params: Params, initial: object) -> None:
 def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
     if t_eval is None:
         return np.linspace(start, end, _DEFAULT_SAMPLES)
-    times = real_array("t_eval", t_eval, ndim=1)
-    if (np.diff(times) < 0.0).any():
-        k = int(np.argmax(np.diff(times) < 0.0))
-        raise ValueError(
-            f"t_eval must be non-decreasing, got {times[k]:g} s before {times[k + 1]:g} s"
-        )
-    # What np.arange leaves by rounding beyond an end is meant to be that end.
-    slack = 8 * np.spacing(max(abs(start), abs(end)))
-    if times.size and (times[0] < start - slack or times[-1] > end + slack):
-        raise ValueError(
-            f"t_eval must lie within the run, [{start:.12g}, {end:.12g}] s, "
-            f"got [{times[0]:.12g}, {times[-1]:.12g}] s"
-        )
-    return np.clip(times, start, end)
+    return sample_times("t_eval", t_eval, start, end)
 
 
 def _method(method: object) -> str:
@@ -265,10 +252,7 @@ def _positive(name: str, value: object, unit: str) -> float:
     """0, the core's "not given", for None."""
     if value is None:
         return 0.0
-    number = real(name, value, unit)
-    if number <= 0.0:
-        raise ValueError(f"{name} must be > 0, got {number:g}")
-    return number
+    return positive(name, value, unit)
 
 
 @contextmanager

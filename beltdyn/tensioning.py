@@ -9,7 +9,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import flag, integer, pair, real
+from .checks import flag, integer, pair, positive, real
 
 __all__ = ["Offsets", "Tensioning"]
 
@@ -56,12 +56,7 @@ def _shift(value: object) -> float:
 
 
 def _move_time(value: object) -> float | None:
-    if value is None:
-        return None
-    number = real("move_time", value, "s")
-    if number <= 0.0:
-        raise ValueError(f"move_time must be > 0 s, got {number:g} s")
-    return number
+    return None if value is None else positive("move_time", value, "s")
 
 
 @attrs.frozen(kw_only=True)

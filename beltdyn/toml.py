@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import tomllib
@@ -22,7 +21,7 @@ from cattrs.errors import (
 )
 from cattrs.gen import make_dict_structure_fn
 
-from .checks import Array
+from .checks import Array, close_to
 from .params import Dahl, Params
 from .tensioning import Offsets, Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
@@ -109,8 +108,7 @@ def _explain(error: BaseException, path: str) -> str:
         return _explain(inner, _join(path, cast(Any, note).name))
     if isinstance(error, ForbiddenExtraKeysError):
         field = min(error.extra_fields)
-        close = difflib.get_close_matches(field, [known.name for known in attrs.fields(error.cl)])
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        hint = close_to(field, [known.name for known in attrs.fields(error.cl)])
         return f"{_join(path, field)}: unknown field{hint}"
     if isinstance(error, KeyError):
         return f"{path}: missing"

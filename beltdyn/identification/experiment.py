@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, real, real_array
+from ..checks import Array, close_to, positive, real_array, sample_times
 from ..params import Params
 from ..result import EnergyLedger, Result
 from ..simulation import settle, simulate
@@ -50,7 +50,7 @@ def _mapping(known: set[str] | None) -> Callable[[Any, attrs.Attribute[Any], Any
         for key in value:
             if known is not None and key not in known:
                 raise ValueError(
-                    f"Experiment.{field.name} has no {key!r}{names.close_to(str(key), known)}: "
+                    f"Experiment.{field.name} has no {key!r}{close_to(str(key), known)}: "
                     f"it takes {', '.join(sorted(known))}"
                 )
 
@@ -64,10 +64,7 @@ def _dict(value: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _t_end(value: object) -> float:
-    t_end = real("Experiment.t_end", value, "s")
-    if t_end <= 0.0:
-        raise ValueError(f"Experiment.t_end must be > 0 s, got {t_end:g} s")
-    return t_end
+    return positive("Experiment.t_end", value, "s")
 
 
 @attrs.frozen(eq=False)
@@ -308,19 +305,10 @@ def _name_of(read: Read) -> str:
 
 
 def _times(label: str, t: ArrayLike, experiment: Experiment) -> Array:
-    times = real_array(label, t, ndim=1)
+    times = sample_times(label, t, experiment.start, experiment.t_end)
     if times.size == 0:
         raise ValueError(f"{label} must hold at least one time")
-    if (np.diff(times) < 0.0).any():
-        raise ValueError(f"{label} must be non-decreasing")
-    start, end = experiment.start, experiment.t_end
-    slack = 8 * np.spacing(max(abs(start), abs(end)))
-    if times[0] < start - slack or times[-1] > end + slack:
-        raise ValueError(
-            f"{label} must lie within the run, [{start:.12g}, {end:.12g}] s, "
-            f"got [{times[0]:.12g}, {times[-1]:.12g}] s"
-        )
-    return np.clip(times, start, end)
+    return times
 
 
 def _sigma(label: str, sigma: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
@@ -347,7 +335,7 @@ def _reader(quantity: str | Read) -> Read:
     match = _QUANTITY.fullmatch(quantity)
     path, column = match.groups() if match else (quantity, None)
     if path not in _QUANTITIES:
-        raise ValueError(f"a Result has no {path!r}{names.close_to(path, _QUANTITIES)}")
+        raise ValueError(f"a Result has no {path!r}{close_to(path, _QUANTITIES)}")
 
     def read(result: Result) -> Array:
         group, _, field = path.partition(".")

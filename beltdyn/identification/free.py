@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import attrs
 import numpy as np
 
-from ..checks import Array, real
+from ..checks import Array, close_to, real
 from ..params import Params
 from . import names
 
@@ -109,7 +109,7 @@ def _start(params: Params, free: Free) -> float:
     found = names.read(params, free.name)
     for value in found:
         if not isinstance(value, float):
-            hint = names.close_to(free.name, names.numbers(params))
+            hint = close_to(free.name, names.numbers(params))
             raise ValueError(
                 f"{free.name} cannot be free: it is not a real number but {value!r}{hint}"
             )

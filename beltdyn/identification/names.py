@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
 import attrs
 
+from ..checks import close_to
 from ..params import Params, Rule
 
-__all__ = ["Path", "assign", "close_to", "fields", "numbers", "overlap", "parse", "read", "rule_of"]
+__all__ = ["Path", "assign", "fields", "numbers", "overlap", "parse", "read", "rule_of"]
 
 #: A field, an index, or "*" for every index.
 Path: TypeAlias = "tuple[str | int, ...]"
 
 _STEP = re.compile(r"(?:^|\.)([A-Za-z]\w*)|\[(\d+|\*)\]")
-
-
-def close_to(name: str, known: Iterable[str]) -> str:
-    """Give " (did you mean ...?)" for a misspelt name, or nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def parse(name: object) -> Path:

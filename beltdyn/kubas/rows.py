@@ -28,6 +28,7 @@ __all__ = [
     "Quantity",
     "best_links",
     "candidates",
+    "cost",
     "demands",
     "misfit",
     "paper_values",
@@ -142,6 +143,11 @@ def misfit(values: Mapping[str, float]) -> float:
     return float(sum(z * z for z in residuals(values).values()))
 
 
+def cost(values: Mapping[str, float]) -> float:
+    """Give what a search makes least: the misfit and the squares of :func:`demands`."""
+    return misfit(values) + float(np.sum(demands(values) ** 2))
+
+
 def read(result: Result, case: int, link: int) -> dict[str, float]:
     """Read every quantity of a case off its run.
 
@@ -176,11 +182,7 @@ def best_links(case_1: Result, case_2: Result) -> Links:
     """Choose the elements with which the two runs fit the paper best."""
 
     def best(result: Result, case: int) -> int:
-        def cost(link: int) -> float:
-            values = read(result, case, link)
-            return misfit(values) + float(np.sum(demands(values) ** 2))
-
-        return min(candidates(result, case), key=cost)
+        return min(candidates(result, case), key=lambda link: cost(read(result, case, link)))
 
     return Links(best(case_1, 1), best(case_2, 2))
 

@@ -27,7 +27,7 @@ from ..params import Belt, Contact, Dahl, Params, Pulley
 from ..result import Result
 from ..simulation import settle, simulate
 from ..tensioning import Tensioning
-from .rows import QUANTITIES, Links, best_links, candidates, demands, misfit, read, residuals
+from .rows import QUANTITIES, Links, best_links, candidates, cost, demands, misfit, read, residuals
 
 __all__ = [
     "BEGIN",
@@ -172,8 +172,7 @@ def evaluate(params: Params, links: Links | None = None) -> Trial:
             return Trial(params)
         links = best_links(case_1, case_2)
     values = read(case_1, 1, links.case_1) | read(case_2, 2, links.case_2)
-    fit = misfit(values)
-    return Trial(params, links, values, fit, fit + float(np.sum(demands(values) ** 2)))
+    return Trial(params, links, values, misfit(values), cost(values))
 
 
 def evaluate_all(drives: Iterable[Params], *, workers: int | None = None) -> list[Trial]:

@@ -25,7 +25,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..checks import real
+from ..checks import positive
 from ..result import Result
 from . import style
 from .history import span_tensions, speeds
@@ -78,7 +78,7 @@ def animate(
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    seconds, rate = _positive("duration", duration, "s"), _positive("fps", fps, "1/s")
+    seconds, rate = positive("duration", duration, "s"), positive("fps", fps, "1/s")
     choice("panel", panel, (*_PANELS, None))
     rows = _frames(result, max(1, round(seconds * rate)))
     picture = DrivePicture(
@@ -116,13 +116,6 @@ def animate(
         return [*picture.move(int(row)), title, *marks]
 
     return Animation(figure, show, rows, len(rows) / seconds)
-
-
-def _positive(name: str, value: object, unit: str) -> float:
-    number = real(name, value, unit)
-    if number <= 0.0:
-        raise ValueError(f"{name} must be > 0, got {number:g}")
-    return number
 
 
 def _frames(result: Result, count: int) -> NDArray[np.int64]:

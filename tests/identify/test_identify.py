@@ -17,7 +17,6 @@ from identify_common import (
     changed,
     curves,
     free_pulley,
-    make_rig,
 )
 
 import beltdyn as bd
@@ -29,32 +28,6 @@ DRAWS = 100
 # links come and go: over 300 other seeds 91 to 94 % held it.) Intervals much too wide would pass as
 # well: those of 50 % hold it 35 to 65 times with probability 0.998.
 LEAST, HALF = 90, (35, 65)
-
-
-@pytest.fixture(scope="module")
-def rig() -> bd.Params:
-    return make_rig()
-
-
-@pytest.fixture(scope="module")
-def rest(rig: bd.Params) -> bd.State:
-    return bd.settle(rig)
-
-
-@pytest.fixture(scope="module")
-def truth(rig: bd.Params) -> bd.Result:
-    return bd.simulate(rig, TORQUE, T_END, t_eval=TIMES)
-
-
-@pytest.fixture(scope="module")
-def experiment() -> bd.Experiment:
-    return bd.Experiment(TORQUE, T_END)
-
-
-@pytest.fixture(scope="module")
-def targets(experiment: bd.Experiment, truth: bd.Result) -> list[bd.Target]:
-    """Curves without noise."""
-    return curves(experiment, truth)
 
 
 def holds(intervals: Mapping[str, tuple[float, float]], true: Mapping[str, float]) -> list[bool]:
