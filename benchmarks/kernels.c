@@ -135,8 +135,7 @@ static void row_combine(bench *b) {
 
 static void row_error(bench *b) {
   static const double e[] = {0.5, -0.25, 0.125, 0.5, -0.25, 0.125, 0.0625};
-  sink +=
-      b->plan.kernels->error_norm(&b->model->lay, 1e-9, STAGES, e, b->stage, b->weights);
+  sink += b->plan.kernels->error_norm(&b->model->lay, 1e-9, STAGES, e, b->stage, b->weights);
 }
 
 static void row_after(bench *b) {
@@ -152,10 +151,10 @@ static const struct {
   const char *name;
   void (*call)(bench *);
 } rows[] = {
-    {"right-hand side", row_rate},        {"  with ledger", row_rate_ledger},
-    {"  joints", row_joints},             {"  contact", row_contact},
-    {"combine 6 stages", row_combine},    {"error norm", row_error},
-    {"after step", row_after},            {"search", row_search},
+    {"right-hand side", row_rate},     {"  with ledger", row_rate_ledger},
+    {"  joints", row_joints},          {"  contact", row_contact},
+    {"combine 6 stages", row_combine}, {"error norm", row_error},
+    {"after step", row_after},         {"search", row_search},
 };
 enum { N_ROWS = sizeof rows / sizeof rows[0] };
 
@@ -186,11 +185,16 @@ typedef struct drive {
 static void read_drive(drive *d) {
   bd_belt *belt = &d->scene.belt;
   belt->n_bodies = (int)number();
-  double *const fields[] = {&belt->length,          &belt->linear_density,
-                            &belt->axial_stiffness, &belt->axial_damping,
-                            &belt->bending_stiffness, &belt->bending_damping,
-                            &d->scene.contact.quadratic, &d->scene.contact.linear,
-                            &d->scene.contact.damping, &d->friction.mu_k,
+  double *const fields[] = {&belt->length,
+                            &belt->linear_density,
+                            &belt->axial_stiffness,
+                            &belt->axial_damping,
+                            &belt->bending_stiffness,
+                            &belt->bending_damping,
+                            &d->scene.contact.quadratic,
+                            &d->scene.contact.linear,
+                            &d->scene.contact.damping,
+                            &d->friction.mu_k,
                             &d->friction.sigma};
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
     *fields[k] = number();

@@ -80,15 +80,14 @@ int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, i
 
 /* --- kernels --------------------------------------------------------------------------------- */
 
-/* Per-link constants and the scratch of the joint pass. */
+/* Per-link constants, and the links' directions at the last evaluation. */
 typedef struct bd_links {
   bd_layout lay;
   double half; /* l0 / 2 */
   double stiffness, damping, bending, bending_damping;
   double inv_mass, inv_inertia;
-  double wind;        /* phi of link 0 seen from link n-1: 2 pi winding */
-  const double *live; /* 1 for links, 0 for the padding */
-  double *cos, *sin, *rx, *ry, *ru, *rv, *fx, *fy, *moment;
+  double wind; /* phi of link 0 seen from link n-1: 2 pi winding */
+  double *cos, *sin;
 } bd_links;
 
 /* One pulley as the contact pass sees it. */
@@ -114,10 +113,17 @@ typedef struct bd_kernels {
   const char *level;
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
-  double (*joints[2][2])(const bd_links *links, double *y, double *dy);
+  double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
   /* Adds the contact of one pulley with the links of the runs. Variants [friction][ledger]. */
   void (*contact[2][2])(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
                         const double *y, double *dy, bd_sums *sums);
+  /* After a step, the first block of BD_LANES links in [begin, end) with a link that has come to
+   * this pulley or left it, remembers friction that it must forget or more than mu_k, or is half a
+   * radius deep; `end` if none. owner: of the pulley's slot. Variants [friction]. */
+  int (*upset[2])(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
+                  const double *y, int begin, int end);
+  /* Largest squared speed of a link. */
+  double (*fastest)(const bd_layout *lay, const double *y);
   /* out = y + h sum a[j] k[j] */
   void (*combine)(size_t n, double *out, const double *y, double h, int m, const double *a,
                   double *const *k);
@@ -223,11 +229,12 @@ struct bd_plan {
   const bd_kernels *kernels;
   bd_links links;
   bd_drum *drums;
-  int *owner; /* pulley that holds a friction slot, -1: none; (slots, n) */
+  double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_load load;
   double *torque;   /* M_d of the last evaluation */
   double *friction; /* friction torque on each pulley */
+  double *best;     /* scratch of the output, per link */
   double t_piece;
   int ledger, friction_on, bending_on;
   int held;                      /* settling: pulleys stand still */
@@ -273,6 +280,8 @@ void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
                 const bd_output *out, size_t k);
+/* Mean of the joint forces, tension positive. */
+double bd_mean_force(const bd_plan *plan, const double *y);
 double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]);
 
 /* --- integrators ----------------------------------------------------------------------------- */

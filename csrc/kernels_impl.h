@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * The inner loops, compiled once per instruction level (kernels_*.c include this file with their
- * own flags and BD_LEVEL). Plain C loops over structure-of-arrays blocks, written so that a
- * compiler vectorises them: no calls, no branches, lengths padded to BD_LANES.
+ * own flags and BD_LEVEL), over structure-of-arrays blocks, a vector of links at a time. Lengths
+ * are padded to BD_LANES: the padding is computed like the links and then left out.
  *
  * Joints (2.2, MODEL section 2): d = (r_i - l0/2 e_i) - (r_{i-1} + l0/2 e_{i-1}), force on link i
  * -(c d + b d'), on link i-1 the opposite, each with its moment (2.11)_3 at the link's end.
@@ -13,258 +13,219 @@
 #include <math.h>
 
 #include "internal.h"
-
-/* A fused multiply-add only where the level has one in hardware; contraction is off elsewhere. */
-#ifdef __FP_FAST_FMA
-#define FMA(a, b, c) __builtin_fma((a), (b), (c))
-#else
-#define FMA(a, b, c) ((a) * (b) + (c))
-#endif
-
-#if defined(__GNUC__) || defined(__clang__)
-#define SPECIALISED static inline __attribute__((always_inline))
-#define ALIGNED(pointer) __builtin_assume_aligned((pointer), BD_ALIGN)
-#else
-#define SPECIALISED static inline
-#define ALIGNED(pointer) (pointer)
-#endif
-#define SIMD _Pragma("omp simd")
+#include "vector.h"
 
 #define PASTE2(a, b) a##b
 #define PASTE(a, b) PASTE2(a, b)
 
 /* sin and cos together: quadrant by the nearest multiple of pi/2, Cody-Waite reduction with three
  * 33-bit parts (exact for |k| < 2^20), then the polynomials of fdlibm on [-pi/4, pi/4]. Error below
- * 1 ulp of the result's scale. */
-SPECIALISED void sine_cosine(double angle, double *sine, double *cosine) {
-  const double to_nearest = 6755399441055744.0; /* 1.5 * 2^52 */
-  double k = (angle * 0.63661977236758134308 + to_nearest) - to_nearest;
-  double r = FMA(k, -1.57079632673412561417e+00, angle);
-  r = FMA(k, -6.07710050630396597660e-11, r);
-  r = FMA(k, -2.02226624871116645580e-21, r);
-  double z = r * r;
-  double s = FMA(z, 1.58969099521155010221e-10, -2.50507602534068634195e-08);
-  s = FMA(z, s, 2.75573137070700676789e-06);
-  s = FMA(z, s, -1.98412698298579493134e-04);
-  s = FMA(z, s, 8.33333333332248946124e-03);
-  s = FMA(z, s, -1.66666666666666324348e-01);
-  s = FMA(z * r, s, r);
-  double c = FMA(z, -1.13596475577881948265e-11, 2.08757232129817482790e-09);
-  c = FMA(z, c, -2.75573143513906633035e-07);
-  c = FMA(z, c, 2.48015872894767294178e-05);
-  c = FMA(z, c, -1.38888888888741095749e-03);
-  c = FMA(z, c, 4.16666666666666019037e-02);
-  c = FMA(z * z, c, FMA(z, -0.5, 1.0));
-  /* quadrant in {-2, -1, 0, 1, 2} */
-  double q = k - 4.0 * ((k * 0.25 + to_nearest) - to_nearest);
-  double odd = q * q == 1.0 ? 1.0 : 0.0;
-  double sin_mag = odd != 0.0 ? c : s;
-  double cos_mag = odd != 0.0 ? s : c;
-  *sine = (q < 0.0 || q > 1.5) ? -sin_mag : sin_mag;
-  *cosine = (q > 0.5 || q < -1.5) ? -cos_mag : cos_mag;
+ * 1 ulp of the result's scale. Adding 1.5 * 2^52 rounds, and leaves the multiple in the lowest
+ * bits: the first says which of the two is which, the second their signs. */
+INLINE void sine_cosine(vec angle, vec *sine, vec *cosine) {
+  const vec to_nearest = splat(6755399441055744.0); /* 1.5 * 2^52 */
+  const vec shifted = fma_(angle, splat(0.63661977236758134308), to_nearest);
+  const vec k = shifted - to_nearest;
+  vec r = fma_(k, splat(-1.57079632673412561417e+00), angle);
+  r = fma_(k, splat(-6.07710050630396597660e-11), r);
+  r = fma_(k, splat(-2.02226624871116645580e-21), r);
+  const vec z = r * r;
+  vec s = fma_(z, splat(1.58969099521155010221e-10), splat(-2.50507602534068634195e-08));
+  s = fma_(z, s, splat(2.75573137070700676789e-06));
+  s = fma_(z, s, splat(-1.98412698298579493134e-04));
+  s = fma_(z, s, splat(8.33333333332248946124e-03));
+  s = fma_(z, s, splat(-1.66666666666666324348e-01));
+  s = fma_(z * r, s, r);
+  vec c = fma_(z, splat(-1.13596475577881948265e-11), splat(2.08757232129817482790e-09));
+  c = fma_(z, c, splat(-2.75573143513906633035e-07));
+  c = fma_(z, c, splat(2.48015872894767294178e-05));
+  c = fma_(z, c, splat(-1.38888888888741095749e-03));
+  c = fma_(z, c, splat(4.16666666666666019037e-02));
+  c = fma_(z * z, c, fma_(z, splat(-0.5), splat(1.0)));
+  const bits quadrant = (bits)shifted;
+  const bits swap = ((bits)s ^ (bits)c) & (0 - (quadrant & 1));
+  *sine = (vec)((bits)s ^ swap ^ ((quadrant & 2) << 62));
+  *cosine = (vec)((bits)c ^ swap ^ (((quadrant + 1) & 2) << 62));
 }
 
-static void copy_neighbours(const bd_layout *lay, double *y) {
-  for (int f = F_X; f <= F_VPHI; ++f) {
-    double *v = bd_field(lay, y, f);
-    v[-1] = v[lay->n - 1];
-    v[lay->n] = v[0];
-  }
+/* A vector of links as their joints see them: directions, and the right ends. */
+typedef struct ends {
+  vec phi, vphi, cos, sin, x, y, vx, vy;
+} ends;
+
+/* Forces in the joints on the left of links, tension along +d, per mass of a link, and bending
+ * moments per its moment of inertia. */
+typedef struct forces {
+  vec x, y, moment;
+} forces;
+
+typedef struct rates {
+  vec x, y, phi;
+} rates;
+
+/* (2.11) without contact: links between the joints on their left and on their right. */
+INLINE rates accelerations(const ends *link, const forces *f, const forces *right, vec arm,
+                           const int bending) {
+  rates a = {right->x - f->x, right->y - f->y, {0.0}};
+  const vec turning = fma_(link->cos, f->y + right->y, -(link->sin * (f->x + right->x)));
+  a.phi = bending ? fma_(arm, turning, right->moment - f->moment) : arm * turning;
+  return a;
 }
 
-/* Right ends of the links: position and velocity. */
-SPECIALISED void link_ends(const bd_links *links, const double *y) {
+/* One pass: a vector's forces need the right end of the link before it, its accelerations the
+ * joint after it, so each turn finishes the vector before. The ring is closed by taking the last
+ * link's end first and the first joint's force last. */
+INLINE double joints(const bd_links *links, const double *y, double *out, const int bending,
+                     const int ledger) {
   const bd_layout *lay = &links->lay;
-  const int n = lay->n, n8 = lay->n8;
-  const double half = links->half;
-  const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
-  const double *restrict yy = ALIGNED(bd_cfield(lay, y, F_Y));
-  const double *restrict phi = ALIGNED(bd_cfield(lay, y, F_PHI));
-  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
-  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
-  const double *restrict vphi = ALIGNED(bd_cfield(lay, y, F_VPHI));
-  double *restrict co = ALIGNED(links->cos), *restrict si = ALIGNED(links->sin);
-  double *restrict rx = ALIGNED(links->rx), *restrict ry = ALIGNED(links->ry);
-  double *restrict ru = ALIGNED(links->ru), *restrict rv = ALIGNED(links->rv);
-  SIMD for (int i = 0; i < n8; ++i) {
-    double s, c;
-    sine_cosine(phi[i], &s, &c);
-    const double hc = half * c, hs = half * s, w = vphi[i];
-    co[i] = c;
-    si[i] = s;
-    rx[i] = x[i] + hc;
-    ry[i] = yy[i] + hs;
-    ru[i] = FMA(-hs, w, vx[i]);
-    rv[i] = FMA(hc, w, vy[i]);
+  const int n = lay->n, last = (n - 1) / WIDTH * WIDTH;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *phi = bd_cfield(lay, y, F_PHI), *vphi = bd_cfield(lay, y, F_VPHI);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  double *ox = bd_field(lay, out, F_X), *oy = bd_field(lay, out, F_Y);
+  double *ophi = bd_field(lay, out, F_PHI), *ovphi = bd_field(lay, out, F_VPHI);
+  double *ovx = bd_field(lay, out, F_VX), *ovy = bd_field(lay, out, F_VY);
+  double *co = links->cos, *si = links->sin;
+  const vec half = splat(links->half), damping = splat(links->damping);
+  const vec per_mass = splat(links->stiffness * links->inv_mass);
+  const vec damping_per_mass = splat(links->damping * links->inv_mass);
+  const vec per_inertia = splat(links->bending * links->inv_inertia);
+  const vec damping_per_inertia = splat(links->bending_damping * links->inv_inertia);
+  const vec bend_damping = splat(links->bending_damping);
+  const vec arm = splat(links->half * links->inv_inertia / links->inv_mass);
+  vec lane, loss = {0.0}, lost = {0.0};
+  for (int k = 0; k < WIDTH; ++k) {
+    lane[k] = k;
   }
-  rx[-1] = rx[n - 1];
-  ry[-1] = ry[n - 1];
-  ru[-1] = ru[n - 1];
-  rv[-1] = rv[n - 1];
-}
 
-/* Forces in the joints, tension along +d, and bending moments; returns the dampers' power. */
-SPECIALISED double joint_forces(const bd_links *links, const double *y, const int bending,
-                                const int ledger) {
-  const bd_layout *lay = &links->lay;
-  const int n = lay->n, n8 = lay->n8;
-  const double half = links->half, stiffness = links->stiffness, damping = links->damping;
-  const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
-  const double *restrict yy = ALIGNED(bd_cfield(lay, y, F_Y));
-  const double *restrict phi = ALIGNED(bd_cfield(lay, y, F_PHI));
-  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
-  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
-  const double *restrict vphi = ALIGNED(bd_cfield(lay, y, F_VPHI));
-  const double *restrict co = ALIGNED(links->cos), *restrict si = ALIGNED(links->sin);
-  const double *restrict rx = ALIGNED(links->rx), *restrict ry = ALIGNED(links->ry);
-  const double *restrict ru = ALIGNED(links->ru), *restrict rv = ALIGNED(links->rv);
-  const double *restrict live = ALIGNED(links->live);
-  double *restrict fx = ALIGNED(links->fx), *restrict fy = ALIGNED(links->fy);
-  double *restrict moment = ALIGNED(links->moment);
-  double loss = 0.0;
-  _Pragma("omp simd reduction(+ : loss)") for (int i = 0; i < n8; ++i) {
-    const double hc = half * co[i], hs = half * si[i], w = vphi[i];
-    const double dx = (x[i] - hc) - rx[i - 1];
-    const double dy = (yy[i] - hs) - ry[i - 1];
-    const double du = FMA(hs, w, vx[i]) - ru[i - 1];
-    const double dv = FMA(-hc, w, vy[i]) - rv[i - 1];
-    fx[i] = FMA(stiffness, dx, damping * du);
-    fy[i] = FMA(stiffness, dy, damping * dv);
-    if (ledger) {
-      loss += live[i] * damping * FMA(du, du, dv * dv);
-    }
-  }
-  fx[n] = fx[0];
-  fy[n] = fy[0];
-  if (!bending) {
-    return loss;
-  }
-  const double ctor = links->bending, btor = links->bending_damping;
-  double bend_loss = 0.0;
-  _Pragma("omp simd reduction(+ : bend_loss)") for (int i = 0; i < n8; ++i) {
-    const double turn = phi[i] - phi[i - 1], rate = vphi[i] - vphi[i - 1];
-    moment[i] = FMA(ctor, turn, btor * rate);
-    if (ledger) {
-      bend_loss += live[i] * btor * rate * rate;
-    }
-  }
-  /* the winding stands between links n-1 and 0 only */
-  moment[0] += ctor * links->wind;
-  moment[n] = moment[0];
-  return loss + bend_loss;
-}
-
-/* (2.11) without contact: every link between its two joints. Sets all link blocks of out. */
-SPECIALISED void link_rates(const bd_links *links, const double *y, double *out,
-                            const int bending) {
-  const bd_layout *lay = &links->lay;
-  const int n8 = lay->n8;
-  const double inv_mass = links->inv_mass, inv_inertia = links->inv_inertia;
-  const double arm = links->half * inv_inertia;
-  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
-  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
-  const double *restrict vphi = ALIGNED(bd_cfield(lay, y, F_VPHI));
-  const double *restrict co = ALIGNED(links->cos), *restrict si = ALIGNED(links->sin);
-  const double *restrict fx = ALIGNED(links->fx), *restrict fy = ALIGNED(links->fy);
-  const double *restrict moment = ALIGNED(links->moment);
-  const double *restrict live = ALIGNED(links->live);
-  double *restrict ox = ALIGNED(bd_field(lay, out, F_X));
-  double *restrict oy = ALIGNED(bd_field(lay, out, F_Y));
-  double *restrict ophi = ALIGNED(bd_field(lay, out, F_PHI));
-  double *restrict ovx = ALIGNED(bd_field(lay, out, F_VX));
-  double *restrict ovy = ALIGNED(bd_field(lay, out, F_VY));
-  double *restrict ovphi = ALIGNED(bd_field(lay, out, F_VPHI));
-  SIMD for (int i = 0; i < n8; ++i) {
-    ox[i] = live[i] * vx[i];
-    oy[i] = live[i] * vy[i];
-    ophi[i] = live[i] * vphi[i];
-    ovx[i] = live[i] * inv_mass * (fx[i + 1] - fx[i]);
-    ovy[i] = live[i] * inv_mass * (fy[i + 1] - fy[i]);
-    double turning = arm * (co[i] * (fy[i] + fy[i + 1]) - si[i] * (fx[i] + fx[i + 1]));
+  ends before = {.phi = splat(phi[n - 1] - links->wind), .vphi = splat(vphi[n - 1])};
+  sine_cosine(splat(phi[n - 1]), &before.sin, &before.cos);
+  before.x = fma_(half, before.cos, splat(x[n - 1]));
+  before.y = fma_(half, before.sin, splat(yy[n - 1]));
+  before.vx = fma_(-half * before.vphi, before.sin, splat(vx[n - 1]));
+  before.vy = fma_(half * before.vphi, before.cos, splat(vy[n - 1]));
+  forces left = {0}, first = {0};
+  for (int i = 0; i <= last; i += WIDTH) {
+    ends link = {.phi = load(phi + i), .vphi = load(vphi + i)};
+    const vec rx = load(x + i), ry = load(yy + i), u = load(vx + i), v = load(vy + i);
+    sine_cosine(link.phi, &link.sin, &link.cos);
+    store(co + i, link.cos);
+    store(si + i, link.sin);
+    store(ox + i, u);
+    store(oy + i, v);
+    store(ophi + i, link.vphi);
+    const vec speed = half * link.vphi;
+    link.x = fma_(half, link.cos, rx);
+    link.y = fma_(half, link.sin, ry);
+    link.vx = fma_(-speed, link.sin, u);
+    link.vy = fma_(speed, link.cos, v);
+    const vec dx = fma_(-half, link.cos, rx) - from_left(before.x, link.x);
+    const vec dy = fma_(-half, link.sin, ry) - from_left(before.y, link.y);
+    const vec du = fma_(speed, link.sin, u) - from_left(before.vx, link.vx);
+    const vec dv = fma_(-speed, link.cos, v) - from_left(before.vy, link.vy);
+    forces f = {.x = fma_(per_mass, dx, damping_per_mass * du),
+                .y = fma_(per_mass, dy, damping_per_mass * dv)};
+    const vec turn = link.phi - from_left(before.phi, link.phi);
+    const vec rate = link.vphi - from_left(before.vphi, link.vphi);
     if (bending) {
-      turning += inv_inertia * (moment[i + 1] - moment[i]);
+      f.moment = fma_(per_inertia, turn, damping_per_inertia * rate);
     }
-    ovphi[i] = live[i] * turning;
-  }
-  for (int f = F_MU; f < F_MU + 2 * lay->slots; ++f) {
-    double *restrict o = ALIGNED(bd_field(lay, out, f));
-    SIMD for (int i = 0; i < n8; ++i) {
-      o[i] = 0.0;
+    if (ledger) {
+      loss += lost;
+      lost = damping * fma_(du, du, dv * dv);
+      lost = bending ? fma_(bend_damping * rate, rate, lost) : lost;
     }
+    if (i == 0) {
+      first = (forces){splat(f.x[0]), splat(f.y[0]), splat(f.moment[0])};
+    } else {
+      const forces right = {from_right(left.x, f.x), from_right(left.y, f.y),
+                            from_right(left.moment, f.moment)};
+      const rates a = accelerations(&before, &left, &right, arm, bending);
+      store(ovx + i - WIDTH, a.x);
+      store(ovy + i - WIDTH, a.y);
+      store(ovphi + i - WIDTH, a.phi);
+    }
+    before = link;
+    left = f;
   }
+  /* the last vector: joint n is joint 0, and what lies past it stays at rest */
+  const mask inner = less(lane, splat(n - 1 - last)), live = less(lane, splat(n - last));
+  const forces right = {choose(inner, from_right(left.x, left.x), first.x),
+                        choose(inner, from_right(left.y, left.y), first.y),
+                        choose(inner, from_right(left.moment, left.moment), first.moment)};
+  const rates a = accelerations(&before, &left, &right, arm, bending);
+  store(ovx + last, choose(live, a.x, (vec){0.0}));
+  store(ovy + last, choose(live, a.y, (vec){0.0}));
+  store(ovphi + last, choose(live, a.phi, (vec){0.0}));
+  for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
+    store(out + k, (vec){0.0});
+  }
+  return ledger ? sum(loss + choose(live, lost, (vec){0.0})) : 0.0;
 }
 
-SPECIALISED double joints(const bd_links *links, double *y, double *dy, const int bending,
-                          const int ledger) {
-  copy_neighbours(&links->lay, y);
-  link_ends(links, y);
-  const double loss = joint_forces(links, y, bending, ledger);
-  link_rates(links, y, dy, bending);
-  return loss;
-}
-
-SPECIALISED void contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
-                         const double *y, double *dy, bd_sums *sums, const int friction,
-                         const int ledger) {
+/* A vector of links none of which lies within the rim costs a distance each. */
+INLINE void contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
+                    const double *y, double *dy, bd_sums *sums, const int friction,
+                    const int ledger) {
   const bd_layout *lay = &links->lay;
-  const bd_drum d = *drum;
-  const double inv_mass = links->inv_mass;
-  const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
-  const double *restrict yy = ALIGNED(bd_cfield(lay, y, F_Y));
-  const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
-  const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
-  const double *restrict mu = ALIGNED(bd_cfield(lay, y, friction ? F_MU + d.slot : F_X));
-  const double *restrict live = ALIGNED(links->live);
-  double *restrict ovx = ALIGNED(bd_field(lay, dy, F_VX));
-  double *restrict ovy = ALIGNED(bd_field(lay, dy, F_VY));
-  double *restrict omu = ALIGNED(bd_field(lay, dy, friction ? F_MU + d.slot : F_X));
-  double *restrict oslip = ALIGNED(bd_field(lay, dy, friction ? bd_f_slip(lay) + d.slot : F_Y));
-  const double per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
-  double torque = 0.0, contact_loss = 0.0, friction_loss = 0.0;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *mus = bd_cfield(lay, y, friction ? F_MU + drum->slot : F_X);
+  double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
+  double *omu = bd_field(lay, dy, friction ? F_MU + drum->slot : F_X);
+  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + drum->slot : F_Y);
+  const vec cx = splat(drum->x), cy = splat(drum->y), cu = splat(drum->vx), cv = splat(drum->vy);
+  const vec radius = splat(drum->radius), rim2 = splat(drum->radius * drum->radius);
+  const vec quadratic = splat(drum->quadratic), linear = splat(drum->linear);
+  const vec damping = splat(drum->damping), inv_mass = splat(links->inv_mass);
+  const vec omega = splat(drum->omega), sigma = splat(drum->sigma), none = {0.0};
+  const vec per_mu_k = splat(friction ? 1.0 / drum->mu_k : 0.0);
+  vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
 
   for (int r = 0; r < n_runs; ++r) {
-    const int begin = runs[r].begin, end = runs[r].end;
-    _Pragma("omp simd reduction(+ : torque, contact_loss, friction_loss)") for (int i = begin;
-                                                                                i < end; ++i) {
-      const double dx = x[i] - d.x, dy_ = yy[i] - d.y;
-      const double rho = sqrt(FMA(dx, dx, dy_ * dy_));
-      const double p = live[i] * (d.radius - rho);
-      const double inv = 1.0 / rho;
-      const double nx = dx * inv, ny = dy_ * inv;
-      const double ux = vx[i] - d.vx, uy = vy[i] - d.vy;
-      const double rate = -FMA(ux, nx, uy * ny);
-      const double elastic = FMA(d.quadratic, p, d.linear) * p;
-      const double raw = FMA(d.damping, rate, elastic);
-      const double normal = p > 0.0 ? (raw > 0.0 ? raw : 0.0) : 0.0;
-      double fx = normal * nx, fy = normal * ny;
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const vec dx = load(x + i) - cx, dy_ = load(yy + i) - cy;
+      const vec rho2 = fma_(dx, dx, dy_ * dy_);
+      const mask touch = less(rho2, rim2);
+      if (!any(touch)) {
+        continue; /* numbers gone show in the joints */
+      }
+      vec rho, inv;
+      root_and_inverse(rho2, &rho, &inv);
+      const vec p = radius - rho;
+      const vec nx = dx * inv, ny = dy_ * inv;
+      const vec ux = load(vx + i) - cu, uy = load(vy + i) - cv;
+      const vec closing = -fma_(ux, nx, uy * ny);
+      const vec elastic = fma_(quadratic, p, linear) * p;
+      const vec raw = fma_(damping, closing, elastic);
+      const vec normal = choose(touch, larger(raw, none), none);
+      vec fx = normal * nx, fy = normal * ny;
       if (friction) {
-        const double slide = FMA(uy, nx, -(ux * ny)) - d.omega * rho;
-        const double touch = p > 0.0 ? 1.0 : 0.0;
-        const double v = touch * slide;
-        const double tangential = mu[i] * normal;
-        fx = FMA(tangential, ny, fx);
-        fy = FMA(-tangential, nx, fy);
-        omu[i] += d.sigma * FMA(-fabs(v), mu[i] * per_mu_k, v);
-        oslip[i] += v;
-        torque += tangential * rho;
+        const vec mu = load(mus + i);
+        const vec slide = fma_(uy, nx, -(ux * ny)) - omega * rho;
+        const vec v = choose(touch, slide, none);
+        const vec tangential = mu * normal;
+        fx = fma_(tangential, ny, fx);
+        fy = fma_(-tangential, nx, fy);
+        store(omu + i, fma_(sigma, fma_(-magnitude(v), mu * per_mu_k, v), load(omu + i)));
+        store(oslip + i, load(oslip + i) + v);
+        torque = fma_(tangential, rho, torque);
         if (ledger) {
-          friction_loss += tangential * v;
+          friction_loss = fma_(tangential, v, friction_loss);
         }
       }
       if (ledger) {
-        contact_loss += p > 0.0 ? (normal - elastic) * rate : 0.0;
+        contact_loss += choose(touch, (normal - elastic) * closing, none);
       }
-      ovx[i] += inv_mass * fx;
-      ovy[i] += inv_mass * fy;
+      store(ovx + i, fma_(inv_mass, fx, load(ovx + i)));
+      store(ovy + i, fma_(inv_mass, fy, load(ovy + i)));
     }
   }
-  sums->torque = torque;
-  sums->contact_loss = contact_loss;
-  sums->friction_loss = friction_loss;
+  *sums = (bd_sums){sum(torque), sum(contact_loss), sum(friction_loss)};
 }
 
 #define JOINTS(bending, ledger)                                                                    \
-  static double joints_##bending##ledger(const bd_links *links, double *y, double *dy) {           \
+  static double joints_##bending##ledger(const bd_links *links, const double *y, double *dy) {     \
     return joints(links, y, dy, bending, ledger);                                                  \
   }
 #define CONTACT(friction, ledger)                                                                  \
@@ -282,26 +243,76 @@ CONTACT(0, 1)
 CONTACT(1, 0)
 CONTACT(1, 1)
 
-SPECIALISED double weighted_sum(size_t i, int m, const double *a, double *const *k) {
-  double sum = a[0] * k[0][i];
-  for (int j = 1; j < m; ++j) {
-    sum = FMA(a[j], k[j][i], sum);
+/* The first block from `begin` on where something is to be done after a step; `end` if none. */
+INLINE int upset(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
+                 const double *y, int begin, int end, const int friction) {
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *mu = bd_cfield(lay, y, friction ? F_MU + drum->slot : F_X);
+  const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + drum->slot : F_Y);
+  const vec cx = splat(drum->x), cy = splat(drum->y), none = {0.0};
+  const vec rim2 = splat(drum->radius * drum->radius), deep2 = splat(0.25) * rim2;
+  const vec limit = splat(drum->mu_k), id = splat(pulley), free = splat(-0.5);
+  for (int block = begin; block < end; block += BD_LANES) {
+    mask found = less(none, none);
+    for (int i = block; i < block + BD_LANES; i += WIDTH) {
+      const vec dx = load(x + i) - cx, dy = load(yy + i) - cy;
+      const vec rho2 = dx * dx + dy * dy;
+      found |= less(rho2, deep2);
+      if (friction) {
+        const vec size = magnitude(load(mu + i)), holder = load(owner + i);
+        const mask held = less(rho2, rim2), mine = less(magnitude(holder - id), splat(0.5));
+        const mask remembers = less(none, size + magnitude(load(slip + i)));
+        found |= (held ^ mine) | (held & less(limit, size)) | (less(holder, free) & remembers);
+      }
+    }
+    if (any(found)) {
+      return block;
+    }
   }
-  return sum;
+  return end;
 }
 
-SPECIALISED void combine_fixed(size_t n, double *restrict out, const double *restrict y, double h,
-                               const int m, const double *a, double *const *k) {
-  double ha[BD_MAX_STAGES];
-  double *kj[BD_MAX_STAGES];
-  for (int j = 0; j < m; ++j) {
-    ha[j] = h * a[j];
-    kj[j] = ALIGNED(k[j]);
+static int upset_0(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
+                   const double *y, int begin, int end) {
+  return upset(lay, drum, pulley, owner, y, begin, end, 0);
+}
+
+static int upset_1(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
+                   const double *y, int begin, int end) {
+  return upset(lay, drum, pulley, owner, y, begin, end, 1);
+}
+
+static double fastest(const bd_layout *lay, const double *y) {
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  vec most = {0.0};
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    const vec u = load(vx + i), v = load(vy + i);
+    most = larger(u * u + v * v, most);
   }
-  out = ALIGNED(out);
-  y = ALIGNED(y);
-  SIMD for (size_t i = 0; i < n; ++i) {
-    out[i] = y[i] + weighted_sum(i, m, ha, kj);
+  return largest(most);
+}
+
+INLINE void scaled(double h, const int m, const double *a, vec *ha) {
+  for (int j = 0; j < m; ++j) {
+    ha[j] = splat(h * a[j]);
+  }
+}
+
+INLINE vec weighted_sum(size_t i, const int m, const vec *a, double *const *k) {
+  vec total = a[0] * load(k[0] + i);
+#pragma GCC unroll 8
+  for (int j = 1; j < m; ++j) {
+    total = fma_(a[j], load(k[j] + i), total);
+  }
+  return total;
+}
+
+INLINE void combine_fixed(size_t n, double *restrict out, const double *restrict y, double h,
+                          const int m, const double *a, double *const *k) {
+  vec ha[BD_MAX_STAGES];
+  scaled(h, m, a, ha);
+  for (size_t i = 0; i < n; i += WIDTH) {
+    store(out + i, load(y + i) + weighted_sum(i, m, ha, k));
   }
 }
 
@@ -325,53 +336,44 @@ static void combine(size_t n, double *out, const double *y, double h, int m, con
   }
 }
 
-/* Raises worst[lane] to the largest squared error over [begin, end), a multiple of BD_LANES, of
- * single components or of vectors whose second component stands `pair` further on. A maximum per
- * lane is no reduction, so every compiler vectorises it; `total` goes non-finite with any error. */
-SPECIALISED void worst_square(int begin, int end, const int pair, const int m, const double *e,
-                              double *const *k, const double *restrict w, double *restrict worst,
-                              double *restrict total) {
-  for (int block = begin; block < end; block += BD_LANES) {
-    SIMD for (int lane = 0; lane < BD_LANES; ++lane) {
-      const int i = block + lane;
-      const double one = w[i] * weighted_sum((size_t)i, m, e, k);
-      double square = one * one;
-      if (pair) {
-        const double two = w[i] * weighted_sum((size_t)(i + pair), m, e, k);
-        square = FMA(two, two, square);
-      }
-      worst[lane] = square > worst[lane] ? square : worst[lane];
-      total[lane] += square;
-    }
+/* The largest squared error so far, and a total that goes non-finite with any error. */
+typedef struct errors {
+  vec worst, total;
+} errors;
+
+/* A single component at place i, or a vector whose second component stands `pair` further on. */
+INLINE void weigh(size_t i, const size_t pair, const int m, const vec *e, double *const *k,
+                  const double *w, errors *found) {
+  const vec weight = load(w + i), one = weight * weighted_sum(i, m, e, k);
+  vec square = one * one;
+  if (pair) {
+    const vec two = weight * weighted_sum(i + pair, m, e, k);
+    square = fma_(two, two, square);
   }
+  found->worst = larger(square, found->worst);
+  found->total += square;
 }
 
-SPECIALISED double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
-                               double *const *k, const double *restrict w) {
-  double he[BD_MAX_STAGES];
-  double *kj[BD_MAX_STAGES];
-  for (int j = 0; j < m; ++j) {
-    he[j] = h * e[j];
-    kj[j] = ALIGNED(k[j]);
+INLINE double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
+                          double *const *k, const double *w) {
+  vec he[BD_MAX_STAGES];
+  scaled(h, m, e, he);
+  const size_t stride = (size_t)lay->stride;
+  errors found = {{0.0}, {0.0}};
+  for (int link = 0; link < lay->n; link += WIDTH) {
+    const size_t i = BD_HALO + (size_t)link;
+    weigh(i + F_X * stride, stride, m, he, k, w, &found);
+    weigh(i + F_PHI * stride, 0, m, he, k, w, &found);
+    weigh(i + F_VX * stride, stride, m, he, k, w, &found);
+    weigh(i + F_VPHI * stride, 0, m, he, k, w, &found);
+    for (int s = 0; s < lay->slots; ++s) {
+      weigh(i + (size_t)(F_MU + s) * stride, 0, m, he, k, w, &found);
+    }
   }
-  w = ALIGNED(w);
-  const int stride = lay->stride;
-  const int blocks[][2] = {{F_PHI, F_VX}, {F_VPHI, F_MU + lay->slots}};
-  double worst[BD_LANES] = {0}, total[BD_LANES] = {0};
-  for (int f = F_X; f <= F_VX; f += F_VX - F_X) {
-    int begin = f * stride + BD_HALO;
-    worst_square(begin, begin + lay->n8, stride, m, he, kj, w, worst, total);
+  for (size_t i = (size_t)lay->theta; i < lay->size; i += WIDTH) {
+    weigh(i, 0, m, he, k, w, &found);
   }
-  for (int b = 0; b < 2; ++b) {
-    worst_square(blocks[b][0] * stride, blocks[b][1] * stride, 0, m, he, kj, w, worst, total);
-  }
-  worst_square(lay->theta, (int)lay->size, 0, m, he, kj, w, worst, total);
-  double largest = 0.0, sum = 0.0;
-  for (int lane = 0; lane < BD_LANES; ++lane) {
-    largest = worst[lane] > largest ? worst[lane] : largest;
-    sum += total[lane];
-  }
-  return isfinite(sum) ? sqrt(largest) : INFINITY;
+  return isfinite(sum(found.total)) ? sqrt(largest(found.worst)) : INFINITY;
 }
 
 static double error_norm(const bd_layout *lay, double h, int m, const double *e, double *const *k,
@@ -385,6 +387,8 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
     .level = STRING(BD_LEVEL),
     .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
     .contact = {{contact_00, contact_01}, {contact_10, contact_11}},
+    .upset = {upset_0, upset_1},
+    .fastest = fastest,
     .combine = combine,
     .error_norm = error_norm,
 };

@@ -56,6 +56,17 @@ static void joint_state(const bd_plan *plan, const double *y, int i, double *alo
   *turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
 }
 
+double bd_mean_force(const bd_plan *plan, const double *y) {
+  const int n = plan->model->lay.n;
+  double total = 0.0;
+  for (int i = 0; i < n; ++i) {
+    double along, rate, squared, turn;
+    joint_state(plan, y, i, &along, &rate, &squared, &turn);
+    total += plan->links.stiffness * along + plan->links.damping * rate;
+  }
+  return total / n;
+}
+
 double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -124,7 +135,7 @@ static void put_contact(bd_plan *plan, double *y, const bd_output *out, size_t k
   const bd_layout *lay = &plan->model->lay;
   const size_t n = (size_t)lay->n, row = k * n;
   double *columns[] = {out->normal, out->friction, out->mu, out->slip, out->velocity};
-  double *best = plan->links.moment; /* scratch between evaluations: the largest N so far */
+  double *best = plan->best; /* the largest N so far */
   for (size_t i = 0; i < n; ++i) {
     best[i] = -1.0;
     if (out->pulley) {

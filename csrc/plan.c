@@ -123,25 +123,12 @@ static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *e
 /* --- making it ------------------------------------------------------------------------------- */
 
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
-  bd_links *links = &plan->links;
-  double *live;
-  BD_CARVE(carver, live, lay->stride);
-  links->live = live;
-  double **scratch[] = {&links->cos, &links->sin, &links->rx, &links->ry,    &links->ru,
-                        &links->rv,  &links->fx,  &links->fy, &links->moment};
+  double **const scratch[] = {&plan->links.cos, &plan->links.sin, &plan->best};
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
-    BD_CARVE(carver, *scratch[k], lay->stride);
-    if (carver->base) {
-      *scratch[k] += BD_HALO;
-    }
-  }
-  if (carver->base) {
-    for (int i = 0; i < lay->n; ++i) {
-      live[i] = 1.0;
-    }
+    BD_CARVE(carver, *scratch[k], lay->n8);
   }
   BD_CARVE(carver, plan->drums, lay->np);
-  BD_CARVE(carver, plan->owner, lay->n * lay->slots);
+  BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);
   BD_CARVE(carver, plan->torque, lay->np);
   BD_CARVE(carver, plan->friction, lay->np);
   bd_search_carve(carver, &plan->search, lay);
@@ -239,7 +226,7 @@ void bd_plan_place(bd_plan *plan, double t) {
 enum { FREE = -1, RELEASED = -2 };
 
 /* MODEL section 4: what touches no pulley remembers no friction. */
-static void forget(const bd_layout *lay, double *y, int slot, int *owner, int begin, int end) {
+static void forget(const bd_layout *lay, double *y, int slot, double *owner, int begin, int end) {
   double *mu = bd_field(lay, y, F_MU + slot), *slip = bd_field(lay, y, bd_f_slip(lay) + slot);
   for (int i = begin; i < end; ++i) {
     mu[i] = owner[i] < 0 ? 0.0 : mu[i];
@@ -251,7 +238,7 @@ static void forget(const bd_layout *lay, double *y, int slot, int *owner, int be
 void bd_plan_own(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  for (int k = 0; k < lay->n * lay->slots; ++k) {
+  for (int k = 0; k < lay->n8 * lay->slots; ++k) {
     plan->owner[k] = FREE;
   }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
@@ -259,59 +246,79 @@ void bd_plan_own(bd_plan *plan, double *y) {
     for (int i = 0; i < lay->n; ++i) {
       double dx = x[i] - drum->x, dy = yy[i] - drum->y;
       if (dx * dx + dy * dy < drum->radius * drum->radius) {
-        plan->owner[drum->slot * lay->n + i] = j;
+        plan->owner[drum->slot * lay->n8 + i] = j;
       }
     }
   }
   for (int s = 0; s < lay->slots; ++s) {
-    forget(lay, y, s, plan->owner + s * lay->n, 0, lay->n);
+    forget(lay, y, s, plan->owner + s * lay->n8, 0, lay->n);
   }
+}
+
+/* One block of links at pulley j where something has happened. */
+static int put_right(bd_plan *plan, double t, double *y, int j, int begin, double tolerance,
+                     int *changed, bd_error *err) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const bd_drum *drum = &plan->drums[j];
+  const double limit = drum->mu_k, rim2 = drum->radius * drum->radius;
+  double *mu = plan->friction_on ? bd_field(lay, y, F_MU + drum->slot) : NULL;
+  double *slip = plan->friction_on ? bd_field(lay, y, bd_f_slip(lay) + drum->slot) : NULL;
+  double *owner = plan->owner + drum->slot * lay->n8;
+  for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
+    double dx = x[i] - drum->x, dy = yy[i] - drum->y;
+    double rho2 = dx * dx + dy * dy;
+    if (rho2 < 0.25 * rim2) {
+      return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
+                        "link %d sank past half the radius of pulley %d at t = %.9g s: the "
+                        "contact is too soft for this tension, or the tension too high",
+                        i, j, t);
+    }
+    if (!mu) {
+      continue;
+    }
+    int held = rho2 < rim2;
+    if (held && owner[i] != j && owner[i] != FREE) {
+      mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
+      *changed = 1;
+    }
+    owner[i] = held ? j : owner[i] == j ? RELEASED : owner[i];
+    if (held && fabs(mu[i]) > limit) {
+      *changed |= fabs(mu[i]) > limit * (1.0 + tolerance);
+      mu[i] = copysign(limit, mu[i]);
+    }
+  }
+  return BD_OK;
 }
 
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  int upset = 0;
   *changed = 0;
   for (int j = 0; j < lay->np; ++j) {
     const bd_drum *drum = &plan->drums[j];
-    const double limit = drum->mu_k, rim2 = drum->radius * drum->radius;
-    double *mu = plan->friction_on ? bd_field(lay, y, F_MU + drum->slot) : NULL;
-    double *slip = plan->friction_on ? bd_field(lay, y, bd_f_slip(lay) + drum->slot) : NULL;
-    int *owner = plan->friction_on ? plan->owner + drum->slot * lay->n : NULL;
+    const double *owner = plan->owner + drum->slot * lay->n8;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      int end = runs[r].end < lay->n ? runs[r].end : lay->n;
-      for (int i = runs[r].begin; i < end; ++i) {
-        double dx = x[i] - drum->x, dy = yy[i] - drum->y;
-        double rho2 = dx * dx + dy * dy;
-        if (rho2 < 0.25 * rim2) {
-          return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
-                            "link %d sank past half the radius of pulley %d at t = %.9g s: the "
-                            "contact is too soft for this tension, or the tension too high",
-                            i, j, t);
+      for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
+        begin = plan->kernels->upset[plan->friction_on](lay, drum, j, owner, y, begin, runs[r].end);
+        if (begin == runs[r].end) {
+          break;
         }
-        if (!mu) {
-          continue;
-        }
-        int held = rho2 < rim2;
-        if (held && owner[i] != j && owner[i] != FREE) {
-          mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
-          *changed = 1;
-        }
-        owner[i] = held ? j : owner[i] == j ? RELEASED : owner[i];
-        if (held && fabs(mu[i]) > limit) {
-          *changed |= fabs(mu[i]) > limit * (1.0 + tolerance);
-          mu[i] = copysign(limit, mu[i]);
+        upset = 1;
+        int code = put_right(plan, t, y, j, begin, tolerance, changed, err);
+        if (code != BD_OK) {
+          return code;
         }
       }
     }
   }
-  for (int j = 0; plan->friction_on && j < lay->np; ++j) {
+  for (int j = 0; upset && plan->friction_on && j < lay->np; ++j) {
     const int slot = plan->drums[j].slot;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      forget(lay, y, slot, plan->owner + slot * lay->n, runs[r].begin,
+      forget(lay, y, slot, plan->owner + slot * lay->n8, runs[r].begin,
              runs[r].end < lay->n ? runs[r].end : lay->n);
     }
   }

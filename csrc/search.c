@@ -44,12 +44,7 @@ static void list_links(bd_plan *plan, const double *y) {
 void bd_search_ready(bd_plan *plan, const double *y, double h) {
   bd_search *search = &plan->search;
   const bd_layout *lay = &plan->model->lay;
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  double fastest = 0.0;
-  for (int i = 0; i < lay->n; ++i) {
-    double speed2 = vx[i] * vx[i] + vy[i] * vy[i];
-    fastest = speed2 > fastest ? speed2 : fastest;
-  }
+  double fastest = plan->kernels->fastest(lay, y);
   for (int j = 0; plan->offset && j < lay->np; ++j) {
     double reach = hypot(plan->offset[2 * j], plan->offset[2 * j + 1]);
     double speed = plan->move_time > 0.0 ? 1.875 * reach / plan->move_time : 0.0;

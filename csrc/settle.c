@@ -164,16 +164,6 @@ static void tune_circulation(bd_sim *sim, const double *dy) {
   sim->settle_time = sim->t;
 }
 
-/* Whether the joints of the last evaluation pull on the whole. */
-static int taut(const bd_sim *sim) {
-  const bd_links *links = &sim->plan.links;
-  double pull = 0.0;
-  for (int i = 0; i < links->lay.n; ++i) {
-    pull += links->fx[i] * links->cos[i] + links->fy[i] * links->sin[i];
-  }
-  return pull > 1e-6 * sim->model->info.mean_tension * links->lay.n;
-}
-
 /* Takes all velocities out of y; returns the largest, of link ends and rims [m/s]. */
 static double stop(const bd_sim *sim, double *y) {
   const bd_layout *lay = &sim->model->lay;
@@ -233,7 +223,7 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
   int still = sim->stats.residual <= sim->settle.tolerance &&
               fastest <= sim->settle.tolerance * info->strain * wave &&
               sim->t >= sim->plan.move_time;
-  if (still && !taut(sim)) {
+  if (still && !(bd_mean_force(&sim->plan, y) > 1e-6 * info->mean_tension)) {
     return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
                       "the belt came to rest without tension: it has slipped off its pulleys, or "
                       "the contact is too soft, or the links too long for the pulleys");

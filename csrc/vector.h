@@ -1,0 +1,184 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Vectors of doubles for the kernels: as wide as the instruction level that a file is compiled for,
+ * two at a time where the level is not known, on any processor. Arithmetic is written with C's
+ * operators (vectors are a language extension of gcc and clang); below is what has no operator.
+ */
+#ifndef BELTDYN_VECTOR_H
+#define BELTDYN_VECTOR_H
+
+#include <stdint.h>
+#ifdef __AVX2__
+#include <immintrin.h>
+#endif
+
+#define INLINE static inline __attribute__((always_inline))
+
+#ifdef __AVX512F__
+enum { WIDTH = 8 };
+#elif defined(__AVX2__)
+enum { WIDTH = 4 };
+#else
+enum { WIDTH = 2 };
+#endif
+
+typedef double vec __attribute__((vector_size(8 * WIDTH)));
+typedef double vec_in_memory __attribute__((vector_size(8 * WIDTH), may_alias));
+typedef uint64_t bits __attribute__((vector_size(8 * WIDTH)));
+
+/* Aligned, as every block of the state is. */
+INLINE vec load(const double *p) {
+  return *(const vec_in_memory *)p;
+}
+
+INLINE void store(double *p, vec a) {
+  *(vec_in_memory *)p = a;
+}
+
+INLINE vec splat(double a) {
+  return a - (vec){0.0};
+}
+
+INLINE vec magnitude(vec a) {
+  return (vec)((bits)a & (UINT64_MAX >> 1));
+}
+
+/* Of all lanes, always in the same order: by halves, which depend on each other less. */
+INLINE double sum(vec a) {
+  for (int half = WIDTH / 2; half > 0; half /= 2) {
+    for (int lane = 0; lane < half; ++lane) {
+      a[lane] += a[lane + half];
+    }
+  }
+  return a[0];
+}
+
+INLINE double largest(vec a) {
+  double most = a[0];
+  for (int lane = 1; lane < WIDTH; ++lane) {
+    most = a[lane] > most ? a[lane] : most;
+  }
+  return most;
+}
+
+#ifdef __AVX512F__
+
+/* Masks: one bit a lane; false where a number is none. */
+typedef __mmask8 mask;
+
+INLINE mask less(vec a, vec b) {
+  return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ);
+}
+INLINE int any(mask m) {
+  return m != 0;
+}
+INLINE vec choose(mask m, vec a, vec b) {
+  return _mm512_mask_blend_pd(m, b, a);
+}
+/* a b + c with one rounding, where the level has it in hardware */
+INLINE vec fma_(vec a, vec b, vec c) {
+  return _mm512_fmadd_pd(a, b, c);
+}
+/* a, or b where a is smaller or none */
+INLINE vec larger(vec a, vec b) {
+  return _mm512_max_pd(a, b);
+}
+/* Each lane's neighbour in the ring: one to the left, `before` being the vector on the left ... */
+INLINE vec from_left(vec before, vec a) {
+  return (vec)_mm512_alignr_epi64((__m512i)a, (__m512i)before, 7);
+}
+/* ... and one to the right. */
+INLINE vec from_right(vec a, vec after) {
+  return (vec)_mm512_alignr_epi64((__m512i)after, (__m512i)a, 1);
+}
+/* 1/sqrt(a) to 14 bits */
+INLINE vec root_estimate(vec a) {
+  return _mm512_rsqrt14_pd(a);
+}
+enum { ESTIMATE_STEPS = 1 };
+
+#elif defined(__AVX2__)
+
+typedef bits mask;
+
+INLINE mask less(vec a, vec b) {
+  return (mask)_mm256_cmp_pd(a, b, _CMP_LT_OQ);
+}
+INLINE int any(mask m) {
+  return _mm256_movemask_pd((vec)m) != 0;
+}
+INLINE vec choose(mask m, vec a, vec b) {
+  return _mm256_blendv_pd(b, a, (vec)m);
+}
+INLINE vec fma_(vec a, vec b, vec c) {
+  return _mm256_fmadd_pd(a, b, c);
+}
+INLINE vec larger(vec a, vec b) {
+  return _mm256_max_pd(a, b);
+}
+INLINE vec from_left(vec before, vec a) {
+  return _mm256_shuffle_pd(_mm256_permute2f128_pd(before, a, 0x21), a, 5);
+}
+INLINE vec from_right(vec a, vec after) {
+  return _mm256_shuffle_pd(a, _mm256_permute2f128_pd(a, after, 0x21), 5);
+}
+/* 1/sqrt(a) to 11 bits, for a within the range of a float */
+INLINE vec root_estimate(vec a) {
+  return _mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps(a)));
+}
+enum { ESTIMATE_STEPS = 2 };
+
+#else
+
+typedef bits mask;
+
+INLINE mask less(vec a, vec b) {
+  return (mask)(a < b);
+}
+INLINE int any(mask m) {
+  return (m[0] | m[1]) != 0;
+}
+INLINE vec choose(mask m, vec a, vec b) {
+  return (vec)(((bits)a & m) | ((bits)b & ~m));
+}
+INLINE vec fma_(vec a, vec b, vec c) {
+#ifdef __FP_FAST_FMA
+  return (vec){__builtin_fma(a[0], b[0], c[0]), __builtin_fma(a[1], b[1], c[1])};
+#else
+  return a * b + c;
+#endif
+}
+INLINE vec larger(vec a, vec b) {
+  return choose(less(b, a), a, b);
+}
+INLINE vec from_left(vec before, vec a) {
+  return (vec){before[1], a[0]};
+}
+INLINE vec from_right(vec a, vec after) {
+  return (vec){a[1], after[0]};
+}
+#endif
+
+#ifdef __AVX2__
+/* sqrt(a) and its inverse, to an ulp, without a division: Newton's iteration on both. */
+INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
+  const vec half = splat(0.5);
+  const vec estimate = root_estimate(a);
+  vec r = a * estimate, h = half * estimate;
+  for (int k = 0; k < ESTIMATE_STEPS; ++k) {
+    const vec left = fma_(-r, h, half);
+    r = fma_(r, left, r);
+    h = fma_(h, left, h);
+  }
+  *root = fma_(fma_(-r, r, a), h, r);
+  const vec twice = h + h;
+  *inverse = fma_(fma_(-*root, twice, splat(1.0)), twice, twice);
+}
+#else
+INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
+  *root = (vec){__builtin_sqrt(a[0]), __builtin_sqrt(a[1])};
+  *inverse = 1.0 / *root;
+}
+#endif
+
+#endif
