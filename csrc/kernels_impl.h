@@ -300,7 +300,6 @@ INLINE void scaled(double h, const int m, const double *a, vec *ha) {
 
 INLINE vec weighted_sum(size_t i, const int m, const vec *a, double *const *k) {
   vec total = a[0] * load(k[0] + i);
-#pragma GCC unroll 8
   for (int j = 1; j < m; ++j) {
     total = fma_(a[j], load(k[j] + i), total);
   }
