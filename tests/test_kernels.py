@@ -5,9 +5,12 @@ The level is chosen when a model is made, so setting the environment variable be
 
 from __future__ import annotations
 
+import dataclasses
+
 import attrs
 import numpy as np
 import pytest
+from bridge import fields, oracle_of
 
 import beltdyn as bd
 from beltdyn import _core
@@ -107,3 +110,58 @@ def check_sine_and_cosine() -> None:
         expected = (np.roll(joint, -1) - joint) / m
         # 50 m away positions are rounded to 7e-15 m; half is 1e-2 m
         assert np.max(np.abs(rate[name] - expected)) <= 2e-12 * c * half / m
+
+
+@pytest.mark.parametrize("n_bodies", range(3, 19))
+def test_every_length_of_the_last_vector(monkeypatch: pytest.MonkeyPatch, n_bodies: int) -> None:
+    """A ring is closed within its last vector: one rate at a shaken state against the oracle."""
+    base = bd.scenes.kubas_case_1().params
+    belt, contact, friction = base.belt, base.contact, base.friction
+    rng = np.random.default_rng(n_bodies)
+    around = -2.0 * np.pi * np.arange(n_bodies) / n_bodies  # clockwise round pulley 0, just within
+    state = {
+        "x": 0.0999 * np.cos(around), "y": 0.0999 * np.sin(around), "phi": around - np.pi / 2,
+        "vx": np.zeros(n_bodies), "vy": np.zeros(n_bodies), "vphi": np.zeros(n_bodies),
+        "mu": rng.uniform(-0.5, 0.5, n_bodies), "slip": np.zeros(n_bodies),
+        "theta": np.zeros(2), "omega": np.array([-30.0, 10.0]), "t": 0.0,
+    }  # fmt: skip
+    for name, scale in {"x": 5e-5, "y": 5e-5, "phi": 0.1, "vx": 1.0, "vy": 1.0, "vphi": 50}.items():
+        state[name] = state[name] + scale * rng.standard_normal(n_bodies)
+    torque = np.array([3.0, -2.0])
+    oracle = dataclasses.replace(oracle_of(base), n_bodies=n_bodies, bending_damping=1e-4)
+    state["mu"][~(np.hypot(state["x"], state["y"]) < 0.1)] = 0.0
+    expected = oracle.unpack(oracle.rhs(0.0, oracle.pack(state), lambda t, theta, omega: torque))
+    for level in available(monkeypatch):
+        monkeypatch.setenv("BELTDYN_KERNELS", level)
+        model = _core.Model(  # Params would refuse so few links on these pulleys
+            (belt.length, n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
+             belt.bending_stiffness, 1e-4),
+            oracle.centers, oracle.radii, oracle.inertias,
+            (contact.quadratic, contact.linear, contact.damping), (friction.mu_k, friction.sigma),
+            (0.0, 0.0),
+        )  # fmt: skip
+        rate = model.rate(state, torque)
+        for name in ("x", "y", "phi", "vx", "vy", "vphi", "omega", "mu", "slip"):
+            want = np.asarray(expected[name])
+            want = want.sum(axis=0) if want.ndim == 2 else want
+            error = np.max(np.abs(rate[name] - want))
+            assert error <= 1e-11 * np.max(np.abs(want)), (level, name)
+
+
+@pytest.mark.parametrize("link", [0, 30, 59])
+@pytest.mark.parametrize("name", ["x", "y", "vx", "vy", "vphi", "a link on an axis"])
+def test_numbers_gone_show_in_the_rates(
+    monkeypatch: pytest.MonkeyPatch, name: str, link: int
+) -> None:
+    """What overflows, or has no direction, must not be masked away: the driver looks for it."""
+    params = bd.scenes.kubas_case_1().params
+    start = fields(bd.settle(params))
+    for level in available(monkeypatch):
+        monkeypatch.setenv("BELTDYN_KERNELS", level)
+        state = {key: np.array(values) for key, values in start.items()} | {"t": 0.0}
+        if name == "a link on an axis":
+            state["x"][link], state["y"][link] = params.pulleys[1].center
+        else:
+            state[name][link] = 1.7e308
+        rate = attrs.evolve(params, belt=params.belt)._model.rate(state, np.zeros(2))
+        assert not np.isfinite([rate[key] for key in ("vx", "vy", "vphi")]).all(), level
