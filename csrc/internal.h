@@ -7,8 +7,8 @@
  *
  *   | x | y | phi | vx | vy | vphi | mu (slots) | slip (slots) || theta | omega | work |
  *
- * In a block link i stands at BD_HALO + i; the place before link 0 and the one after link n-1 take
- * copies of the neighbours round the ring, so loops need no modulo. Places past n are kept at rest.
+ * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
+ * kept at rest.
  * Positions are relative to the model's origin and phi to `turns` whole turns, so neither a far
  * scene nor a belt that has circulated for long costs digits of stretch.
  */
