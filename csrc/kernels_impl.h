@@ -157,6 +157,11 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   store(ovx + last, choose(live, a.x, (vec){0.0}));
   store(ovy + last, choose(live, a.y, (vec){0.0}));
   store(ovphi + last, choose(live, a.phi, (vec){0.0}));
+  for (int f = F_X; f <= F_VPHI; ++f) {
+    for (int i = last + WIDTH; i < lay->n8; i += WIDTH) {
+      store(bd_field(lay, out, f) + i, (vec){0.0});
+    }
+  }
   for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
     store(out + k, (vec){0.0});
   }
