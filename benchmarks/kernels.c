@@ -76,19 +76,29 @@ double PASTE(bench_load_, BD_LIMITS)(size_t n, const double *data) {
 #include "internal.h"
 
 enum { STAGES = 7, MAX_ROUNDS = 999, N_VALUES = 512 * 1024 / 8 };
-static const char *const levels[] = {"baseline", "avx2", "avx512"};
 static const char *const limit_names[] = {"multiply-add", "load from L1", "load from L2"};
 
-#define DECLARE(level)                                                                             \
+#ifdef BD_X86_LEVELS
+#define LEVELS(X) X(baseline) X(avx2) X(avx512)
+#else
+#define LEVELS(X) X(baseline)
+#endif
+#define X(level)                                                                                   \
   double bench_fma_##level(long n, double factor);                                                 \
   double bench_load_##level(size_t n, const double *data);
-DECLARE(baseline)
-DECLARE(avx2)
-DECLARE(avx512)
-static double (*const fma_of[])(long, double) = {bench_fma_baseline, bench_fma_avx2,
-                                                 bench_fma_avx512};
-static double (*const load_of[])(size_t, const double *) = {bench_load_baseline, bench_load_avx2,
-                                                            bench_load_avx512};
+LEVELS(X)
+#undef X
+
+static const struct {
+  const char *name;
+  double (*fma)(long n, double factor);
+  double (*load)(size_t n, const double *data);
+} levels[] = {
+#define X(level) {#level, bench_fma_##level, bench_load_##level},
+    LEVELS(X)
+#undef X
+};
+enum { N_LEVELS = sizeof levels / sizeof levels[0] };
 
 typedef struct bench {
   const bd_model *model;
@@ -326,7 +336,7 @@ static double time_limit(int level, int limit, const double *data) {
   size_t n = limit == 1 ? 2048 : N_VALUES;
   double from = seconds();
   for (long k = 0; k < calls; ++k) {
-    sink += limit == 0 ? fma_of[level]((long)n, 0.5) : load_of[level](n, data);
+    sink += limit == 0 ? levels[level].fma((long)n, 0.5) : levels[level].load(n, data);
   }
   return 1e9 * (seconds() - from) / (double)(calls * (long)(n / BD_LANES));
 }
@@ -341,12 +351,13 @@ int main(void) {
     read_drive(&drives[d]);
   }
   double *data = bd_block_new(N_VALUES * sizeof *data);
-  for (int level = 0; level < 3; ++level) {
-    setenv("BELTDYN_KERNELS", levels[level], 1);
-    if (strcmp(bd_kernel_level(), levels[level]) != 0) {
+  for (int level = 0; level < N_LEVELS; ++level) {
+    const char *name = levels[level].name;
+    setenv("BELTDYN_KERNELS", name, 1);
+    if (strcmp(bd_kernel_level(), name) != 0) {
       continue; /* the processor does not have it */
     }
-    time_level(levels[level], rounds, n_drives, drives);
+    time_level(name, rounds, n_drives, drives);
     double times[3][MAX_ROUNDS];
     for (int round = 0; round < rounds; ++round) {
       for (int limit = 0; limit < 3; ++limit) {
@@ -354,8 +365,7 @@ int main(void) {
       }
     }
     for (int limit = 0; limit < 3; ++limit) {
-      printf("%s,%d,%s,%.6g\n", levels[level], BD_LANES, limit_names[limit],
-             median(rounds, times[limit]));
+      printf("%s,%d,%s,%.6g\n", name, BD_LANES, limit_names[limit], median(rounds, times[limit]));
     }
   }
   return sink == 1.0; /* never, but the compiler cannot know */

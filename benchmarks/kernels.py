@@ -17,6 +17,7 @@ import platform
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import attrs
 import numpy as np
@@ -26,24 +27,30 @@ import beltdyn as bd
 ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
+X86 = platform.machine().lower() in {"x86_64", "amd64"}
 SIZES = (60, 120, 240, 480, 960, 3840)
 PYTHON_ONLY = ("Python.h", '"_core.h"', '"convert.h"')
 
 
-def setup_constant(name: str) -> list[str] | dict[str, list[str]]:
-    """A literal of setup.py, which cannot be imported: it builds."""
-    for node in ast.parse((ROOT / "setup.py").read_text()).body:
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name:
-            return ast.literal_eval(node.value)
-    raise LookupError(name)
+def setup_constants() -> dict[str, Any]:
+    """FLAGS and LEVELS of setup.py, which cannot be imported: it builds."""
+    return {
+        ast.unparse(node.targets[0]): ast.literal_eval(node.value)
+        for node in ast.parse((ROOT / "setup.py").read_text()).body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in {"FLAGS", "LEVELS"}
+    }
 
 
 def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
-    flags, levels = setup_constant("FLAGS"), setup_constant("LEVELS")
-    levels = {"kernels_baseline.c": [], **levels}
+    constants = setup_constants()
+    flags: list[str] = constants["FLAGS"]
+    levels: dict[str, list[str]] = {"kernels_baseline.c": []}
+    if X86:
+        levels |= constants["LEVELS"]
     sources = [p for p in sorted(CORE.glob("*.c"))
-               if not any(x in p.read_text() for x in PYTHON_ONLY)]  # fmt: skip
-    common = [COMPILER, *flags, "-DBD_X86_LEVELS=1", f"-I{CORE}", "-c"]
+               if not any(x in p.read_text() for x in PYTHON_ONLY)
+               and p.name not in constants["LEVELS"].keys() - levels.keys()]  # fmt: skip
+    common = [COMPILER, *flags, *["-DBD_X86_LEVELS=1"][:X86], f"-I{CORE}", "-c"]
     objects = []
 
     def build(source: Path, name: str, *extra: str) -> None:
@@ -62,14 +69,14 @@ def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
     return target, flags
 
 
-def drawn_out(state: bd.State, params: bd.DriveParams, n: int) -> dict[str, np.ndarray]:
+def drawn_out(state: bd.State, params: bd.Params, n: int) -> dict[str, np.ndarray]:
     """The state of a belt of fewer links as one of n links."""
     few = state.x.shape[-1]
     at = np.arange(n) * few / n
     turn = 2 * np.pi * params.info["winding"]
 
     def along(values: np.ndarray, closing: float = 0.0) -> np.ndarray:
-        return np.interp(at, np.arange(few + 1), np.append(values, values[0] + closing))
+        return np.asarray(np.interp(at, np.arange(few + 1), [*values, values[0] + closing]))
 
     out = {name: along(np.ravel(getattr(state, name)), turn if name == "phi" else 0.0)
            for name in ("x", "y", "phi", "vx", "vy", "vphi", "mu", "slip")}  # fmt: skip
@@ -82,8 +89,9 @@ def drawn_out(state: bd.State, params: bd.DriveParams, n: int) -> dict[str, np.n
     return out | {"theta": state.theta, "omega": state.omega}
 
 
-def drive_text(params: bd.DriveParams, state: dict[str, np.ndarray]) -> str:
+def drive_text(params: bd.Params, state: dict[str, np.ndarray]) -> str:
     belt, contact, friction = params.belt, params.contact, params.friction
+    assert friction is not None
     values = [belt.n_bodies, belt.length, belt.linear_density, belt.axial_stiffness,
               belt.axial_damping, belt.bending_stiffness, belt.bending_damping, contact.quadratic,
               contact.linear, contact.damping, friction.mu_k, friction.sigma,
