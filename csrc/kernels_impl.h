@@ -42,10 +42,10 @@ INLINE void sine_cosine(vec angle, vec *sine, vec *cosine) {
   c = fma_(z, c, splat(-1.38888888888741095749e-03));
   c = fma_(z, c, splat(4.16666666666666019037e-02));
   c = fma_(z * z, c, fma_(z, splat(-0.5), splat(1.0)));
-  const bits quadrant = (bits)shifted;
-  const bits swap = ((bits)s ^ (bits)c) & (0 - (quadrant & 1));
-  *sine = (vec)((bits)s ^ swap ^ ((quadrant & 2) << 62));
-  *cosine = (vec)((bits)c ^ swap ^ (((quadrant + 1) & 2) << 62));
+  const bits quadrant = as_bits(shifted);
+  const bits swap = (as_bits(s) ^ as_bits(c)) & (0 - (quadrant & 1));
+  *sine = as_vec(as_bits(s) ^ swap ^ ((quadrant & 2) << 62));
+  *cosine = as_vec(as_bits(c) ^ swap ^ (((quadrant + 1) & 2) << 62));
 }
 
 /* A vector of links as their joints see them: directions, and the right ends. */
@@ -66,10 +66,9 @@ typedef struct rates {
 /* (2.11) without contact: links between the joints on their left and on their right. */
 INLINE rates accelerations(const ends *link, const forces *f, const forces *right, vec arm,
                            const int bending) {
-  rates a = {right->x - f->x, right->y - f->y, {0.0}};
   const vec turning = fma_(link->cos, f->y + right->y, -(link->sin * (f->x + right->x)));
-  a.phi = bending ? fma_(arm, turning, right->moment - f->moment) : arm * turning;
-  return a;
+  return (rates){right->x - f->x, right->y - f->y,
+                 bending ? fma_(arm, turning, right->moment - f->moment) : arm * turning};
 }
 
 /* One pass: a vector's forces need the right end of the link before it, its accelerations the
@@ -93,10 +92,8 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   const vec damping_per_inertia = splat(links->bending_damping * links->inv_inertia);
   const vec bend_damping = splat(links->bending_damping);
   const vec arm = splat(links->half * links->inv_inertia / links->inv_mass);
-  vec lane, loss = {0.0}, lost = {0.0};
-  for (int k = 0; k < WIDTH; ++k) {
-    lane[k] = k;
-  }
+  const vec lane = lane_numbers();
+  vec loss = {0.0}, lost = {0.0};
 
   ends before = {.phi = splat(phi[n - 1] - links->wind), .vphi = splat(vphi[n - 1])};
   sine_cosine(splat(phi[n - 1]), &before.sin, &before.cos);
@@ -136,7 +133,7 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
       lost = bending ? fma_(bend_damping * rate, rate, lost) : lost;
     }
     if (i == 0) {
-      first = (forces){splat(f.x[0]), splat(f.y[0]), splat(f.moment[0])};
+      first = (forces){splat(first_of(f.x)), splat(first_of(f.y)), splat(first_of(f.moment))};
     } else {
       const forces right = {from_right(left.x, f.x), from_right(left.y, f.y),
                             from_right(left.moment, f.moment)};
@@ -363,7 +360,8 @@ INLINE double error_fixed(const bd_layout *lay, double h, const int m, const dou
   vec he[BD_MAX_STAGES];
   scaled(h, m, e, he);
   const size_t stride = (size_t)lay->stride;
-  errors found = {{0.0}, {0.0}};
+  const vec none = {0.0};
+  errors found = {none, none};
   for (int link = 0; link < lay->n; link += WIDTH) {
     const size_t i = BD_HALO + (size_t)link;
     weigh(i + F_X * stride, stride, m, he, k, w, &found);

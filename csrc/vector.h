@@ -1,19 +1,26 @@
 /* SPDX-License-Identifier: MIT
  *
- * Vectors of doubles for the kernels: as wide as the instruction level that a file is compiled for,
- * two at a time where the level is not known, on any processor. Arithmetic is written with C's
- * operators (vectors are a language extension of gcc and clang); below is what has no operator.
+ * Vectors of doubles for the kernels: as wide as the instruction level that a file is compiled for;
+ * two at a time with gcc and clang on any processor; elsewhere (or with BD_SCALAR) plain C, one at
+ * a time. Arithmetic is written with C's operators; below is what has no operator.
  */
 #ifndef BELTDYN_VECTOR_H
 #define BELTDYN_VECTOR_H
 
+#include <math.h>
 #include <stdint.h>
+#include <string.h>
 #ifdef __AVX2__
 #include <immintrin.h>
 #endif
 
+#if !defined(__GNUC__) || defined(BD_SCALAR)
+#define INLINE static inline
+enum { WIDTH = 1 };
+typedef double vec, vec_in_memory;
+typedef uint64_t bits;
+#else
 #define INLINE static inline __attribute__((always_inline))
-
 #ifdef __AVX512F__
 enum { WIDTH = 8 };
 #elif defined(__AVX2__)
@@ -21,10 +28,10 @@ enum { WIDTH = 4 };
 #else
 enum { WIDTH = 2 };
 #endif
-
 typedef double vec __attribute__((vector_size(8 * WIDTH)));
 typedef double vec_in_memory __attribute__((vector_size(8 * WIDTH), may_alias));
 typedef uint64_t bits __attribute__((vector_size(8 * WIDTH)));
+#endif
 
 /* Aligned, as every block of the state is. */
 INLINE vec load(const double *p) {
@@ -39,31 +46,63 @@ INLINE vec splat(double a) {
   return a - (vec){0.0};
 }
 
+INLINE bits as_bits(vec a) {
+  bits out;
+  memcpy(&out, &a, sizeof out);
+  return out;
+}
+
+INLINE vec as_vec(bits a) {
+  vec out;
+  memcpy(&out, &a, sizeof out);
+  return out;
+}
+
 INLINE vec magnitude(vec a) {
-  return (vec)((bits)a & (UINT64_MAX >> 1));
+  return as_vec(as_bits(a) & (UINT64_MAX >> 1));
+}
+
+/* The lanes' numbers, from 0. */
+INLINE vec lane_numbers(void) {
+  double numbers[WIDTH];
+  vec out;
+  for (int lane = 0; lane < WIDTH; ++lane) {
+    numbers[lane] = lane;
+  }
+  memcpy(&out, numbers, sizeof out);
+  return out;
+}
+
+INLINE double first_of(vec a) {
+  double lanes[WIDTH];
+  memcpy(lanes, &a, sizeof a);
+  return lanes[0];
 }
 
 /* Of all lanes, always in the same order: by halves, which depend on each other less. */
 INLINE double sum(vec a) {
+  double lanes[WIDTH];
+  memcpy(lanes, &a, sizeof a);
   for (int half = WIDTH / 2; half > 0; half /= 2) {
     for (int lane = 0; lane < half; ++lane) {
-      a[lane] += a[lane + half];
+      lanes[lane] += lanes[lane + half];
     }
   }
-  return a[0];
+  return lanes[0];
 }
 
 INLINE double largest(vec a) {
-  double most = a[0];
+  double lanes[WIDTH];
+  memcpy(lanes, &a, sizeof a);
   for (int lane = 1; lane < WIDTH; ++lane) {
-    most = a[lane] > most ? a[lane] : most;
+    lanes[0] = lanes[lane] > lanes[0] ? lanes[lane] : lanes[0];
   }
-  return most;
+  return lanes[0];
 }
 
-#ifdef __AVX512F__
+/* Masks: false where a number is none. */
+#if defined(__AVX512F__) && !defined(BD_SCALAR)
 
-/* Masks: one bit a lane; false where a number is none. */
 typedef __mmask8 mask;
 
 INLINE mask less(vec a, vec b) {
@@ -97,7 +136,7 @@ INLINE vec root_estimate(vec a) {
 }
 enum { ESTIMATE_STEPS = 1 };
 
-#elif defined(__AVX2__)
+#elif defined(__AVX2__) && !defined(BD_SCALAR)
 
 typedef bits mask;
 
@@ -122,13 +161,14 @@ INLINE vec from_left(vec before, vec a) {
 INLINE vec from_right(vec a, vec after) {
   return _mm256_shuffle_pd(a, _mm256_permute2f128_pd(a, after, 0x21), 5);
 }
-/* 1/sqrt(a) to 11 bits, for a within the range of a float */
+/* 1/sqrt(a) to 11 bits, for a within the range of a float; the last bits of what Newton makes of it
+ * may differ between makers of processors */
 INLINE vec root_estimate(vec a) {
   return _mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps(a)));
 }
 enum { ESTIMATE_STEPS = 2 };
 
-#else
+#elif defined(__GNUC__) && !defined(BD_SCALAR)
 
 typedef bits mask;
 
@@ -157,9 +197,46 @@ INLINE vec from_left(vec before, vec a) {
 INLINE vec from_right(vec a, vec after) {
   return (vec){a[1], after[0]};
 }
+INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
+  *root = (vec){sqrt(a[0]), sqrt(a[1])};
+  *inverse = 1.0 / *root;
+}
+
+#else
+
+typedef int mask;
+
+INLINE mask less(vec a, vec b) {
+  return a < b;
+}
+INLINE int any(mask m) {
+  return m;
+}
+INLINE vec choose(mask m, vec a, vec b) {
+  return m ? a : b;
+}
+INLINE vec fma_(vec a, vec b, vec c) {
+  return a * b + c;
+}
+INLINE vec larger(vec a, vec b) {
+  return a > b ? a : b;
+}
+INLINE vec from_left(vec before, vec a) {
+  (void)a;
+  return before;
+}
+INLINE vec from_right(vec a, vec after) {
+  (void)a;
+  return after;
+}
+INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
+  *root = sqrt(a);
+  *inverse = 1.0 / *root;
+}
+
 #endif
 
-#ifdef __AVX2__
+#if defined(__AVX2__) && !defined(BD_SCALAR)
 /* sqrt(a) and its inverse, to an ulp, without a division: Newton's iteration on both. */
 INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
   const vec half = splat(0.5);
@@ -173,11 +250,6 @@ INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
   *root = fma_(fma_(-r, r, a), h, r);
   const vec twice = h + h;
   *inverse = fma_(fma_(-*root, twice, splat(1.0)), twice, twice);
-}
-#else
-INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
-  *root = (vec){__builtin_sqrt(a[0]), __builtin_sqrt(a[1])};
-  *inverse = 1.0 / *root;
 }
 #endif
 

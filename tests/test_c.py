@@ -49,7 +49,11 @@ def test_only_the_binding_sees_python() -> None:
             assert path.name.startswith(("_core", "convert")), path.name
 
 
-@pytest.mark.parametrize("flags", [["-O3"], ["-O1", *SANITIZERS]], ids=["plain", "sanitized"])
+@pytest.mark.parametrize(
+    "flags",
+    [["-O3"], ["-O1", *SANITIZERS], ["-O1", *SANITIZERS, "-DBD_SCALAR"]],
+    ids=["plain", "sanitized", "sanitized-scalar"],
+)
 @pytest.mark.parametrize("program", ["test_core", "test_memory"])
 def test_c_tests(tmp_path: Path, program: str, flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
