@@ -27,30 +27,30 @@ import beltdyn as bd
 ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
-X86 = platform.machine().lower() in {"x86_64", "amd64"}
 SIZES = (60, 120, 240, 480, 960, 3840)
 PYTHON_ONLY = ("Python.h", '"_core.h"', '"convert.h"')
 
 
 def setup_constants() -> dict[str, Any]:
-    """FLAGS and LEVELS of setup.py, which cannot be imported: it builds."""
-    return {
-        ast.unparse(node.targets[0]): ast.literal_eval(node.value)
-        for node in ast.parse((ROOT / "setup.py").read_text()).body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in {"FLAGS", "LEVELS"}
-    }
+    """The constants of setup.py, which cannot be imported: it builds."""
+    module = ast.parse((ROOT / "setup.py").read_text())
+    assignments = [node for node in module.body if isinstance(node, ast.Assign)]
+    module.body = [node for node in assignments if ast.unparse(node.targets[0]).isupper()]
+    names: dict[str, Any] = {"os": os, "platform": platform, "Path": Path}
+    exec(compile(module, "setup.py", "exec"), names)
+    return names
 
 
 def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
     constants = setup_constants()
     flags: list[str] = constants["FLAGS"]
     levels: dict[str, list[str]] = {"kernels_baseline.c": []}
-    if X86:
+    if constants["X86"]:
         levels |= constants["LEVELS"]
     sources = [p for p in sorted(CORE.glob("*.c"))
                if not any(x in p.read_text() for x in PYTHON_ONLY)
                and p.name not in constants["LEVELS"].keys() - levels.keys()]  # fmt: skip
-    common = [COMPILER, *flags, *["-DBD_X86_LEVELS=1"][:X86], f"-I{CORE}", "-c"]
+    common = [COMPILER, *flags, *["-DBD_X86_LEVELS=1"][: constants["X86"]], f"-I{CORE}", "-c"]
     objects = []
 
     def build(source: Path, name: str, *extra: str) -> None:
@@ -61,6 +61,8 @@ def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
         build(path, path.stem + ".o", *levels.get(path.name, []))
     build(ROOT / "benchmarks/kernels.c", "benchmark.o")
     for name, extra in levels.items():
+        if not name.startswith("kernels_"):
+            continue
         level = name.removeprefix("kernels_").removesuffix(".c")
         build(ROOT / "benchmarks/kernels.c", f"limits_{level}.o", *extra, "-ffp-contract=fast",
               f"-DBD_LIMITS={level}")  # fmt: skip

@@ -19,7 +19,8 @@ static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
-  double loss = plan->kernels->joints[plan->bending_on][plan->ledger](&plan->links, y, dy);
+  double loss =
+      plan->kernels->joints[plan->bending_on][plan->ledger & !plan->quiet](&plan->links, y, dy);
   dy[plan->model->lay.work + W_JOINT] = loss;
   return BD_OK;
 }
@@ -43,7 +44,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
     plan->drums[j].omega = y[lay->omega + j];
-    plan->kernels->contact[plan->friction_on][plan->ledger](
+    plan->kernels->contact[plan->friction_on][plan->ledger & !plan->quiet](
         &plan->links, &plan->drums[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;
@@ -123,9 +124,20 @@ static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *e
 /* --- making it ------------------------------------------------------------------------------- */
 
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
-  double **const scratch[] = {&plan->links.cos, &plan->links.sin, &plan->best};
+  bd_links *links = &plan->links;
+  double *live;
+  BD_CARVE(carver, live, lay->stride);
+  links->live = live;
+  double **const scratch[] = {&links->cos, &links->sin, &links->rx, &links->ry,
+                              &links->fx,  &links->fy,  &plan->best};
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
-    BD_CARVE(carver, *scratch[k], lay->n8);
+    BD_CARVE(carver, *scratch[k], lay->stride);
+    if (carver->base) {
+      *scratch[k] += BD_HALO;
+    }
+  }
+  for (int i = 0; carver->base && i < lay->n; ++i) {
+    live[i] = 1.0;
   }
   BD_CARVE(carver, plan->drums, lay->np);
   BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);

@@ -134,11 +134,11 @@ static void set_up(bd_sim *sim) {
                                   .offset = given->offset,
                                   .move_time = move_time});
   sim->plan.links.damping = 0.5 * sqrt(info->joint_stiffness * info->link_mass / 3.0);
-  sim->method = bd_tableau_find("rk4");
   bd_options_default(&sim->options);
   sim->options.method = sim->method->name;
   sim->options.step = 0.8 * sim->method->stability / fastest_mode(sim);
   sim->options.ledger = 0;
+  sim->fixed = 1;
 }
 
 /* Without friction the belt slides round its path almost freely, and with it a drive whose pulleys
@@ -189,7 +189,7 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
   *at_rest = 0;
-  double *y = sim->y_mid, *dy = sim->stage[sim->method->stages - 1];
+  double *y = sim->y_mid, *dy = sim->stage[sim->method->vectors - 1];
   double fastest, worst = 0.0;
   memcpy(y, sim->y, lay->size * sizeof *y);
   fastest = stop(sim, y);
@@ -283,7 +283,7 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
   if (check_options(model, options, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
-  bd_sim *sim = bd_sim_new(model, NULL, 1);
+  bd_sim *sim = bd_sim_new(model, bd_method_find("rk4"), NULL, 1);
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
