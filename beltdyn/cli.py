@@ -35,14 +35,23 @@ def _stop(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def _interrupt_once(*_: object) -> NoReturn:
+    """Answer the first signal; whatever an impatient user sends after it must not lose the rest."""
+    for one in (signal.SIGINT, *_ENDING):
+        signal.signal(one, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
 @contextmanager
-def _signals(handler: Any, *which: signal.Signals) -> Iterator[None]:
-    before = [(one, signal.signal(one, handler)) for one in which]
+def _interruptible() -> Iterator[None]:
+    """Answer what asks a batch job to end like Ctrl-C, and both but once."""
+    before = [(one, signal.signal(one, _interrupt_once)) for one in (signal.SIGINT, *_ENDING)]
     try:
         yield
     finally:
         for one, old in before:
-            signal.signal(one, old)
+            if signal.getsignal(one) is _interrupt_once:  # else the end is near
+                signal.signal(one, old)
 
 
 class _Group(click.Group):
@@ -109,8 +118,7 @@ def run(
     outputs.check()
     try:
         params, torque_fn, scene_t_end = _find(scene)
-        # What asks a batch job to end is answered like Ctrl-C.
-        with _signals(signal.default_int_handler, *_ENDING):
+        with _interruptible():
             result = simulate(
                 params,
                 torque_fn,
@@ -126,9 +134,7 @@ def run(
     except SimulationError as error:
         _stop(f"{error}{outputs.write(error.result)}", _FAILED)
     except Interrupted as error:
-        # The finished part is being written: a second Ctrl-C must not lose it.
-        with _signals(signal.SIG_IGN, signal.SIGINT, *_ENDING):
-            _stop(f"{error}{outputs.write(error.result)}", _INTERRUPTED)
+        _stop(f"{error}{outputs.write(error.result)}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
     written = outputs.write(result)
@@ -172,7 +178,7 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
             _stop(f"--format: {kind!r} must be one of {', '.join(known)}", _BAD_INPUT)
     written: list[Path] = []
     try:
-        with _signals(signal.default_int_handler, *_ENDING):
+        with _interruptible():
             comparison = _write_figures(folder, list(dict.fromkeys(kinds)), size, quiet, written)
     except SimulationError as error:
         _stop(str(error), _FAILED)

@@ -184,13 +184,16 @@ class Stats:
     """What a run cost.
 
     Attributes:
-        method: Integrator used.
+        method: Integrator used; "auto" if it went to and fro between two.
+        choice: Why that one, or what share each of the two had.
         kernels: Kernel level of the C core.
         steps: Accepted steps.
         rejected: Rejected steps.
         nfev: Evaluations of the right-hand side.
         njev: Evaluations of the Jacobian; explicit methods need none.
         nlu: Factorisations; explicit methods need none.
+        changes: Changes of method, by "auto".
+        fallbacks: Steps that only the linearly implicit Euler method could make.
         searches: Rebuilds of the list of links that can touch a pulley.
         smallest_step: Smallest accepted step [s].
         largest_step: Largest accepted step [s].
@@ -198,7 +201,8 @@ class Stats:
         cpu_time: CPU time of the run [s], without settling.
         wall_time: Wall time of the run [s], without settling.
         settle_time: Wall time of settling before the run [s], 0 if there was none.
-        error: Estimated error of the result, None if it was not estimated.
+        error: Estimated error of the joint forces over the mean tension (root mean square), from
+            the largest local error of a step; on the safe side. None if the method makes none.
     """
 
     method: str
@@ -208,6 +212,8 @@ class Stats:
     nfev: int
     njev: int = 0
     nlu: int = 0
+    changes: int = 0
+    fallbacks: int = 0
     searches: int
     smallest_step: float
     largest_step: float
@@ -216,11 +222,14 @@ class Stats:
     wall_time: float
     settle_time: float = 0.0
     error: float | None = None
+    choice: str = ""
 
     @classmethod
     def _from_core(cls, counters: Mapping[str, Any], **others: Any) -> Stats:
         known = {field.name for field in attrs.fields(cls)}
-        return cls(**{name: value for name, value in counters.items() if name in known}, **others)
+        values = {name: value for name, value in counters.items() if name in known}
+        values["error"] = values["error"] or None
+        return cls(**values, **others)
 
 
 _G = TypeVar("_G", bound=_Group)
@@ -383,7 +392,7 @@ class Result:
             rows.append(("energy residual", f"{residual:.2g} J{share}"))
         return [
             *rows,
-            ("method", stats.method),
+            ("method", stats.choice or stats.method),
             ("steps", f"{stats.steps} accepted, {stats.rejected} rejected"),
             ("evaluations", f"{stats.nfev}"),
             ("CPU time", f"{stats.cpu_time:.3g} s"),

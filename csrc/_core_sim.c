@@ -24,7 +24,7 @@ typedef struct {
   bd_core_call *calls; /* the core's `user` pointers point here */
   Py_ssize_t n_calls;
   PyObject *outputs; /* list of the arrays the core writes to; NULL: no sample times */
-  PyObject *method, *passes;
+  PyObject *passes;
   double rate; /* steps per second of wall time, 0: not known yet */
   int ledger, started;
   atomic_bool busy;
@@ -72,17 +72,14 @@ static PyObject *passes_of(const bd_sim *sim) {
 static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_core_model *model,
                       bd_core_torque *torque) {
   PyObject *passes = passes_of(sim);
-  PyObject *method = passes ? PyUnicode_FromString(bd_sim_method(sim)) : NULL;
-  bd_core_sim *self = method ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
+  bd_core_sim *self = passes ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
   if (!self) {
     Py_XDECREF(passes);
-    Py_XDECREF(method);
     bd_sim_free(sim);
     return NULL;
   }
   self->sim = sim;
   self->model = (bd_core_model *)Py_NewRef(model);
-  self->method = method;
   self->passes = passes;
   atomic_init(&self->busy, false);
   if (torque) {
@@ -270,7 +267,6 @@ static void sim_dealloc(PyObject *object) {
   PyTypeObject *type = Py_TYPE(object);
   PyObject_GC_UnTrack(object);
   sim_clear(object);
-  Py_CLEAR(self->method);
   Py_CLEAR(self->passes);
   type->tp_free(object);
   Py_DECREF(type);
@@ -499,11 +495,28 @@ fail:
   return NULL;
 }
 
-/* Fixed when the simulation is made, so these two may be read while it runs. */
 static PyObject *sim_method(PyObject *object, void *Py_UNUSED(closure)) {
-  return Py_NewRef(((bd_core_sim *)object)->method);
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  const char *name = bd_sim_method(self->sim);
+  leave(self);
+  return PyUnicode_FromString(name);
 }
 
+static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  char text[384];
+  bd_sim_explain(self->sim, text, sizeof text);
+  leave(self);
+  return PyUnicode_FromString(text);
+}
+
+/* Fixed when the simulation is made, so this may be read while it runs. */
 static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
   return Py_NewRef(((bd_core_sim *)object)->passes);
 }
@@ -523,7 +536,8 @@ static PyMethodDef sim_methods[] = {
 static PyGetSetDef sim_properties[] = {
     {"time", sim_time, NULL, "Simulated time reached [s]. RuntimeError while running.", NULL},
     {"samples", sim_samples, NULL, "Finished sample rows. RuntimeError while running.", NULL},
-    {"method", sim_method, NULL, "Integration method in use.", NULL},
+    {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
+    {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
     {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
     {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
      NULL},

@@ -227,7 +227,9 @@ typedef struct bd_stats {
 } bd_stats;
 
 void bd_sim_stats(const bd_sim *sim, bd_stats *out);
+/* The method in use ("auto" may change it), and, in a sentence, why. */
 const char *bd_sim_method(const bd_sim *sim);
+void bd_sim_explain(const bd_sim *sim, char *text, size_t size);
 /* Names of the passes of the plan, in order; NULL past the last. */
 const char *bd_sim_pass(const bd_sim *sim, int k);
 

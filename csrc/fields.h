@@ -103,10 +103,12 @@
   X(long, njev, "evaluations of the Jacobian; explicit methods need none")                         \
   X(long, nlu, "factorisations; explicit methods need none")                                       \
   X(long, fallbacks, "steps that only the linearly implicit Euler method could make")              \
+  X(long, changes, "of method, by \"auto\"")                                                       \
   X(long, searches, "rebuilds of the list of links that can touch a pulley")                       \
   X(double, smallest_step, "smallest accepted step [s]")                                           \
   X(double, largest_step, "largest accepted step [s]")                                             \
   X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                   \
+  X(double, error, "estimated error of the joint forces over the mean tension; 0: none was made")  \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),

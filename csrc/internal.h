@@ -410,7 +410,8 @@ typedef struct bd_method {
   int may_be_fixed; /* bd_options.step is the step, not the first one */
   double stability; /* limit of h |lambda|; 0: none */
   double growth;    /* of the step, at most */
-  double aim;       /* local errors are held below rtol times this */
+  double aim[2];    /* local errors are held below aim[0] rtol^aim[1] */
+  double cost[2];   /* microseconds of a step and of a link in it, measured; only ratios count */
   /* A step of length h from sim->y into sim->y_new; *error: its estimate over the weights, infinite
    * if a number is not finite. */
   int (*attempt)(bd_sim *sim, double h, double *error);
@@ -421,7 +422,10 @@ typedef struct bd_method {
   const void *table;
 } bd_method;
 
-const bd_method *bd_method_find(const char *name);
+const bd_method *bd_method_find(const char *name); /* NULL if there is none */
+/* The local error that an asked error allows, and the other way about. */
+double bd_method_tolerance(const bd_method *method, double rtol);
+double bd_method_error(const bd_method *method, double local);
 const bd_method *bd_method_at(size_t k); /* NULL past the last */
 
 /* Coefficients of explicit Runge-Kutta methods, erk.c. */
@@ -458,11 +462,36 @@ int bd_lbdf_attempt(bd_sim *sim, double h, double *error);
 int bd_lbdf_finish(bd_sim *sim, double h, double t_new);
 void bd_lbdf_inside(bd_sim *sim, double h, double s, double *y);
 
+/* --- auto.c ---------------------------------------------------------------------------------- */
+
+enum { AUTO_EXPLICIT, AUTO_IMPLICIT, N_AUTO };
+
+typedef struct bd_auto {
+  const bd_method *method[N_AUTO];
+  double per_second[N_AUTO]; /* cost of a simulated second as last seen [us]; 0: not yet */
+  double time[N_AUTO];       /* simulated with each [s] */
+  long steps[N_AUTO];
+  int now;
+  int doubtful;                     /* the implicit method may be the cheaper one */
+  double h_kept, t_before, t_judge; /* step of the other method; last time; where judging began */
+  long tries_begin, tries_judge;    /* steps tried when this stretch, and judging, began */
+  long look_after;                  /* tries with the explicit method before the next look */
+} bd_auto;
+
+/* The two methods that "auto" goes between at this tolerance. */
+void bd_auto_pair(double rtol, bd_auto *pair);
+/* Chooses the first; afterwards, after every step, perhaps the other. */
+void bd_auto_begin(bd_sim *sim);
+void bd_auto_watch(bd_sim *sim);
+/* What was chosen and why, in a sentence. */
+void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
+
 /* --- sim.c ----------------------------------------------------------------------------------- */
 
 struct bd_sim {
   const bd_model *model;
-  const bd_method *method, *now; /* chosen; of the step just made */
+  const bd_method *method, *now; /* in use; of the step just made */
+  bd_auto choice;                /* of "auto"; choice.method[0] NULL: the method was named */
   bd_options options;
   bd_plan plan;
   bd_linear linear;
@@ -506,14 +535,16 @@ void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
 
 /* --- sim.c, for the methods ------------------------------------------------------------------ */
 
+/* Longest step that the method in use is allowed to make. */
+double bd_sim_longest(const bd_sim *sim, double h);
 /* Rate at any time and state; counted. */
 int bd_sim_rate(bd_sim *sim, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */
 int bd_sim_know_rate(bd_sim *sim);
 
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */
-bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_torque *torque,
-                   int settling);
+bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
+                   const bd_torque *torque, int settling);
 void bd_sim_weights(bd_sim *sim);
 
 #endif

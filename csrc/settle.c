@@ -316,7 +316,7 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
   }
   double step;
   const bd_method *method = method_for(model, options->friction, &step);
-  bd_sim *sim = bd_sim_new(model, method, NULL, 1);
+  bd_sim *sim = bd_sim_new(model, method, NULL, NULL, 1);
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }

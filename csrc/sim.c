@@ -22,19 +22,25 @@ void bd_options_default(bd_options *options) {
 /* --- making it ------------------------------------------------------------------------------- */
 
 static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_method *method,
-                  const bd_torque *torque, int settling) {
+                  const bd_method *other, const bd_torque *torque, int settling) {
   const bd_layout *lay = &model->lay;
+  int vectors = method->vectors, past = method->past, implicit = method->implicit;
+  if (other) {
+    vectors = other->vectors > vectors ? other->vectors : vectors;
+    past = other->past > past ? other->past : past;
+    implicit |= other->implicit;
+  }
   BD_CARVE(carver, sim->y, lay->size);
   BD_CARVE(carver, sim->y_new, lay->size);
   BD_CARVE(carver, sim->y_mid, lay->size);
   BD_CARVE(carver, sim->weights, lay->size);
-  for (int k = 0; k < method->vectors; ++k) {
+  for (int k = 0; k < vectors; ++k) {
     BD_CARVE(carver, sim->stage[k], lay->size);
   }
-  for (int k = 0; k < method->past; ++k) {
+  for (int k = 0; k < past; ++k) {
     BD_CARVE(carver, sim->past[k], lay->size);
   }
-  if (method->implicit) {
+  if (implicit) {
     bd_linear_carve(carver, &sim->linear, model);
   }
   if (settling) {
@@ -47,19 +53,19 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
   bd_load_carve(carver, &sim->plan.load, lay->np, torque);
 }
 
-bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_torque *torque,
-                   int settling) {
+bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
+                   const bd_torque *torque, int settling) {
   bd_carver carver = {0};
   bd_sim sizes, *sim;
   bd_carve(&carver, 1, sizeof *sim);
-  carve(&carver, &sizes, model, method, torque, settling);
+  carve(&carver, &sizes, model, method, other, torque, settling);
   char *block = bd_block_new(carver.used);
   if (!block) {
     return NULL;
   }
   carver = (bd_carver){.base = block};
   sim = bd_carve(&carver, 1, sizeof *sim);
-  carve(&carver, sim, model, method, torque, settling);
+  carve(&carver, sim, model, method, other, torque, settling);
   sim->model = model;
   sim->method = sim->now = method;
   sim->stats.spectral_bound = model->info.spectral_bound;
@@ -100,8 +106,12 @@ void bd_sim_weights(bd_sim *sim) {
   }
 }
 
+static int automatic(const bd_options *options) {
+  return !options->method || strcmp(options->method, "auto") == 0;
+}
+
 static int check_options(const bd_options *options, bd_error *err) {
-  if (!bd_method_find(options->method)) {
+  if (!automatic(options) && !bd_method_find(options->method)) {
     char names[128] = "auto";
     const bd_method *method;
     for (size_t k = 0; (method = bd_method_at(k)); ++k) {
@@ -145,7 +155,12 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                    "rounding, got %.17g",
                    initial->t, t_end);
   }
-  bd_sim *sim = bd_sim_new(model, bd_method_find(options->method), torque, 0);
+  bd_auto pair = {0};
+  if (automatic(options)) {
+    bd_auto_pair(options->rtol, &pair);
+  }
+  const bd_method *method = pair.method[0] ? pair.method[0] : bd_method_find(options->method);
+  bd_sim *sim = bd_sim_new(model, method, pair.method[1], torque, 0);
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
@@ -159,11 +174,15 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   }
   sim->options = *options;
   sim->fixed = sim->method->error_order == 0 || (sim->method->may_be_fixed && options->step > 0.0);
-  sim->options.method = sim->method->name;
+  sim->options.method = NULL; /* the caller's string need not live on */
+  sim->choice = pair;
   sim->t = sim->t0 = initial->t;
   sim->t_end = t_end;
   bd_plan_make(&sim->plan, model, &(bd_plan_options){.ledger = options->ledger, .friction = 1});
   bd_sim_weights(sim);
+  if (pair.method[0]) {
+    bd_auto_begin(sim);
+  }
   *out = sim;
   return BD_OK;
 }
@@ -374,19 +393,23 @@ static double rung(double h) {
 
 /* An adaptive explicit step never nears the stability limit of the joints, which is known: there
  * the stiffest mode would live on rounding and rejected steps. */
-static double longest(const bd_sim *sim, double h) {
+double bd_sim_longest(const bd_sim *sim, double h) {
   if (!sim->fixed && sim->method->stability > 0.0) {
     h = fmin(h, 0.93 * sim->method->stability / sim->model->info.spectral_bound);
   }
   return sim->options.max_step > 0.0 ? fmin(h, sim->options.max_step) : h;
 }
 
+/* One that nothing in the joints can make too long. */
+static double first_step(const bd_sim *sim) {
+  return 0.1 / sim->model->info.spectral_bound;
+}
+
 static int start(bd_sim *sim) {
-  double bound = sim->model->info.spectral_bound;
   double h = sim->options.step > 0.0 ? sim->options.step
-             : sim->fixed            ? 0.75 * sim->method->stability / bound
-                                     : 0.1 / bound;
-  sim->h = longest(sim, h);
+             : sim->fixed ? 0.75 * sim->method->stability / sim->model->info.spectral_bound
+                          : first_step(sim);
+  sim->h = bd_sim_longest(sim, h);
   sim->error_before = 1.0;
   sim->started = 1;
   bd_plan_place(&sim->plan, sim->t);
@@ -419,19 +442,17 @@ static void choose_next(bd_sim *sim, double h, double error) {
   error = fmax(error, 1e-3);
   double grow = 0.9 * pow(error, -0.7 / order) * pow(sim->error_before, 0.4 / order);
   double next = rung(h * fmin(sim->method->growth, fmax(0.2, grow)));
-  sim->h = h < 0.9 * longest(sim, sim->h) && next < sim->h ? sim->h : next;
+  sim->h = h < 0.9 * bd_sim_longest(sim, sim->h) && next < sim->h ? sim->h : next;
   sim->error_before = error;
 }
 
 /* After a stop the torque, or its slope, is another: no rate, no past; and a multistep method
- * begins anew, with steps that its first order can bear. */
+ * begins anew as the run began, for its first two steps are not looked at. */
 static void pass_stop(bd_sim *sim) {
   sim->rate_known = sim->linear_known = 0;
-  if (sim->method->past > 0) {
-    sim->n_past = 0;
-    if (!sim->fixed) {
-      sim->h = fmin(sim->h, rung(0.0625 * sim->h));
-    }
+  sim->n_past = 0;
+  if (sim->method->past > 0 && !sim->fixed) {
+    sim->h = fmin(sim->h, first_step(sim));
   }
 }
 
@@ -440,11 +461,12 @@ static int step(bd_sim *sim) {
   const bd_method *m = sim->method;
   const double step_floor = 16.0 * DBL_EPSILON * fmax(fabs(sim->t), fabs(sim->t_end));
   enum { PATIENCE = 12 };
+  const double tolerance = bd_method_tolerance(m, sim->options.rtol);
   double most = INFINITY; /* after a failed trial */
   sim->now = m;
   for (int failed = 0;; ++failed) {
     double stop = next_stop(sim), left = stop - sim->t;
-    double h = fmin(most, longest(sim, sim->h));
+    double h = fmin(most, bd_sim_longest(sim, sim->h));
     /* equal parts rather than a sliver before the stop */
     double parts = ceil(left / h * (1.0 - 1e-12));
     int hit = parts <= 1.0;
@@ -453,8 +475,8 @@ static int step(bd_sim *sim) {
     sim->plan.t_piece = sim->t + 0.5 * h;
     bd_search_ready(&sim->plan, sim->y, h);
     int code = sim->now->attempt(sim, h, &error);
-    int within = error <= sim->options.rtol * m->aim || (isfinite(error) && sim->fixed) ||
-                 (isfinite(error) && sim->now != m);
+    int within =
+        error <= tolerance || (isfinite(error) && sim->fixed) || (isfinite(error) && sim->now != m);
     if (code == BD_OK && within) {
       if (sim->fixed && bd_state_bad(&sim->model->lay, sim->y_new, &(int){0}, &(int){0})) {
         code = BD_ERR_NOT_FINITE;
@@ -465,10 +487,11 @@ static int step(bd_sim *sim) {
       code = isfinite(error) ? BD_MORE : BD_ERR_NOT_FINITE;
     }
     if (code == BD_OK) {
+      sim->stats.error = fmax(sim->stats.error, bd_method_error(sim->now, error));
       if (sim->now != m) {
         ++sim->stats.fallbacks;
       } else if (!sim->fixed) {
-        choose_next(sim, h, error / (sim->options.rtol * m->aim));
+        choose_next(sim, h, error / tolerance);
       }
       if (hit) {
         pass_stop(sim);
@@ -496,8 +519,7 @@ static int step(bd_sim *sim) {
     }
     double shrink = 0.1;
     if (code == BD_MORE) {
-      shrink = fmin(
-          0.9, fmax(0.1, 0.9 * pow(error / (sim->options.rtol * m->aim), -1.0 / m->error_order)));
+      shrink = fmin(0.9, fmax(0.1, 0.9 * pow(error / tolerance, -1.0 / m->error_order)));
     }
     most = fmax(step_floor, rung(h * shrink));
     if (!sim->fixed) {
@@ -526,6 +548,9 @@ static int advance(bd_sim *sim, long max_steps) {
     code = sim->started ? BD_OK : start(sim);
     if (code == BD_OK) {
       code = step(sim);
+    }
+    if (code == BD_OK && sim->choice.method[0]) {
+      bd_auto_watch(sim);
     }
     if (sim->watch) {
       code = sim->watch(sim, code, &finished);
@@ -563,6 +588,9 @@ void bd_sim_stats(const bd_sim *sim, bd_stats *out) {
 }
 const char *bd_sim_method(const bd_sim *sim) {
   return sim->method->name;
+}
+void bd_sim_explain(const bd_sim *sim, char *text, size_t size) {
+  bd_auto_explain(sim, text, size);
 }
 
 const char *bd_sim_pass(const bd_sim *sim, int k) {

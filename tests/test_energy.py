@@ -103,16 +103,20 @@ def test_undamped_drive_conserves_energy() -> None:
     assert drift[1] <= 1e-4
 
 
-def test_ledger_off_costs_nothing_and_changes_nothing() -> None:
+@pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
+def test_ledger_off_costs_nothing_and_changes_nothing(method: str) -> None:
     scene = bd.scenes.kubas_case_1()
     start = bd.settle(scene.params)
     on, off = (
-        bd.simulate(*scene[:2], 0.02, initial=start, ledger=ledger) for ledger in (True, False)
+        bd.simulate(*scene[:2], 0.02, initial=start, method=method, rtol=1e-3, ledger=ledger)
+        for ledger in (True, False)
     )
     assert off.energy is None
     assert "energy ledger" in on.effects
     assert "energy ledger" not in off.effects
-    assert on.stats.nfev == off.stats.nfev
+    # of rodas4, the ledger is an evaluation in the middle of every step
+    more = on.stats.steps if method == "rodas4" else 0
+    assert on.stats.nfev == off.stats.nfev + more
     # the quadratures feed nothing back; only the compiler may order a sum differently
     scale = np.max(np.abs(on.joints.force))
     assert np.max(np.abs(on.joints.force - off.joints.force)) <= 1e-10 * scale

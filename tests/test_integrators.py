@@ -117,12 +117,11 @@ def test_methods_agree() -> None:
     kwargs = {"initial": start, "t_eval": np.linspace(0.06, 0.07, 11)}
     tsit5 = bd.simulate(*scene[:2], 0.07, method="tsit5", rtol=1e-7, **kwargs)
     rk4 = bd.simulate(*scene[:2], 0.07, method="rk4", step=1e-6, **kwargs)
-    auto = bd.simulate(*scene[:2], 0.07, rtol=1e-7, **kwargs)
+    rodas4 = bd.simulate(*scene[:2], 0.07, method="rodas4", rtol=1e-7, **kwargs)
     tension = np.mean(tsit5.joints.force)
     # rk4 at 1/7 of its limit straddles kinks with order 1: 1e-6 s of a step's share in them
     assert np.max(np.abs(tsit5.joints.force - rk4.joints.force)) <= 1e-5 * tension
-    assert np.array_equal(auto.joints.force, tsit5.joints.force)
-    assert auto.stats.method == "tsit5"
+    assert np.max(np.abs(tsit5.joints.force - rodas4.joints.force)) <= 1e-5 * tension
     assert rk4.stats.rejected == 0
     assert rk4.stats.nfev == pytest.approx(4 * rk4.stats.steps, rel=1e-3)
     assert tsit5.stats.nfev == pytest.approx(
@@ -157,7 +156,7 @@ def test_a_jump_has_two_sides() -> None:
     start = bd.settle(params)
     jump = bd.PiecewiseLinear([2e-3, 2e-3], [[0, 0], [-10, 0]])
     times = np.array([0.0, 1e-3, 2e-3, np.nextafter(2e-3, 1), 3e-3])
-    result = bd.simulate(params, jump, 3e-3, initial=start, t_eval=times)
+    result = bd.simulate(params, jump, 3e-3, initial=start, t_eval=times, method="tsit5")
     assert result.pulleys.torque[:, 0].tolist() == [0.0, 0.0, 0.0, -10.0, -10.0]
     assert np.all(result.pulleys.omega[:3, 0] == pytest.approx(0.0, abs=1e-7))
     # free of the belt at first: -10 N m on 0.01 kg m^2 for 1 ms, less what the belt takes up
@@ -188,7 +187,7 @@ def test_free_pulley_follows_the_closed_form() -> None:
     base = drives.plain()
     params = attrs.evolve(base, friction=None)
     ramp = bd.PiecewiseLinear([0.0, 1.0], [[0, 0], [-3.0, 0.0]])
-    result = bd.simulate(params, ramp, 0.05, t_eval=np.linspace(0, 0.05, 51))
+    result = bd.simulate(params, ramp, 0.05, t_eval=np.linspace(0, 0.05, 51), method="tsit5")
     t = result.t
     # polynomials of degree 3: exact for both the method and its dense output, but for rounding
     assert result.pulleys.omega[:, 0] == pytest.approx(-3.0 * t**2 / 2 / 0.01, rel=1e-11, abs=1e-15)
@@ -199,7 +198,7 @@ def test_free_pulley_follows_the_closed_form() -> None:
 def test_viscous_spin_down_follows_the_closed_form() -> None:
     params = attrs.evolve(drives.plain(), friction=None)
     start = attrs.evolve(bd.settle(params), omega=np.array([3.0, -2.0]))
-    result = bd.simulate(params, bd.Viscous([0.1, 0.3]), 0.1, initial=start)
+    result = bd.simulate(params, bd.Viscous([0.1, 0.3]), 0.1, initial=start, method="tsit5")
     exact = np.array([3.0, -2.0]) * np.exp(-result.t[:, None] * np.array([0.1, 0.3]) / 0.01)
     assert np.max(np.abs(result.pulleys.omega - exact)) <= 1e-10
 

@@ -26,7 +26,8 @@ def test_the_model_must_be_one(model, rest):
 
 
 def test_method(model, rest):
-    assert make_simulation(model, rest).method == "tsit5"
+    assert make_simulation(model, rest, rtol=1e-8).method == "tsit5"
+    assert make_simulation(model, rest, rtol=1e-2).method == "rodas4"
     assert make_simulation(model, rest, method="rk4").method == "rk4"
     with pytest.raises(ValueError, match=r'method must be .* got "euler"'):
         make_simulation(model, rest, method="euler")

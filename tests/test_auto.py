@@ -1,0 +1,134 @@
+"""method="auto": what it chooses, what it says, what it costs in steps, and that it is as exact.
+
+Steps are weighed, not timed: a try of the implicit method, six stages and a factorisation, is worth
+`WORTH` of the explicit one (2.3 and 12 us at 60 links, benchmarks/kernels.py).
+"""
+
+from __future__ import annotations
+
+import re
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+WORTH = 5.2
+
+
+def with_belt(params: bd.Params, **changes: float) -> bd.Params:
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, **changes))
+
+
+def weight(stats: bd.Stats) -> float:
+    """Tries in units of an explicit one; of auto, rejected ones shared as the accepted are."""
+    counts = {
+        name: int(n) for name, n in re.findall(r"(\w+) for \S+ s in (\d+) steps", stats.choice)
+    }
+    if not counts:
+        counts = {stats.method: stats.steps}
+    assert sum(counts.values()) == stats.steps
+    explicit = counts.pop("tsit5", 0)
+    return (explicit + WORTH * sum(counts.values())) * (1 + stats.rejected / stats.steps)
+
+
+def test_tight_tolerances_on_a_coarse_belt_are_explicit() -> None:
+    scene = bd.scenes.kubas_case_2()
+    result = bd.simulate(*scene[:2], 0.02, rtol=1e-6)
+    assert result.stats.method == "tsit5"
+    assert result.stats.changes == result.stats.nlu == 0
+    bound = scene.params.info["spectral_bound"]
+    assert f"spectral bound {bound:.3g} 1/s" in result.stats.choice
+    assert result.stats.choice in result.message
+
+
+@pytest.mark.parametrize("change", [{"n_bodies": 240}, {"axial_damping": 3.64}])
+def test_fine_or_heavily_damped_belts_are_implicit(change: dict[str, float]) -> None:
+    scene = bd.scenes.kubas_case_1()
+    params = with_belt(scene.params, **change)
+    result = bd.simulate(params, scene.torque_fn, 0.05, rtol=1e-3)
+    assert result.stats.method == "rodas4"
+    assert result.stats.changes == 0
+    assert "too short" in result.stats.choice
+    # the explicit method would need this many
+    assert 0.05 / (0.93 * 3.5 / params.info["spectral_bound"]) > 20 * result.stats.steps
+
+
+def test_coarse_tolerances_take_the_second_order() -> None:
+    scene = bd.scenes.kubas_case_2()
+    result = bd.simulate(*scene[:2], 0.1, rtol=0.03)
+    assert result.stats.method == "lbdf2"
+    assert result.stats.choice.startswith("lbdf2: ")
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("name", ["kubas-case-1", "kubas-case-2", "three-pulleys"])
+def test_costs_about_what_the_better_of_both_costs(name: str, rtol: float) -> None:
+    """At most half as much again, the looks at the other method included."""
+    scene = bd.scenes.get(name)
+    start = bd.settle(scene.params)
+    t_end = min(scene.t_end, 0.4)
+    costs = {
+        method: weight(
+            bd.simulate(*scene[:2], t_end, initial=start, method=method, rtol=rtol).stats
+        )
+        for method in ("tsit5", "rodas4", "auto")
+    }
+    assert costs["auto"] <= 1.5 * min(costs["tsit5"], costs["rodas4"]), costs
+
+
+def test_changes_its_mind_and_says_so() -> None:
+    """A contact a thousand times stiffer than the belt's joints, of which the bound knows nothing:
+    explicit steps are rejected one after the other.
+    """
+    base = bd.scenes.kubas_case_1()
+    contact = attrs.evolve(base.params.contact, linear=1e3 * base.params.contact.linear)
+    params = attrs.evolve(base.params, contact=contact)
+    result = bd.simulate(params, base.torque_fn, 0.05, rtol=1e-6)
+    stats = result.stats
+    assert stats.changes >= 1
+    assert "changed" in result.message
+    assert "rodas4 for" in result.message
+    assert stats.nlu > 0
+    assert "changed" in str(result)
+
+
+@pytest.mark.parametrize("name", ["three-pulleys", "unequal-pulleys", "flywheel-start"])
+def test_is_as_exact_as_asked_across_its_changes(name: str) -> None:
+    """Joint forces against a tight run, and the ledger, which goes on through every change."""
+    scene = bd.scenes.get(name)
+    start = bd.settle(scene.params)
+    times = np.sort(np.random.default_rng(3).uniform(0.0, 0.2, 300))
+    exact = bd.simulate(
+        *scene[:2], 0.2, initial=start, t_eval=times, method="tsit5", rtol=1e-9
+    ).joints.force
+    tension = exact.mean()
+    changes = 0
+    for rtol in (1e-2, 1e-3, 1e-4):
+        result = bd.simulate(*scene[:2], 0.2, initial=start, t_eval=times, rtol=rtol)
+        error = np.sqrt(np.mean((result.joints.force - exact) ** 2)) / tension
+        assert error <= rtol
+        assert result.stats.error is not None
+        assert result.stats.error <= rtol * (1 + 1e-12)
+        # power is integrated at least to the second order of what the steps leave of the motion
+        assert np.max(np.abs(result.energy.residual)) <= 10 * rtol * result.energy.passed[-1]
+        changes += result.stats.changes
+    assert changes > 0
+
+
+def test_repeats_to_the_last_bit() -> None:
+    scene = bd.scenes.three_pulleys()
+    one, other = (bd.simulate(*scene[:2], 0.3, rtol=1e-3) for _ in range(2))
+    assert one.stats.changes == other.stats.changes > 0
+    assert one.stats.choice == other.stats.choice
+    assert np.array_equal(one.joints.force, other.joints.force)
+
+
+def test_a_named_method_is_kept() -> None:
+    scene = bd.scenes.kubas_case_1()
+    for method in ("tsit5", "rodas4", "lbdf2", "lie"):
+        result = bd.simulate(*scene[:2], 2e-3, method=method)
+        assert result.stats.method == method
+        assert result.stats.choice == f"{method}, as asked"
+        assert "asked" not in result.message
