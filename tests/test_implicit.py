@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import product
 from pathlib import Path
 from typing import Any
 
-import attrs
-import drives
 import numpy as np
 import pytest
 from smooth import T_END, observed_order, smooth_scene, swing
 
 import beltdyn as bd
-from beltdyn import _core
 
 Array = np.ndarray
 SOURCE = Path(__file__).parent.parent / "csrc" / "rosenbrock.c"
