@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise
 
 import attrs
 import drives
 import numpy as np
 import pytest
+from smooth import T_END, observed_order, smooth_scene, swing
 
 import beltdyn as bd
-
-
-def smooth_scene() -> tuple[bd.Params, bd.State]:
-    """No kinks: friction far from saturation and no contact damping (MODEL: mu_k large, b' = 0).
-
-    A coarse, soft belt, so that steps are limited by accuracy and not by stability.
-    """
-    params = bd.Params(
-        belt=bd.Belt(length=1.2, n_bodies=24, linear_density=0.1, axial_stiffness=7e3,
-                     axial_damping=0.05),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01),
-            bd.Pulley(center=(0.29, 0.0), radius=0.1, inertia=0.01),
-        ],
-        contact=bd.Contact(linear=2.5e6),
-        friction=bd.Dahl(mu_k=1e9, sigma=1e3),
-    )  # fmt: skip
-    return params, bd.settle(params)
-
-
-def swing(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
-    return [-2.0 * math.sin(200.0 * t), -0.1 * omega[1]]
 
 
 def final(params: bd.Params, start: bd.State, t_end: float, **options: object) -> np.ndarray:
@@ -40,14 +18,10 @@ def final(params: bd.Params, start: bd.State, t_end: float, **options: object) -
     return np.concatenate([end.x, end.y, end.phi, end.vx / 100, end.vy / 100, end.theta])
 
 
-def observed_order(steps: list[float], errors: list[float]) -> float:
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-
 def test_orders_on_a_smooth_scene() -> None:
     """Classical Runge-Kutta: 4. Tsit5 with its step held by max_step: 5."""
     params, start = smooth_scene()
-    t_end = 4e-3
+    t_end = T_END
     bound = params.info["spectral_bound"]
     exact = final(params, start, t_end, method="rk4", step=0.02 / bound)
     # friction and contact never kink in this window
@@ -74,7 +48,7 @@ def test_dense_output_keeps_the_order() -> None:
     Against the same run with steps so short that interpolation plays no part.
     """
     params, start = smooth_scene()
-    t_end = 4e-3
+    t_end = T_END
     times = np.sort(np.random.default_rng(2).uniform(0, t_end, 200))
     bound = params.info["spectral_bound"]
     kwargs = {"initial": start, "t_eval": times}

@@ -1,0 +1,154 @@
+"""The Jacobian as a dense matrix: of the core's solver, by differences of the core and the oracle.
+
+Unknowns in the order of the core's state, scaled: a stretch s for places, over half a link or a
+radius for angles, s w for velocities, w the fastest undamped frequency of the joints, and what a
+slip of s makes of friction coefficients, 1 at least. Entries then are of size w, or of what damps
+or presses more, and a matrix norm means something.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import reference
+
+from beltdyn import _core
+
+Array = reference.Array
+Vector = Callable[[Array], Array]
+
+STRETCH = 1e-4  # m
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Between the core's dict of arrays and one scaled vector."""
+
+    sizes: Mapping[str, int]
+    scale: Array
+
+    @classmethod
+    def of(cls, oracle: reference.Reference, state: Mapping[str, Any]) -> Layout:
+        half, radius = 0.5 * oracle.l0, float(oracle.radii[0])
+        w = math.sqrt(12.0 * oracle.c_tra / oracle.mass)
+        units = {"x": 1.0, "y": 1.0, "phi": 1.0 / half, "theta": 1.0 / radius, "slip": 1.0}
+        units |= {"vx": w, "vy": w, "vphi": w / half, "omega": w / radius}
+        units["mu"] = max(1.0 / STRETCH, oracle.sigma or 0.0)
+        sizes = {name: np.size(state[name]) for name, _ in _core.STATE_FIELDS}
+        scale = [np.full(n, STRETCH * units[name]) for name, n in sizes.items()]
+        return cls(sizes, np.concatenate(scale))
+
+    def pack(self, state: Mapping[str, Any]) -> Array:
+        return np.concatenate([np.ravel(state[name]) for name in self.sizes]) / self.scale
+
+    def unpack(self, vector: Array, t: float = 0.0) -> dict[str, Any]:
+        ends = np.cumsum(list(self.sizes.values()))
+        parts = np.split(vector * self.scale, ends[:-1])
+        return {"t": t, **dict(zip(self.sizes, parts, strict=True))}
+
+    def steps(self) -> Array:
+        """For differences: 1e-4 of the scales, and of 1 for friction coefficients."""
+        steps = np.full(len(self.scale), 1e-4)
+        mu = self.blocks()["mu"]
+        steps[mu] /= self.scale[mu]
+        return steps
+
+    def blocks(self) -> dict[str, slice]:
+        ends = np.cumsum(list(self.sizes.values()))
+        return {
+            name: slice(int(end) - size, int(end))
+            for (name, size), end in zip(self.sizes.items(), ends, strict=True)
+        }
+
+
+def solve(model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float) -> Vector:
+    """(1 - g J) k = g c by the core, as a function of c."""
+    return lambda c: layout.pack(model.solve(state, g, layout.unpack(c)))
+
+
+def jacobian_of_solver(
+    model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float
+) -> Array:
+    """J = 1 / g - S^-1, S the matrix that the solver applies; exact to rounding if |g J| <= 1.
+
+    The slip displacements, which nothing depends on, are left out of the inverse: their columns
+    of J are 0.
+    """
+    n = len(layout.scale)
+    apply = solve(model, layout, state, g)
+    solutions = np.column_stack([apply(column) for column in np.eye(n)])
+    inner = np.ones(n, dtype=bool)
+    inner[layout.blocks()["slip"]] = False
+    slip_block = solutions[np.ix_(~inner, ~inner)]
+    assert np.array_equal(slip_block, np.diag(np.diag(slip_block)))
+    assert not solutions[np.ix_(inner, ~inner)].any()
+    j = np.zeros((n, n))
+    inverse = np.linalg.inv(solutions[np.ix_(inner, inner)])
+    j[np.ix_(inner, inner)] = np.eye(inner.sum()) / g - inverse
+    # slip rows: k_s = g J_s k
+    j[np.ix_(~inner, inner)] = solutions[np.ix_(~inner, inner)] @ inverse / g
+    return j
+
+
+def jacobian_by_differences(rate: Vector, y: Array, step: Array) -> Array:
+    """Central differences, one column an unknown, with a step for each."""
+    columns = np.empty((len(y), len(y)))
+    for i, h in enumerate(step):
+        ahead, behind = y.copy(), y.copy()
+        ahead[i] += h
+        behind[i] -= h
+        columns[:, i] = (rate(ahead) - rate(behind)) / (ahead[i] - behind[i])
+    return columns
+
+
+def rate_of_core(model: _core.Model, layout: Layout, torque: Array | None = None) -> Vector:
+    still = np.zeros(layout.sizes["theta"]) if torque is None else torque
+    return lambda v: layout.pack(model.rate(layout.unpack(v), still))
+
+
+def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) -> Vector:
+    """The oracle's right-hand side in the core's layout; slots: of each pulley.
+
+    Core and oracle keep friction by slot and by pair: every pulley is given what its slot holds,
+    and of the rates of a slot's pulleys, of which one at most is touched, the sum is taken.
+    """
+    n, n_p = oracle.n_bodies, oracle.n_pulleys
+    friction = oracle.mu_k is not None
+
+    def rate(vector: Array) -> Array:
+        state = layout.unpack(vector)
+        y = np.zeros(oracle.size)
+        links, pulleys, memory = oracle.links(y), oracle.pulleys(y), oracle.memory(y)
+        for row, name in enumerate(("x", "y", "phi")):
+            links[0, row], links[1, row] = state[name], state[f"v{name}"]
+        pulleys[0], pulleys[1] = state["theta"], state["omega"]
+        if friction:
+            for row, name in enumerate(("mu", "slip")):
+                memory[row] = state[name].reshape(-1, n)[slots]
+        dy = oracle.rhs(0.0, y, lambda t, theta, omega: np.zeros(n_p))
+        d_links, d_pulleys, d_memory = oracle.links(dy), oracle.pulleys(dy), oracle.memory(dy)
+        out: dict[str, Any] = {"theta": d_pulleys[0], "omega": d_pulleys[1]}
+        for row, name in enumerate(("x", "y", "phi")):
+            out[name], out[f"v{name}"] = d_links[0, row], d_links[1, row]
+        for row, name in enumerate(("mu", "slip")):
+            by_slot = np.zeros((layout.sizes["mu"] // n, n))
+            if friction:
+                np.add.at(by_slot, slots, d_memory[row])
+            out[name] = by_slot
+        return layout.pack(out)
+
+    return rate
+
+
+def slots_of(oracle: reference.Reference) -> Array:
+    """Friction slot of each pulley: the first that no pulley before it has that it overlaps."""
+    slots = np.zeros(oracle.n_pulleys, dtype=int)
+    for j in range(oracle.n_pulleys):
+        apart = np.hypot(*(oracle.centers[:j] - oracle.centers[j]).T)
+        taken = set(slots[:j][apart < oracle.radii[:j] + oracle.radii[j]])
+        slots[j] = next(slot for slot in range(j + 1) if slot not in taken)
+    return slots

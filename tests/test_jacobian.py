@@ -1,0 +1,446 @@
+"""The implicit methods' Jacobian and linear solver, seen through ``solve``: (1 - g J) k = g c.
+
+J read off the solver (exact to rounding) against differences of the core's right-hand side and of
+the oracle's, entry by entry; on both sides of every kink; and what the solver leaves over at steps
+far beyond the stiffest mode. Guards csrc/linear.c, ring_impl.h and tangent_impl.h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import attrs
+import dense
+import numpy as np
+import pytest
+import reference
+from bridge import oracle_of
+from test_kernels import available
+
+import beltdyn as bd
+from beltdyn import _core
+
+Array = reference.Array
+EPS = np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model, the oracle of the same drive, and a state."""
+
+    model: _core.Model
+    oracle: reference.Reference
+    state: dict[str, Any]
+
+    @property
+    def layout(self) -> dense.Layout:
+        return dense.Layout.of(self.oracle, self.state)
+
+    @property
+    def fastest(self) -> float:
+        """1/s: of the joints, or of a link on its contact where that is stiffer."""
+        oracle = self.oracle
+        contact = (oracle.c2 + 1e-4 * oracle.c1) / oracle.mass, oracle.b / oracle.mass
+        return max(self.model.info["spectral_bound"], contact[0] ** 0.5, contact[1])
+
+    def jacobian(self) -> Array:
+        """Read off the solver; what is but the rounding of an inverse is taken for the 0 it is:
+        between links that are no neighbours (for friction: that are two), and between fields that
+        know nothing of each other.
+        """
+        g, n = 1.0 / self.fastest, self.oracle.n_bodies
+        j = dense.jacobian_of_solver(self.model, self.layout, self.state, g)
+        apart = np.abs(np.arange(n)[:, None] - np.arange(n))
+        apart = np.minimum(apart, n - apart)
+        blocks = self.layout.blocks()
+        for row, rows in blocks.items():
+            for column, columns in blocks.items():
+                block = j[rows, columns]
+                if not {row, column} & {"theta", "omega"}:
+                    reach = 0 if {row, column} & {"mu", "slip"} else 1
+                    far = np.tile(apart > reach, (block.shape[0] // n, block.shape[1] // n))
+                    strange = np.max(np.abs(block[far]), initial=0.0)
+                    assert strange <= 1e-12 * self.fastest, (row, column)
+                    block[far | (np.abs(block) < 8 * EPS * self.fastest)] = 0.0
+                block[:] *= np.max(np.abs(block), initial=0.0) > 1e-11 * self.fastest
+        return j
+
+
+def core_of(oracle: reference.Reference) -> _core.Model:
+    """The core's model of the oracle's drive; pulleys may overlap, unlike those of a Params."""
+    o = oracle
+    friction = None if o.mu_k is None or o.sigma is None else (o.mu_k, o.sigma)
+    belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
+            o.bending_stiffness, o.bending_damping)  # fmt: skip
+    return _core.Model(belt, o.centers, o.radii, o.inertias, o.contact, friction, o.gravity)
+
+
+def off_the_kinks(oracle: reference.Reference, state: dict[str, Any]) -> bool:
+    """Whether differences with the steps used here stay on one side of every kink.
+
+    Steps are 1e-4 of the scales in dense.py: 1e-8 m, and for velocities some 1e-3 m/s.
+    """
+    y = oracle.pack({k: v for k, v in state.items() if k not in ("mu", "slip")})
+    at = oracle.contacts(y)
+    p = np.maximum(at.penetration, 0.0)
+    raw = oracle.c1 * p**2 + oracle.c2 * p + oracle.b * at.rate
+    touching = at.penetration > 0
+    margin = 2e-8 * (oracle.c2 + 2 * oracle.c1 * p.max()) + 1e-2 * oracle.b
+    return bool(
+        np.abs(at.penetration).min() > 1e-7
+        and np.abs(raw[touching]).min(initial=np.inf) > margin
+        and np.abs(at.velocity[touching]).min(initial=np.inf) > 1e-2
+    )
+
+
+def shaken(oracle: reference.Reference, state: dict[str, Any], seed: int) -> dict[str, Any]:
+    """The state with every link in motion of its own and friction anywhere within its limits."""
+    rng = np.random.default_rng(seed)
+    n, slots = oracle.n_bodies, dense.slots_of(oracle)
+    while True:
+        out = dict(state)
+        for name, size in {"x": 1e-6, "y": 1e-6, "phi": 1e-3}.items():
+            out[name] = state[name] + size * rng.uniform(-1, 1, n)
+        for name, size in {"vx": 0.5, "vy": 0.5, "vphi": 50.0}.items():
+            out[name] = state[name] + size * rng.uniform(-1, 1, n)
+        out["omega"] = state["omega"] + rng.uniform(-20, 20, oracle.n_pulleys)
+        out["theta"] = np.asarray(state["theta"], dtype=float)
+        if off_the_kinks(oracle, out):
+            break
+    size = 0 if oracle.mu_k is None else (1 + slots.max()) * n
+    limit = 0.0 if oracle.mu_k is None else 0.9 * oracle.mu_k
+    out["mu"], out["slip"] = limit * rng.uniform(-1, 1, size), 1e-4 * rng.uniform(-1, 1, size)
+    return out
+
+
+def case_of(oracle: reference.Reference, state: dict[str, Any], seed: int = 0) -> Case:
+    return Case(core_of(oracle), oracle, shaken(oracle, state, seed))
+
+
+# -------------------------------------------------------------------- drives
+
+
+@pytest.fixture(scope="module")
+def running() -> dict[str, tuple[bd.Params, dict[str, Any]]]:
+    """Scenes and states that their runs pass through, under load."""
+    found = {}
+    for name, t in (("kubas-case-1", 0.1), ("three-pulleys", 0.06)):
+        scene = bd.scenes.get(name)
+        final = bd.simulate(*scene[:2], t, t_eval=[t], rtol=1e-2).final_state
+        found[name] = scene.params, final._to_core(True)
+    return found
+
+
+def crossed(n: int, **changes: Any) -> tuple[reference.Reference, dict[str, Any]]:
+    """A ring through two pulleys that overlap: links on none, one and both of them."""
+    oracle = reference.paper_drive(
+        n,
+        centers=np.array([[0.0, 0.0], [0.05, 0.02]]),
+        radii=np.array([0.1, 0.09]),
+        inertias=np.array([0.01, 0.02]),
+        length=0.6,
+        **{"contact": (5e8, 2.5e6, 1e2), "bending_damping": 2e-7, "gravity": (1.0, -9.81)}
+        | changes,
+    )
+    angle = np.linspace(0.0, -2 * np.pi, n, endpoint=False)
+    state = {"x": 0.025 + 0.115 * np.cos(angle), "y": 0.01 + 0.085 * np.sin(angle)}
+    state |= {"phi": angle - np.pi / 2, "theta": np.zeros(2), "omega": np.zeros(2), "t": 0.0}
+    return oracle, state | {name: np.zeros(n) for name in ("vx", "vy", "vphi")}
+
+
+def changed(params: bd.Params, **changes: Any) -> bd.Params:
+    """With fields of the belt, or whole parts, replaced."""
+    belt = {name: value for name, value in changes.items() if hasattr(params.belt, name)}
+    parts = {name: value for name, value in changes.items() if name not in belt}
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, **belt), **parts)
+
+
+CASES = (
+    "two pulleys",
+    "three pulleys",
+    "bending damping",
+    "no bending",
+    "no friction",
+    "stiff friction",
+    "hard contact",
+    "no damping",
+    "pressed together",
+    "overlapping",
+)
+
+
+def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -> Case:
+    if name == "overlapping":
+        return case_of(*crossed(40))
+    params, state = running["three-pulleys" if name == "three pulleys" else "kubas-case-1"]
+    contact = params.contact
+    hard = attrs.evolve(contact, quadratic=1e3 * contact.quadratic, linear=1e3 * contact.linear)
+    soft = attrs.evolve(contact, damping=0.0)
+    changes: dict[str, dict[str, Any]] = {
+        "bending damping": {"bending_damping": 1e-3},
+        "no bending": {"bending_stiffness": 0.0},
+        "no friction": {"friction": None},
+        "stiff friction": {"friction": bd.Dahl(mu_k=1.0, sigma=1e8)},
+        "hard contact": {"contact": hard},
+        "no damping": {"axial_damping": 0.0, "contact": soft},
+    }
+    params = changed(params, **changes.get(name, {}))
+    if name == "pressed together":  # every joint in compression, by 0.5 % of a link
+        middle = params.pulleys[1].center[0] / 2
+        state = state | {"x": middle + 0.995 * (state["x"] - middle), "y": 0.995 * state["y"]}
+    return case_of(oracle_of(params), state)
+
+
+# -------------------------------------------------------------------- entries
+
+
+def assert_entries(layout: dense.Layout, j: Array, expected: Array, fastest: float) -> None:
+    """Block by block of fields, each to its own largest entry.
+
+    Rounding of a rate over the step of 1e-4: forces c times the rounding 5e-17 m of places make
+    w^2 5e-17 m of acceleration, over the scale w s and the step 5e-9 w; 1e-7 leaves a decade for
+    sums, and for blocks smaller than w. Curvature: steps of 1e-8 m over radii of 0.1 m and over
+    penetrations of 1e-5 m (odd terms; central differences have no even ones), squared.
+    """
+    blocks = layout.blocks()
+    for row, rows in blocks.items():
+        for column, columns in blocks.items():
+            got, want = j[rows, columns], expected[rows, columns]
+            largest = np.max(np.abs(want), initial=0.0)
+            bound = 1e-7 * largest + 1e-8 * (fastest if row in ("vx", "vy", "vphi") else largest)
+            # what is 0 comes out of an inverse as rounding
+            bound += 1e-12 * fastest
+            assert np.max(np.abs(got - want), initial=0.0) <= bound, (row, column)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_entry(running: dict[str, tuple[bd.Params, dict[str, Any]]], name: str) -> None:
+    """Joints, bending, contact, friction, pulleys: of the core's own rates and of the oracle's."""
+    case = make_case(name, running)
+    layout, j = case.layout, case.jacobian()
+    y, step = layout.pack(case.state), layout.steps()
+    slots = dense.slots_of(case.oracle)
+    for rate in (
+        dense.rate_of_core(case.model, layout),
+        dense.rate_of_oracle(case.oracle, layout, slots),
+    ):
+        assert_entries(layout, j, dense.jacobian_by_differences(rate, y, step), case.fastest)
+
+
+# -------------------------------------------------------------------- solves
+
+
+def left_over(case: Case, j: Array, g: float, c: Array) -> float:
+    """Largest residual of (1 - g J) k = g c over the terms that cancel in it, in units of rounding.
+
+    Terms of a field's rows are taken together.
+    """
+    layout = case.layout
+    k = dense.solve(case.model, layout, case.state, g)(c)
+    residual = np.abs(k - g * (j @ k) - g * c)
+    terms = np.abs(k) + g * (np.abs(j) @ np.abs(k)) + g * np.abs(c)
+    blocks = [rows for rows in layout.blocks().values() if rows.stop > rows.start]
+    return max(float(np.max(residual[b]) / np.max(terms[b])) for b in blocks) / EPS
+
+
+#: A solve without pivots leaves rounding times the growth of its blocks. These are an inertia plus
+#: stiffness and damping, with which nothing grows, plus what friction, bending and compression add:
+#: up to some hundred times as much as the rest. LU with pivots of the whole matrix, in the same
+#: measure, leaves up to 1e5.
+GROWTH = 1e4
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # s
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_solves_leave_rounding(
+    running: dict[str, tuple[bd.Params, dict[str, Any]]], name: str
+) -> None:
+    """Backwards: the residual. Forwards: a dense solve, as far as its condition lets it know."""
+    case = make_case(name, running)
+    j, rng = case.jacobian(), np.random.default_rng(1)
+    for g in STEPS:
+        c = case.fastest * rng.uniform(-1, 1, len(j))
+        assert left_over(case, j, g, c) <= GROWTH, g
+        matrix = np.eye(len(j)) - g * j
+        expected = np.linalg.solve(matrix, g * c)
+        error = dense.solve(case.model, case.layout, case.state, g)(c) - expected
+        known = 10 * EPS * np.linalg.cond(matrix)
+        assert np.max(np.abs(error)) <= max(known, 1e-13) * np.max(np.abs(expected)), g
+
+
+@pytest.mark.parametrize("n", [*range(3, 21), 31, 32, 33, 59, 60, 61, 63, 64, 65, 71, 72])
+def test_every_ring_length_at_every_level(monkeypatch: pytest.MonkeyPatch, n: int) -> None:
+    """Around the widths of the vectors and of the arcs: arcs of one link, arcs one link shorter."""
+    oracle, state = crossed(n)
+    levels = available(monkeypatch)
+    j = None
+    for level in levels:
+        monkeypatch.setenv("BELTDYN_KERNELS", level)
+        case, rng = case_of(oracle, state, seed=n), np.random.default_rng(n)
+        if j is None:
+            j, layout = case.jacobian(), case.layout
+            rate = dense.rate_of_oracle(oracle, layout, dense.slots_of(oracle))
+            y, step = layout.pack(case.state), layout.steps()
+            assert_entries(layout, j, dense.jacobian_by_differences(rate, y, step), case.fastest)
+        for g in (1e-6, 1e-4, 1e-2):
+            for _ in range(3):
+                c = case.fastest * rng.uniform(-1, 1, len(j))
+                assert left_over(case, j, g, c) <= GROWTH, (level, g)
+
+
+def test_a_long_ring_leaves_rounding() -> None:
+    """480 links, 60 rows in every arc; very stiff: long steps, hard contact, stiff friction."""
+    oracle, state = crossed(480, contact=(5e11, 2.5e9, 1e2), sigma=1e8)
+    case, rng = case_of(oracle, state), np.random.default_rng(2)
+    j = case.jacobian()
+    for g in STEPS:
+        for _ in range(3):
+            assert left_over(case, j, g, case.fastest * rng.uniform(-1, 1, len(j))) <= GROWTH, g
+
+
+def test_a_bad_solution_would_show(
+    running: dict[str, tuple[bd.Params, dict[str, Any]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The measure itself: one link's velocity off by 1e-9 of itself is not rounding."""
+    case = make_case("two pulleys", running)
+    j, right = case.jacobian(), dense.solve
+
+    def wrong(*args: Any) -> dense.Vector:
+        def apply(c: Array) -> Array:
+            k = right(*args)(c)
+            k[case.layout.blocks()["vx"].start + 7] *= 1.0 + 1e-9
+            return k
+
+        return apply
+
+    monkeypatch.setattr(dense, "solve", wrong)
+    c = case.fastest * np.random.default_rng(1).uniform(-1, 1, len(j))
+    assert left_over(case, j, 1e-4, c) > GROWTH
+
+
+# -------------------------------------------------------------------- kinks
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A link of a ring on one pulley: radial and tangential unit vectors, by scaled unknowns."""
+
+    case: Case
+    link: int
+    radial: Array
+    across: Array
+
+    def vector(self, direction: Array, rates: bool) -> Array:
+        """Displacement, or velocity, of the link by one scaled unit."""
+        layout = self.case.layout
+        out = np.zeros(len(layout.scale))
+        blocks = layout.blocks()
+        for component, name in zip(direction, ("vx", "vy") if rates else ("x", "y"), strict=True):
+            out[blocks[name].start + self.link] = component
+        return out
+
+    def both_ways(self, along: Array, side: float) -> tuple[Array, Array]:
+        """J times a direction: by the solver; by differences that go to one side alone.
+
+        Of second order: exact where the rates are quadratic, as the contact's force is.
+        """
+        case, layout = self.case, self.case.layout
+        rate, y, h = dense.rate_of_core(case.model, layout), layout.pack(case.state), 1e-3 * side
+        slope = (-3 * rate(y) + 4 * rate(y + h * along) - rate(y + 2 * h * along)) / (2 * h)
+        return case.jacobian() @ along, slope
+
+
+def place(sink: float, v_radial: float, v_slide: float, mu: float = 0.5) -> Spot:
+    """A link of the ring moved onto pulley 0, so deep, with these speeds from and past it."""
+    oracle, state = crossed(24)
+    state = shaken(oracle, state, seed=3)
+    at = oracle.penetration(
+        oracle.pack({k: v for k, v in state.items() if k not in ("mu", "slip")})
+    )
+    link = int(np.argmax(at[0] - 10.0 * np.maximum(at[1], 0.0)))
+    radial = np.array([state["x"][link], state["y"][link]])
+    radial /= np.hypot(*radial)
+    across = np.array([-radial[1], radial[0]])
+    rho = oracle.radii[0] - sink
+    state["x"][link], state["y"][link] = rho * radial
+    velocity = v_radial * radial + (v_slide + state["omega"][0] * rho) * across
+    state["vx"][link], state["vy"][link] = velocity
+    state["mu"].reshape(-1, 24)[dense.slots_of(oracle)[0], link] = mu
+    return Spot(Case(core_of(oracle), oracle, state), link, radial, across)
+
+
+def assert_slope(spot: Spot, along: Array, side: float) -> Array:
+    """The same by both ways, to what rounding leaves of the differences; gives J along."""
+    got, expected = spot.both_ways(along, side)
+    bound = 1e-6 * np.max(np.abs(expected)) + 1e-9 * spot.case.fastest
+    assert np.max(np.abs(got - expected)) <= bound
+    return got
+
+
+def entry(spot: Spot, name: str, slot: int = 0) -> int:
+    n = spot.case.oracle.n_bodies
+    return spot.case.layout.blocks()[name].start + slot * n + spot.link
+
+
+@pytest.mark.parametrize("mu", [0.9, -0.4])
+def test_both_sides_of_sliding(mu: float) -> None:
+    """Mu' = sigma (v_T - |v_T| mu / mu_k): slopes sigma (1 -+ mu / mu_k); at rest, their mean."""
+    slopes = {}
+    for side in (1.0, -1.0):
+        spot = place(1e-5, -0.1, side * 1e-10, mu)
+        along = spot.vector(spot.across, rates=True)
+        slopes[side] = assert_slope(spot, along, side)
+        per_speed = spot.case.layout.scale[entry(spot, "vx")]
+        expected = spot.case.oracle.sigma * (1.0 - side * mu / spot.case.oracle.mu_k) * per_speed
+        assert slopes[side][entry(spot, "mu")] == pytest.approx(expected, rel=1e-9)
+    still = place(1e-5, 0.0, 0.0, mu)
+    for name in ("vx", "vy"):
+        still.case.state[name][still.link] = 0.0
+    still.case.state["omega"][0] = 0.0
+    rest = still.case.jacobian() @ still.vector(still.across, rates=True)
+    mean = 0.5 * (slopes[1.0] + slopes[-1.0])[entry(still, "mu")]
+    assert rest[entry(still, "mu")] == pytest.approx(mean, rel=1e-9)
+
+
+@pytest.mark.parametrize("sink", [1e-5, 2e-4])
+def test_both_sides_of_pressing(sink: float) -> None:
+    """N = c1 p^2 + c2 p - b v_n: these slopes where it is positive, none where it would not be."""
+    oracle = crossed(24)[0]
+    release = (oracle.c1 * sink**2 + oracle.c2 * sink) / oracle.b
+    slopes = {}
+    for side in (1.0, -1.0):
+        spot = place(sink, release + side * 1e-10, 0.2)
+        for rates in (True, False):
+            # away from the kink: faster off, or farther out
+            along = spot.vector(spot.radial, rates)
+            slopes[side, rates] = assert_slope(spot, along, side)
+    rows = [entry(spot, "vx"), entry(spot, "vy")]
+    scale, mu, stiff = spot.case.layout.scale, 0.5, 2 * oracle.c1 * sink + oracle.c2
+    push = -(spot.radial - mu * spot.across) / oracle.mass  # what a falling N takes away
+    for rates, name, slope in ((True, "vx", oracle.b), (False, "x", stiff)):
+        change = (slopes[-1.0, rates] - slopes[1.0, rates])[rows] * scale[rows]
+        assert change == pytest.approx(slope * scale[entry(spot, name)] * push, rel=1e-6), name
+
+
+@pytest.mark.parametrize("v_radial", [-0.1, 0.1], ids=["coming", "leaving"])
+def test_both_sides_of_touching(v_radial: float) -> None:
+    """Inside, the spring pushes where the damper lets it, and friction works; outside nothing."""
+    slopes = {}
+    for side in (1.0, -1.0):
+        spot = place(-side * 1e-11, v_radial, 0.2)
+        for rates in (True, False):
+            slopes[side, rates] = assert_slope(spot, spot.vector(spot.radial, rates), side)
+        slide = assert_slope(spot, spot.vector(spot.across, rates=True), side)
+        assert (slide[entry(spot, "slip")] != 0.0) == (side < 0.0)
+    oracle, rows = spot.case.oracle, [entry(spot, "vx"), entry(spot, "vy")]
+    scale = spot.case.layout.scale
+    pushed = (slopes[-1.0, False] - slopes[1.0, False])[rows] * scale[rows]
+    normal = oracle.b * max(0.0, -v_radial)
+    if normal == 0.0:
+        assert np.max(np.abs(pushed)) <= 1e-9 * np.max(scale[rows]) * spot.case.fastest
+    else:
+        # the slope across has friction's share, and the damper's N = b v turns with the place
+        along = float(pushed @ spot.radial)
+        stiff = oracle.c2 * scale[entry(spot, "x")] / oracle.mass
+        assert along == pytest.approx(-stiff, rel=1e-4)
