@@ -17,6 +17,7 @@ import ast
 import math
 import platform
 import statistics
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -185,6 +186,7 @@ def climb(
     measured: list[tuple[Row, Run]] = []
     failed: list[str] = []
     for name, rungs in ladders:
+        progress(name)
         for value, run in rungs:
             try:
                 seconds, result = run()
@@ -289,6 +291,10 @@ def _compile_flags() -> list[str]:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "FLAGS":
             return list(ast.literal_eval(node.value))
     raise LookupError("setup.py has no FLAGS")
+
+
+def progress(text: str) -> None:
+    print(f"... {text}", file=sys.stderr, flush=True)
 
 
 def publish(name: str, lines: Iterable[str], write: bool, figure: Any = None) -> None:

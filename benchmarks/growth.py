@@ -60,7 +60,7 @@ def measure(
             f"0 to {START:g} s by {up.stats.method} {up.stats.cpu_time:.2f} s, spectral bound "
             f"{up.stats.spectral_bound:.3g} 1/s"
         )
-        print(notes[-1], flush=True)
+        common.progress(notes[-1])
         times = [START + WINDOW * (k + 1) / samples for k in range(samples)]
         cpu: dict[str, list[float]] = {name: [] for name in going}
         steps: dict[str, int] = {}
