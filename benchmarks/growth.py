@@ -54,7 +54,7 @@ def measure(
         begin = time.process_time()
         rest = bd.settle(scene.params)
         settled = time.process_time()
-        up = bd.simulate(*scene[:2], START, initial=rest, t_eval=[START])
+        up = bd.simulate(*scene[:2], START, initial=rest, t_eval=[START], rtol=ENGINEERING)
         notes.append(
             f"n_b = {n}: settling {settled - begin:.2f} s CPU; "
             f"0 to {START:g} s by {up.stats.method} {up.stats.cpu_time:.2f} s, spectral bound "
@@ -88,21 +88,21 @@ def draw(points: dict[str, list[tuple[int, float, int]]]) -> Any:
 
     figure, panels = plt.subplots(1, 2, figsize=(13, 5.5), layout="constrained")
     styles = common.colours(list(points))
+    sizes = sorted({row[0] for rows in points.values() for row in rows})
     for column, axes in enumerate(panels, start=1):
         for name, rows in points.items():
             colour, marker = styles[name]
             axes.plot([row[0] for row in rows], [row[column] for row in rows], marker=marker,
                       color=colour, lw=1.2, ms=5, label=name)  # fmt: skip
         axes.set(xscale="log", yscale="log", xlabel="links")
-        axes.set_xticks([n for n in SIZES], [str(n) for n in SIZES], minor=False)
+        axes.set_xticks(sizes, [str(n) for n in sizes])
         axes.minorticks_off()
         axes.grid(alpha=0.25)
-    first = [rows[0][1] for rows in points.values() if rows]
-    sizes = [n for n in SIZES if n <= max(row[0] for rows in points.values() for row in rows)]
+    first = [rows[0][1] for rows in points.values()]
     bottom, top = panels[0].get_ylim()
-    for power, start in ((1, 0.7 * min(first)), (3, 1.5 * max(first))):
+    for power, style, start in ((1, "--", 0.7 * min(first)), (3, ":", 1.5 * max(first))):
         line = [start * (n / sizes[0]) ** power for n in sizes]
-        panels[0].plot(sizes, line, "--", color="0.6", lw=1, label=f"n^{power}")
+        panels[0].plot(sizes, line, style, color="0.4", lw=1, label=f"n^{power}")
     panels[0].set_ylim(min(bottom, 0.5 * min(first)), 2 * top)
     panels[0].set_ylabel("CPU seconds per simulated second")
     panels[1].set_ylabel("steps per simulated second")

@@ -102,10 +102,13 @@ def draw(axes: Any, title: str, found: dict[str, list[tuple[float, float]]], flo
         if not points:
             continue
         colour, marker = styles[method]
-        label = f"{method}: order {fitted(points, floor):.2f}"
+        order = fitted(points, floor)
+        label = method if math.isnan(order) else f"{method}: order {order:.2f}"
         axes.plot(*zip(*points, strict=True), marker=marker, ms=5, color=colour, label=label)
     axes.set(xscale="log", yscale="log", title=title, xlabel="step [s]")
-    axes.axhspan(min(axes.get_ylim()[0], 0.3 * floor), floor, color="0.88", zorder=0)
+    bottom = min(axes.get_ylim()[0], 0.3 * floor)
+    axes.axhspan(bottom, floor, color="0.88", zorder=0)
+    axes.set_ylim(bottom=bottom)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=9)
 
