@@ -27,11 +27,12 @@ EXPLICIT = {"tsit5", "rk4"}
 METHODS = tuple(dict.fromkeys(x.method for x in common.LADDERS if x.method != "auto"))
 #: h times the spectral bound at which explicit methods are still stable
 LIMIT = 2.7
-AMPLITUDE = 50.0  # N m
+#: Of the torque on the smooth drive [N m], [rad/s]: fast enough to shake the belt's own modes.
+AMPLITUDE, FREQUENCY = 50.0, 5000.0
 
 
 def swing(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
-    return [-AMPLITUDE * math.sin(200.0 * t), -0.1 * omega[1]]
+    return [-AMPLITUDE * math.sin(FREQUENCY * t), -0.1 * omega[1]]
 
 
 def smooth_scene() -> bd.Scene:
@@ -80,7 +81,7 @@ def lines_of(found: dict[str, list[tuple[float, float]]], floor: float) -> list[
         before = None
         for h, error in points:
             text = ""
-            if before is not None and min(error, before[1]) > 10 * floor:
+            if before is not None and min(error, before[1]) > 5 * floor:
                 text = f"{math.log(before[1] / error) / math.log(before[0] / h):8.2f}"
             lines.append(f"{method:8s} {h:11.3e} {error:10.2e} {text}")
             before = (h, error)
@@ -92,7 +93,7 @@ def lines_of(found: dict[str, list[tuple[float, float]]], floor: float) -> list[
 
 
 def fitted(points: Sequence[tuple[float, float]], floor: float) -> float:
-    off = [point for point in points if point[1] > 10 * floor][-4:]
+    off = [point for point in points if point[1] > 5 * floor][-4:]
     return common.slope([h for h, _ in off], [error for _, error in off])
 
 

@@ -88,7 +88,7 @@ def main() -> None:
     effort = (
         {"repeats": 2, "limit": 0.2, "budget": 0.4}
         if arguments.quick
-        else {"repeats": 5, "limit": 3.0, "budget": 4.0}
+        else {"repeats": 5, "limit": 3.0, "budget": 3.0}
     )
     figure, panels = plt.subplots(2, 3, figsize=(15, 9), layout="constrained")
     lines = ["Work against precision", *common.machine(), ""]
