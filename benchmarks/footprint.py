@@ -63,7 +63,7 @@ def memory_lines(sizes: tuple[int, ...]) -> list[str]:
             *scene[:2], 1e-9, initial=state, t_eval=np.linspace(0.0, 1e-9, 1001), ledger=True
         )
         kept = allocated() - before
-        assert result.joints.force.shape == (1001, n)
+        del result  # or the next one would be weighed less this one
         lines.append(
             f"{n:5d} {held / 1e3:19.1f} {held / n:14.0f} {kept / 1e6:27.2f} {kept / n / 1e3:15.1f}"
         )
