@@ -420,7 +420,7 @@ def draw(
 
 
 def main() -> None:
-    arguments = common.arguments(__doc__, "15 minutes", "three quarters of a minute")
+    arguments = common.arguments(__doc__, "12 minutes", "20 s")
     quick = arguments.quick
     scene = bd.scenes.kubas_case_1()
     case = common.case("case 1", scene, 0.3, 0.302 if quick else 0.4, 100)

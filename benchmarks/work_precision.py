@@ -79,7 +79,7 @@ def draw(axes: Any, case: common.Case, rows: Sequence[common.Row], floor: float)
 
 
 def main() -> None:
-    arguments = common.arguments(__doc__, "8 minutes", "half a minute")
+    arguments = common.arguments(__doc__, "6 minutes", "10 s")
     import matplotlib as mpl
 
     mpl.use("Agg")
