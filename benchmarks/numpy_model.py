@@ -16,7 +16,7 @@ import numpy as np
 
 import beltdyn as bd
 
-#: Rate at which mu is forgotten off the pulleys [1/s]. Measured from 5e3 to 3e5: up to this it costs
+#: Rate at which mu is forgotten off the pulleys [1/s]. Measured from 5e3 to 3e5: this much costs
 #: no peer anything, being below the joints' spectrum, and forces are within 1e-6 of a reset's.
 DECAY = 1e5
 FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
