@@ -45,6 +45,7 @@ class Model:
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
+    def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 
 class Simulation:
     """One run. Not to be advanced from two threads at once (RuntimeError)."""

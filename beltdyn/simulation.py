@@ -23,7 +23,7 @@ __all__ = ["METHODS", "settle", "simulate"]
 
 #: Integrators: an explicit Runge-Kutta 5(4) pair with error control, the classical fixed-step
 #: Runge-Kutta method, and "auto", which chooses.
-METHODS = ("auto", "tsit5", "rk4")
+METHODS = ("auto", "tsit5", "rk4", "lbdf2", "rodas4", "lie")
 
 _RTOL_RANGE = (1e-12, 1.0)
 _DEFAULT_SAMPLES = 1001

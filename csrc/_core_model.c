@@ -354,8 +354,40 @@ fail:
   return NULL;
 }
 
+PyDoc_STRVAR(
+    solve_doc,
+    "solve($self, /, state, g, c)\n--\n\n"
+    "k of (1 - g J) k = g c, J the Jacobian of rate() at a state, torques constant.\n\n"
+    "state: mapping of STATE_FIELDS by name and \"t\". g: > 0 [s]. c: laid out as the\n"
+    "state. Returns a dict of STATE_FIELDS by name. Contact and friction are taken on the\n"
+    "side of their kinks on which the state stands. Raises TypeError or ValueError naming\n"
+    "the argument.");
+
+static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keywords) {
+  char *names[] = {"state", "g", "c", NULL};
+  PyObject *mapping, *step, *vector, *result = NULL;
+  double g;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOO:solve", names, &mapping, &step, &vector) ||
+      bd_convert_real(step, "g", &g) < 0) {
+    return NULL;
+  }
+  bd_core_model *self = (bd_core_model *)object;
+  bd_core_state state = {0}, c = {0}, k = {0};
+  if (!bd_core_state_read(&state, mapping, &self->info) &&
+      !bd_core_state_read(&c, vector, &self->info) && !bd_core_state_new(&k, &self->info)) {
+    bd_error err = {0};
+    int code = bd_model_solve(self->model, &state.state, g, &c.state, &k.state, &err);
+    result = code < 0 ? bd_core_raise(code, &err) : bd_core_state_dict(&k, 0);
+  }
+  bd_core_state_release(&state);
+  bd_core_state_release(&c);
+  bd_core_state_release(&k);
+  return result;
+}
+
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
+    {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
     {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
     {NULL, NULL, 0, NULL},
 };

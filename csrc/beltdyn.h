@@ -154,13 +154,13 @@ typedef struct bd_torque {
 /* --- simulation ------------------------------------------------------------------------------ */
 
 typedef struct bd_options {
-  const char *method; /* NULL or "auto", "tsit5", "rk4" */
+  const char *method; /* NULL or "auto", or a row of the table in methods.c */
   double rtol;        /* adaptive: local error over the joint's stretch scale, max norm */
-  double
-      step; /* rk4: the step (0: from the spectral bound); adaptive: the first step (0: chosen) */
-  double max_step; /* 0: none */
-  long max_steps;  /* 0: none */
-  int ledger;      /* carry the energy ledger */
+  double step;        /* rk4: the step (0: from the spectral bound); lbdf2, lie: the step (0: they
+                       * are adaptive); the others: the first step (0: chosen) */
+  double max_step;    /* 0: none */
+  long max_steps;     /* 0: none */
+  int ledger;         /* carry the energy ledger */
 } bd_options;
 
 void bd_options_default(bd_options *options);
@@ -235,6 +235,12 @@ const char *bd_sim_pass(const bd_sim *sim, int k);
  * and for other integrators. torque: one value per pulley. */
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
                   bd_state *rate, bd_error *err);
+
+/* The same state's Jacobian J, by what it solves: (1 - g J) k = g c, c and k laid out as a bd_state
+ * (times are not looked at). The torque is constant. g > 0 [s]. Contact and friction are taken on
+ * the side of their kinks on which the state stands. */
+int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
+                   bd_state *k, bd_error *err);
 
 /* --- friction, closed form ------------------------------------------------------------------- */
 

@@ -10,7 +10,7 @@
  *
  * Guarded by tests/test_integrators.py: order conditions, observed order, dense output.
  */
-#include <string.h>
+#include <math.h>
 
 #include "internal.h"
 
@@ -73,19 +73,62 @@ static void rk4_dense(double s, double *b) {
   b[4] = s * s * (s - 1.0);
 }
 
-static const bd_tableau tableaux[] = {
-    {"tsit5", 7, 5, tsit5_c, tsit5_a, tsit5_error, tsit5_dense, 3.5},
-    {"rk4", 5, 4, rk4_c, rk4_a, NULL, rk4_dense, 2.78},
-};
+const bd_tableau bd_tsit5 = {7, tsit5_c, tsit5_a, tsit5_error, tsit5_dense};
+const bd_tableau bd_rk4 = {5, rk4_c, rk4_a, NULL, rk4_dense};
 
-const bd_tableau *bd_tableau_find(const char *name) {
-  if (!name || strcmp(name, "auto") == 0) {
-    return &tableaux[0];
+/* The last stage is the rate at y_new. */
+int bd_erk_attempt(bd_sim *sim, double h, double *error) {
+  const bd_tableau *m = sim->now->table;
+  const bd_layout *lay = &sim->model->lay;
+  const bd_kernels *kernels = sim->plan.kernels;
+  const double *row = m->a;
+  int code = bd_sim_know_rate(sim);
+  for (int s = 1; code == BD_OK && s < m->stages; ++s) {
+    double *y = s == m->stages - 1 ? sim->y_new : sim->y_mid;
+    kernels->combine(lay->size, y, sim->y, h, s, row, sim->stage);
+    code = bd_sim_rate(sim, sim->t + m->c[s] * h, y, sim->stage[s]);
+    row += s;
   }
-  for (size_t k = 0; k < sizeof tableaux / sizeof tableaux[0]; ++k) {
-    if (strcmp(name, tableaux[k].name) == 0) {
-      return &tableaux[k];
+  if (code == BD_OK) {
+    /* without an estimate, any weights show whether all is finite */
+    *error = kernels->error_norm(lay, h, m->stages, m->error ? m->error : m->c, sim->stage,
+                                 sim->weights);
+  }
+  return code;
+}
+
+int bd_erk_finish(bd_sim *sim, double h, double t_new) {
+  (void)sim, (void)h, (void)t_new;
+  return BD_OK;
+}
+
+void bd_erk_inside(bd_sim *sim, double h, double s, double *y) {
+  const bd_tableau *m = sim->now->table;
+  double b[BD_MAX_STAGES];
+  m->dense(s, b);
+  sim->plan.kernels->combine(sim->model->lay.size, y, sim->y, h, m->stages, b, sim->stage);
+}
+
+const char *bd_erk_worst(const bd_sim *sim, double h, int *body, int *pulley) {
+  const bd_tableau *m = sim->now->table;
+  const bd_layout *lay = &sim->model->lay;
+  static const char *const names[] = {"x", "y", "phi", "vx", "vy", "vphi"};
+  const char *name = "the state";
+  double worst = 0.0;
+  *body = *pulley = -1;
+  for (size_t k = 0; k < lay->size; ++k) {
+    double e = 0.0;
+    for (int s = 0; s < m->stages; ++s) {
+      e += h * m->error[s] * sim->stage[s][k];
+    }
+    e = sim->weights[k] * fabs(e);
+    if (!(e <= worst) && sim->weights[k] > 0.0) {
+      int f = (int)k / lay->stride;
+      worst = e;
+      *body = (int)k < lay->theta ? (int)k % lay->stride - BD_HALO : -1;
+      *pulley = *body < 0 ? ((int)k - lay->theta) % lay->np : -1;
+      name = *body < 0 ? ((int)k < lay->omega ? "theta" : "omega") : f < F_MU ? names[f] : "mu";
     }
   }
-  return NULL;
+  return name;
 }

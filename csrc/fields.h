@@ -100,6 +100,9 @@
   X(long, steps, "accepted steps")                                                                 \
   X(long, rejected, "rejected steps")                                                              \
   X(long, nfev, "evaluations of the right-hand side")                                              \
+  X(long, njev, "evaluations of the Jacobian; explicit methods need none")                         \
+  X(long, nlu, "factorisations; explicit methods need none")                                       \
+  X(long, fallbacks, "steps that only the linearly implicit Euler method could make")              \
   X(long, searches, "rebuilds of the list of links that can touch a pulley")                       \
   X(double, smallest_step, "smallest accepted step [s]")                                           \
   X(double, largest_step, "largest accepted step [s]")                                             \

@@ -108,10 +108,13 @@ typedef struct bd_sums {
   double torque, contact_loss, friction_loss;
 } bd_sums;
 
-enum { BD_MAX_STAGES = 7 };
+enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
+
+struct bd_linear_kernels;
 
 typedef struct bd_kernels {
   const char *level;
+  const struct bd_linear_kernels *linear;
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, double *y, double *dy);
@@ -128,6 +131,75 @@ typedef struct bd_kernels {
 } bd_kernels;
 
 const bd_kernels *bd_kernels_choose(void);
+
+/* --- linear algebra of the implicit methods: linear.c ----------------------------------------- */
+
+/* One solve: g = gamma h, the mass of a link (a bath's drag included). */
+typedef struct bd_stage {
+  double g, mass;
+} bd_stage;
+
+/* Blocks of the ring's matrix, by link; k, bend and damping are the joints'. */
+typedef struct bd_blocks {
+  double k, bend, damping;
+  const double *cos, *sin, *spin;
+  double *xx, *xy, *yx, *yy, *pp;
+} bd_blocks;
+
+/* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
+ * link over half its length. */
+typedef struct bd_tangent {
+  double *cos, *sin, *spin, *pull;
+} bd_tangent;
+
+/* The contact of one colour as linearised, by link: whose it is; normal, distance from the axis,
+ * N, mu, dN/dp, dN/dp', and over the distance dN/dp' times the speed round it and the speed away
+ * from it; d mu'/d v_T, -d mu'/d mu; and the border of the matrix. */
+typedef struct bd_touch {
+  double *owner, *nx, *ny, *rho, *normal, *mu, *stiff, *damp, *cross, *apart, *gain, *decay;
+  double *column_x, *column_y, *row_x, *row_y;
+} bd_touch;
+
+/* The ring cut into arcs: row j of arc a is link base[a] + j. */
+typedef struct bd_ring {
+  int n_rows;
+  int *base;
+  double *shorter; /* 1: the arc's row 0 stands for no link */
+  void *rows, *scratch;
+  double *inverse;
+} bd_ring;
+
+/* Loops of linear.c at one instruction level; `name` is a pulley's index as a double. */
+typedef struct bd_linear_kernels {
+  int width;       /* arcs */
+  size_t ring_row; /* bytes a row of links takes */
+  void (*factor)(const bd_ring *ring, const bd_blocks *blocks);
+  void (*solve)(const bd_ring *ring, double k, double *x, double *y, double *p);
+  void (*keep_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
+  void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                   const bd_blocks *blocks);
+  void (*joints_product)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                         double *c, double *x, double *y, double *p);
+  void (*finish_links)(const bd_links *links, const bd_stage *stage, const double *x,
+                       const double *y, const double *p, double *c);
+  void (*keep_contact)(const bd_links *links, const bd_drum *drum, double name, int n_runs,
+                       const bd_run *runs, const double *y, const bd_touch *touch, int friction);
+  double (*add_contact)(const bd_drum *drum, double name, int n_runs, const bd_run *runs,
+                        const bd_touch *touch, double g, const bd_blocks *blocks);
+  double (*contact_product)(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
+                            const bd_run *runs, const bd_touch *touch, double g, int friction,
+                            const double *c, double *x, double *y);
+  void (*finish_contact)(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
+                         const bd_run *runs, const bd_touch *touch, double g, double spin_up,
+                         double *c);
+  void (*border_column)(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
+                        double *x, double *y);
+  double (*border_row)(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
+                       const double *x, const double *y);
+  void (*subtract)(int n, double factor, const double *z, double *x);
+} bd_linear_kernels;
+
+extern const bd_linear_kernels bd_linear_baseline;
 
 /* --- model ----------------------------------------------------------------------------------- */
 
@@ -147,7 +219,8 @@ struct bd_model {
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
-  int *slot; /* friction slot of each pulley: pulleys that share one cannot share a link */
+  int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
+  int colours;
   bd_wrap *wraps;
   double longest_span;
   bd_error geometry; /* what bd_model_check_geometry returns */
@@ -172,6 +245,9 @@ int bd_path_overlap(int np, const double *cx, const double *cy, const double *ra
  * turns off phi, `turns` of them. */
 int bd_state_import(const bd_model *model, const bd_state *state, double *y, double *turns,
                     bd_error *err);
+/* Unchecked, the positions shifted; the padding is left alone. */
+void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
+                  double *y);
 void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state);
 /* Moves whole turns from phi to *turns once they would cost digits. */
 void bd_state_wind(const bd_layout *lay, double *y, double *turns);
@@ -187,6 +263,8 @@ typedef struct bd_load {
   double *breaks;       /* sorted, distinct */
   double after, before; /* the breaks round the present piece; functions never see them exactly */
   double *part;         /* scratch: one term's torques */
+  double *moved;        /* scratch: torques at another point */
+  int smooth;           /* every term is one whose derivatives are known */
 } bd_load;
 
 void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *torque);
@@ -195,6 +273,12 @@ int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err);
  * BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. */
 int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, const double *omega,
                  double *torque, bd_error *err);
+/* Derivatives at the same point, where the torque is `torque`: over one another, by row, (np, np)
+ * to theta and omega; and to time, as the difference over dt (which stays inside the piece). */
+int bd_load_derive(bd_load *load, double t, double t_piece, double *theta, double *omega,
+                   const double *torque, double *by_theta, double *by_omega, bd_error *err);
+int bd_load_slope(bd_load *load, double t, double dt, double t_piece, const double *theta,
+                  const double *omega, const double *torque, double *slope, bd_error *err);
 
 /* --- search.c: links that can touch ---------------------------------------------------------- */
 
@@ -230,6 +314,7 @@ struct bd_plan {
   double *friction; /* friction torque on each pulley */
   double t_piece;
   int ledger, friction_on, bending_on;
+  int quiet;                     /* the ledger rests: the stages of a step that do not need it */
   int held;                      /* settling: pulleys stand still */
   double bath;                   /* settling: drag per unit mass [1/s] */
   double round_drag, round_gain; /* the same on circulation, and what divides its inertia */
@@ -268,6 +353,30 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
  * within the step is listed. */
 void bd_search_ready(bd_plan *plan, const double *y, double h);
 
+/* --- linear.c -------------------------------------------------------------------------------- */
+
+typedef struct bd_linear {
+  const bd_linear_kernels *ring_kernels;
+  bd_ring ring;
+  bd_tangent tangent;
+  bd_touch *touch; /* one per colour */
+  bd_blocks blocks;
+  bd_stage stage;
+  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
+  double *border;    /* per pulley: its column, solved by the ring */
+  bd_drum *drums;
+  double *own, *rhs, *matrix;
+  int *pivots;
+  double *by_theta, *by_omega, *slope, *torque; /* of the set torques */
+} bd_linear;
+
+void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model);
+/* Keeps the Jacobian at a state whose rate was the last to be evaluated. */
+int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err);
+void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g);
+/* c, laid out as a state, becomes k: (1 - g J) k = g c. */
+void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c);
+
 /* --- observe.c ------------------------------------------------------------------------------- */
 
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
@@ -275,35 +384,88 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
                 const bd_output *out, size_t k);
 double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]);
 
-/* --- integrators ----------------------------------------------------------------------------- */
+/* --- methods ------------------------------------------------------------------------------- */
 
-typedef struct bd_tableau {
+enum { MAX_PAST = 2 }; /* earlier states that a multistep method may look back on */
+
+/* A row of the table in methods.c: another method is another row, and the functions it names. */
+typedef struct bd_method {
   const char *name;
-  int stages; /* evaluations a step, the first taken over from the step before */
+  int implicit;
   int order;
+  int error_order;  /* local errors go with this power of the step; 0: none is estimated */
+  int vectors;      /* of the size of the state, in bd_sim.stage */
+  int past;         /* earlier states it looks back on */
+  int may_be_fixed; /* bd_options.step is the step, not the first one */
+  double stability; /* limit of h |lambda|; 0: none */
+  double growth;    /* of the step, at most */
+  double aim;       /* local errors are held below rtol times this */
+  /* A step of length h from sim->y into sim->y_new; *error: its estimate over the weights, infinite
+   * if a number is not finite. */
+  int (*attempt)(bd_sim *sim, double h, double *error);
+  /* What an accepted step leaves behind for the next. */
+  int (*finish)(bd_sim *sim, double h, double t_new);
+  /* The state at the fraction s of the step just made, into y. */
+  void (*inside)(bd_sim *sim, double h, double s, double *y);
+  const void *table;
+} bd_method;
+
+const bd_method *bd_method_find(const char *name);
+const bd_method *bd_method_at(size_t k); /* NULL past the last */
+
+/* Coefficients of explicit Runge-Kutta methods, erk.c. */
+typedef struct bd_tableau {
+  int stages;                  /* evaluations a step, the first taken over from the step before */
   const double *c, *a, *error; /* error NULL: fixed step */
   /* weights of the stages at fraction s of the step, for dense output */
   void (*dense)(double s, double *b);
-  double stability; /* real stability limit h |lambda| */
 } bd_tableau;
 
-const bd_tableau *bd_tableau_find(const char *name);
+extern const bd_tableau bd_tsit5, bd_rk4;
+int bd_erk_attempt(bd_sim *sim, double h, double *error);
+int bd_erk_finish(bd_sim *sim, double h, double t_new);
+void bd_erk_inside(bd_sim *sim, double h, double s, double *y);
+/* Where the error of the last attempt is largest: the field's name, the link or the pulley. */
+const char *bd_erk_worst(const bd_sim *sim, double h, int *body, int *pulley);
+
+/* Coefficients of Rosenbrock methods, rosenbrock.c. */
+typedef struct bd_rosenbrock {
+  int stages;
+  double gamma;
+  const double *a, *c; /* lower triangles, by rows */
+  const double *time, *slope;
+  const double *dense[2]; /* of the stages, in s (1 - s) and s^2 (1 - s) */
+} bd_rosenbrock;
+
+extern const bd_rosenbrock bd_rodas4;
+int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error);
+int bd_rosenbrock_finish(bd_sim *sim, double h, double t_new);
+void bd_rosenbrock_inside(bd_sim *sim, double h, double s, double *y);
+
+/* Linearly implicit backward differentiation, lbdf.c. */
+int bd_lbdf_attempt(bd_sim *sim, double h, double *error);
+int bd_lbdf_finish(bd_sim *sim, double h, double t_new);
+void bd_lbdf_inside(bd_sim *sim, double h, double s, double *y);
 
 /* --- sim.c ----------------------------------------------------------------------------------- */
 
 struct bd_sim {
   const bd_model *model;
-  const bd_tableau *method;
+  const bd_method *method, *now; /* chosen; of the step just made */
   bd_options options;
   bd_plan plan;
+  bd_linear linear;
   double t, t0, t_end, h, turns, e0, error_before;
   double *y, *y_new, *y_mid;
-  double *stage[BD_MAX_STAGES];
+  double *stage[MAX_VECTORS];               /* stage[0]: the rate at y */
+  double *past[MAX_PAST], past_h[MAX_PAST]; /* states before y, and the steps that led from them */
+  int n_past;
   double *weights;
   size_t next_break, next_sample, n_samples;
   double *t_sample;
   bd_output output;
-  int started, rate_known, status;
+  int started, rate_known, linear_known, fixed, status;
+  double work_middle[N_WORK]; /* power in the middle of the step just made */
   atomic_flag running;
   /* Settling only (settle.c): looks at every step, or its failure; may end the run or restart it.
    */
@@ -318,8 +480,29 @@ struct bd_sim {
   bd_error failure;
 };
 
+/* --- implicit.c ------------------------------------------------------------------------------ */
+
+/* Sees that the Jacobian at y, and the rate, are there. */
+int bd_sim_linearise(bd_sim *sim);
+/* The set torques' change with time, as a difference over dt; and factor times what it means for
+ * the pulleys, added to c. */
+int bd_sim_take_slope(bd_sim *sim, double dt);
+void bd_sim_add_slope(const bd_sim *sim, double *c, double factor);
+/* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
+int bd_sim_arrive(bd_sim *sim, double h, double t_new, int middle);
+/* The ledger's part of a state inside the step just made. */
+void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
+
+/* --- sim.c, for the methods ------------------------------------------------------------------ */
+
+/* Rate at any time and state; counted. */
+int bd_sim_rate(bd_sim *sim, double t, double *y, double *dy);
+/* The rate at y, where it is not known yet, into stage[0]. */
+int bd_sim_know_rate(bd_sim *sim);
+
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */
-bd_sim *bd_sim_new(const bd_model *model, const bd_torque *torque, int settling);
+bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_torque *torque,
+                   int settling);
 void bd_sim_weights(bd_sim *sim);
 
 #endif

@@ -376,13 +376,27 @@ SPECIALISED double error_fixed(const bd_layout *lay, double h, const int m, cons
 
 static double error_norm(const bd_layout *lay, double h, int m, const double *e, double *const *k,
                          const double *w) {
-  return m == 7 ? error_fixed(lay, h, 7, e, k, w) : error_fixed(lay, h, 5, e, k, w);
+  switch (m) {
+  case 1:
+    return error_fixed(lay, h, 1, e, k, w);
+  case 3:
+    return error_fixed(lay, h, 3, e, k, w);
+  case 4:
+    return error_fixed(lay, h, 4, e, k, w);
+  case 5:
+    return error_fixed(lay, h, 5, e, k, w);
+  default:
+    return error_fixed(lay, h, 7, e, k, w);
+  }
 }
+
+extern const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL);
 
 const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
 #define STRING2(a) #a
 #define STRING(a) STRING2(a)
     .level = STRING(BD_LEVEL),
+    .linear = &PASTE(bd_linear_, BD_LEVEL),
     .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
     .contact = {{contact_00, contact_01}, {contact_10, contact_11}},
     .combine = combine,

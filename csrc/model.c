@@ -101,7 +101,7 @@ static double spectral_bound(const bd_info *info) {
 
 /* Pulleys whose circles overlap can hold the same link at once and need slots of their own; all
  * others share. Greedy colouring; one slot for every scene with pulleys apart. */
-static int friction_slots(const bd_model *model) {
+static int colour_pulleys(const bd_model *model) {
   int np = model->lay.np, slots = 1;
   for (int j = 0; j < np; ++j) {
     int slot = 0;
@@ -269,7 +269,8 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     model->inertia[j] = scene->pulleys[j].inertia;
   }
   model->lay.np = np;
-  lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? friction_slots(model) : 0);
+  model->colours = colour_pulleys(model);
+  lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? model->colours : 0);
   derive(model);
   check_line(model);
   model->kernels = kernels;

@@ -19,7 +19,8 @@ static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
-  double loss = plan->kernels->joints[plan->bending_on][plan->ledger](&plan->links, y, dy);
+  double loss =
+      plan->kernels->joints[plan->bending_on][plan->ledger & !plan->quiet](&plan->links, y, dy);
   dy[plan->model->lay.work + W_JOINT] = loss;
   return BD_OK;
 }
@@ -43,7 +44,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
     plan->drums[j].omega = y[lay->omega + j];
-    plan->kernels->contact[plan->friction_on][plan->ledger](
+    plan->kernels->contact[plan->friction_on][plan->ledger & !plan->quiet](
         &plan->links, &plan->drums[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;

@@ -3,10 +3,12 @@
  * The belt at rest under preload: what the paper calls stabilisation.
  *
  * The model itself, in a still bath that drags on every mass, is integrated until the unbalanced
- * force is gone. The bath is critical for the lowest transverse mode of the longest span; the
- * joints' damping, which has no say in an equilibrium, is set to what lets the explicit step be
- * longest. Centres may move in from a slack position meanwhile, as a belt is really tensioned, with
- * friction acting: the tension then depends on the way, which is why it can be chosen.
+ * force is gone. The bath is critical for the lowest transverse mode of the longest span. Coarse
+ * belts take the classical Runge-Kutta method; their joints' damping, which has no say in an
+ * equilibrium, is set to what lets the explicit step be longest. Fine belts, whose explicit steps
+ * would be too many, take the linearly implicit Euler method, with steps that the bath sets.
+ * Centres may move in from a slack position meanwhile, as a belt is really tensioned, with friction
+ * acting: the tension then depends on the way, which is why it can be chosen.
  */
 #include <math.h>
 #include <string.h>
@@ -17,12 +19,23 @@ void bd_settle_options_default(bd_settle_options *options) {
   *options = (bd_settle_options){.tolerance = 1e-9};
 }
 
+/* Critical for the lowest transverse mode of the longest span [1/s]; and that mode's frequency. */
+static double bath_of(const bd_model *model, double *lowest) {
+  double span = fmax(model->longest_span, 0.25 * model->belt.length);
+  *lowest = BD_PI * sqrt(model->info.mean_tension / model->belt.linear_density) / span;
+  return 2.0 * *lowest;
+}
+
+/* What makes explicit steps longest. */
+static double easiest_damping(const bd_model *model) {
+  return 0.5 * sqrt(model->info.joint_stiffness * model->info.link_mass / 3.0);
+}
+
 /* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
  * stiffens with penetration: take that of four times the belt line's normal force. */
-static double fastest_mode(const bd_sim *sim) {
-  const bd_model *model = sim->model;
+static double fastest_mode(const bd_model *model, int friction) {
   const bd_info *info = &model->info;
-  double tightest = model->radius[0];
+  double tightest = model->radius[0], lowest;
   for (int j = 1; j < model->lay.np; ++j) {
     tightest = fmin(tightest, model->radius[j]);
   }
@@ -30,13 +43,28 @@ static double fastest_mode(const bd_sim *sim) {
   double normal = 4.0 * tension * info->link_length / tightest;
   double c1 = info->contact_quadratic, c2 = info->contact_linear;
   double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
-  double grip = sim->plan.friction_on ? model->dahl.sigma * normal : 0.0;
+  double grip = friction && model->has_friction ? model->dahl.sigma * normal : 0.0;
   double m = info->link_mass;
   double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
              (contact + grip) / m;
-  double d = info->contact_damping / m + sim->plan.bath + 12.0 * sim->plan.links.damping / m +
-             4.0 * info->bending_damping / info->link_inertia;
+  double d = info->contact_damping / m + bath_of(model, &lowest) +
+             12.0 * easiest_damping(model) / m + 4.0 * info->bending_damping / info->link_inertia;
   return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
+}
+
+/* An implicit step takes as long as three explicit ones; the margin keeps what coarse belts gave.
+ */
+static const double IMPLICIT_STEP = 0.25, WORTH = 15.0;
+
+static const bd_method *method_for(const bd_model *model, int friction, double *step) {
+  const bd_method *explicit = bd_method_find("rk4");
+  double lowest, most = IMPLICIT_STEP / bath_of(model, &lowest);
+  *step = 0.8 * explicit->stability / fastest_mode(model, friction);
+  if (WORTH * *step >= most) {
+    return explicit;
+  }
+  *step = most;
+  return bd_method_find("lie");
 }
 
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
@@ -115,13 +143,10 @@ static int check_options(const bd_model *model, const bd_settle_options *options
   return BD_OK;
 }
 
-static void set_up(bd_sim *sim) {
+static void set_up(bd_sim *sim, double step) {
   const bd_model *model = sim->model;
-  const bd_info *info = &model->info;
   const bd_settle_options *given = &sim->settle;
-  double span = fmax(model->longest_span, 0.25 * model->belt.length);
-  double wave = sqrt(info->mean_tension / model->belt.linear_density);
-  double lowest = BD_PI * wave / span;
+  double lowest, bath = bath_of(model, &lowest);
   double move_time = !given->offset           ? 0.0
                      : given->move_time > 0.0 ? given->move_time
                                               : 100.0 / lowest;
@@ -130,15 +155,17 @@ static void set_up(bd_sim *sim) {
   bd_plan_make(&sim->plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
-                                  .bath = 2.0 * lowest,
+                                  .bath = bath,
                                   .offset = given->offset,
                                   .move_time = move_time});
-  sim->plan.links.damping = 0.5 * sqrt(info->joint_stiffness * info->link_mass / 3.0);
-  sim->method = bd_tableau_find("rk4");
+  if (!sim->method->implicit) {
+    sim->plan.links.damping = easiest_damping(model);
+  }
   bd_options_default(&sim->options);
   sim->options.method = sim->method->name;
-  sim->options.step = 0.8 * sim->method->stability / fastest_mode(sim);
+  sim->options.step = step;
   sim->options.ledger = 0;
+  sim->fixed = 1;
 }
 
 /* Without friction the belt slides round its path almost freely, and with it a drive whose pulleys
@@ -199,7 +226,7 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
   *at_rest = 0;
-  double *y = sim->y_mid, *dy = sim->stage[sim->method->stages - 1];
+  double *y = sim->y_mid, *dy = sim->stage[sim->method->vectors - 1];
   double fastest, worst = 0.0;
   memcpy(y, sim->y, lay->size * sizeof *y);
   fastest = stop(sim, y);
@@ -266,17 +293,21 @@ static int retry(bd_sim *sim) {
   sim->t = sim->t0;
   sim->turns = sim->settle_turns;
   sim->options.step *= 0.5;
-  sim->started = sim->rate_known = 0;
+  sim->started = sim->rate_known = sim->linear_known = 0;
   sim->settle_push = sim->settle_speed = sim->settle_time = sim->settle_stiffness = 0.0;
   sim->plan.round_drag = 0.0;
   sim->plan.round_gain = 1.0;
   return 1;
 }
 
-/* Every 64 steps, a millisecond or less, looks whether the belt has come to rest. */
+/* Now and then, every millisecond or so, looks whether the belt has come to rest. */
 static int watch(bd_sim *sim, int code, int *finished) {
-  if (code == BD_OK && (sim->stats.steps % 64 == 0 || sim->t >= sim->t_end)) {
+  const int every = sim->method->implicit ? 8 : 64;
+  if (code == BD_OK && (sim->stats.steps % every == 0 || sim->t >= sim->t_end)) {
     code = check_rest(sim, finished, &sim->failure);
+    if (sim->method->implicit) {
+      sim->rate_known = sim->linear_known = 0; /* the look has used the scratch of the rate */
+    }
   }
   return code != BD_OK && retry(sim) ? BD_OK : code;
 }
@@ -293,7 +324,9 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
   if (check_options(model, options, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
-  bd_sim *sim = bd_sim_new(model, NULL, 1);
+  double step;
+  const bd_method *method = method_for(model, options->friction, &step);
+  bd_sim *sim = bd_sim_new(model, method, NULL, 1);
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
@@ -303,7 +336,7 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
     memcpy(sim->settle_offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));
     sim->settle.offset = sim->settle_offset;
   }
-  set_up(sim);
+  set_up(sim, step);
   int code =
       initial ? bd_state_import(model, initial, sim->y, &sim->turns, err) : lay_belt(sim, err);
   if (code != BD_OK) {

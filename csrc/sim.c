@@ -21,15 +21,21 @@ void bd_options_default(bd_options *options) {
 
 /* --- making it ------------------------------------------------------------------------------- */
 
-static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_torque *torque,
-                  int settling) {
+static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_method *method,
+                  const bd_torque *torque, int settling) {
   const bd_layout *lay = &model->lay;
   BD_CARVE(carver, sim->y, lay->size);
   BD_CARVE(carver, sim->y_new, lay->size);
   BD_CARVE(carver, sim->y_mid, lay->size);
   BD_CARVE(carver, sim->weights, lay->size);
-  for (int k = 0; k < BD_MAX_STAGES; ++k) {
+  for (int k = 0; k < method->vectors; ++k) {
     BD_CARVE(carver, sim->stage[k], lay->size);
+  }
+  for (int k = 0; k < method->past; ++k) {
+    BD_CARVE(carver, sim->past[k], lay->size);
+  }
+  if (method->implicit) {
+    bd_linear_carve(carver, &sim->linear, model);
   }
   if (settling) {
     BD_CARVE(carver, sim->settle_start, lay->size);
@@ -41,19 +47,21 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
   bd_load_carve(carver, &sim->plan.load, lay->np, torque);
 }
 
-bd_sim *bd_sim_new(const bd_model *model, const bd_torque *torque, int settling) {
+bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_torque *torque,
+                   int settling) {
   bd_carver carver = {0};
   bd_sim sizes, *sim;
   bd_carve(&carver, 1, sizeof *sim);
-  carve(&carver, &sizes, model, torque, settling);
+  carve(&carver, &sizes, model, method, torque, settling);
   char *block = bd_block_new(carver.used);
   if (!block) {
     return NULL;
   }
   carver = (bd_carver){.base = block};
   sim = bd_carve(&carver, 1, sizeof *sim);
-  carve(&carver, sim, model, torque, settling);
+  carve(&carver, sim, model, method, torque, settling);
   sim->model = model;
+  sim->method = sim->now = method;
   sim->stats.spectral_bound = model->info.spectral_bound;
   atomic_flag_clear(&sim->running);
   return sim;
@@ -93,9 +101,15 @@ void bd_sim_weights(bd_sim *sim) {
 }
 
 static int check_options(const bd_options *options, bd_error *err) {
-  if (!bd_tableau_find(options->method)) {
-    return bd_fail(err, BD_ERR_OPTION, "method",
-                   "method must be \"auto\", \"tsit5\" or \"rk4\", got \"%s\"", options->method);
+  if (!bd_method_find(options->method)) {
+    char names[128] = "auto";
+    const bd_method *method;
+    for (size_t k = 0; (method = bd_method_at(k)); ++k) {
+      size_t used = strlen(names);
+      snprintf(names + used, sizeof names - used, ", %s", method->name);
+    }
+    return bd_fail(err, BD_ERR_OPTION, "method", "method must be one of %s, got \"%s\"", names,
+                   options->method);
   }
   if (!(options->rtol > 0.0 && options->rtol <= 1.0)) {
     return bd_fail(err, BD_ERR_OPTION, "rtol", "rtol must be > 0 and <= 1, got %g", options->rtol);
@@ -131,7 +145,7 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                    "rounding, got %.17g",
                    initial->t, t_end);
   }
-  bd_sim *sim = bd_sim_new(model, torque, 0);
+  bd_sim *sim = bd_sim_new(model, bd_method_find(options->method), torque, 0);
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
@@ -144,7 +158,7 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
     return code;
   }
   sim->options = *options;
-  sim->method = bd_tableau_find(options->method);
+  sim->fixed = sim->method->error_order == 0 || (sim->method->may_be_fixed && options->step > 0.0);
   sim->options.method = sim->method->name;
   sim->t = sim->t0 = initial->t;
   sim->t_end = t_end;
@@ -184,26 +198,15 @@ int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *o
 
 /* --- one step -------------------------------------------------------------------------------- */
 
-static int rate(bd_sim *sim, double t, double *y, double *dy) {
+int bd_sim_rate(bd_sim *sim, double t, double *y, double *dy) {
   ++sim->stats.nfev;
   return bd_plan_rate(&sim->plan, t, y, dy, &sim->failure);
 }
 
-/* Stages of a step of length h into y_new and stage[]; the last stage is the rate at y_new. */
-static int try_step(bd_sim *sim, double h) {
-  const bd_tableau *m = sim->method;
-  const size_t size = sim->model->lay.size;
-  const double *row = m->a;
-  for (int s = 1; s < m->stages; ++s) {
-    double *y = s == m->stages - 1 ? sim->y_new : sim->y_mid;
-    sim->plan.kernels->combine(size, y, sim->y, h, s, row, sim->stage);
-    int code = rate(sim, sim->t + m->c[s] * h, y, sim->stage[s]);
-    if (code != BD_OK) {
-      return code;
-    }
-    row += s;
-  }
-  return BD_OK;
+int bd_sim_know_rate(bd_sim *sim) {
+  int code = sim->rate_known ? BD_OK : bd_sim_rate(sim, sim->t, sim->y, sim->stage[0]);
+  sim->rate_known |= code == BD_OK;
+  return code;
 }
 
 static int sample(bd_sim *sim, double t, double *y) {
@@ -219,14 +222,11 @@ static int sample(bd_sim *sim, double t, double *y) {
 
 /* Samples up to the end of the step just made, t + h. */
 static int sample_step(bd_sim *sim, double h, double t_new) {
-  double b[BD_MAX_STAGES];
   while (sim->next_sample < sim->n_samples && sim->t_sample[sim->next_sample] <= t_new) {
     double t = sim->t_sample[sim->next_sample], *y = sim->y_new;
     if (t < t_new) {
-      sim->method->dense((t - sim->t) / h, b);
       y = sim->y_mid;
-      sim->plan.kernels->combine(sim->model->lay.size, y, sim->y, h, sim->method->stages, b,
-                                 sim->stage);
+      sim->now->inside(sim, h, (t - sim->t) / h, y);
     }
     int code = sample(sim, t, y);
     if (code != BD_OK) {
@@ -238,7 +238,7 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
 
 /* A fixed step beyond the stability limit shows as links thrown about or as numbers gone. */
 static int fail_unstable(bd_sim *sim, int code, double h) {
-  const bd_tableau *m = sim->method;
+  const bd_method *m = sim->now;
   int body = sim->failure.body, pulley = sim->failure.pulley;
   const char *name = "contact";
   if (code == BD_ERR_NOT_FINITE) {
@@ -250,7 +250,7 @@ static int fail_unstable(bd_sim *sim, int code, double h) {
     snprintf(where, sizeof where, " of %s %d", body >= 0 ? "link" : "pulley",
              body >= 0 ? body : pulley);
   }
-  if (m->error) {
+  if (!sim->fixed) {
     return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
                       "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
                       "parameters far out of scale",
@@ -264,33 +264,61 @@ static int fail_unstable(bd_sim *sim, int code, double h) {
 }
 
 static int fail_step_floor(bd_sim *sim, double h, double floor) {
-  const bd_layout *lay = &sim->model->lay;
-  static const char *const names[] = {"x", "y", "phi", "vx", "vy", "vphi"};
-  int worst_link = -1, worst_pulley = -1;
-  const char *name = "the state";
-  double worst = 0.0;
-  for (size_t k = 0; k < lay->size; ++k) {
-    double e = 0.0;
-    for (int s = 0; s < sim->method->stages; ++s) {
-      e += h * sim->method->error[s] * sim->stage[s][k];
-    }
-    e = sim->weights[k] * fabs(e);
-    if (!(e <= worst) && sim->weights[k] > 0.0) {
-      int f = (int)k / lay->stride;
-      worst = e;
-      worst_link = (int)k < lay->theta ? (int)k % lay->stride - BD_HALO : -1;
-      worst_pulley = worst_link < 0 ? ((int)k - lay->theta) % lay->np : -1;
-      name = worst_link < 0 ? ((int)k < lay->omega ? "theta" : "omega")
-             : f < F_MU     ? names[f]
-                            : "mu";
-    }
-  }
-  return bd_fail_at(&sim->failure, BD_ERR_STEP_FLOOR, name, sim->t, worst_link, worst_pulley, h,
+  int body, pulley;
+  const char *name = bd_erk_worst(sim, h, &body, &pulley);
+  return bd_fail_at(&sim->failure, BD_ERR_STEP_FLOOR, name, sim->t, body, pulley, h,
                     "the step fell to its floor of %.3g s at t = %.9g s without meeting rtol = %g; "
                     "the largest error is in %s of %s %d: loosen rtol, or look for a jump in the "
                     "torque and name its time in breakpoints",
-                    floor, sim->t, sim->options.rtol, name, worst_pulley >= 0 ? "pulley" : "link",
-                    worst_pulley >= 0 ? worst_pulley : worst_link);
+                    floor, sim->t, sim->options.rtol, name, pulley >= 0 ? "pulley" : "link",
+                    pulley >= 0 ? pulley : body);
+}
+
+/* Whole turns taken off phi, of the states looked back on as well. */
+static void wind(bd_sim *sim) {
+  double before = sim->turns;
+  bd_state_wind(&sim->model->lay, sim->y, &sim->turns);
+  double taken = (sim->turns - before) * 2.0 * BD_PI;
+  for (int k = 0; taken != 0.0 && k < sim->n_past; ++k) {
+    double *phi = bd_field(&sim->model->lay, sim->past[k], F_PHI);
+    for (int i = 0; i < sim->model->lay.n; ++i) {
+      phi[i] -= taken;
+    }
+  }
+}
+
+/* What a link that has left its pulley forgot was never there: a multistep method would go on with
+ * it, and take it for an error. */
+static void forget_past(bd_sim *sim) {
+  const bd_layout *lay = &sim->model->lay;
+  for (int s = 0; s < lay->slots; ++s) {
+    const double *mu = bd_cfield(lay, sim->y, F_MU + s);
+    for (int k = 0; k < sim->n_past; ++k) {
+      double *mu_past = bd_field(lay, sim->past[k], F_MU + s);
+      double *slip_past = bd_field(lay, sim->past[k], bd_f_slip(lay) + s);
+      for (int i = 0; i < lay->n; ++i) {
+        mu_past[i] = mu[i] == 0.0 ? 0.0 : mu_past[i];
+        slip_past[i] = mu[i] == 0.0 ? 0.0 : slip_past[i];
+      }
+    }
+  }
+}
+
+/* y_new becomes y, y the first of the past, and the oldest makes room for the next y_new. */
+static void turn_states(bd_sim *sim, double h) {
+  const int most = sim->method->past;
+  double *spare = most > 0 ? sim->past[most - 1] : sim->y;
+  for (int k = most - 1; k > 0; --k) {
+    sim->past[k] = sim->past[k - 1];
+    sim->past_h[k] = sim->past_h[k - 1];
+  }
+  if (most > 0) {
+    sim->past[0] = sim->y;
+    sim->past_h[0] = h;
+    sim->n_past = sim->n_past < most ? sim->n_past + 1 : most;
+  }
+  sim->y = sim->y_new;
+  sim->y_new = spare;
 }
 
 /* Adopts y_new at t_new. */
@@ -299,20 +327,24 @@ static int accept(bd_sim *sim, double h, double t_new) {
   int code = bd_plan_after_step(&sim->plan, t_new, sim->y_new, 1e-3 * sim->options.rtol, &changed,
                                 &sim->failure);
   if (code == BD_OK) {
+    code = sim->now->finish(sim, h, t_new);
+  }
+  if (code == BD_OK) {
     code = sample_step(sim, h, t_new);
   }
   if (code != BD_OK) {
     return code;
   }
-  double *y = sim->y, *first = sim->stage[0];
-  int last = sim->method->stages - 1;
-  sim->y = sim->y_new;
-  sim->y_new = y;
+  double *first = sim->stage[0];
+  int last = sim->now->vectors - 1;
+  turn_states(sim, h);
   sim->stage[0] = sim->stage[last];
   sim->stage[last] = first;
   sim->t = t_new;
-  sim->rate_known = !changed;
-  bd_state_wind(&sim->model->lay, sim->y, &sim->turns);
+  sim->rate_known = sim->now->implicit || !changed; /* theirs was taken after the change */
+  sim->linear_known = 0;
+  wind(sim);
+  forget_past(sim);
   ++sim->stats.steps;
   sim->stats.largest_step = fmax(sim->stats.largest_step, h);
   sim->stats.smallest_step = sim->stats.steps == 1 ? h : fmin(sim->stats.smallest_step, h);
@@ -343,17 +375,17 @@ static double rung(double h) {
 /* An adaptive explicit step never nears the stability limit of the joints, which is known: there
  * the stiffest mode would live on rounding and rejected steps. */
 static double longest(const bd_sim *sim, double h) {
-  double most =
-      sim->method->error ? 0.93 * sim->method->stability / sim->model->info.spectral_bound : h;
-  h = fmin(h, most);
+  if (!sim->fixed && sim->method->stability > 0.0) {
+    h = fmin(h, 0.93 * sim->method->stability / sim->model->info.spectral_bound);
+  }
   return sim->options.max_step > 0.0 ? fmin(h, sim->options.max_step) : h;
 }
 
 static int start(bd_sim *sim) {
   double bound = sim->model->info.spectral_bound;
   double h = sim->options.step > 0.0 ? sim->options.step
-             : sim->method->error    ? 0.1 / bound
-                                     : 0.75 * sim->method->stability / bound;
+             : sim->fixed            ? 0.75 * sim->method->stability / bound
+                                     : 0.1 / bound;
   sim->h = longest(sim, h);
   sim->error_before = 1.0;
   sim->started = 1;
@@ -374,66 +406,107 @@ static int start(bd_sim *sim) {
   return BD_OK;
 }
 
+/* A failure of one step that a shorter or a more damping one may mend. */
+static int may_be_mended(int code) {
+  return code == BD_ERR_NOT_FINITE || code == BD_ERR_PASSED_THROUGH;
+}
+
+/* The step for the next one, from the error of this one over its limit: PI control (Gustafsson),
+ * errors that are mostly rounding set aside; a step cut short by a stop must not shorten the next.
+ */
+static void choose_next(bd_sim *sim, double h, double error) {
+  const double order = sim->method->error_order;
+  error = fmax(error, 1e-3);
+  double grow = 0.9 * pow(error, -0.7 / order) * pow(sim->error_before, 0.4 / order);
+  double next = rung(h * fmin(sim->method->growth, fmax(0.2, grow)));
+  sim->h = h < 0.9 * longest(sim, sim->h) && next < sim->h ? sim->h : next;
+  sim->error_before = error;
+}
+
+/* After a stop the torque, or its slope, is another: no rate, no past; and a multistep method
+ * begins anew, with steps that its first order can bear. */
+static void pass_stop(bd_sim *sim) {
+  sim->rate_known = sim->linear_known = 0;
+  if (sim->method->past > 0) {
+    sim->n_past = 0;
+    if (!sim->fixed) {
+      sim->h = fmin(sim->h, rung(0.0625 * sim->h));
+    }
+  }
+}
+
 /* One accepted step, or an error. */
 static int step(bd_sim *sim) {
-  const bd_tableau *m = sim->method;
+  const bd_method *m = sim->method;
   const double step_floor = 16.0 * DBL_EPSILON * fmax(fabs(sim->t), fabs(sim->t_end));
-  for (;;) {
+  enum { PATIENCE = 12 };
+  double most = INFINITY; /* after a failed trial */
+  sim->now = m;
+  for (int failed = 0;; ++failed) {
     double stop = next_stop(sim), left = stop - sim->t;
-    double h = longest(sim, sim->h);
+    double h = fmin(most, longest(sim, sim->h));
     /* equal parts rather than a sliver before the stop */
     double parts = ceil(left / h * (1.0 - 1e-12));
     int hit = parts <= 1.0;
-    h = hit ? left : m->error && parts > 2.0 ? h : left / parts;
-    double t_new = hit ? stop : sim->t + h;
+    h = hit ? left : !sim->fixed && parts > 2.0 ? h : left / parts;
+    double t_new = hit ? stop : sim->t + h, error = INFINITY;
     sim->plan.t_piece = sim->t + 0.5 * h;
     bd_search_ready(&sim->plan, sim->y, h);
-    int code = BD_OK;
-    if (!sim->rate_known) {
-      code = rate(sim, sim->t, sim->y, sim->stage[0]);
-      sim->rate_known = code == BD_OK;
+    int code = sim->now->attempt(sim, h, &error);
+    int within = error <= sim->options.rtol * m->aim || (isfinite(error) && sim->fixed) ||
+                 (isfinite(error) && sim->now != m);
+    if (code == BD_OK && within) {
+      if (sim->fixed && bd_state_bad(&sim->model->lay, sim->y_new, &(int){0}, &(int){0})) {
+        code = BD_ERR_NOT_FINITE;
+      } else {
+        code = accept(sim, h, t_new);
+      }
+    } else if (code == BD_OK) {
+      code = isfinite(error) ? BD_MORE : BD_ERR_NOT_FINITE;
     }
     if (code == BD_OK) {
-      code = try_step(sim, h);
-    }
-    if (code != BD_OK) {
-      return code;
-    }
-    double error = sim->plan.kernels->error_norm(
-        &sim->model->lay, h, m->stages, m->error ? m->error : m->c, sim->stage, sim->weights);
-    if (!m->error) {
-      if (!isfinite(error) || bd_state_bad(&sim->model->lay, sim->y_new, &(int){0}, &(int){0})) {
-        return fail_unstable(sim, BD_ERR_NOT_FINITE, h);
+      if (sim->now != m) {
+        ++sim->stats.fallbacks;
+      } else if (!sim->fixed) {
+        choose_next(sim, h, error / (sim->options.rtol * m->aim));
       }
-      code = accept(sim, h, t_new);
-      if (code == BD_ERR_PASSED_THROUGH && h * sim->model->info.spectral_bound > m->stability) {
-        code = fail_unstable(sim, code, h);
+      if (hit) {
+        pass_stop(sim);
       }
-    } else {
-      error /= sim->options.rtol;
-      if (!(error <= 1.0)) {
-        ++sim->stats.rejected;
-        if (h <= step_floor) {
-          return isfinite(error) ? fail_step_floor(sim, h, step_floor)
-                                 : fail_unstable(sim, BD_ERR_NOT_FINITE, h);
-        }
-        double shrink = isfinite(error) ? 0.9 * pow(error, -1.0 / m->order) : 0.1;
-        sim->h = fmax(step_floor, rung(h * fmin(0.9, fmax(0.1, shrink))));
-        continue;
+      return BD_OK;
+    }
+    int mendable = code == BD_MORE || may_be_mended(code);
+    if (!mendable || (sim->fixed && !m->implicit)) {
+      return code == BD_ERR_NOT_FINITE ||
+                     (code == BD_ERR_PASSED_THROUGH &&
+                      h * sim->model->info.spectral_bound > m->stability && m->stability > 0.0)
+                 ? fail_unstable(sim, code, h)
+                 : code;
+    }
+    ++sim->stats.rejected;
+    if (code == BD_ERR_PASSED_THROUGH) {
+      if (!m->implicit || h <= 1.01 * step_floor) {
+        return code;
       }
-      /* PI control (Gustafsson), errors that are mostly rounding set aside; a step cut short by a
-       * stop must not shorten the next ones */
-      error = fmax(error, 1e-3);
-      double grow = 0.9 * pow(error, -0.7 / m->order) * pow(sim->error_before, 0.4 / m->order);
-      double next = rung(h * fmin(5.0, fmax(0.2, grow)));
-      sim->h = h < 0.9 * longest(sim, sim->h) && next < sim->h ? sim->h : next;
-      sim->error_before = error;
-      code = accept(sim, h, t_new);
+      bd_plan_own(&sim->plan, sim->y);
     }
-    if (code == BD_OK && hit) {
-      sim->rate_known = 0; /* the torque may jump here */
+    if (h <= 1.01 * step_floor && (!m->implicit || sim->now != m)) {
+      return isfinite(error) && !m->implicit ? fail_step_floor(sim, h, step_floor)
+                                             : fail_unstable(sim, BD_ERR_NOT_FINITE, h);
     }
-    return code;
+    double shrink = 0.1;
+    if (code == BD_MORE) {
+      shrink = fmin(
+          0.9, fmax(0.1, 0.9 * pow(error / (sim->options.rtol * m->aim), -1.0 / m->error_order)));
+    }
+    most = fmax(step_floor, rung(h * shrink));
+    if (!sim->fixed) {
+      sim->h = most;
+    }
+    /* what even short steps of a higher order cannot follow is left to the first order */
+    if (m->implicit && (failed >= PATIENCE || h <= 1.01 * step_floor || sim->fixed)) {
+      sim->now = bd_method_find("lie");
+    }
   }
 }
 
@@ -504,31 +577,4 @@ int bd_sim_state(const bd_sim *sim, bd_state *out) {
   out->t = sim->t;
   bd_state_export(sim->model, sim->y, sim->turns, out);
   return BD_OK;
-}
-
-int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque, bd_state *out,
-                  bd_error *err) {
-  double moment = 0.0;
-  const bd_torque given = {
-      .n_terms = 1,
-      .terms =
-          &(bd_torque_term){.kind = BD_TORQUE_PIECEWISE, .n_t = 1, .t = &moment, .values = torque}};
-  bd_sim *sim = NULL;
-  int code =
-      bd_sim_create(&sim, model, state, &given, state->t + fmax(1.0, fabs(state->t)), NULL, err);
-  if (code != BD_OK) {
-    return code;
-  }
-  bd_plan_place(&sim->plan, sim->t);
-  sim->plan.search.travelled = INFINITY;
-  bd_search_ready(&sim->plan, sim->y, 0.0);
-  code = bd_plan_rate(&sim->plan, sim->t, sim->y, sim->stage[0], err);
-  if (code == BD_OK) {
-    bd_model moved = *model; /* rates know neither origin nor turns */
-    moved.origin[0] = moved.origin[1] = 0.0;
-    out->t = 1.0;
-    bd_state_export(&moved, sim->stage[0], 0.0, out);
-  }
-  bd_sim_free(sim);
-  return code;
 }

@@ -70,6 +70,22 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
   return BD_OK;
 }
 
+void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
+                  double *y) {
+  put_links(lay, y, F_X, state->x, shift_x);
+  put_links(lay, y, F_Y, state->y, shift_y);
+  put_links(lay, y, F_PHI, state->phi, 0.0);
+  put_links(lay, y, F_VX, state->vx, 0.0);
+  put_links(lay, y, F_VY, state->vy, 0.0);
+  put_links(lay, y, F_VPHI, state->vphi, 0.0);
+  for (int s = 0; s < lay->slots; ++s) {
+    put_links(lay, y, F_MU + s, state->mu + s * lay->n, 0.0);
+    put_links(lay, y, bd_f_slip(lay) + s, state->slip + s * lay->n, 0.0);
+  }
+  memcpy(y + lay->theta, state->theta, (size_t)lay->np * sizeof *y);
+  memcpy(y + lay->omega, state->omega, (size_t)lay->np * sizeof *y);
+}
+
 int bd_state_import(const bd_model *model, const bd_state *state, double *y, double *turns,
                     bd_error *err) {
   const bd_layout *lay = &model->lay;
@@ -107,19 +123,8 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
     }
   }
   *turns = 0.0;
-  put_links(lay, y, F_X, state->x, -model->origin[0]);
-  put_links(lay, y, F_Y, state->y, -model->origin[1]);
-  put_links(lay, y, F_PHI, state->phi, 0.0);
+  bd_state_put(lay, state, -model->origin[0], -model->origin[1], y);
   bd_state_wind(lay, y, turns);
-  put_links(lay, y, F_VX, state->vx, 0.0);
-  put_links(lay, y, F_VY, state->vy, 0.0);
-  put_links(lay, y, F_VPHI, state->vphi, 0.0);
-  for (int s = 0; s < lay->slots; ++s) {
-    put_links(lay, y, F_MU + s, state->mu + s * lay->n, 0.0);
-    put_links(lay, y, bd_f_slip(lay) + s, state->slip + s * lay->n, 0.0);
-  }
-  memcpy(y + lay->theta, state->theta, (size_t)lay->np * sizeof *y);
-  memcpy(y + lay->omega, state->omega, (size_t)lay->np * sizeof *y);
   return BD_OK;
 }
 

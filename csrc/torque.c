@@ -13,6 +13,7 @@ void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *to
   size_t n_terms = torque ? torque->n_terms : 0, n_breaks = torque ? torque->n_breakpoints : 0;
   BD_CARVE(carver, load->terms, n_terms);
   BD_CARVE(carver, load->part, np);
+  BD_CARVE(carver, load->moved, np);
   for (size_t k = 0; k < n_terms; ++k) {
     const bd_torque_term *term = &torque->terms[k];
     double *piece = NULL;
@@ -91,8 +92,10 @@ static int ascending(const void *a, const void *b) {
 
 int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err) {
   size_t n = 0;
+  load->smooth = 1;
   for (size_t k = 0; k < load->n_terms; ++k) {
     const bd_torque_term *term = &load->terms[k];
+    load->smooth &= term->kind == BD_TORQUE_PIECEWISE || term->kind == BD_TORQUE_VISCOUS;
     if (check_term(term, k, load->np, err) != BD_OK) {
       return BD_ERR_TORQUE_DATA;
     }
@@ -198,4 +201,52 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
     }
   }
   return BD_OK;
+}
+
+/* One column by a difference, the step small against what a torque could mean to notice. */
+static int derive_by(bd_load *load, double t, double t_piece, double *theta, double *omega,
+                     double *moving, const double *torque, double *by, int j, bd_error *err) {
+  double kept = *moving;
+  *moving = kept + 1e-7 * fmax(1.0, fabs(kept));
+  double step = *moving - kept;
+  int code = bd_load_eval(load, t, t_piece, theta, omega, load->moved, err);
+  *moving = kept;
+  for (int i = 0; code == BD_OK && i < load->np; ++i) {
+    by[i * load->np + j] = (load->moved[i] - torque[i]) / step;
+  }
+  return code;
+}
+
+int bd_load_derive(bd_load *load, double t, double t_piece, double *theta, double *omega,
+                   const double *torque, double *by_theta, double *by_omega, bd_error *err) {
+  int np = load->np;
+  memset(by_theta, 0, (size_t)(np * np) * sizeof *by_theta);
+  memset(by_omega, 0, (size_t)(np * np) * sizeof *by_omega);
+  if (load->smooth) {
+    for (size_t k = 0; k < load->n_terms; ++k) {
+      for (int j = 0; load->terms[k].kind == BD_TORQUE_VISCOUS && j < np; ++j) {
+        by_omega[j * np + j] -= load->terms[k].coefficients[j];
+      }
+    }
+    return BD_OK;
+  }
+  for (int j = 0; j < np; ++j) {
+    int code = derive_by(load, t, t_piece, theta, omega, &theta[j], torque, by_theta, j, err);
+    if (code == BD_OK) {
+      code = derive_by(load, t, t_piece, theta, omega, &omega[j], torque, by_omega, j, err);
+    }
+    if (code != BD_OK) {
+      return code;
+    }
+  }
+  return BD_OK;
+}
+
+int bd_load_slope(bd_load *load, double t, double dt, double t_piece, const double *theta,
+                  const double *omega, const double *torque, double *slope, bd_error *err) {
+  int code = bd_load_eval(load, t + dt, t_piece, theta, omega, load->moved, err);
+  for (int j = 0; code == BD_OK && j < load->np; ++j) {
+    slope[j] = (load->moved[j] - torque[j]) / dt;
+  }
+  return code;
 }

@@ -1,0 +1,272 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Linear systems (1 - g J) k = g c of the implicit methods, J the Jacobian of the model, g = gamma
+ * h.
+ *
+ * Unknowns are positions q, velocities v and friction coefficients mu of the links, theta and omega
+ * of the pulleys; slip rides along. With b = g c, J's rows q' = v and mu' = gain v_T - decay mu
+ * give
+ *
+ *   k_q = b_q + g k_v,    k_mu = (b_mu + g gain v_T[k]) / (1 + g decay)
+ *
+ * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
+ * column a pulley: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
+ * link is that of its end, half its length times phi, so that all blocks are masses.
+ *
+ * Joint on the left of link i, e = (cos, sin) of its direction, e' across it, S = [1, -e'] at its
+ * left and R = [1, e'] at its right end (MODEL section 2): g df = D^S_i k_i - D^R_l k_l with
+ * D^S = [K 1 | q], D^R = [K 1 | -q], K = g^2 c + g b, q = -K e' + g^2 b w e (the end turns with w);
+ * forces -S^T f on link i and R^T f on link l; and the pull of both joints turns a link back.
+ *
+ * Contact in the axes (n, t) of a link on its pulley (MODEL sections 3, 4): dN = -k_n dr_n - b dv_n
+ * - (b v_t / rho) dr_t while pressed, dF_n = dN + (mu N / rho) dr_t, dF_t = -mu dN + (N / rho) dr_t
+ * - N dmu, dv_T = dv_t - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = mu rho dN + mu N dr_n
+ * + N rho dmu. Kinks (touching, pressed, the sign of v_T) are taken as they stand at the state that
+ * is linearised.
+ *
+ * Guarded by tests/test_jacobian.py: differences of the right-hand side, of the oracle's, on both
+ * sides of every kink; solves against dense ones.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "internal.h"
+
+/* A ring too short for the level's arcs is solved with two. */
+static const bd_linear_kernels *ring_kernels(const bd_model *model) {
+  const bd_linear_kernels *best = model->kernels->linear;
+  return model->lay.n > best->width ? best : &bd_linear_baseline;
+}
+
+/* A block of `count` links' places with room for the halo. */
+static void carve_links(bd_carver *carver, const bd_layout *lay, double **block) {
+  BD_CARVE(carver, *block, lay->stride);
+  if (carver->base) {
+    *block += BD_HALO;
+  }
+}
+
+void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
+  const bd_linear_kernels *ring = ring_kernels(model);
+  const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
+  bd_tangent *t = &lin->tangent;
+  bd_blocks *b = &lin->blocks;
+  double **by_link[] = {&t->cos, &t->sin, &t->spin, &t->pull, &b->xx,  &b->xy,
+                        &b->yx,  &b->yy,  &b->pp,   &lin->x,  &lin->y, &lin->p};
+  for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
+    carve_links(carver, lay, by_link[k]);
+  }
+  BD_CARVE(carver, lin->touch, model->colours);
+  for (int s = 0; s < model->colours; ++s) {
+    bd_touch none, *touch = carver->base ? &lin->touch[s] : &none;
+    double **fields[] = {&touch->owner,    &touch->nx,       &touch->ny,    &touch->rho,
+                         &touch->normal,   &touch->mu,       &touch->stiff, &touch->damp,
+                         &touch->cross,    &touch->apart,    &touch->gain,  &touch->decay,
+                         &touch->column_x, &touch->column_y, &touch->row_x, &touch->row_y};
+    for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
+      carve_links(carver, lay, fields[k]);
+    }
+    for (int i = 0; carver->base && i < lay->n8; ++i) {
+      touch->rho[i] = 1.0; /* divided by, touching or not */
+    }
+  }
+  BD_CARVE(carver, lin->ring.base, width);
+  BD_CARVE(carver, lin->ring.shorter, width);
+  lin->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
+  BD_CARVE(carver, lin->ring.inverse, 9 * width * width);
+  double *scratch;
+  BD_CARVE(carver, scratch, 3 * width * rows);
+  lin->ring.scratch = scratch;
+  BD_CARVE(carver, lin->border, 3 * np * lay->stride);
+  BD_CARVE(carver, lin->drums, np);
+  BD_CARVE(carver, lin->own, np);
+  BD_CARVE(carver, lin->rhs, np);
+  BD_CARVE(carver, lin->matrix, np * np);
+  BD_CARVE(carver, lin->pivots, np);
+  BD_CARVE(carver, lin->by_theta, np * np);
+  BD_CARVE(carver, lin->by_omega, np * np);
+  BD_CARVE(carver, lin->slope, np);
+  BD_CARVE(carver, lin->torque, np);
+  if (!carver->base) {
+    return;
+  }
+  lin->ring.n_rows = rows;
+  lin->ring_kernels = ring;
+  const int whole = lay->n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
+  for (int a = 0, first = 0; a < width; ++a) {
+    int shorter = a >= whole;
+    lin->ring.base[a] = first - shorter;
+    lin->ring.shorter[a] = shorter;
+    first += rows - shorter;
+  }
+  b->cos = t->cos;
+  b->sin = t->sin;
+  b->spin = t->spin;
+}
+
+/* --- linearisation --------------------------------------------------------------------------- */
+
+static const bd_touch *touch_of(const bd_linear *lin, const bd_plan *plan, int j) {
+  return &lin->touch[plan->drums[j].slot];
+}
+
+int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_linear_kernels *kernels = plan->kernels->linear;
+  kernels->keep_joints(&plan->links, y, &lin->tangent);
+  for (int s = 0; s < plan->model->colours; ++s) {
+    for (int i = 0; i < lay->n8; ++i) {
+      lin->touch[s].owner[i] = -1.0;
+    }
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    lin->drums[j] = plan->drums[j];
+    lin->drums[j].omega = y[lay->omega + j];
+    kernels->keep_contact(&plan->links, &lin->drums[j], j, plan->search.n_runs[j],
+                          plan->search.runs + j * plan->search.max_runs, y, touch_of(lin, plan, j),
+                          plan->friction_on);
+  }
+  if (plan->held) {
+    return BD_OK;
+  }
+  return bd_load_derive(&plan->load, t, plan->t_piece, y + lay->theta, y + lay->omega, lin->torque,
+                        lin->by_theta, lin->by_omega, err);
+}
+
+/* --- factorisation --------------------------------------------------------------------------- */
+
+/* Of the pulleys' small matrix: with pivots, in place, by rows. */
+static void decompose(int n, double *a, int *pivots) {
+  for (int k = 0; k < n; ++k) {
+    int best = k;
+    for (int i = k + 1; i < n; ++i) {
+      best = fabs(a[i * n + k]) > fabs(a[best * n + k]) ? i : best;
+    }
+    pivots[k] = best;
+    for (int c = 0; best != k && c < n; ++c) {
+      double kept = a[k * n + c];
+      a[k * n + c] = a[best * n + c];
+      a[best * n + c] = kept;
+    }
+    for (int i = k + 1; i < n; ++i) {
+      double factor = a[i * n + k] /= a[k * n + k];
+      for (int c = k + 1; c < n; ++c) {
+        a[i * n + c] -= factor * a[k * n + c];
+      }
+    }
+  }
+}
+
+static void substitute(int n, const double *a, const int *pivots, double *x) {
+  for (int k = 0; k < n; ++k) {
+    double kept = x[pivots[k]];
+    x[pivots[k]] = x[k];
+    x[k] = kept;
+  }
+  for (int i = 0; i < n; ++i) {
+    for (int c = 0; c < i; ++c) {
+      x[i] -= a[i * n + c] * x[c];
+    }
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    for (int c = i + 1; c < n; ++c) {
+      x[i] -= a[i * n + c] * x[c];
+    }
+    x[i] /= a[i * n + i];
+  }
+}
+
+/* The part of a pulley's column that the ring takes: T^-1 B, three blocks. */
+static double *border_of(const bd_linear *lin, const bd_layout *lay, int j) {
+  return lin->border + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
+}
+
+void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_links *links = &plan->links;
+  const bd_linear_kernels *kernels = plan->kernels->linear;
+  bd_blocks *b = &lin->blocks;
+  double inv_half = 1.0 / links->half;
+  lin->stage.g = g;
+  lin->stage.mass = model->info.link_mass * (1.0 + g * plan->bath);
+  b->k = g * (g * links->stiffness + links->damping);
+  b->damping = g * g * links->damping;
+  b->bend = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
+  kernels->diagonal(links, &lin->tangent, &lin->stage, b);
+  for (int j = 0; j < lay->np; ++j) {
+    lin->own[j] = kernels->add_contact(&lin->drums[j], j, plan->search.n_runs[j],
+                                       plan->search.runs + j * plan->search.max_runs,
+                                       touch_of(lin, plan, j), g, b);
+  }
+  lin->ring_kernels->factor(&lin->ring, b);
+  const int np = plan->held ? 0 : lay->np;
+  for (int j = 0; j < np; ++j) {
+    double *z = border_of(lin, lay, j);
+    memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
+    kernels->border_column(j, plan->search.n_runs[j], plan->search.runs + j * plan->search.max_runs,
+                           touch_of(lin, plan, j), z, z + lay->stride);
+    lin->ring_kernels->solve(&lin->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
+  }
+  for (int i = 0; i < np; ++i) {
+    const bd_run *runs = plan->search.runs + i * plan->search.max_runs;
+    for (int j = 0; j < np; ++j) {
+      const double *z = border_of(lin, lay, j);
+      double inertia = i == j ? model->inertia[i] * (1.0 + g * plan->bath) + lin->own[i] : 0.0;
+      double torque = lin->by_omega[i * np + j] + g * lin->by_theta[i * np + j];
+      lin->matrix[i * np + j] = inertia - g * torque -
+                                kernels->border_row(i, plan->search.n_runs[i], runs,
+                                                    touch_of(lin, plan, i), z, z + lay->stride);
+    }
+  }
+  decompose(np, lin->matrix, lin->pivots);
+}
+
+/* --- solve ----------------------------------------------------------------------------------- */
+
+void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_links *links = &plan->links;
+  const bd_linear_kernels *kernels = plan->kernels->linear;
+  const double g = lin->stage.g;
+  const int np = plan->held ? 0 : lay->np;
+  double *x = lin->x, *y = lin->y, *p = lin->p, *rhs = lin->rhs;
+  kernels->joints_product(links, &lin->tangent, &lin->stage, c, x, y, p);
+  for (int j = 0; j < lay->np; ++j) {
+    rhs[j] = kernels->contact_product(lay, &lin->drums[j], j, plan->search.n_runs[j],
+                                      plan->search.runs + j * plan->search.max_runs,
+                                      touch_of(lin, plan, j), g, plan->friction_on, c, x, y);
+  }
+  lin->ring_kernels->solve(&lin->ring, lin->blocks.k, x, y, p);
+  for (int j = 0; j < np; ++j) {
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    rhs[j] += g * model->inertia[j] * c[lay->omega + j];
+    for (int k = 0; k < np; ++k) {
+      rhs[j] += g * g * lin->by_theta[j * np + k] * c[lay->theta + k];
+    }
+    rhs[j] -= kernels->border_row(j, plan->search.n_runs[j], runs, touch_of(lin, plan, j), x, y);
+  }
+  substitute(np, lin->matrix, lin->pivots, rhs);
+  for (int j = 0; j < np; ++j) {
+    const double *z = border_of(lin, lay, j);
+    kernels->subtract(lay->n, rhs[j], z, x);
+    kernels->subtract(lay->n, rhs[j], z + lay->stride, y);
+    kernels->subtract(lay->n, rhs[j], z + 2 * lay->stride, p);
+  }
+  kernels->finish_links(links, &lin->stage, x, y, p, c);
+  for (int j = 0; j < lay->np; ++j) {
+    double spin_up = plan->held ? 0.0 : rhs[j];
+    c[lay->theta + j] = plan->held ? 0.0 : g * (c[lay->theta + j] + spin_up);
+    c[lay->omega + j] = spin_up;
+    if (plan->friction_on) {
+      kernels->finish_contact(lay, &lin->drums[j], j, plan->search.n_runs[j],
+                              plan->search.runs + j * plan->search.max_runs, touch_of(lin, plan, j),
+                              g, spin_up, c);
+    }
+  }
+  for (int k = 0; k < N_WORK; ++k) {
+    c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
+  }
+}

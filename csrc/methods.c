@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The table of integration methods: one row each. The driver (sim.c) knows a method by its row
+ * alone; the rows' functions are in erk.c, rosenbrock.c and lbdf.c.
+ */
+#include <string.h>
+
+#include "internal.h"
+
+#define EXPLICIT bd_erk_attempt, bd_erk_finish, bd_erk_inside
+#define ROSENBROCK bd_rosenbrock_attempt, bd_rosenbrock_finish, bd_rosenbrock_inside
+#define LBDF bd_lbdf_attempt, bd_lbdf_finish, bd_lbdf_inside
+
+static const bd_method methods[] = {
+    /* name, implicit, order, error_order, vectors, past, may_be_fixed, stability, growth, aim */
+    {"tsit5", 0, 5, 5, 7, 0, 0, 3.5, 5.0, 1.0, EXPLICIT, &bd_tsit5},
+    {"rk4", 0, 4, 0, 5, 0, 1, 2.78, 1.0, 1.0, EXPLICIT, &bd_rk4},
+    {"lbdf2", 1, 2, 3, 3, 2, 1, 0.0, 2.0, 1.0, LBDF, NULL},
+    {"rodas4", 1, 4, 4, 8, 0, 0, 0.0, 5.0, 1.0, ROSENBROCK, &bd_rodas4},
+    {"lie", 1, 1, 2, 3, 1, 1, 0.0, 2.0, 1.0, LBDF, NULL},
+};
+
+const bd_method *bd_method_at(size_t k) {
+  return k < sizeof methods / sizeof methods[0] ? &methods[k] : NULL;
+}
+
+const bd_method *bd_method_find(const char *name) {
+  const bd_method *method;
+  if (!name || strcmp(name, "auto") == 0) {
+    return &methods[0];
+  }
+  for (size_t k = 0; (method = bd_method_at(k)); ++k) {
+    if (strcmp(name, method->name) == 0) {
+      return method;
+    }
+  }
+  return NULL;
+}
