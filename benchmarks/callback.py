@@ -96,7 +96,7 @@ def main() -> None:
     arguments = common.arguments(__doc__, "20 s", "3 s")
     t_end, repeats = (0.02, 3) if arguments.quick else (0.2, 9)
     scene = bd.scenes.kubas_case_1()
-    case = common.case("case 1", scene, 0.0, t_end, 200)
+    case = common.case("case 1", scene, 0.0, t_end)
     torques = [
         ("torque objects", scene.torque_fn),
         ("Numba cfunc", from_numba),

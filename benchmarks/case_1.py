@@ -20,7 +20,7 @@ def main() -> None:
     arguments = common.arguments(__doc__, "20 s", "2 s")
     repeats = 2 if arguments.quick else 9
     t_end = 0.1 if arguments.quick else 1.0
-    case = common.case("case 1", bd.scenes.kubas_case_1(), 0.0, t_end, 1001)
+    case = common.case("case 1", bd.scenes.kubas_case_1(), 0.0, t_end)
     exact = common.reference(case)
     rows, failed = common.measure(
         case, exact, [LADDER], repeats=repeats, limit=np.inf, budget=np.inf

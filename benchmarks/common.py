@@ -100,11 +100,16 @@ class Case:
         )
 
 
-def case(name: str, scene: bd.Scene, t0: float, t1: float, samples: int = 500) -> Case:
-    """The scene from t0, where it got to from rest by itself, to t1."""
+def case(name: str, scene: bd.Scene, t0: float, t1: float) -> Case:
+    """The scene from t0, where it got to from rest by itself, to t1.
+
+    A thousand samples per simulated second, the default of a run of one: more would be what is
+    timed, when steps are long.
+    """
     start = bd.settle(scene.params)
     if t0 > 0.0:
         start = bd.simulate(*scene[:2], t0, initial=start, t_eval=[t0]).final_state
+    samples = max(20, round(1000 * (t1 - t0)))
     times = np.sort(np.random.default_rng(1).uniform(t0, t1, samples))
     return Case(name, scene.params, scene.torque_fn, start, t1, times)
 

@@ -113,7 +113,7 @@ def draw(points: dict[str, list[tuple[int, float, int]]]) -> Any:
 def main() -> None:
     arguments = common.arguments(__doc__, "3 minutes", "5 s")
     sizes, limit, repeats = (SIZES[:2], 1.0, 1) if arguments.quick else (SIZES, 4.0, 3)
-    points, notes = measure(sizes, limit, repeats, samples=20)
+    points, notes = measure(sizes, limit, repeats, samples=10)
     lines = [
         f"Growth with the number of links: case 1, {START:g} to {START + WINDOW:g} s, "
         f"medians of up to {repeats} repeats, up to {limit:g} s CPU a run",

@@ -423,7 +423,7 @@ def main() -> None:
     arguments = common.arguments(__doc__, "12 minutes", "20 s")
     quick = arguments.quick
     scene = bd.scenes.kubas_case_1()
-    case = common.case("case 1", scene, 0.3, 0.302 if quick else 0.4, 100)
+    case = common.case("case 1", scene, 0.3, 0.302 if quick else 0.4)
     tolerances = TOLERANCES[2:-1:2] if quick else TOLERANCES
     effort: dict[str, Any] = (
         {"repeats": 1, "limit": 1.0, "budget": 1.0}
