@@ -122,11 +122,11 @@ def main() -> None:
         )
     lines += ["", "method and setting       objects CPU s  plain floats CPU s  times objects"]
     for ladder in common.LADDERS:
-        value = ladder.values[len(ladder.values) // 2]
-        pair = [torques[0], torques[3]]
-        mine, python = rows(case, pair, repeats, **ladder.options(value, case.params))
+        options = ladder.options(ladder.values[len(ladder.values) // 2], case.params)
+        mine, python = rows(case, [torques[0], torques[3]], repeats, **options)
+        name = f"{ladder.name} {options[ladder.option]:.0e}"
         lines.append(
-            f"{f'{ladder.name} {value:g}':24s} {mine.seconds:13.4f} {python.seconds:19.4f}"
+            f"{name:24s} {mine.seconds:13.4f} {python.seconds:19.4f}"
             f" {python.seconds / mine.seconds:14.2f}"
         )
     common.publish("callback", lines, arguments.write)
