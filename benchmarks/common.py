@@ -312,9 +312,9 @@ def colours(names: Sequence[str]) -> dict[str, tuple[Any, str]]:
     """A colour and a marker for each name, in order of first appearance, the same everywhere."""
     import matplotlib as mpl
 
-    palette, markers = mpl.colormaps["tab10"].colors, "osv^D<>P*Xhp"
-    unique = list(dict.fromkeys(names))
-    return {n: (palette[k % 10], markers[k % len(markers)]) for k, n in enumerate(unique)}
+    unique, markers = list(dict.fromkeys(names)), "osv^D<>P*Xhp"
+    palette = mpl.colormaps["tab10" if len(unique) <= 10 else "tab20"].colors
+    return {n: (palette[k % len(palette)], markers[k % len(markers)]) for k, n in enumerate(unique)}
 
 
 def slope(x: Sequence[float], y: Sequence[float]) -> float:

@@ -5,9 +5,9 @@
 One and the same belt, that of the paper's case 1, in 60, 120, ... links, over the first hundredth
 of a second after the ramp of the torque; each size starts from where `lbdf2` took it from rest.
 Explicit steps follow the joints' spectrum, whose bound grows as n and, once damping has taken over,
-as n^2; steps of implicit methods are set by accuracy. A method goes up to the first size that takes more
-than a limit, and the sizes go on as long as some method goes on. Exponents are fitted to the upper
-half of the sizes. `common.py` says what is timed.
+as n^2; steps of implicit methods are set by accuracy. A method goes up to the first size that takes
+more than a limit, and the sizes go on as long as some method goes on. Exponents are fitted to the
+upper half of the sizes. `common.py` says what is timed.
 """
 
 from __future__ import annotations
