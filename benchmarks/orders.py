@@ -27,6 +27,8 @@ EXPLICIT = {"tsit5", "rk4"}
 METHODS = tuple(dict.fromkeys(x.method for x in common.LADDERS if x.method != "auto"))
 #: h times the spectral bound at which explicit methods are still stable
 LIMIT = 2.7
+#: How far an error must be off the floor to tell an order.
+CLEAR = 100.0
 #: Of the torque on the smooth drive [N m], [rad/s]: fast enough to shake the belt's own modes.
 AMPLITUDE, FREQUENCY = 50.0, 5000.0
 
@@ -81,19 +83,19 @@ def lines_of(found: dict[str, list[tuple[float, float]]], floor: float) -> list[
         before = None
         for h, error in points:
             text = ""
-            if before is not None and min(error, before[1]) > 5 * floor:
+            if before is not None and min(error, before[1]) > CLEAR * floor:
                 text = f"{math.log(before[1] / error) / math.log(before[0] / h):8.2f}"
             lines.append(f"{method:8s} {h:11.3e} {error:10.2e} {text}")
             before = (h, error)
         order = fitted(points, floor)
         lines.append(
-            f"{method:8s} order fitted to its four shortest steps off the floor: {order:.2f}"
+            f"{method:8s} order fitted to its four shortest steps clear of the floor: {order:.2f}"
         )
     return lines
 
 
 def fitted(points: Sequence[tuple[float, float]], floor: float) -> float:
-    off = [point for point in points if point[1] > 5 * floor][-4:]
+    off = [point for point in points if point[1] > CLEAR * floor][-4:]
     return common.slope([h for h, _ in off], [error for _, error in off])
 
 
