@@ -49,7 +49,7 @@ sys.path.insert(0, str(common.HERE.parent / "tests"))
 import bridge
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-TARGETS = (5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
+TARGETS = (2e-2, 5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
 TOLERANCES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-7)
 SURVEY = 1e-3  # the tolerance at which a peer's options are compared
 RELATIVE = 2.3e-14  # the least SciPy takes: weights are absolute

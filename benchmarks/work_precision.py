@@ -18,7 +18,7 @@ import common
 
 import beltdyn as bd
 
-TARGETS = (5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
+TARGETS = (2e-2, 5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
 def heavy() -> bd.Scene:
