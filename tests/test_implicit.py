@@ -232,16 +232,16 @@ def test_samples_at_the_end_are_the_state(smooth: tuple[bd.Params, bd.State], me
 def test_variable_steps_keep_order_2(smooth: tuple[bd.Params, bd.State]) -> None:
     """Steps chosen by the tolerance: the error falls as their number to the power -2.
 
-    Local errors of h^3 held at rtol make h ~ rtol^(1/3) and errors ~ rtol^(2/3).
+    Local errors of h^3 are held at rtol^2 (methods.c), so h ~ rtol^(2/3) and errors ~ rtol^(4/3).
     """
     bound = smooth[0].info["spectral_bound"]
     exact = numbers(go(smooth, swing, method="rk4", step=0.02 / bound).final_state)
-    ladder = [1e-4, 1e-5, 1e-6, 1e-7]
+    ladder = [1e-3, 3e-4, 1e-4, 3e-5]
     runs = [go(smooth, swing, method="lbdf2", rtol=rtol) for rtol in ladder]
     errors = [float(np.max(np.abs(numbers(run.final_state) - exact))) for run in runs]
     steps = [T_END / run.stats.steps for run in runs]
     assert 1.7 <= observed_order(steps, errors) <= 2.3
-    assert 0.55 <= observed_order(ladder, errors) <= 0.8
+    assert 1.1 <= observed_order(ladder, errors) <= 1.6
     for run in runs:
         assert run.stats.largest_step > 3.0 * run.stats.smallest_step
 
