@@ -165,14 +165,13 @@ typedef struct bd_ring {
   int n_rows;
   int *base;
   double *shorter; /* 1: the arc's row 0 stands for no link */
-  void *rows, *scratch;
-  double *inverse;
+  void *rows, *scratch, *ends;
 } bd_ring;
 
 /* Loops of linear.c at one instruction level; `name` is a pulley's index as a double. */
 typedef struct bd_linear_kernels {
-  int width;       /* arcs */
-  size_t ring_row; /* bytes a row of links takes */
+  int width;                  /* arcs */
+  size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
   void (*factor)(const bd_ring *ring, const bd_blocks *blocks);
   void (*solve)(const bd_ring *ring, double k, double *x, double *y, double *p);
   void (*keep_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);

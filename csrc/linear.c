@@ -32,10 +32,11 @@
 
 #include "internal.h"
 
-/* A ring too short for the level's arcs is solved with two. */
+/* A ring too short for the level's arcs is solved with two: the cyclic reduction of separators that
+ * few links hold apart would cost digits where links weigh little against their joints. */
 static const bd_linear_kernels *ring_kernels(const bd_model *model) {
   const bd_linear_kernels *best = model->kernels->linear;
-  return model->lay.n > best->width ? best : &bd_linear_baseline;
+  return model->lay.n >= 4 * best->width ? best : &bd_linear_baseline;
 }
 
 /* A block of `count` links' places with room for the halo. */
@@ -74,7 +75,7 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
   BD_CARVE(carver, lin->ring.base, width);
   BD_CARVE(carver, lin->ring.shorter, width);
   lin->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
-  BD_CARVE(carver, lin->ring.inverse, 9 * width * width);
+  lin->ring.ends = bd_carve(carver, 1, ring->ring_ends);
   double *scratch;
   BD_CARVE(carver, scratch, 3 * width * rows);
   lin->ring.scratch = scratch;

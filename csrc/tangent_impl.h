@@ -333,6 +333,7 @@ static void subtract(int n, double factor, const double *restrict z, double *res
 const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
     .width = BD_WIDTH,
     .ring_row = sizeof(ring_row),
+    .ring_ends = sizeof(ring_ends),
     .factor = ring_factor,
     .solve = ring_solve,
     .keep_joints = keep_joints,
