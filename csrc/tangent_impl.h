@@ -97,44 +97,53 @@ static void joints_product(const bd_links *links, const bd_tangent *tangent, con
   }
 }
 
-/* From the links' velocities to all their unknowns, in place: c becomes the solution, but for
- * friction in contact, and 0 for the padding. */
-static void finish_links(const bd_links *links, const bd_stage *stage, const double *restrict x,
-                         const double *restrict y, const double *restrict p, double *c) {
+/* Links at i ... of a block. */
+SPECIALISED pack links_at(const double *block, int i) {
+  return *(const pack *)(block + i);
+}
+
+SPECIALISED void set_links(double *block, int i, pack value) {
+  *(pack *)(block + i) = value;
+}
+
+/* From the links' velocities without the pulleys' to all their unknowns, in place: c becomes the
+ * solution, but for friction in contact, and 0 for the padding. Pulley j's column, times its
+ * acceleration, is `pitch` after that before it. */
+static void finish_links(const bd_links *links, const bd_stage *stage, int n_columns,
+                         const double *columns, const double *factors, const double *x,
+                         const double *y, const double *p, double *c) {
   const bd_layout *lay = &links->lay;
-  const int n8 = lay->n8;
-  const double g = stage->g, inv_half = 1.0 / links->half;
-  const double *restrict live = ALIGNED(links->live);
-  double *restrict cx = ALIGNED(bd_field(lay, c, F_X)), *restrict cy =
-                                                            ALIGNED(bd_field(lay, c, F_Y));
-  double *restrict cp = ALIGNED(bd_field(lay, c, F_PHI));
-  double *restrict cvx = ALIGNED(bd_field(lay, c, F_VX));
-  double *restrict cvy = ALIGNED(bd_field(lay, c, F_VY));
-  double *restrict cvp = ALIGNED(bd_field(lay, c, F_VPHI));
-  x = ALIGNED(x);
-  y = ALIGNED(y);
-  p = ALIGNED(p);
-  SIMD for (int i = 0; i < n8; ++i) {
-    const double turning = live[i] * inv_half * p[i], vx = live[i] * x[i], vy = live[i] * y[i];
-    cx[i] = live[i] * g * (cx[i] + vx);
-    cy[i] = live[i] * g * (cy[i] + vy);
-    cp[i] = live[i] * g * (cp[i] + turning);
-    cvx[i] = vx;
-    cvy[i] = vy;
-    cvp[i] = turning;
-  }
-  for (int f = F_MU; f < F_MU + 2 * lay->slots; ++f) {
-    double *restrict friction = ALIGNED(bd_field(lay, c, f));
-    SIMD for (int i = 0; i < n8; ++i) {
-      friction[i] *= live[i] * g;
+  const int n8 = lay->n8, stride = lay->stride;
+  const pack g = splat(stage->g), inv_half = splat(1.0 / links->half);
+  double *cx = bd_field(lay, c, F_X), *cvx = bd_field(lay, c, F_VX);
+  for (int i = 0; i < n8; i += BD_WIDTH) {
+    pack v[3] = {links_at(x, i), links_at(y, i), links_at(p, i)};
+    for (int j = 0; j < n_columns; ++j) {
+      const double *column = columns + (size_t)(3 * j) * (size_t)stride;
+      const pack factor = splat(factors[j]);
+      for (int k = 0; k < 3; ++k) {
+        v[k] -= factor * links_at(column + (size_t)k * (size_t)stride, i);
+      }
+    }
+    const pack live = links_at(links->live, i);
+    v[2] *= inv_half;
+    for (int k = 0; k < 3; ++k) {
+      const int at = k * stride + i;
+      v[k] *= live;
+      set_links(cx, at, live * g * links_at(cx, at) + g * v[k]);
+      set_links(cvx, at, v[k]);
+    }
+    for (int k = 0; k < 2 * lay->slots; ++k) {
+      const int at = (F_MU + k) * stride + i;
+      set_links(cx, at, live * g * links_at(cx, at));
     }
   }
 }
 
 /* --- contact --------------------------------------------------------------------------------- */
 
-static void keep_contact(const bd_links *links, const bd_drum *drum, double name, int n_runs,
-                         const bd_run *runs, const double *y, const bd_touch *touch, int friction) {
+static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
+                         const double *y, const bd_touch *touch, int friction) {
   const bd_layout *lay = &links->lay;
   const bd_drum d = *drum;
   const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
@@ -143,13 +152,12 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, double name
   const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
   const double *restrict mu = ALIGNED(bd_cfield(lay, y, friction ? F_MU + d.slot : F_X));
   const double *restrict live = ALIGNED(links->live);
-  double *restrict owner = ALIGNED(touch->owner);
   double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  double *restrict t_rho = ALIGNED(touch->rho), *restrict t_normal = ALIGNED(touch->normal);
-  double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
-  double *restrict t_damp = ALIGNED(touch->damp), *restrict t_cross = ALIGNED(touch->cross);
-  double *restrict t_apart = ALIGNED(touch->apart), *restrict t_gain = ALIGNED(touch->gain);
-  double *restrict t_decay = ALIGNED(touch->decay);
+  double *restrict t_rho = ALIGNED(touch->rho), *restrict t_bend = ALIGNED(touch->bend);
+  double *restrict t_normal = ALIGNED(touch->normal), *restrict t_mu = ALIGNED(touch->mu);
+  double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
+  double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
+  double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
   const double sigma = friction ? d.sigma : 0.0, per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
@@ -165,169 +173,177 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, double name
       const double slide = around - d.omega * rho;
       const double m = friction ? mu[i] : 0.0, way = slide > 0.0 ? 1.0 : slide < 0.0 ? -1.0 : 0.0;
       const double damp = pressed ? d.damping : 0.0;
-      owner[i] = on ? name : owner[i];
-      t_nx[i] = on ? nx : t_nx[i];
-      t_ny[i] = on ? ny : t_ny[i];
-      t_rho[i] = on ? rho : t_rho[i];
-      t_normal[i] = on ? (pressed ? raw : 0.0) : t_normal[i];
-      t_mu[i] = on ? m : t_mu[i];
-      t_stiff[i] = on ? (pressed ? FMA(2.0 * d.quadratic, p, d.linear) : 0.0) : t_stiff[i];
-      t_damp[i] = on ? damp : t_damp[i];
-      t_cross[i] = on ? damp * around * inv : t_cross[i];
-      t_apart[i] = on ? apart * inv : t_apart[i];
-      t_gain[i] = on ? sigma * FMA(-way * m, per_mu_k, 1.0) : t_gain[i];
-      t_decay[i] = on ? sigma * per_mu_k * fabs(slide) : t_decay[i];
+      t_nx[i] = on ? nx : 0.0;
+      t_ny[i] = on ? ny : 0.0;
+      t_rho[i] = on ? rho : 0.0;
+      t_bend[i] = pressed ? raw * inv : 0.0;
+      t_normal[i] = pressed ? raw : 0.0;
+      t_mu[i] = on ? m : 0.0;
+      t_stiff[i] = pressed ? FMA(2.0 * d.quadratic, p, d.linear) : 0.0;
+      t_damp[i] = damp;
+      t_cross[i] = pressed ? damp * around * inv : 0.0;
+      t_apart[i] = on ? apart * inv : 0.0;
+      t_gain[i] = on ? sigma * FMA(-way * m, per_mu_k, 1.0) : 0.0;
+      t_decay[i] = on ? sigma * per_mu_k * fabs(slide) : 0.0;
     }
   }
 }
 
-/* Adds one pulley's contact to the diagonal blocks, and sets its border; returns what the pulley's
- * own equation gets. */
-static double add_contact(const bd_drum *drum, double name, int n_runs, const bd_run *runs,
-                          const bd_touch *touch, double g, const bd_blocks *blocks) {
-  const double omega = drum->omega;
-  const double *restrict owner = ALIGNED(touch->owner);
+/* A 2 x 2 block from the axes (n, t) of a link to those of the plane. */
+#define TURN_BACK(nn, nt, tn, tt, XX, XY, YX, YY)                                                  \
+  do {                                                                                             \
+    const double nn_tt = nx * ny * ((nn) - (tt)), both = nx * ny * ((nt) + (tn));                  \
+    XX = FMA(nx * nx, nn, FMA(ny * ny, tt, -both));                                                \
+    XY = FMA(nx * nx, nt, FMA(-ny * ny, tn, nn_tt));                                               \
+    YX = FMA(nx * nx, tn, FMA(-ny * ny, nt, nn_tt));                                               \
+    YY = FMA(ny * ny, nn, FMA(nx * nx, tt, both));                                                 \
+  } while (0)
+
+/* Adds one pulley's contact to the diagonal blocks, sets its border and what solves need for g;
+ * returns what the pulley's own equation gets. */
+static double add_contact(const bd_drum *drum, int n_runs, const bd_run *runs,
+                          const bd_touch *touch, double g, const bd_blocks *blocks,
+                          double *restrict column_x, double *restrict column_y) {
+  const double omega = drum->omega, g2 = g * g;
   const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_normal = ALIGNED(touch->normal);
-  const double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
-  const double *restrict t_damp = ALIGNED(touch->damp), *restrict t_cross = ALIGNED(touch->cross);
-  const double *restrict t_apart = ALIGNED(touch->apart), *restrict t_gain = ALIGNED(touch->gain);
-  const double *restrict t_decay = ALIGNED(touch->decay);
-  double *restrict xx = ALIGNED(blocks->xx), *restrict xy = ALIGNED(blocks->xy);
-  double *restrict yx = ALIGNED(blocks->yx), *restrict yy = ALIGNED(blocks->yy);
-  double *restrict column_x = ALIGNED(touch->column_x);
-  double *restrict column_y = ALIGNED(touch->column_y);
+  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_bend = ALIGNED(touch->bend);
+  const double *restrict t_normal = ALIGNED(touch->normal), *restrict t_mu = ALIGNED(touch->mu);
+  const double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
+  const double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
+  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
+  double *restrict b_xx = ALIGNED(blocks->xx), *restrict b_xy = ALIGNED(blocks->xy);
+  double *restrict b_yx = ALIGNED(blocks->yx), *restrict b_yy = ALIGNED(blocks->yy);
   double *restrict row_x = ALIGNED(touch->row_x), *restrict row_y = ALIGNED(touch->row_y);
+  double *restrict f_xx = ALIGNED(touch->xx), *restrict f_xy = ALIGNED(touch->xy);
+  double *restrict f_yx = ALIGNED(touch->yx), *restrict f_yy = ALIGNED(touch->yy);
+  double *restrict f_mu = ALIGNED(touch->by_mu);
+  double *restrict torque_x = ALIGNED(touch->torque_x);
+  double *restrict torque_y = ALIGNED(touch->torque_y);
+  double *restrict slide_x = ALIGNED(touch->slide_x), *restrict slide_y = ALIGNED(touch->slide_y);
+  double *restrict f_rise = ALIGNED(touch->rise), *restrict f_keep = ALIGNED(touch->keep);
+  column_x = ALIGNED(column_x);
+  column_y = ALIGNED(column_y);
   double own = 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
     _Pragma("omp simd reduction(+ : own)") for (int i = begin; i < end; ++i) {
-      const double on = owner[i] == name ? 1.0 : 0.0;
-      const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i];
-      const double inv = 1.0 / rho, normal = g * g * on * t_normal[i];
-      const double press = on * FMA(g * g, t_stiff[i], g * t_damp[i]);
-      const double cross = g * g * on * t_cross[i];
-      const double grip = normal * t_gain[i] / FMA(g, t_decay[i], 1.0);
-      const double nt = FMA(-normal * mu, inv, cross);
-      const double tn = -FMA(mu, press, grip * g * omega);
-      const double tt = FMA(grip, FMA(-g, t_apart[i], 1.0), -FMA(mu, cross, normal * inv));
-      const double both = nt + tn;
-      xx[i] += FMA(nx * nx, press, FMA(ny * ny, tt, -(nx * ny * both)));
-      yy[i] += FMA(ny * ny, press, FMA(nx * nx, tt, nx * ny * both));
-      xy[i] += FMA(nx * ny, press - tt, FMA(nx * nx, nt, -(ny * ny * tn)));
-      yx[i] += FMA(nx * ny, press - tt, FMA(nx * nx, tn, -(ny * ny * nt)));
+      const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i], apart = t_apart[i];
+      const double keep = 1.0 / FMA(g, t_decay[i], 1.0), rise = g * t_gain[i] * keep;
+      const double normal = g2 * t_normal[i], bend = g2 * t_bend[i], cross = g2 * t_cross[i];
+      const double stiff = g2 * t_stiff[i], press = FMA(g, t_damp[i], stiff);
+      const double grip = t_normal[i] * g * rise; /* of dv_T */
+      double xx, xy, yx, yy;
+      /* by velocities */
+      const double nt = FMA(-bend, mu, cross), tn = -FMA(mu, press, grip * g * omega);
+      const double tt = FMA(grip, FMA(-g, apart, 1.0), -FMA(mu, cross, bend));
+      TURN_BACK(press, nt, tn, tt, xx, xy, yx, yy);
+      b_xx[i] += xx;
+      b_xy[i] += xy;
+      b_yx[i] += yx;
+      b_yy[i] += yy;
       const double to_pulley_n = -FMA(rho, tn, normal * mu), to_pulley_t = -FMA(rho, tt, normal);
-      const double from_pulley = -grip * rho;
-      column_x[i] = -ny * from_pulley;
-      column_y[i] = nx * from_pulley;
       row_x[i] = FMA(nx, to_pulley_n, -(ny * to_pulley_t));
       row_y[i] = FMA(ny, to_pulley_n, nx * to_pulley_t);
+      column_x[i] = ny * grip * rho;
+      column_y[i] = -nx * grip * rho;
       own = FMA(grip * rho, rho, own);
+      /* by what a solve is given for positions and friction */
+      const double held_tn = FMA(mu, stiff, grip * g * omega);
+      const double held_tt = FMA(mu, cross, FMA(grip, g * apart, bend));
+      const double torque_n = FMA(-rho, held_tn, normal * mu);
+      const double torque_t = FMA(-rho, held_tt, normal);
+      TURN_BACK(-stiff, -nt, held_tn, held_tt, xx, xy, yx, yy);
+      f_xx[i] = xx;
+      f_xy[i] = xy;
+      f_yx[i] = yx;
+      f_yy[i] = yy;
+      f_mu[i] = normal * keep;
+      torque_x[i] = FMA(nx, torque_n, -(ny * torque_t));
+      torque_y[i] = FMA(ny, torque_n, nx * torque_t);
+      slide_x[i] = FMA(ny, apart, -(nx * omega));
+      slide_y[i] = -FMA(nx, apart, ny * omega);
+      f_rise[i] = rise;
+      f_keep[i] = keep;
     }
   }
   return own;
 }
+#undef TURN_BACK
+
+/* Sum of the lanes. */
+SPECIALISED double total(pack sum) {
+  double lane[BD_WIDTH];
+  for (int k = BD_WIDTH / 2; k > 0; k /= 2) {
+    sum += from_after(sum, k);
+  }
+  memcpy(lane, &sum, sizeof lane);
+  return lane[0];
+}
 
 /* Adds one pulley's contact to g F_q b_q and g F_mu's part; returns the pulley's own. */
-static double contact_product(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
-                              const bd_run *runs, const bd_touch *touch, double g, int friction,
-                              const double *c, double *restrict x, double *restrict y) {
-  const double omega = drum->omega;
-  const double *restrict owner = ALIGNED(touch->owner);
-  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_normal = ALIGNED(touch->normal);
-  const double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
-  const double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
-  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
-  const double *restrict cx = ALIGNED(bd_cfield(lay, c, F_X));
-  const double *restrict cy = ALIGNED(bd_cfield(lay, c, F_Y));
-  const double *restrict cmu = ALIGNED(bd_cfield(lay, c, friction ? F_MU + drum->slot : F_X));
-  x = ALIGNED(x);
-  y = ALIGNED(y);
-  double torque = 0.0;
+static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_runs,
+                              const bd_run *runs, const bd_touch *touch, int friction,
+                              const double *c, double *x, double *y) {
+  const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
+  const double *cmu = friction ? bd_cfield(lay, c, F_MU + drum->slot) : NULL;
+  pack torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
-    const int begin = runs[r].begin, end = runs[r].end;
-    _Pragma("omp simd reduction(+ : torque)") for (int i = begin; i < end; ++i) {
-      const double on = owner[i] == name ? g : 0.0;
-      const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i];
-      const double normal = t_normal[i];
-      const double bn = g * FMA(nx, cx[i], ny * cy[i]), bt = g * FMA(nx, cy[i], -(ny * cx[i]));
-      const double more = -FMA(t_stiff[i], bn, t_cross[i] * bt);
-      const double slide = -FMA(t_apart[i], bt, omega * bn);
-      const double rise =
-          friction ? g * FMA(t_gain[i], slide, cmu[i]) / FMA(g, t_decay[i], 1.0) : 0.0;
-      const double round = normal / rho * bt;
-      const double along = on * FMA(mu, round, more);
-      const double across = on * (round - FMA(mu, more, normal * rise));
-      x[i] += FMA(nx, along, -(ny * across));
-      y[i] += FMA(ny, along, nx * across);
-      torque = FMA(on, FMA(mu, FMA(rho, more, normal * bn), normal * rho * rise), torque);
+    for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
+      const pack bx = links_at(cx, i), by = links_at(cy, i);
+      pack fx = links_at(x, i), fy = links_at(y, i);
+      fx += links_at(touch->xx, i) * bx;
+      fx += links_at(touch->xy, i) * by;
+      fy += links_at(touch->yx, i) * bx;
+      fy += links_at(touch->yy, i) * by;
+      torque += links_at(touch->torque_x, i) * bx;
+      torque += links_at(touch->torque_y, i) * by;
+      if (friction) {
+        const pack less = links_at(touch->by_mu, i) * links_at(cmu, i);
+        fx += links_at(touch->ny, i) * less;
+        fy -= links_at(touch->nx, i) * less;
+        torque += links_at(touch->rho, i) * less;
+      }
+      set_links(x, i, fx);
+      set_links(y, i, fy);
     }
   }
-  return torque;
+  return total(torque);
 }
 
 /* The friction unknowns of one pulley's contact; everything else of c is solved. */
-static void finish_contact(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
+static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs,
                            const bd_run *runs, const bd_touch *touch, double g, double spin_up,
                            double *c) {
-  const double omega = drum->omega;
-  const double *restrict owner = ALIGNED(touch->owner);
-  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_apart = ALIGNED(touch->apart);
-  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
-  const double *restrict cx = ALIGNED(bd_cfield(lay, c, F_X));
-  const double *restrict cy = ALIGNED(bd_cfield(lay, c, F_Y));
-  const double *restrict cvx = ALIGNED(bd_cfield(lay, c, F_VX));
-  const double *restrict cvy = ALIGNED(bd_cfield(lay, c, F_VY));
-  double *restrict cmu = ALIGNED(bd_field(lay, c, F_MU + drum->slot));
-  double *restrict cslip = ALIGNED(bd_field(lay, c, bd_f_slip(lay) + drum->slot));
+  const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
+  const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
+  double *cmu = bd_field(lay, c, F_MU + drum->slot);
+  double *cslip = bd_field(lay, c, bd_f_slip(lay) + drum->slot);
+  const pack spin = splat(spin_up), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
-    const int begin = runs[r].begin, end = runs[r].end;
-    SIMD for (int i = begin; i < end; ++i) {
-      const double on = owner[i] == name ? g : 0.0;
-      const double nx = t_nx[i], ny = t_ny[i];
-      const double qn = FMA(nx, cx[i], ny * cy[i]), qt = FMA(nx, cy[i], -(ny * cx[i]));
-      const double vt = FMA(nx, cvy[i], -(ny * cvx[i]));
-      const double slide = vt - FMA(t_apart[i], qt, FMA(omega, qn, t_rho[i] * spin_up));
-      cmu[i] = FMA(on * t_gain[i], slide, cmu[i]) / FMA(on, t_decay[i], 1.0);
-      cslip[i] = FMA(on, slide, cslip[i]);
-    }
-  }
-}
-
-/* --- border ---------------------------------------------------------------------------------- */
-
-/* The column of one pulley. */
-static void border_column(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
-                          double *restrict x, double *restrict y) {
-  for (int r = 0; r < n_runs; ++r) {
-    SIMD for (int i = runs[r].begin; i < runs[r].end; ++i) {
-      x[i] = touch->owner[i] == name ? touch->column_x[i] : 0.0;
-      y[i] = touch->owner[i] == name ? touch->column_y[i] : 0.0;
+    for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
+      pack slide = links_at(touch->slide_x, i) * links_at(cx, i);
+      slide += links_at(touch->slide_y, i) * links_at(cy, i);
+      slide += links_at(touch->nx, i) * links_at(cvy, i);
+      slide -= links_at(touch->ny, i) * links_at(cvx, i);
+      slide -= links_at(touch->rho, i) * spin;
+      const pack kept = links_at(touch->keep, i) * links_at(cmu, i);
+      set_links(cmu, i, kept + links_at(touch->rise, i) * slide);
+      set_links(cslip, i, links_at(cslip, i) + step * slide);
     }
   }
 }
 
 /* The row of one pulley times a vector. */
-static double border_row(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
-                         const double *restrict x, const double *restrict y) {
-  double sum = 0.0;
+static double border_row(int n_runs, const bd_run *runs, const bd_touch *touch, const double *x,
+                         const double *y) {
+  pack along_x = splat(0.0), along_y = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
-    _Pragma("omp simd reduction(+ : sum)") for (int i = runs[r].begin; i < runs[r].end; ++i) {
-      const double part = FMA(touch->row_x[i], x[i], touch->row_y[i] * y[i]);
-      sum += touch->owner[i] == name ? part : 0.0;
+    for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
+      along_x += links_at(touch->row_x, i) * links_at(x, i);
+      along_y += links_at(touch->row_y, i) * links_at(y, i);
     }
   }
-  return sum;
-}
-
-static void subtract(int n, double factor, const double *restrict z, double *restrict x) {
-  z = ALIGNED(z);
-  x = ALIGNED(x);
-  SIMD for (int i = 0; i < n; ++i) {
-    x[i] = FMA(-factor, z[i], x[i]);
-  }
+  return total(along_x + along_y);
 }
 
 const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
@@ -344,7 +360,5 @@ const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
     .add_contact = add_contact,
     .contact_product = contact_product,
     .finish_contact = finish_contact,
-    .border_column = border_column,
     .border_row = border_row,
-    .subtract = subtract,
 };
