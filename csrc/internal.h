@@ -147,9 +147,9 @@ typedef struct bd_blocks {
 } bd_blocks;
 
 /* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
- * link over half its length. */
+ * link over half its length; for one g, what turning it does to the forces at its ends. */
 typedef struct bd_tangent {
-  double *cos, *sin, *spin, *pull;
+  double *cos, *sin, *spin, *pull, *end_x, *end_y;
 } bd_tangent;
 
 /* The contact of one pulley as linearised, by link of its runs, 0 where nothing touches: normal,

@@ -53,8 +53,8 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
   const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
   bd_tangent *t = &lin->tangent;
   bd_blocks *b = &lin->blocks;
-  double **by_link[] = {&t->cos, &t->sin, &t->spin, &t->pull, &b->xx,  &b->xy,
-                        &b->yx,  &b->yy,  &b->pp,   &lin->x,  &lin->y, &lin->p};
+  double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin, &t->pull, &b->xx,
+                        &b->xy,    &b->yx,    &b->yy,  &b->pp,  &lin->x,  &lin->y,  &lin->p};
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
     carve_links(carver, lay, by_link[k]);
   }
@@ -137,7 +137,7 @@ int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *e
 
 /* --- factorisation --------------------------------------------------------------------------- */
 
-/* Of the pulleys' small matrix: with pivots, in place, by rows. */
+/* Of the pulleys' small matrix: with pivots, whose reciprocals are kept, in place, by rows. */
 static void decompose(int n, double *a, int *pivots) {
   for (int k = 0; k < n; ++k) {
     int best = k;
@@ -150,8 +150,9 @@ static void decompose(int n, double *a, int *pivots) {
       a[k * n + c] = a[best * n + c];
       a[best * n + c] = kept;
     }
+    a[k * n + k] = 1.0 / a[k * n + k];
     for (int i = k + 1; i < n; ++i) {
-      double factor = a[i * n + k] /= a[k * n + k];
+      double factor = a[i * n + k] *= a[k * n + k];
       for (int c = k + 1; c < n; ++c) {
         a[i * n + c] -= factor * a[k * n + c];
       }
@@ -174,7 +175,7 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
     for (int c = i + 1; c < n; ++c) {
       x[i] -= a[i * n + c] * x[c];
     }
-    x[i] /= a[i * n + i];
+    x[i] *= a[i * n + i];
   }
 }
 

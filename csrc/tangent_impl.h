@@ -28,24 +28,33 @@ static void keep_joints(const bd_links *links, const double *y, const bd_tangent
   kw[-1] = kw[n - 1];
 }
 
-/* The diagonal blocks without contact. */
+/* The diagonal blocks without contact, and what turning a link moves its ends' forces by. */
 static void diagonal(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                      const bd_blocks *blocks) {
   const int n8 = links->lay.n8;
   const double straight = FMA(2.0, blocks->k, stage->mass);
   const double turning = stage->mass / 3.0 + 2.0 * (blocks->k + blocks->bend);
   const double g2 = stage->g * stage->g;
-  const double *restrict pull = ALIGNED(tangent->pull);
+  const double along = g2 * links->stiffness * links->half,
+               across = g2 * links->damping * links->half;
+  const double *restrict pull = ALIGNED(tangent->pull), *restrict w = ALIGNED(tangent->spin);
+  const double *restrict co = ALIGNED(tangent->cos), *restrict si = ALIGNED(tangent->sin);
   double *restrict xx = ALIGNED(blocks->xx), *restrict xy = ALIGNED(blocks->xy);
   double *restrict yx = ALIGNED(blocks->yx), *restrict yy = ALIGNED(blocks->yy);
   double *restrict pp = ALIGNED(blocks->pp);
+  double *restrict ex = ALIGNED(tangent->end_x), *restrict ey = ALIGNED(tangent->end_y);
   SIMD for (int i = 0; i < n8; ++i) {
+    const double turn = across * w[i];
     xx[i] = straight;
     xy[i] = 0.0;
     yx[i] = 0.0;
     yy[i] = straight;
     pp[i] = FMA(g2, pull[i], turning);
+    ex[i] = FMA(turn, co[i], along * si[i]);
+    ey[i] = FMA(turn, si[i], -(along * co[i]));
   }
+  ex[-1] = ex[links->lay.n - 1];
+  ey[-1] = ey[links->lay.n - 1];
 }
 
 /* r = M b_v + g F_q b_q of the joints, b = g c; positions' part of c has its halo set here. */
@@ -53,47 +62,41 @@ static void joints_product(const bd_links *links, const bd_tangent *tangent, con
                            double *c, double *restrict x, double *restrict y, double *restrict p) {
   const bd_layout *lay = &links->lay;
   const int n = lay->n, n8 = lay->n8;
-  const double g = stage->g, half = links->half, inv_half = 1.0 / half;
+  const double g = stage->g, half = links->half;
   const double mass = g / links->inv_mass, inertia = mass * half / 3.0;
-  const double stiffness = g * g * links->stiffness, damping = g * g * links->damping;
-  const double bend = g * g * links->bending * inv_half * inv_half;
-  const double *restrict cx = ALIGNED(bd_cfield(lay, c, F_X));
-  const double *restrict cy = ALIGNED(bd_cfield(lay, c, F_Y));
+  const double stiffness = g * g * links->stiffness, bend = g * g * links->bending / half;
+  const double back = -g * g * half;
+  double *restrict cx = ALIGNED(bd_field(lay, c, F_X));
+  double *restrict cy = ALIGNED(bd_field(lay, c, F_Y));
   double *restrict cp = ALIGNED(bd_field(lay, c, F_PHI));
   const double *restrict cvx = ALIGNED(bd_cfield(lay, c, F_VX));
   const double *restrict cvy = ALIGNED(bd_cfield(lay, c, F_VY));
   const double *restrict cvp = ALIGNED(bd_cfield(lay, c, F_VPHI));
   const double *restrict co = ALIGNED(tangent->cos), *restrict si = ALIGNED(tangent->sin);
-  const double *restrict w = ALIGNED(tangent->spin), *restrict pull = ALIGNED(tangent->pull);
-  double *restrict lx = ALIGNED(links->fx), *restrict ly = ALIGNED(links->fy);
-  double *restrict rx = ALIGNED(links->rx), *restrict ry = ALIGNED(links->ry);
+  const double *restrict pull = ALIGNED(tangent->pull);
+  const double *restrict ex = ALIGNED(tangent->end_x), *restrict ey = ALIGNED(tangent->end_y);
+  double *restrict fx = ALIGNED(links->fx), *restrict fy = ALIGNED(links->fy);
+  double *restrict moment = ALIGNED(links->moment);
   x = ALIGNED(x);
   y = ALIGNED(y);
   p = ALIGNED(p);
+  cx[-1] = cx[n - 1];
+  cy[-1] = cy[n - 1];
   cp[-1] = cp[n - 1];
-  cp[n] = cp[0];
-  /* what each end of a link adds to the force of its joint */
   SIMD for (int i = 0; i < n8; ++i) {
-    const double b = half * cp[i], turn = damping * w[i] * b, along = stiffness * b;
-    const double ex = FMA(turn, co[i], along * si[i]), ey = FMA(turn, si[i], -(along * co[i]));
-    const double sx = stiffness * cx[i], sy = stiffness * cy[i];
-    lx[i] = sx + ex;
-    ly[i] = sy + ey;
-    rx[i] = sx - ex;
-    ry[i] = sy - ey;
+    fx[i] = FMA(stiffness, cx[i] - cx[i - 1], FMA(ex[i], cp[i], ex[i - 1] * cp[i - 1]));
+    fy[i] = FMA(stiffness, cy[i] - cy[i - 1], FMA(ey[i], cp[i], ey[i - 1] * cp[i - 1]));
+    moment[i] = bend * (cp[i] - cp[i - 1]);
   }
-  rx[-1] = rx[n - 1];
-  ry[-1] = ry[n - 1];
-  lx[n] = lx[0];
-  ly[n] = ly[0];
+  fx[n] = fx[0];
+  fy[n] = fy[0];
+  moment[n] = moment[0];
   SIMD for (int i = 0; i < n8; ++i) {
-    const double here_x = lx[i] - rx[i - 1], here_y = ly[i] - ry[i - 1];
-    const double next_x = lx[i + 1] - rx[i], next_y = ly[i + 1] - ry[i];
-    x[i] = FMA(mass, cvx[i], next_x - here_x);
-    y[i] = FMA(mass, cvy[i], next_y - here_y);
-    double turning = FMA(co[i], here_y + next_y, -(si[i] * (here_x + next_x)));
-    turning = FMA(bend * half, (cp[i + 1] - cp[i]) - (cp[i] - cp[i - 1]), turning);
-    p[i] = FMA(inertia, cvp[i], FMA(-g * g * pull[i] * half, cp[i], turning));
+    x[i] = FMA(mass, cvx[i], fx[i + 1] - fx[i]);
+    y[i] = FMA(mass, cvy[i], fy[i + 1] - fy[i]);
+    double turning = FMA(co[i], fy[i] + fy[i + 1], -(si[i] * (fx[i] + fx[i + 1])));
+    turning += moment[i + 1] - moment[i];
+    p[i] = FMA(inertia, cvp[i], FMA(back * pull[i], cp[i], turning));
   }
 }
 
