@@ -181,7 +181,7 @@ typedef struct bd_linear_kernels {
   void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                    const bd_blocks *blocks);
   void (*joints_product)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                         double *c, double *x, double *y, double *p);
+                         const double *c, double *x, double *y, double *p);
   void (*finish_links)(const bd_links *links, const bd_stage *stage, int n_columns,
                        const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);

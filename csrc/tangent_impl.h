@@ -4,6 +4,43 @@
  * loops over the blocks of the state's layout. linear.c has the derivation and the names.
  */
 
+/* Links at i ... of a block. */
+SPECIALISED pack links_at(const double *block, int i) {
+  return *(const pack *)(block + i);
+}
+
+SPECIALISED void set_links(double *block, int i, pack value) {
+  *(pack *)(block + i) = value;
+}
+
+/* For every link what the one before it has, or the one after it; `last` and `next` are the links
+ * before and after. */
+SPECIALISED pack shifted_on(pack last, pack here) {
+#if BD_WIDTH == 8
+  return __builtin_shufflevector(last, here, 7, 8, 9, 10, 11, 12, 13, 14);
+#elif BD_WIDTH == 4
+  return __builtin_shufflevector(last, here, 3, 4, 5, 6);
+#elif BD_WIDTH == 2
+  return __builtin_shufflevector(last, here, 1, 2);
+#else
+  (void)here;
+  return last;
+#endif
+}
+
+SPECIALISED pack shifted_back(pack here, pack next) {
+#if BD_WIDTH == 8
+  return __builtin_shufflevector(here, next, 1, 2, 3, 4, 5, 6, 7, 8);
+#elif BD_WIDTH == 4
+  return __builtin_shufflevector(here, next, 1, 2, 3, 4);
+#elif BD_WIDTH == 2
+  return __builtin_shufflevector(here, next, 1, 2);
+#else
+  (void)here;
+  return next;
+#endif
+}
+
 /* --- joints ---------------------------------------------------------------------------------- */
 
 /* Keeps of the last evaluation what the joints' linearisation needs: later evaluations, at other
@@ -53,60 +90,78 @@ static void diagonal(const bd_links *links, const bd_tangent *tangent, const bd_
     ex[i] = FMA(turn, co[i], along * si[i]);
     ey[i] = FMA(turn, si[i], -(along * co[i]));
   }
-  ex[-1] = ex[links->lay.n - 1];
-  ey[-1] = ey[links->lay.n - 1];
 }
 
-/* r = M b_v + g F_q b_q of the joints, b = g c; positions' part of c has its halo set here. */
+/* What both ends of links are worth to the force of a joint, one component. */
+typedef struct end_forces {
+  pack left, right;
+} end_forces;
+
+SPECIALISED end_forces ends_force(pack stiffness, pack move, pack turn) {
+  end_forces out = {.left = stiffness * move + turn, .right = stiffness * move - turn};
+  return out;
+}
+
+/* r = M b_v + g F_q b_q of the joints, b = g c, in one pass: joint i pulls with what the left end
+ * of link i and the right end of the link before are worth, in the registers of two blocks. */
 static void joints_product(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                           double *c, double *restrict x, double *restrict y, double *restrict p) {
+                           const double *c, double *x, double *y, double *p) {
   const bd_layout *lay = &links->lay;
+  const bd_tangent t = *tangent;
   const int n = lay->n, n8 = lay->n8;
   const double g = stage->g, half = links->half;
-  const double mass = g / links->inv_mass, inertia = mass * half / 3.0;
-  const double stiffness = g * g * links->stiffness, bend = g * g * links->bending / half;
-  const double back = -g * g * half;
-  double *restrict cx = ALIGNED(bd_field(lay, c, F_X));
-  double *restrict cy = ALIGNED(bd_field(lay, c, F_Y));
-  double *restrict cp = ALIGNED(bd_field(lay, c, F_PHI));
-  const double *restrict cvx = ALIGNED(bd_cfield(lay, c, F_VX));
-  const double *restrict cvy = ALIGNED(bd_cfield(lay, c, F_VY));
-  const double *restrict cvp = ALIGNED(bd_cfield(lay, c, F_VPHI));
-  const double *restrict co = ALIGNED(tangent->cos), *restrict si = ALIGNED(tangent->sin);
-  const double *restrict pull = ALIGNED(tangent->pull);
-  const double *restrict ex = ALIGNED(tangent->end_x), *restrict ey = ALIGNED(tangent->end_y);
-  double *restrict fx = ALIGNED(links->fx), *restrict fy = ALIGNED(links->fy);
-  double *restrict moment = ALIGNED(links->moment);
-  x = ALIGNED(x);
-  y = ALIGNED(y);
-  p = ALIGNED(p);
-  cx[-1] = cx[n - 1];
-  cy[-1] = cy[n - 1];
-  cp[-1] = cp[n - 1];
-  SIMD for (int i = 0; i < n8; ++i) {
-    fx[i] = FMA(stiffness, cx[i] - cx[i - 1], FMA(ex[i], cp[i], ex[i - 1] * cp[i - 1]));
-    fy[i] = FMA(stiffness, cy[i] - cy[i - 1], FMA(ey[i], cp[i], ey[i - 1] * cp[i - 1]));
-    moment[i] = bend * (cp[i] - cp[i - 1]);
+  const pack mass = splat(g / links->inv_mass), inertia = splat(g / links->inv_mass * half / 3.0);
+  const pack stiffness = splat(g * g * links->stiffness), back = splat(-g * g * half);
+  const pack bend = splat(g * g * links->bending / half);
+  const double *cx = bd_cfield(lay, c, F_X), *cvx = bd_cfield(lay, c, F_VX);
+  const int stride = lay->stride;
+  const double *cy = cx + stride, *cp = cy + stride;
+  const pack turn = splat(cp[n - 1]);
+  pack last[3] = {ends_force(stiffness, splat(cx[n - 1]), splat(t.end_x[n - 1]) * turn).right,
+                  ends_force(stiffness, splat(cy[n - 1]), splat(t.end_y[n - 1]) * turn).right,
+                  bend * turn};
+  pack here[3] = {last[0], last[1], last[2]}, first[3] = {last[0], last[1], last[2]};
+  for (int i = 0; i <= n8; i += BD_WIDTH) {
+    pack next[3] = {first[0], first[1], first[2]};
+    if (i < n8) {
+      const pack angle = links_at(cp, i);
+      const end_forces fx = ends_force(stiffness, links_at(cx, i), links_at(t.end_x, i) * angle);
+      const end_forces fy = ends_force(stiffness, links_at(cy, i), links_at(t.end_y, i) * angle);
+      const pack right[3] = {fx.right, fy.right, bend * angle};
+      next[0] = fx.left - shifted_on(last[0], fx.right);
+      next[1] = fy.left - shifted_on(last[1], fy.right);
+      next[2] = right[2] - shifted_on(last[2], right[2]);
+      for (int k = 0; k < 3; ++k) {
+        double lane[BD_WIDTH];
+        if (i == 0) {
+          memcpy(lane, &next[k], sizeof lane);
+          first[k] = splat(lane[0]);
+        }
+        if (i + BD_WIDTH > n) { /* after the last link comes the first */
+          const pack live = links_at(links->live, i);
+          next[k] = live * next[k] + (1.0 - live) * first[k];
+        }
+        last[k] = right[k];
+      }
+    }
+    if (i > 0) {
+      const int j = i - BD_WIDTH;
+      pack ahead[3];
+      for (int k = 0; k < 3; ++k) {
+        ahead[k] = shifted_back(here[k], next[k]);
+      }
+      set_links(x, j, mass * links_at(cvx, j) + (ahead[0] - here[0]));
+      set_links(y, j, mass * links_at(cvx + stride, j) + (ahead[1] - here[1]));
+      pack turning = ahead[2] - here[2];
+      turning += links_at(t.cos, j) * (here[1] + ahead[1]);
+      turning -= links_at(t.sin, j) * (here[0] + ahead[0]);
+      turning += back * links_at(t.pull, j) * links_at(cp, j);
+      set_links(p, j, inertia * links_at(cvx + 2 * stride, j) + turning);
+    }
+    for (int k = 0; k < 3; ++k) {
+      here[k] = next[k];
+    }
   }
-  fx[n] = fx[0];
-  fy[n] = fy[0];
-  moment[n] = moment[0];
-  SIMD for (int i = 0; i < n8; ++i) {
-    x[i] = FMA(mass, cvx[i], fx[i + 1] - fx[i]);
-    y[i] = FMA(mass, cvy[i], fy[i + 1] - fy[i]);
-    double turning = FMA(co[i], fy[i] + fy[i + 1], -(si[i] * (fx[i] + fx[i + 1])));
-    turning += moment[i + 1] - moment[i];
-    p[i] = FMA(inertia, cvp[i], FMA(back * pull[i], cp[i], turning));
-  }
-}
-
-/* Links at i ... of a block. */
-SPECIALISED pack links_at(const double *block, int i) {
-  return *(const pack *)(block + i);
-}
-
-SPECIALISED void set_links(double *block, int i, pack value) {
-  *(pack *)(block + i) = value;
 }
 
 /* From the links' velocities without the pulleys' to all their unknowns, in place: c becomes the
@@ -287,6 +342,7 @@ SPECIALISED double total(pack sum) {
 static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_runs,
                               const bd_run *runs, const bd_touch *touch, int friction,
                               const double *c, double *x, double *y) {
+  const bd_touch t = *touch;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
   const double *cmu = friction ? bd_cfield(lay, c, F_MU + drum->slot) : NULL;
   pack torque = splat(0.0);
@@ -294,17 +350,17 @@ static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_r
     for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
       const pack bx = links_at(cx, i), by = links_at(cy, i);
       pack fx = links_at(x, i), fy = links_at(y, i);
-      fx += links_at(touch->xx, i) * bx;
-      fx += links_at(touch->xy, i) * by;
-      fy += links_at(touch->yx, i) * bx;
-      fy += links_at(touch->yy, i) * by;
-      torque += links_at(touch->torque_x, i) * bx;
-      torque += links_at(touch->torque_y, i) * by;
+      fx += links_at(t.xx, i) * bx;
+      fx += links_at(t.xy, i) * by;
+      fy += links_at(t.yx, i) * bx;
+      fy += links_at(t.yy, i) * by;
+      torque += links_at(t.torque_x, i) * bx;
+      torque += links_at(t.torque_y, i) * by;
       if (friction) {
-        const pack less = links_at(touch->by_mu, i) * links_at(cmu, i);
-        fx += links_at(touch->ny, i) * less;
-        fy -= links_at(touch->nx, i) * less;
-        torque += links_at(touch->rho, i) * less;
+        const pack less = links_at(t.by_mu, i) * links_at(cmu, i);
+        fx += links_at(t.ny, i) * less;
+        fy -= links_at(t.nx, i) * less;
+        torque += links_at(t.rho, i) * less;
       }
       set_links(x, i, fx);
       set_links(y, i, fy);
@@ -317,6 +373,7 @@ static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_r
 static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs,
                            const bd_run *runs, const bd_touch *touch, double g, double spin_up,
                            double *c) {
+  const bd_touch t = *touch;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
   const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
   double *cmu = bd_field(lay, c, F_MU + drum->slot);
@@ -324,13 +381,13 @@ static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs
   const pack spin = splat(spin_up), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
-      pack slide = links_at(touch->slide_x, i) * links_at(cx, i);
-      slide += links_at(touch->slide_y, i) * links_at(cy, i);
-      slide += links_at(touch->nx, i) * links_at(cvy, i);
-      slide -= links_at(touch->ny, i) * links_at(cvx, i);
-      slide -= links_at(touch->rho, i) * spin;
-      const pack kept = links_at(touch->keep, i) * links_at(cmu, i);
-      set_links(cmu, i, kept + links_at(touch->rise, i) * slide);
+      pack slide = links_at(t.slide_x, i) * links_at(cx, i);
+      slide += links_at(t.slide_y, i) * links_at(cy, i);
+      slide += links_at(t.nx, i) * links_at(cvy, i);
+      slide -= links_at(t.ny, i) * links_at(cvx, i);
+      slide -= links_at(t.rho, i) * spin;
+      const pack kept = links_at(t.keep, i) * links_at(cmu, i);
+      set_links(cmu, i, kept + links_at(t.rise, i) * slide);
       set_links(cslip, i, links_at(cslip, i) + step * slide);
     }
   }
@@ -339,11 +396,12 @@ static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs
 /* The row of one pulley times a vector. */
 static double border_row(int n_runs, const bd_run *runs, const bd_touch *touch, const double *x,
                          const double *y) {
+  const bd_touch t = *touch;
   pack along_x = splat(0.0), along_y = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
-      along_x += links_at(touch->row_x, i) * links_at(x, i);
-      along_y += links_at(touch->row_y, i) * links_at(y, i);
+      along_x += links_at(t.row_x, i) * links_at(x, i);
+      along_y += links_at(t.row_y, i) * links_at(y, i);
     }
   }
   return total(along_x + along_y);
