@@ -230,19 +230,22 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs,
       const int on = p > 0.0, pressed = on & (raw > 0.0);
       const double slide = around - d.omega * rho;
       const double m = friction ? mu[i] : 0.0, way = slide > 0.0 ? 1.0 : slide < 0.0 ? -1.0 : 0.0;
-      const double damp = pressed ? d.damping : 0.0;
+      const double bend = raw * inv, stiff = FMA(2.0 * d.quadratic, p, d.linear);
+      const double cross = d.damping * around * inv, away = apart * inv;
+      const double gain = sigma * FMA(-way * m, per_mu_k, 1.0);
+      const double decay = sigma * per_mu_k * fabs(slide);
       t_nx[i] = on ? nx : 0.0;
       t_ny[i] = on ? ny : 0.0;
       t_rho[i] = on ? rho : 0.0;
-      t_bend[i] = pressed ? raw * inv : 0.0;
+      t_bend[i] = pressed ? bend : 0.0;
       t_normal[i] = pressed ? raw : 0.0;
       t_mu[i] = on ? m : 0.0;
-      t_stiff[i] = pressed ? FMA(2.0 * d.quadratic, p, d.linear) : 0.0;
-      t_damp[i] = damp;
-      t_cross[i] = pressed ? damp * around * inv : 0.0;
-      t_apart[i] = on ? apart * inv : 0.0;
-      t_gain[i] = on ? sigma * FMA(-way * m, per_mu_k, 1.0) : 0.0;
-      t_decay[i] = on ? sigma * per_mu_k * fabs(slide) : 0.0;
+      t_stiff[i] = pressed ? stiff : 0.0;
+      t_damp[i] = pressed ? d.damping : 0.0;
+      t_cross[i] = pressed ? cross : 0.0;
+      t_apart[i] = on ? away : 0.0;
+      t_gain[i] = on ? gain : 0.0;
+      t_decay[i] = on ? decay : 0.0;
     }
   }
 }
