@@ -155,17 +155,20 @@ typedef struct bd_blocks {
 } bd_blocks;
 
 /* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
- * link over half its length. */
+ * link over half its length; for one g, what turning it does to the forces at its ends. */
 typedef struct bd_tangent {
-  double *cos, *sin, *spin, *pull;
+  double *cos, *sin, *spin, *pull, *end_x, *end_y;
 } bd_tangent;
 
-/* The contact of one colour as linearised, by link: whose it is; normal, distance from the axis,
- * N, mu, dN/dp, dN/dp', and over the distance dN/dp' times the speed round it and the speed away
- * from it; d mu'/d v_T, -d mu'/d mu; and the border of the matrix. */
+/* The contact of one pulley as linearised, by link of its runs, 0 where nothing touches: normal,
+ * distance from the axis, N and what it is over that, mu, dN/dp, dN/dp', and over the distance
+ * dN/dp' times the speed round it and the speed away from it; d mu'/d v_T, -d mu'/d mu. For one g:
+ * force by position and by mu, torque by position; the border's row; v_T by position; and what the
+ * change of mu takes of v_T and of what is given for it. */
 typedef struct bd_touch {
-  double *owner, *nx, *ny, *rho, *normal, *mu, *stiff, *damp, *cross, *apart, *gain, *decay;
-  double *column_x, *column_y, *row_x, *row_y;
+  double *nx, *ny, *rho, *normal, *bend, *mu, *stiff, *damp, *cross, *apart, *gain, *decay;
+  double *xx, *xy, *yx, *yy, *by_mu, *torque_x, *torque_y;
+  double *row_x, *row_y, *slide_x, *slide_y, *rise, *keep;
 } bd_touch;
 
 /* The ring cut into arcs: row j of arc a is link base[a] + j. */
@@ -173,38 +176,34 @@ typedef struct bd_ring {
   int n_rows;
   int *base;
   double *shorter; /* 1: the arc's row 0 stands for no link */
-  void *rows, *scratch;
-  double *inverse;
+  void *rows, *scratch, *ends;
 } bd_ring;
 
-/* Loops of linear.c at one instruction level; `name` is a pulley's index as a double. */
+/* Loops of linear.c at one instruction level. */
 typedef struct bd_linear_kernels {
-  int width;       /* arcs */
-  size_t ring_row; /* bytes a row of links takes */
+  int width;                  /* arcs */
+  size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
   void (*factor)(const bd_ring *ring, const bd_blocks *blocks);
   void (*solve)(const bd_ring *ring, double k, double *x, double *y, double *p);
   void (*keep_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
   void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                    const bd_blocks *blocks);
   void (*joints_product)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                         double *c, double *x, double *y, double *p);
-  void (*finish_links)(const bd_links *links, const bd_stage *stage, const double *x,
+                         const double *c, double *x, double *y, double *p);
+  void (*finish_links)(const bd_links *links, const bd_stage *stage, int n_columns,
+                       const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);
-  void (*keep_contact)(const bd_links *links, const bd_drum *drum, double name, int n_runs,
-                       const bd_run *runs, const double *y, const bd_touch *touch, int friction);
-  double (*add_contact)(const bd_drum *drum, double name, int n_runs, const bd_run *runs,
-                        const bd_touch *touch, double g, const bd_blocks *blocks);
-  double (*contact_product)(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
-                            const bd_run *runs, const bd_touch *touch, double g, int friction,
+  void (*keep_contact)(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
+                       const double *y, const bd_touch *touch, int friction);
+  double (*add_contact)(const bd_drum *drum, int n_runs, const bd_run *runs, const bd_touch *touch,
+                        double g, const bd_blocks *blocks, double *column_x, double *column_y);
+  double (*contact_product)(const bd_layout *lay, const bd_drum *drum, int n_runs,
+                            const bd_run *runs, const bd_touch *touch, int friction,
                             const double *c, double *x, double *y);
-  void (*finish_contact)(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
-                         const bd_run *runs, const bd_touch *touch, double g, double spin_up,
-                         double *c);
-  void (*border_column)(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
-                        double *x, double *y);
-  double (*border_row)(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
-                       const double *x, const double *y);
-  void (*subtract)(int n, double factor, const double *z, double *x);
+  void (*finish_contact)(const bd_layout *lay, const bd_drum *drum, int n_runs, const bd_run *runs,
+                         const bd_touch *touch, double g, double spin_up, double *c);
+  double (*border_row)(int n_runs, const bd_run *runs, const bd_touch *touch, const double *x,
+                       const double *y);
 } bd_linear_kernels;
 
 extern const bd_linear_kernels bd_linear_baseline;
@@ -368,12 +367,14 @@ typedef struct bd_linear {
   const bd_linear_kernels *ring_kernels;
   bd_ring ring;
   bd_tangent tangent;
-  bd_touch *touch; /* one per colour */
+  bd_touch *touch; /* per pulley */
   bd_blocks blocks;
   bd_stage stage;
   double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
   double *border;    /* per pulley: its column, solved by the ring */
   bd_drum *drums;
+  int *n_runs;
+  bd_run *runs;
   double *own, *rhs, *matrix;
   int *pivots;
   double *by_theta, *by_omega, *slope, *torque; /* of the set torques */

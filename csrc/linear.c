@@ -32,10 +32,11 @@
 
 #include "internal.h"
 
-/* A ring too short for the level's arcs is solved with two. */
+/* A ring too short for the level's arcs is solved with two: the cyclic reduction of separators that
+ * few links hold apart would cost digits where links weigh little against their joints. */
 static const bd_linear_kernels *ring_kernels(const bd_model *model) {
   const bd_linear_kernels *best = model->kernels->linear;
-  return model->lay.n > best->width ? best : &bd_linear_baseline;
+  return model->lay.n >= 4 * best->width ? best : &bd_linear_baseline;
 }
 
 /* A block of `count` links' places with room for the halo. */
@@ -52,34 +53,35 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
   const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
   bd_tangent *t = &lin->tangent;
   bd_blocks *b = &lin->blocks;
-  double **by_link[] = {&t->cos, &t->sin, &t->spin, &t->pull, &b->xx,  &b->xy,
-                        &b->yx,  &b->yy,  &b->pp,   &lin->x,  &lin->y, &lin->p};
+  double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin, &t->pull, &b->xx,
+                        &b->xy,    &b->yx,    &b->yy,  &b->pp,  &lin->x,  &lin->y,  &lin->p};
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
     carve_links(carver, lay, by_link[k]);
   }
-  BD_CARVE(carver, lin->touch, model->colours);
-  for (int s = 0; s < model->colours; ++s) {
-    bd_touch none, *touch = carver->base ? &lin->touch[s] : &none;
-    double **fields[] = {&touch->owner,    &touch->nx,       &touch->ny,    &touch->rho,
-                         &touch->normal,   &touch->mu,       &touch->stiff, &touch->damp,
-                         &touch->cross,    &touch->apart,    &touch->gain,  &touch->decay,
-                         &touch->column_x, &touch->column_y, &touch->row_x, &touch->row_y};
+  BD_CARVE(carver, lin->touch, np);
+  for (int j = 0; j < np; ++j) {
+    bd_touch none, *touch = carver->base ? &lin->touch[j] : &none;
+    double **fields[] = {
+        &touch->nx,    &touch->ny,      &touch->rho,      &touch->normal,   &touch->bend,
+        &touch->mu,    &touch->stiff,   &touch->damp,     &touch->cross,    &touch->apart,
+        &touch->gain,  &touch->decay,   &touch->xx,       &touch->xy,       &touch->yx,
+        &touch->yy,    &touch->by_mu,   &touch->torque_x, &touch->torque_y, &touch->row_x,
+        &touch->row_y, &touch->slide_x, &touch->slide_y,  &touch->rise,     &touch->keep};
     for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
       carve_links(carver, lay, fields[k]);
-    }
-    for (int i = 0; carver->base && i < lay->n8; ++i) {
-      touch->rho[i] = 1.0; /* divided by, touching or not */
     }
   }
   BD_CARVE(carver, lin->ring.base, width);
   BD_CARVE(carver, lin->ring.shorter, width);
   lin->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
-  BD_CARVE(carver, lin->ring.inverse, 9 * width * width);
+  lin->ring.ends = bd_carve(carver, 1, ring->ring_ends);
   double *scratch;
   BD_CARVE(carver, scratch, 3 * width * rows);
   lin->ring.scratch = scratch;
   BD_CARVE(carver, lin->border, 3 * np * lay->stride);
   BD_CARVE(carver, lin->drums, np);
+  BD_CARVE(carver, lin->n_runs, np);
+  BD_CARVE(carver, lin->runs, np * (lay->n8 / BD_LANES));
   BD_CARVE(carver, lin->own, np);
   BD_CARVE(carver, lin->rhs, np);
   BD_CARVE(carver, lin->matrix, np * np);
@@ -107,25 +109,24 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
 
 /* --- linearisation --------------------------------------------------------------------------- */
 
-static const bd_touch *touch_of(const bd_linear *lin, const bd_plan *plan, int j) {
-  return &lin->touch[plan->drums[j].slot];
+/* The links that could touch a pulley when the model was linearised: a later list may be another.
+ */
+static bd_run *runs_of(const bd_linear *lin, const bd_layout *lay, int j) {
+  return lin->runs + j * (lay->n8 / BD_LANES);
 }
 
 int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   const bd_linear_kernels *kernels = plan->kernels->linear;
   kernels->keep_joints(&plan->links, y, &lin->tangent);
-  for (int s = 0; s < plan->model->colours; ++s) {
-    for (int i = 0; i < lay->n8; ++i) {
-      lin->touch[s].owner[i] = -1.0;
-    }
-  }
   for (int j = 0; j < lay->np; ++j) {
     lin->drums[j] = plan->drums[j];
     lin->drums[j].omega = y[lay->omega + j];
-    kernels->keep_contact(&plan->links, &lin->drums[j], j, plan->search.n_runs[j],
-                          plan->search.runs + j * plan->search.max_runs, y, touch_of(lin, plan, j),
-                          plan->friction_on);
+    lin->n_runs[j] = plan->search.n_runs[j];
+    memcpy(runs_of(lin, lay, j), plan->search.runs + j * plan->search.max_runs,
+           (size_t)lin->n_runs[j] * sizeof *lin->runs);
+    kernels->keep_contact(&plan->links, &lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j), y,
+                          &lin->touch[j], plan->friction_on);
   }
   if (plan->held) {
     return BD_OK;
@@ -136,7 +137,7 @@ int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *e
 
 /* --- factorisation --------------------------------------------------------------------------- */
 
-/* Of the pulleys' small matrix: with pivots, in place, by rows. */
+/* Of the pulleys' small matrix: with pivots, whose reciprocals are kept, in place, by rows. */
 static void decompose(int n, double *a, int *pivots) {
   for (int k = 0; k < n; ++k) {
     int best = k;
@@ -149,8 +150,9 @@ static void decompose(int n, double *a, int *pivots) {
       a[k * n + c] = a[best * n + c];
       a[best * n + c] = kept;
     }
+    a[k * n + k] = 1.0 / a[k * n + k];
     for (int i = k + 1; i < n; ++i) {
-      double factor = a[i * n + k] /= a[k * n + k];
+      double factor = a[i * n + k] *= a[k * n + k];
       for (int c = k + 1; c < n; ++c) {
         a[i * n + c] -= factor * a[k * n + c];
       }
@@ -173,7 +175,7 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
     for (int c = i + 1; c < n; ++c) {
       x[i] -= a[i * n + c] * x[c];
     }
-    x[i] /= a[i * n + i];
+    x[i] *= a[i * n + i];
   }
 }
 
@@ -196,28 +198,22 @@ void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g) {
   b->bend = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   kernels->diagonal(links, &lin->tangent, &lin->stage, b);
   for (int j = 0; j < lay->np; ++j) {
-    lin->own[j] = kernels->add_contact(&lin->drums[j], j, plan->search.n_runs[j],
-                                       plan->search.runs + j * plan->search.max_runs,
-                                       touch_of(lin, plan, j), g, b);
+    double *z = border_of(lin, lay, j);
+    memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
+    lin->own[j] = kernels->add_contact(&lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j),
+                                       &lin->touch[j], g, b, z, z + lay->stride);
   }
   lin->ring_kernels->factor(&lin->ring, b);
   const int np = plan->held ? 0 : lay->np;
   for (int j = 0; j < np; ++j) {
     double *z = border_of(lin, lay, j);
-    memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
-    kernels->border_column(j, plan->search.n_runs[j], plan->search.runs + j * plan->search.max_runs,
-                           touch_of(lin, plan, j), z, z + lay->stride);
     lin->ring_kernels->solve(&lin->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
-  }
-  for (int i = 0; i < np; ++i) {
-    const bd_run *runs = plan->search.runs + i * plan->search.max_runs;
-    for (int j = 0; j < np; ++j) {
-      const double *z = border_of(lin, lay, j);
+    for (int i = 0; i < np; ++i) {
       double inertia = i == j ? model->inertia[i] * (1.0 + g * plan->bath) + lin->own[i] : 0.0;
       double torque = lin->by_omega[i * np + j] + g * lin->by_theta[i * np + j];
       lin->matrix[i * np + j] = inertia - g * torque -
-                                kernels->border_row(i, plan->search.n_runs[i], runs,
-                                                    touch_of(lin, plan, i), z, z + lay->stride);
+                                kernels->border_row(lin->n_runs[i], runs_of(lin, lay, i),
+                                                    &lin->touch[i], z, z + lay->stride);
     }
   }
   decompose(np, lin->matrix, lin->pivots);
@@ -235,35 +231,26 @@ void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c) {
   double *x = lin->x, *y = lin->y, *p = lin->p, *rhs = lin->rhs;
   kernels->joints_product(links, &lin->tangent, &lin->stage, c, x, y, p);
   for (int j = 0; j < lay->np; ++j) {
-    rhs[j] = kernels->contact_product(lay, &lin->drums[j], j, plan->search.n_runs[j],
-                                      plan->search.runs + j * plan->search.max_runs,
-                                      touch_of(lin, plan, j), g, plan->friction_on, c, x, y);
+    rhs[j] = kernels->contact_product(lay, &lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j),
+                                      &lin->touch[j], plan->friction_on, c, x, y);
   }
   lin->ring_kernels->solve(&lin->ring, lin->blocks.k, x, y, p);
   for (int j = 0; j < np; ++j) {
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     rhs[j] += g * model->inertia[j] * c[lay->omega + j];
     for (int k = 0; k < np; ++k) {
       rhs[j] += g * g * lin->by_theta[j * np + k] * c[lay->theta + k];
     }
-    rhs[j] -= kernels->border_row(j, plan->search.n_runs[j], runs, touch_of(lin, plan, j), x, y);
+    rhs[j] -= kernels->border_row(lin->n_runs[j], runs_of(lin, lay, j), &lin->touch[j], x, y);
   }
   substitute(np, lin->matrix, lin->pivots, rhs);
-  for (int j = 0; j < np; ++j) {
-    const double *z = border_of(lin, lay, j);
-    kernels->subtract(lay->n, rhs[j], z, x);
-    kernels->subtract(lay->n, rhs[j], z + lay->stride, y);
-    kernels->subtract(lay->n, rhs[j], z + 2 * lay->stride, p);
-  }
-  kernels->finish_links(links, &lin->stage, x, y, p, c);
+  kernels->finish_links(links, &lin->stage, np, border_of(lin, lay, 0), rhs, x, y, p, c);
   for (int j = 0; j < lay->np; ++j) {
     double spin_up = plan->held ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->held ? 0.0 : g * (c[lay->theta + j] + spin_up);
     c[lay->omega + j] = spin_up;
     if (plan->friction_on) {
-      kernels->finish_contact(lay, &lin->drums[j], j, plan->search.n_runs[j],
-                              plan->search.runs + j * plan->search.max_runs, touch_of(lin, plan, j),
-                              g, spin_up, c);
+      kernels->finish_contact(lay, &lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j),
+                              &lin->touch[j], g, spin_up, c);
     }
   }
   for (int k = 0; k < N_WORK; ++k) {

@@ -4,6 +4,43 @@
  * loops over the blocks of the state's layout. linear.c has the derivation and the names.
  */
 
+/* Links at i ... of a block. */
+SPECIALISED pack links_at(const double *block, int i) {
+  return *(const pack *)(block + i);
+}
+
+SPECIALISED void set_links(double *block, int i, pack value) {
+  *(pack *)(block + i) = value;
+}
+
+/* For every link what the one before it has, or the one after it; `last` and `next` are the links
+ * before and after. */
+SPECIALISED pack shifted_on(pack last, pack here) {
+#if BD_WIDTH == 8
+  return __builtin_shufflevector(last, here, 7, 8, 9, 10, 11, 12, 13, 14);
+#elif BD_WIDTH == 4
+  return __builtin_shufflevector(last, here, 3, 4, 5, 6);
+#elif BD_WIDTH == 2
+  return __builtin_shufflevector(last, here, 1, 2);
+#else
+  (void)here;
+  return last;
+#endif
+}
+
+SPECIALISED pack shifted_back(pack here, pack next) {
+#if BD_WIDTH == 8
+  return __builtin_shufflevector(here, next, 1, 2, 3, 4, 5, 6, 7, 8);
+#elif BD_WIDTH == 4
+  return __builtin_shufflevector(here, next, 1, 2, 3, 4);
+#elif BD_WIDTH == 2
+  return __builtin_shufflevector(here, next, 1, 2);
+#else
+  (void)here;
+  return next;
+#endif
+}
+
 /* --- joints ---------------------------------------------------------------------------------- */
 
 /* Keeps of the last evaluation, at y, what the joints' linearisation needs: later evaluations, at
@@ -52,113 +89,143 @@ static void keep_joints(const bd_links *links, const double *y, const bd_tangent
   kw[-1] = kw[n - 1];
 }
 
-/* The diagonal blocks without contact. */
+/* The diagonal blocks without contact, and what turning a link moves its ends' forces by. */
 static void diagonal(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                      const bd_blocks *blocks) {
   const int n8 = links->lay.n8;
   const double straight = FMA(2.0, blocks->k, stage->mass);
   const double turning = stage->mass / 3.0 + 2.0 * (blocks->k + blocks->bend);
   const double g2 = stage->g * stage->g;
-  const double *restrict pull = ALIGNED(tangent->pull);
+  const double along = g2 * links->stiffness * links->half,
+               across = g2 * links->damping * links->half;
+  const double *restrict pull = ALIGNED(tangent->pull), *restrict w = ALIGNED(tangent->spin);
+  const double *restrict co = ALIGNED(tangent->cos), *restrict si = ALIGNED(tangent->sin);
   double *restrict xx = ALIGNED(blocks->xx), *restrict xy = ALIGNED(blocks->xy);
   double *restrict yx = ALIGNED(blocks->yx), *restrict yy = ALIGNED(blocks->yy);
   double *restrict pp = ALIGNED(blocks->pp);
+  double *restrict ex = ALIGNED(tangent->end_x), *restrict ey = ALIGNED(tangent->end_y);
   SIMD for (int i = 0; i < n8; ++i) {
+    const double turn = across * w[i];
     xx[i] = straight;
     xy[i] = 0.0;
     yx[i] = 0.0;
     yy[i] = straight;
     pp[i] = FMA(g2, pull[i], turning);
+    ex[i] = FMA(turn, co[i], along * si[i]);
+    ey[i] = FMA(turn, si[i], -(along * co[i]));
   }
 }
 
-/* r = M b_v + g F_q b_q of the joints, b = g c; positions' part of c has its halo set here. */
+/* What both ends of links are worth to the force of a joint, one component. */
+typedef struct end_forces {
+  pack left, right;
+} end_forces;
+
+SPECIALISED end_forces ends_force(pack stiffness, pack move, pack turn) {
+  end_forces out = {.left = stiffness * move + turn, .right = stiffness * move - turn};
+  return out;
+}
+
+/* r = M b_v + g F_q b_q of the joints, b = g c, in one pass: joint i pulls with what the left end
+ * of link i and the right end of the link before are worth, in the registers of two blocks. */
 static void joints_product(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                           double *c, double *restrict x, double *restrict y, double *restrict p) {
+                           const double *c, double *x, double *y, double *p) {
   const bd_layout *lay = &links->lay;
+  const bd_tangent t = *tangent;
   const int n = lay->n, n8 = lay->n8;
-  const double g = stage->g, half = links->half, inv_half = 1.0 / half;
-  const double mass = g / links->inv_mass, inertia = mass * half / 3.0;
-  const double stiffness = g * g * links->stiffness, damping = g * g * links->damping;
-  const double bend = g * g * links->bending * inv_half * inv_half;
-  const double *restrict cx = ALIGNED(bd_cfield(lay, c, F_X));
-  const double *restrict cy = ALIGNED(bd_cfield(lay, c, F_Y));
-  double *restrict cp = ALIGNED(bd_field(lay, c, F_PHI));
-  const double *restrict cvx = ALIGNED(bd_cfield(lay, c, F_VX));
-  const double *restrict cvy = ALIGNED(bd_cfield(lay, c, F_VY));
-  const double *restrict cvp = ALIGNED(bd_cfield(lay, c, F_VPHI));
-  const double *restrict co = ALIGNED(tangent->cos), *restrict si = ALIGNED(tangent->sin);
-  const double *restrict w = ALIGNED(tangent->spin), *restrict pull = ALIGNED(tangent->pull);
-  double *restrict lx = ALIGNED(links->fx), *restrict ly = ALIGNED(links->fy);
-  double *restrict rx = ALIGNED(links->rx), *restrict ry = ALIGNED(links->ry);
-  x = ALIGNED(x);
-  y = ALIGNED(y);
-  p = ALIGNED(p);
-  cp[-1] = cp[n - 1];
-  cp[n] = cp[0];
-  /* what each end of a link adds to the force of its joint */
-  SIMD for (int i = 0; i < n8; ++i) {
-    const double b = half * cp[i], turn = damping * w[i] * b, along = stiffness * b;
-    const double ex = FMA(turn, co[i], along * si[i]), ey = FMA(turn, si[i], -(along * co[i]));
-    const double sx = stiffness * cx[i], sy = stiffness * cy[i];
-    lx[i] = sx + ex;
-    ly[i] = sy + ey;
-    rx[i] = sx - ex;
-    ry[i] = sy - ey;
-  }
-  rx[-1] = rx[n - 1];
-  ry[-1] = ry[n - 1];
-  lx[n] = lx[0];
-  ly[n] = ly[0];
-  SIMD for (int i = 0; i < n8; ++i) {
-    const double here_x = lx[i] - rx[i - 1], here_y = ly[i] - ry[i - 1];
-    const double next_x = lx[i + 1] - rx[i], next_y = ly[i + 1] - ry[i];
-    x[i] = FMA(mass, cvx[i], next_x - here_x);
-    y[i] = FMA(mass, cvy[i], next_y - here_y);
-    double turning = FMA(co[i], here_y + next_y, -(si[i] * (here_x + next_x)));
-    turning = FMA(bend * half, (cp[i + 1] - cp[i]) - (cp[i] - cp[i - 1]), turning);
-    p[i] = FMA(inertia, cvp[i], FMA(-g * g * pull[i] * half, cp[i], turning));
+  const double g = stage->g, half = links->half;
+  const pack mass = splat(g / links->inv_mass), inertia = splat(g / links->inv_mass * half / 3.0);
+  const pack stiffness = splat(g * g * links->stiffness), back = splat(-g * g * half);
+  const pack bend = splat(g * g * links->bending / half);
+  const double *cx = bd_cfield(lay, c, F_X), *cvx = bd_cfield(lay, c, F_VX);
+  const int stride = lay->stride;
+  const double *cy = cx + stride, *cp = cy + stride;
+  const pack turn = splat(cp[n - 1]);
+  pack last[3] = {ends_force(stiffness, splat(cx[n - 1]), splat(t.end_x[n - 1]) * turn).right,
+                  ends_force(stiffness, splat(cy[n - 1]), splat(t.end_y[n - 1]) * turn).right,
+                  bend * turn};
+  pack here[3] = {last[0], last[1], last[2]}, first[3] = {last[0], last[1], last[2]};
+  for (int i = 0; i <= n8; i += BD_WIDTH) {
+    pack next[3] = {first[0], first[1], first[2]};
+    if (i < n8) {
+      const pack angle = links_at(cp, i);
+      const end_forces fx = ends_force(stiffness, links_at(cx, i), links_at(t.end_x, i) * angle);
+      const end_forces fy = ends_force(stiffness, links_at(cy, i), links_at(t.end_y, i) * angle);
+      const pack right[3] = {fx.right, fy.right, bend * angle};
+      next[0] = fx.left - shifted_on(last[0], fx.right);
+      next[1] = fy.left - shifted_on(last[1], fy.right);
+      next[2] = right[2] - shifted_on(last[2], right[2]);
+      for (int k = 0; k < 3; ++k) {
+        double lane[BD_WIDTH];
+        if (i == 0) {
+          memcpy(lane, &next[k], sizeof lane);
+          first[k] = splat(lane[0]);
+        }
+        if (i + BD_WIDTH > n) { /* after the last link comes the first */
+          const pack live = links_at(links->live, i);
+          next[k] = live * next[k] + (1.0 - live) * first[k];
+        }
+        last[k] = right[k];
+      }
+    }
+    if (i > 0) {
+      const int j = i - BD_WIDTH;
+      pack ahead[3];
+      for (int k = 0; k < 3; ++k) {
+        ahead[k] = shifted_back(here[k], next[k]);
+      }
+      set_links(x, j, mass * links_at(cvx, j) + (ahead[0] - here[0]));
+      set_links(y, j, mass * links_at(cvx + stride, j) + (ahead[1] - here[1]));
+      pack turning = ahead[2] - here[2];
+      turning += links_at(t.cos, j) * (here[1] + ahead[1]);
+      turning -= links_at(t.sin, j) * (here[0] + ahead[0]);
+      turning += back * links_at(t.pull, j) * links_at(cp, j);
+      set_links(p, j, inertia * links_at(cvx + 2 * stride, j) + turning);
+    }
+    for (int k = 0; k < 3; ++k) {
+      here[k] = next[k];
+    }
   }
 }
 
-/* From the links' velocities to all their unknowns, in place: c becomes the solution, but for
- * friction in contact, and 0 for the padding. */
-static void finish_links(const bd_links *links, const bd_stage *stage, const double *restrict x,
-                         const double *restrict y, const double *restrict p, double *c) {
+/* From the links' velocities without the pulleys' to all their unknowns, in place: c becomes the
+ * solution, but for friction in contact, and 0 for the padding. Pulley j's column, times its
+ * acceleration, is `pitch` after that before it. */
+static void finish_links(const bd_links *links, const bd_stage *stage, int n_columns,
+                         const double *columns, const double *factors, const double *x,
+                         const double *y, const double *p, double *c) {
   const bd_layout *lay = &links->lay;
-  const int n8 = lay->n8;
-  const double g = stage->g, inv_half = 1.0 / links->half;
-  const double *restrict live = ALIGNED(links->live);
-  double *restrict cx = ALIGNED(bd_field(lay, c, F_X)), *restrict cy =
-                                                            ALIGNED(bd_field(lay, c, F_Y));
-  double *restrict cp = ALIGNED(bd_field(lay, c, F_PHI));
-  double *restrict cvx = ALIGNED(bd_field(lay, c, F_VX));
-  double *restrict cvy = ALIGNED(bd_field(lay, c, F_VY));
-  double *restrict cvp = ALIGNED(bd_field(lay, c, F_VPHI));
-  x = ALIGNED(x);
-  y = ALIGNED(y);
-  p = ALIGNED(p);
-  SIMD for (int i = 0; i < n8; ++i) {
-    const double turning = live[i] * inv_half * p[i], vx = live[i] * x[i], vy = live[i] * y[i];
-    cx[i] = live[i] * g * (cx[i] + vx);
-    cy[i] = live[i] * g * (cy[i] + vy);
-    cp[i] = live[i] * g * (cp[i] + turning);
-    cvx[i] = vx;
-    cvy[i] = vy;
-    cvp[i] = turning;
-  }
-  for (int f = F_MU; f < F_MU + 2 * lay->slots; ++f) {
-    double *restrict friction = ALIGNED(bd_field(lay, c, f));
-    SIMD for (int i = 0; i < n8; ++i) {
-      friction[i] *= live[i] * g;
+  const int n8 = lay->n8, stride = lay->stride;
+  const pack g = splat(stage->g), inv_half = splat(1.0 / links->half);
+  double *cx = bd_field(lay, c, F_X), *cvx = bd_field(lay, c, F_VX);
+  for (int i = 0; i < n8; i += BD_WIDTH) {
+    pack v[3] = {links_at(x, i), links_at(y, i), links_at(p, i)};
+    for (int j = 0; j < n_columns; ++j) {
+      const double *column = columns + (size_t)(3 * j) * (size_t)stride;
+      const pack factor = splat(factors[j]);
+      for (int k = 0; k < 3; ++k) {
+        v[k] -= factor * links_at(column + (size_t)k * (size_t)stride, i);
+      }
+    }
+    const pack live = links_at(links->live, i);
+    v[2] *= inv_half;
+    for (int k = 0; k < 3; ++k) {
+      const int at = k * stride + i;
+      v[k] *= live;
+      set_links(cx, at, live * g * links_at(cx, at) + g * v[k]);
+      set_links(cvx, at, v[k]);
+    }
+    for (int k = 0; k < 2 * lay->slots; ++k) {
+      const int at = (F_MU + k) * stride + i;
+      set_links(cx, at, live * g * links_at(cx, at));
     }
   }
 }
 
 /* --- contact --------------------------------------------------------------------------------- */
 
-static void keep_contact(const bd_links *links, const bd_drum *drum, double name, int n_runs,
-                         const bd_run *runs, const double *y, const bd_touch *touch, int friction) {
+static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
+                         const double *y, const bd_touch *touch, int friction) {
   const bd_layout *lay = &links->lay;
   const bd_drum d = *drum;
   const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
@@ -167,13 +234,12 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, double name
   const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
   const double *restrict mu = ALIGNED(bd_cfield(lay, y, friction ? F_MU + d.slot : F_X));
   const double *restrict live = ALIGNED(links->live);
-  double *restrict owner = ALIGNED(touch->owner);
   double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  double *restrict t_rho = ALIGNED(touch->rho), *restrict t_normal = ALIGNED(touch->normal);
-  double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
-  double *restrict t_damp = ALIGNED(touch->damp), *restrict t_cross = ALIGNED(touch->cross);
-  double *restrict t_apart = ALIGNED(touch->apart), *restrict t_gain = ALIGNED(touch->gain);
-  double *restrict t_decay = ALIGNED(touch->decay);
+  double *restrict t_rho = ALIGNED(touch->rho), *restrict t_bend = ALIGNED(touch->bend);
+  double *restrict t_normal = ALIGNED(touch->normal), *restrict t_mu = ALIGNED(touch->mu);
+  double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
+  double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
+  double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
   const double sigma = friction ? d.sigma : 0.0, per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
@@ -188,175 +254,190 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, double name
       const int on = p > 0.0, pressed = on & (raw > 0.0);
       const double slide = around - d.omega * rho;
       const double m = friction ? mu[i] : 0.0, way = slide > 0.0 ? 1.0 : slide < 0.0 ? -1.0 : 0.0;
-      const double damp = pressed ? d.damping : 0.0;
-      owner[i] = on ? name : owner[i];
-      t_nx[i] = on ? nx : t_nx[i];
-      t_ny[i] = on ? ny : t_ny[i];
-      t_rho[i] = on ? rho : t_rho[i];
-      t_normal[i] = on ? (pressed ? raw : 0.0) : t_normal[i];
-      t_mu[i] = on ? m : t_mu[i];
-      t_stiff[i] = on ? (pressed ? FMA(2.0 * d.quadratic, p, d.linear) : 0.0) : t_stiff[i];
-      t_damp[i] = on ? damp : t_damp[i];
-      t_cross[i] = on ? damp * around * inv : t_cross[i];
-      t_apart[i] = on ? apart * inv : t_apart[i];
-      t_gain[i] = on ? sigma * FMA(-way * m, per_mu_k, 1.0) : t_gain[i];
-      t_decay[i] = on ? sigma * per_mu_k * fabs(slide) : t_decay[i];
+      const double bend = raw * inv, stiff = FMA(2.0 * d.quadratic, p, d.linear);
+      const double cross = d.damping * around * inv, away = apart * inv;
+      const double gain = sigma * FMA(-way * m, per_mu_k, 1.0);
+      const double decay = sigma * per_mu_k * fabs(slide);
+      t_nx[i] = on ? nx : 0.0;
+      t_ny[i] = on ? ny : 0.0;
+      t_rho[i] = on ? rho : 0.0;
+      t_bend[i] = pressed ? bend : 0.0;
+      t_normal[i] = pressed ? raw : 0.0;
+      t_mu[i] = on ? m : 0.0;
+      t_stiff[i] = pressed ? stiff : 0.0;
+      t_damp[i] = pressed ? d.damping : 0.0;
+      t_cross[i] = pressed ? cross : 0.0;
+      t_apart[i] = on ? away : 0.0;
+      t_gain[i] = on ? gain : 0.0;
+      t_decay[i] = on ? decay : 0.0;
     }
   }
 }
 
-/* Adds one pulley's contact to the diagonal blocks, and sets its border; returns what the pulley's
- * own equation gets. */
-static double add_contact(const bd_drum *drum, double name, int n_runs, const bd_run *runs,
-                          const bd_touch *touch, double g, const bd_blocks *blocks) {
-  const double omega = drum->omega;
-  const double *restrict owner = ALIGNED(touch->owner);
+/* A 2 x 2 block from the axes (n, t) of a link to those of the plane. */
+#define TURN_BACK(nn, nt, tn, tt, XX, XY, YX, YY)                                                  \
+  do {                                                                                             \
+    const double nn_tt = nx * ny * ((nn) - (tt)), both = nx * ny * ((nt) + (tn));                  \
+    XX = FMA(nx * nx, nn, FMA(ny * ny, tt, -both));                                                \
+    XY = FMA(nx * nx, nt, FMA(-ny * ny, tn, nn_tt));                                               \
+    YX = FMA(nx * nx, tn, FMA(-ny * ny, nt, nn_tt));                                               \
+    YY = FMA(ny * ny, nn, FMA(nx * nx, tt, both));                                                 \
+  } while (0)
+
+/* Adds one pulley's contact to the diagonal blocks, sets its border and what solves need for g;
+ * returns what the pulley's own equation gets. */
+static double add_contact(const bd_drum *drum, int n_runs, const bd_run *runs,
+                          const bd_touch *touch, double g, const bd_blocks *blocks,
+                          double *restrict column_x, double *restrict column_y) {
+  const double omega = drum->omega, g2 = g * g;
   const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_normal = ALIGNED(touch->normal);
-  const double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
-  const double *restrict t_damp = ALIGNED(touch->damp), *restrict t_cross = ALIGNED(touch->cross);
-  const double *restrict t_apart = ALIGNED(touch->apart), *restrict t_gain = ALIGNED(touch->gain);
-  const double *restrict t_decay = ALIGNED(touch->decay);
-  double *restrict xx = ALIGNED(blocks->xx), *restrict xy = ALIGNED(blocks->xy);
-  double *restrict yx = ALIGNED(blocks->yx), *restrict yy = ALIGNED(blocks->yy);
-  double *restrict column_x = ALIGNED(touch->column_x);
-  double *restrict column_y = ALIGNED(touch->column_y);
+  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_bend = ALIGNED(touch->bend);
+  const double *restrict t_normal = ALIGNED(touch->normal), *restrict t_mu = ALIGNED(touch->mu);
+  const double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
+  const double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
+  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
+  double *restrict b_xx = ALIGNED(blocks->xx), *restrict b_xy = ALIGNED(blocks->xy);
+  double *restrict b_yx = ALIGNED(blocks->yx), *restrict b_yy = ALIGNED(blocks->yy);
   double *restrict row_x = ALIGNED(touch->row_x), *restrict row_y = ALIGNED(touch->row_y);
+  double *restrict f_xx = ALIGNED(touch->xx), *restrict f_xy = ALIGNED(touch->xy);
+  double *restrict f_yx = ALIGNED(touch->yx), *restrict f_yy = ALIGNED(touch->yy);
+  double *restrict f_mu = ALIGNED(touch->by_mu);
+  double *restrict torque_x = ALIGNED(touch->torque_x);
+  double *restrict torque_y = ALIGNED(touch->torque_y);
+  double *restrict slide_x = ALIGNED(touch->slide_x), *restrict slide_y = ALIGNED(touch->slide_y);
+  double *restrict f_rise = ALIGNED(touch->rise), *restrict f_keep = ALIGNED(touch->keep);
+  column_x = ALIGNED(column_x);
+  column_y = ALIGNED(column_y);
   double own = 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
     _Pragma("omp simd reduction(+ : own)") for (int i = begin; i < end; ++i) {
-      const double on = owner[i] == name ? 1.0 : 0.0;
-      const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i];
-      const double inv = 1.0 / rho, normal = g * g * on * t_normal[i];
-      const double press = on * FMA(g * g, t_stiff[i], g * t_damp[i]);
-      const double cross = g * g * on * t_cross[i];
-      const double grip = normal * t_gain[i] / FMA(g, t_decay[i], 1.0);
-      const double nt = FMA(-normal * mu, inv, cross);
-      const double tn = -FMA(mu, press, grip * g * omega);
-      const double tt = FMA(grip, FMA(-g, t_apart[i], 1.0), -FMA(mu, cross, normal * inv));
-      const double both = nt + tn;
-      xx[i] += FMA(nx * nx, press, FMA(ny * ny, tt, -(nx * ny * both)));
-      yy[i] += FMA(ny * ny, press, FMA(nx * nx, tt, nx * ny * both));
-      xy[i] += FMA(nx * ny, press - tt, FMA(nx * nx, nt, -(ny * ny * tn)));
-      yx[i] += FMA(nx * ny, press - tt, FMA(nx * nx, tn, -(ny * ny * nt)));
+      const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i], apart = t_apart[i];
+      const double keep = 1.0 / FMA(g, t_decay[i], 1.0), rise = g * t_gain[i] * keep;
+      const double normal = g2 * t_normal[i], bend = g2 * t_bend[i], cross = g2 * t_cross[i];
+      const double stiff = g2 * t_stiff[i], press = FMA(g, t_damp[i], stiff);
+      const double grip = t_normal[i] * g * rise; /* of dv_T */
+      double xx, xy, yx, yy;
+      /* by velocities */
+      const double nt = FMA(-bend, mu, cross), tn = -FMA(mu, press, grip * g * omega);
+      const double tt = FMA(grip, FMA(-g, apart, 1.0), -FMA(mu, cross, bend));
+      TURN_BACK(press, nt, tn, tt, xx, xy, yx, yy);
+      b_xx[i] += xx;
+      b_xy[i] += xy;
+      b_yx[i] += yx;
+      b_yy[i] += yy;
       const double to_pulley_n = -FMA(rho, tn, normal * mu), to_pulley_t = -FMA(rho, tt, normal);
-      const double from_pulley = -grip * rho;
-      column_x[i] = -ny * from_pulley;
-      column_y[i] = nx * from_pulley;
       row_x[i] = FMA(nx, to_pulley_n, -(ny * to_pulley_t));
       row_y[i] = FMA(ny, to_pulley_n, nx * to_pulley_t);
+      column_x[i] = ny * grip * rho;
+      column_y[i] = -nx * grip * rho;
       own = FMA(grip * rho, rho, own);
+      /* by what a solve is given for positions and friction */
+      const double held_tn = FMA(mu, stiff, grip * g * omega);
+      const double held_tt = FMA(mu, cross, FMA(grip, g * apart, bend));
+      const double torque_n = FMA(-rho, held_tn, normal * mu);
+      const double torque_t = FMA(-rho, held_tt, normal);
+      TURN_BACK(-stiff, -nt, held_tn, held_tt, xx, xy, yx, yy);
+      f_xx[i] = xx;
+      f_xy[i] = xy;
+      f_yx[i] = yx;
+      f_yy[i] = yy;
+      f_mu[i] = normal * keep;
+      torque_x[i] = FMA(nx, torque_n, -(ny * torque_t));
+      torque_y[i] = FMA(ny, torque_n, nx * torque_t);
+      slide_x[i] = FMA(ny, apart, -(nx * omega));
+      slide_y[i] = -FMA(nx, apart, ny * omega);
+      f_rise[i] = rise;
+      f_keep[i] = keep;
     }
   }
   return own;
 }
+#undef TURN_BACK
+
+/* Sum of the lanes. */
+SPECIALISED double total(pack sum) {
+  double lane[BD_WIDTH];
+  for (int k = BD_WIDTH / 2; k > 0; k /= 2) {
+    sum += from_after(sum, k);
+  }
+  memcpy(lane, &sum, sizeof lane);
+  return lane[0];
+}
 
 /* Adds one pulley's contact to g F_q b_q and g F_mu's part; returns the pulley's own. */
-static double contact_product(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
-                              const bd_run *runs, const bd_touch *touch, double g, int friction,
-                              const double *c, double *restrict x, double *restrict y) {
-  const double omega = drum->omega;
-  const double *restrict owner = ALIGNED(touch->owner);
-  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_normal = ALIGNED(touch->normal);
-  const double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
-  const double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
-  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
-  const double *restrict cx = ALIGNED(bd_cfield(lay, c, F_X));
-  const double *restrict cy = ALIGNED(bd_cfield(lay, c, F_Y));
-  const double *restrict cmu = ALIGNED(bd_cfield(lay, c, friction ? F_MU + drum->slot : F_X));
-  x = ALIGNED(x);
-  y = ALIGNED(y);
-  double torque = 0.0;
+static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_runs,
+                              const bd_run *runs, const bd_touch *touch, int friction,
+                              const double *c, double *x, double *y) {
+  const bd_touch t = *touch;
+  const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
+  const double *cmu = friction ? bd_cfield(lay, c, F_MU + drum->slot) : NULL;
+  pack torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
-    const int begin = runs[r].begin, end = runs[r].end;
-    _Pragma("omp simd reduction(+ : torque)") for (int i = begin; i < end; ++i) {
-      const double on = owner[i] == name ? g : 0.0;
-      const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i];
-      const double normal = t_normal[i];
-      const double bn = g * FMA(nx, cx[i], ny * cy[i]), bt = g * FMA(nx, cy[i], -(ny * cx[i]));
-      const double more = -FMA(t_stiff[i], bn, t_cross[i] * bt);
-      const double slide = -FMA(t_apart[i], bt, omega * bn);
-      const double rise =
-          friction ? g * FMA(t_gain[i], slide, cmu[i]) / FMA(g, t_decay[i], 1.0) : 0.0;
-      const double round = normal / rho * bt;
-      const double along = on * FMA(mu, round, more);
-      const double across = on * (round - FMA(mu, more, normal * rise));
-      x[i] += FMA(nx, along, -(ny * across));
-      y[i] += FMA(ny, along, nx * across);
-      torque = FMA(on, FMA(mu, FMA(rho, more, normal * bn), normal * rho * rise), torque);
+    for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
+      const pack bx = links_at(cx, i), by = links_at(cy, i);
+      pack fx = links_at(x, i), fy = links_at(y, i);
+      fx += links_at(t.xx, i) * bx;
+      fx += links_at(t.xy, i) * by;
+      fy += links_at(t.yx, i) * bx;
+      fy += links_at(t.yy, i) * by;
+      torque += links_at(t.torque_x, i) * bx;
+      torque += links_at(t.torque_y, i) * by;
+      if (friction) {
+        const pack less = links_at(t.by_mu, i) * links_at(cmu, i);
+        fx += links_at(t.ny, i) * less;
+        fy -= links_at(t.nx, i) * less;
+        torque += links_at(t.rho, i) * less;
+      }
+      set_links(x, i, fx);
+      set_links(y, i, fy);
     }
   }
-  return torque;
+  return total(torque);
 }
 
 /* The friction unknowns of one pulley's contact; everything else of c is solved. */
-static void finish_contact(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
+static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs,
                            const bd_run *runs, const bd_touch *touch, double g, double spin_up,
                            double *c) {
-  const double omega = drum->omega;
-  const double *restrict owner = ALIGNED(touch->owner);
-  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_apart = ALIGNED(touch->apart);
-  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
-  const double *restrict cx = ALIGNED(bd_cfield(lay, c, F_X));
-  const double *restrict cy = ALIGNED(bd_cfield(lay, c, F_Y));
-  const double *restrict cvx = ALIGNED(bd_cfield(lay, c, F_VX));
-  const double *restrict cvy = ALIGNED(bd_cfield(lay, c, F_VY));
-  double *restrict cmu = ALIGNED(bd_field(lay, c, F_MU + drum->slot));
-  double *restrict cslip = ALIGNED(bd_field(lay, c, bd_f_slip(lay) + drum->slot));
+  const bd_touch t = *touch;
+  const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
+  const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
+  double *cmu = bd_field(lay, c, F_MU + drum->slot);
+  double *cslip = bd_field(lay, c, bd_f_slip(lay) + drum->slot);
+  const pack spin = splat(spin_up), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
-    const int begin = runs[r].begin, end = runs[r].end;
-    SIMD for (int i = begin; i < end; ++i) {
-      const double on = owner[i] == name ? g : 0.0;
-      const double nx = t_nx[i], ny = t_ny[i];
-      const double qn = FMA(nx, cx[i], ny * cy[i]), qt = FMA(nx, cy[i], -(ny * cx[i]));
-      const double vt = FMA(nx, cvy[i], -(ny * cvx[i]));
-      const double slide = vt - FMA(t_apart[i], qt, FMA(omega, qn, t_rho[i] * spin_up));
-      cmu[i] = FMA(on * t_gain[i], slide, cmu[i]) / FMA(on, t_decay[i], 1.0);
-      cslip[i] = FMA(on, slide, cslip[i]);
-    }
-  }
-}
-
-/* --- border ---------------------------------------------------------------------------------- */
-
-/* The column of one pulley. */
-static void border_column(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
-                          double *restrict x, double *restrict y) {
-  for (int r = 0; r < n_runs; ++r) {
-    SIMD for (int i = runs[r].begin; i < runs[r].end; ++i) {
-      x[i] = touch->owner[i] == name ? touch->column_x[i] : 0.0;
-      y[i] = touch->owner[i] == name ? touch->column_y[i] : 0.0;
+    for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
+      pack slide = links_at(t.slide_x, i) * links_at(cx, i);
+      slide += links_at(t.slide_y, i) * links_at(cy, i);
+      slide += links_at(t.nx, i) * links_at(cvy, i);
+      slide -= links_at(t.ny, i) * links_at(cvx, i);
+      slide -= links_at(t.rho, i) * spin;
+      const pack kept = links_at(t.keep, i) * links_at(cmu, i);
+      set_links(cmu, i, kept + links_at(t.rise, i) * slide);
+      set_links(cslip, i, links_at(cslip, i) + step * slide);
     }
   }
 }
 
 /* The row of one pulley times a vector. */
-static double border_row(double name, int n_runs, const bd_run *runs, const bd_touch *touch,
-                         const double *restrict x, const double *restrict y) {
-  double sum = 0.0;
+static double border_row(int n_runs, const bd_run *runs, const bd_touch *touch, const double *x,
+                         const double *y) {
+  const bd_touch t = *touch;
+  pack along_x = splat(0.0), along_y = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
-    _Pragma("omp simd reduction(+ : sum)") for (int i = runs[r].begin; i < runs[r].end; ++i) {
-      const double part = FMA(touch->row_x[i], x[i], touch->row_y[i] * y[i]);
-      sum += touch->owner[i] == name ? part : 0.0;
+    for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
+      along_x += links_at(t.row_x, i) * links_at(x, i);
+      along_y += links_at(t.row_y, i) * links_at(y, i);
     }
   }
-  return sum;
-}
-
-static void subtract(int n, double factor, const double *restrict z, double *restrict x) {
-  z = ALIGNED(z);
-  x = ALIGNED(x);
-  SIMD for (int i = 0; i < n; ++i) {
-    x[i] = FMA(-factor, z[i], x[i]);
-  }
+  return total(along_x + along_y);
 }
 
 const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
     .width = BD_WIDTH,
     .ring_row = sizeof(ring_row),
+    .ring_ends = sizeof(ring_ends),
     .factor = ring_factor,
     .solve = ring_solve,
     .keep_joints = keep_joints,
@@ -367,7 +448,5 @@ const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
     .add_contact = add_contact,
     .contact_product = contact_product,
     .finish_contact = finish_contact,
-    .border_column = border_column,
     .border_row = border_row,
-    .subtract = subtract,
 };
