@@ -534,6 +534,14 @@ int bd_sim_arrive(bd_sim *sim, double h, double t_new, int middle);
 /* The ledger's part of a state inside the step just made. */
 void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
 
+/* --- past.c ---------------------------------------------------------------------------------- */
+
+/* y_new becomes y, y the first of the past. */
+void bd_past_turn(bd_sim *sim, double h);
+/* What happens to y after a step, whole turns taken off and friction forgotten, to the past, too.
+ */
+void bd_past_follow(bd_sim *sim);
+
 /* --- sim.c, for the methods ------------------------------------------------------------------ */
 
 /* Longest step that the method in use is allowed to make. */
