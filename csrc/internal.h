@@ -154,9 +154,10 @@ typedef struct bd_tangent {
 
 /* The contact of one colour as linearised, by link: whose it is; normal, distance from the axis,
  * N, mu, dN/dp, dN/dp', and over the distance dN/dp' times the speed round it and the speed away
- * from it; d mu'/d v_T, -d mu'/d mu; and the border of the matrix. */
+ * from it; d mu'/d v_T, -d mu'/d mu; what N will be beyond that at the end of the step; and the
+ * border of the matrix. */
 typedef struct bd_touch {
-  double *owner, *nx, *ny, *rho, *normal, *mu, *stiff, *damp, *cross, *apart, *gain, *decay;
+  double *owner, *nx, *ny, *rho, *normal, *mu, *stiff, *damp, *cross, *apart, *gain, *decay, *ahead;
   double *column_x, *column_y, *row_x, *row_y;
 } bd_touch;
 
@@ -183,7 +184,10 @@ typedef struct bd_linear_kernels {
   void (*finish_links)(const bd_links *links, const bd_stage *stage, const double *x,
                        const double *y, const double *p, double *c);
   void (*keep_contact)(const bd_links *links, const bd_drum *drum, double name, int n_runs,
-                       const bd_run *runs, const double *y, const bd_touch *touch, int friction);
+                       const bd_run *runs, const double *y, const bd_touch *touch, int friction,
+                       double ahead);
+  double (*add_ahead)(const bd_links *links, double name, int n_runs, const bd_run *runs,
+                      const bd_touch *touch, double *c);
   double (*add_contact)(const bd_drum *drum, double name, int n_runs, const bd_run *runs,
                         const bd_touch *touch, double g, const bd_blocks *blocks);
   double (*contact_product)(const bd_layout *lay, const bd_drum *drum, double name, int n_runs,
@@ -374,6 +378,12 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model);
 /* Keeps the Jacobian at a state whose rate was the last to be evaluated. */
 int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err);
 void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g);
+/* Contact, between bd_linearise and bd_linear_factor: at the state (h = 0), or as a step of length
+ * h finds it at its end. Then links that land within the step are in contact, and links on a pulley
+ * go round it: by (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a stiff
+ * contact more than N itself. The second adds what that is worth to a rate. */
+void bd_linear_look_ahead(bd_linear *lin, bd_plan *plan, const double *y, double h);
+void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c);
 

@@ -60,10 +60,11 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
   BD_CARVE(carver, lin->touch, model->colours);
   for (int s = 0; s < model->colours; ++s) {
     bd_touch none, *touch = carver->base ? &lin->touch[s] : &none;
-    double **fields[] = {&touch->owner,    &touch->nx,       &touch->ny,    &touch->rho,
-                         &touch->normal,   &touch->mu,       &touch->stiff, &touch->damp,
-                         &touch->cross,    &touch->apart,    &touch->gain,  &touch->decay,
-                         &touch->column_x, &touch->column_y, &touch->row_x, &touch->row_y};
+    double **fields[] = {&touch->owner,  &touch->nx,       &touch->ny,       &touch->rho,
+                         &touch->normal, &touch->mu,       &touch->stiff,    &touch->damp,
+                         &touch->cross,  &touch->apart,    &touch->gain,     &touch->decay,
+                         &touch->ahead,  &touch->column_x, &touch->column_y, &touch->row_x,
+                         &touch->row_y};
     for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
       carve_links(carver, lay, fields[k]);
     }
@@ -111,21 +112,36 @@ static const bd_touch *touch_of(const bd_linear *lin, const bd_plan *plan, int j
   return &lin->touch[plan->drums[j].slot];
 }
 
-int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err) {
+void bd_linear_look_ahead(bd_linear *lin, bd_plan *plan, const double *y, double h) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_linear_kernels *kernels = plan->kernels->linear;
-  kernels->keep_joints(&plan->links, y, &lin->tangent);
   for (int s = 0; s < plan->model->colours; ++s) {
     for (int i = 0; i < lay->n8; ++i) {
       lin->touch[s].owner[i] = -1.0;
     }
   }
   for (int j = 0; j < lay->np; ++j) {
+    plan->kernels->linear->keep_contact(&plan->links, &lin->drums[j], j, plan->search.n_runs[j],
+                                        plan->search.runs + j * plan->search.max_runs, y,
+                                        touch_of(lin, plan, j), plan->friction_on, h);
+  }
+}
+
+void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    double torque = plan->kernels->linear->add_ahead(&plan->links, j, plan->search.n_runs[j],
+                                                     plan->search.runs + j * plan->search.max_runs,
+                                                     touch_of(lin, plan, j), c);
+    c[lay->omega + j] += plan->held ? 0.0 : torque / plan->model->inertia[j];
+  }
+}
+
+int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err) {
+  const bd_layout *lay = &plan->model->lay;
+  plan->kernels->linear->keep_joints(&plan->links, y, &lin->tangent);
+  for (int j = 0; j < lay->np; ++j) {
     lin->drums[j] = plan->drums[j];
     lin->drums[j].omega = y[lay->omega + j];
-    kernels->keep_contact(&plan->links, &lin->drums[j], j, plan->search.n_runs[j],
-                          plan->search.runs + j * plan->search.max_runs, y, touch_of(lin, plan, j),
-                          plan->friction_on);
   }
   if (plan->held) {
     return BD_OK;

@@ -134,7 +134,8 @@ static void finish_links(const bd_links *links, const bd_stage *stage, const dou
 /* --- contact --------------------------------------------------------------------------------- */
 
 static void keep_contact(const bd_links *links, const bd_drum *drum, double name, int n_runs,
-                         const bd_run *runs, const double *y, const bd_touch *touch, int friction) {
+                         const bd_run *runs, const double *y, const bd_touch *touch, int friction,
+                         double ahead) {
   const bd_layout *lay = &links->lay;
   const bd_drum d = *drum;
   const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
@@ -149,7 +150,7 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, double name
   double *restrict t_mu = ALIGNED(touch->mu), *restrict t_stiff = ALIGNED(touch->stiff);
   double *restrict t_damp = ALIGNED(touch->damp), *restrict t_cross = ALIGNED(touch->cross);
   double *restrict t_apart = ALIGNED(touch->apart), *restrict t_gain = ALIGNED(touch->gain);
-  double *restrict t_decay = ALIGNED(touch->decay);
+  double *restrict t_decay = ALIGNED(touch->decay), *restrict t_ahead = ALIGNED(touch->ahead);
   const double sigma = friction ? d.sigma : 0.0, per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
@@ -161,24 +162,56 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, double name
       const double ux = vx[i] - d.vx, uy = vy[i] - d.vy;
       const double apart = FMA(ux, nx, uy * ny), around = FMA(uy, nx, -(ux * ny));
       const double raw = FMA(FMA(d.quadratic, p, d.linear), p, -(d.damping * apart));
-      const int on = p > 0.0, pressed = on & (raw > 0.0);
+      /* a straight step leaves the rim by this much */
+      const double way_on = ahead * around, leave = 0.5 * way_on * way_on * inv;
+      const int touching = p > 0.0, pressed = touching & (raw > 0.0);
+      const int landing = !touching & (live[i] > 0.0) & (p - ahead * apart > leave);
+      const int on = touching | landing;
+      const double stiff = landing ? d.linear : pressed ? FMA(2.0 * d.quadratic, p, d.linear) : 0.0;
+      const double touched = landing ? FMA(d.linear, p, -(d.damping * apart)) : 0.0;
       const double slide = around - d.omega * rho;
-      const double m = friction ? mu[i] : 0.0, way = slide > 0.0 ? 1.0 : slide < 0.0 ? -1.0 : 0.0;
-      const double damp = pressed ? d.damping : 0.0;
+      const double m = friction & touching ? mu[i] : 0.0, way = slide > 0.0   ? 1.0
+                                                                : slide < 0.0 ? -1.0
+                                                                              : 0.0;
+      const double damp = pressed | landing ? d.damping : 0.0, rub = touching ? sigma : 0.0;
       owner[i] = on ? name : owner[i];
       t_nx[i] = on ? nx : t_nx[i];
       t_ny[i] = on ? ny : t_ny[i];
       t_rho[i] = on ? rho : t_rho[i];
       t_normal[i] = on ? (pressed ? raw : 0.0) : t_normal[i];
       t_mu[i] = on ? m : t_mu[i];
-      t_stiff[i] = on ? (pressed ? FMA(2.0 * d.quadratic, p, d.linear) : 0.0) : t_stiff[i];
+      t_stiff[i] = on ? stiff : t_stiff[i];
       t_damp[i] = on ? damp : t_damp[i];
       t_cross[i] = on ? damp * around * inv : t_cross[i];
       t_apart[i] = on ? apart * inv : t_apart[i];
-      t_gain[i] = on ? sigma * FMA(-way * m, per_mu_k, 1.0) : t_gain[i];
-      t_decay[i] = on ? sigma * per_mu_k * fabs(slide) : t_decay[i];
+      t_gain[i] = on ? rub * FMA(-way * m, per_mu_k, 1.0) : t_gain[i];
+      t_decay[i] = on ? rub * per_mu_k * fabs(slide) : t_decay[i];
+      t_ahead[i] = on ? FMA(-stiff, leave, touched) : t_ahead[i];
     }
   }
+}
+
+/* Adds to a rate what N will be beyond its tangent; returns its torque on the pulley. */
+static double add_ahead(const bd_links *links, double name, int n_runs, const bd_run *runs,
+                        const bd_touch *touch, double *c) {
+  const bd_layout *lay = &links->lay;
+  const double inv_mass = links->inv_mass;
+  const double *restrict owner = ALIGNED(touch->owner), *restrict t_mu = ALIGNED(touch->mu);
+  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
+  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_ahead = ALIGNED(touch->ahead);
+  double *restrict cvx = ALIGNED(bd_field(lay, c, F_VX));
+  double *restrict cvy = ALIGNED(bd_field(lay, c, F_VY));
+  double torque = 0.0;
+  for (int r = 0; r < n_runs; ++r) {
+    const int begin = runs[r].begin, end = runs[r].end;
+    _Pragma("omp simd reduction(+ : torque)") for (int i = begin; i < end; ++i) {
+      const double more = owner[i] == name ? t_ahead[i] : 0.0, drag = t_mu[i] * more;
+      cvx[i] = FMA(inv_mass, FMA(more, t_nx[i], drag * t_ny[i]), cvx[i]);
+      cvy[i] = FMA(inv_mass, FMA(more, t_ny[i], -(drag * t_nx[i])), cvy[i]);
+      torque = FMA(drag, t_rho[i], torque);
+    }
+  }
+  return torque;
 }
 
 /* Adds one pulley's contact to the diagonal blocks, and sets its border; returns what the pulley's
@@ -340,6 +373,7 @@ const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
     .joints_product = joints_product,
     .finish_links = finish_links,
     .keep_contact = keep_contact,
+    .add_ahead = add_ahead,
     .add_contact = add_contact,
     .contact_product = contact_product,
     .finish_contact = finish_contact,
