@@ -162,11 +162,12 @@ typedef struct bd_tangent {
 
 /* The contact of one pulley as linearised, by link of its runs, 0 where nothing touches: normal,
  * distance from the axis, N and what it is over that, mu, dN/dp, dN/dp', and over the distance
- * dN/dp' times the speed round it and the speed away from it; d mu'/d v_T, -d mu'/d mu. For one g:
+ * dN/dp' times the speed round it and the speed away from it; d mu'/d v_T, -d mu'/d mu; what N
+ * will be beyond that at the end of a step. For one g:
  * force by position and by mu, torque by position; the border's row; v_T by position; and what the
  * change of mu takes of v_T and of what is given for it. */
 typedef struct bd_touch {
-  double *nx, *ny, *rho, *normal, *bend, *mu, *stiff, *damp, *cross, *apart, *gain, *decay;
+  double *nx, *ny, *rho, *normal, *bend, *mu, *stiff, *damp, *cross, *apart, *gain, *decay, *ahead;
   double *xx, *xy, *yx, *yy, *by_mu, *torque_x, *torque_y;
   double *row_x, *row_y, *slide_x, *slide_y, *rise, *keep;
 } bd_touch;
@@ -194,7 +195,9 @@ typedef struct bd_linear_kernels {
                        const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);
   void (*keep_contact)(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
-                       const double *y, const bd_touch *touch, int friction);
+                       const double *y, const bd_touch *touch, int friction, double ahead);
+  double (*add_ahead)(const bd_links *links, int n_runs, const bd_run *runs, const bd_touch *touch,
+                      double *c);
   double (*add_contact)(const bd_drum *drum, int n_runs, const bd_run *runs, const bd_touch *touch,
                         double g, const bd_blocks *blocks, double *column_x, double *column_y);
   double (*contact_product)(const bd_layout *lay, const bd_drum *drum, int n_runs,
@@ -384,6 +387,12 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model);
 /* Keeps the Jacobian at a state whose rate was the last to be evaluated. */
 int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err);
 void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g);
+/* Contact, between bd_linearise and bd_linear_factor: at the state (h = 0), or as a step of length
+ * h finds it at its end. Then links that land within the step are in contact, and links on a pulley
+ * go round it: by (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a stiff
+ * contact more than N itself. The second adds what that is worth to a rate. */
+void bd_linear_look_ahead(bd_linear *lin, bd_plan *plan, const double *y, double h);
+void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c);
 

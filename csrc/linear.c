@@ -61,12 +61,13 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
   BD_CARVE(carver, lin->touch, np);
   for (int j = 0; j < np; ++j) {
     bd_touch none, *touch = carver->base ? &lin->touch[j] : &none;
-    double **fields[] = {
-        &touch->nx,    &touch->ny,      &touch->rho,      &touch->normal,   &touch->bend,
-        &touch->mu,    &touch->stiff,   &touch->damp,     &touch->cross,    &touch->apart,
-        &touch->gain,  &touch->decay,   &touch->xx,       &touch->xy,       &touch->yx,
-        &touch->yy,    &touch->by_mu,   &touch->torque_x, &touch->torque_y, &touch->row_x,
-        &touch->row_y, &touch->slide_x, &touch->slide_y,  &touch->rise,     &touch->keep};
+    double **fields[] = {&touch->nx,    &touch->ny,       &touch->rho,      &touch->normal,
+                         &touch->bend,  &touch->mu,       &touch->stiff,    &touch->damp,
+                         &touch->cross, &touch->apart,    &touch->gain,     &touch->decay,
+                         &touch->xx,    &touch->xy,       &touch->yx,       &touch->yy,
+                         &touch->by_mu, &touch->torque_x, &touch->torque_y, &touch->row_x,
+                         &touch->row_y, &touch->slide_x,  &touch->slide_y,  &touch->rise,
+                         &touch->keep,  &touch->ahead};
     for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
       carve_links(carver, lay, fields[k]);
     }
@@ -115,18 +116,33 @@ static bd_run *runs_of(const bd_linear *lin, const bd_layout *lay, int j) {
   return lin->runs + j * (lay->n8 / BD_LANES);
 }
 
+void bd_linear_look_ahead(bd_linear *lin, bd_plan *plan, const double *y, double h) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    plan->kernels->linear->keep_contact(&plan->links, &lin->drums[j], lin->n_runs[j],
+                                        runs_of(lin, lay, j), y, &lin->touch[j], plan->friction_on,
+                                        h);
+  }
+}
+
+void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    double torque = plan->kernels->linear->add_ahead(&plan->links, lin->n_runs[j],
+                                                     runs_of(lin, lay, j), &lin->touch[j], c);
+    c[lay->omega + j] += plan->held ? 0.0 : torque / plan->model->inertia[j];
+  }
+}
+
 int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_linear_kernels *kernels = plan->kernels->linear;
-  kernels->keep_joints(&plan->links, y, &lin->tangent);
+  plan->kernels->linear->keep_joints(&plan->links, y, &lin->tangent);
   for (int j = 0; j < lay->np; ++j) {
     lin->drums[j] = plan->drums[j];
     lin->drums[j].omega = y[lay->omega + j];
     lin->n_runs[j] = plan->search.n_runs[j];
     memcpy(runs_of(lin, lay, j), plan->search.runs + j * plan->search.max_runs,
            (size_t)lin->n_runs[j] * sizeof *lin->runs);
-    kernels->keep_contact(&plan->links, &lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j), y,
-                          &lin->touch[j], plan->friction_on);
   }
   if (plan->held) {
     return BD_OK;

@@ -59,6 +59,7 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
     code = bd_linearise(&sim->linear, &sim->plan, sim->t, sim->y, err);
   }
   if (code == BD_OK) {
+    bd_linear_look_ahead(&sim->linear, &sim->plan, sim->y, 0.0);
     bd_state_put(&model->lay, c, 0.0, 0.0, sim->stage[1]);
     bd_linear_factor(&sim->linear, &sim->plan, g);
     bd_linear_solve(&sim->linear, &sim->plan, sim->stage[1]);

@@ -69,6 +69,7 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
   if (code != BD_OK) {
     return code;
   }
+  bd_linear_look_ahead(&sim->linear, &sim->plan, sim->y, 0.0);
   bd_linear_factor(&sim->linear, &sim->plan, m->gamma * h);
   ++sim->stats.nlu;
   sim->plan.quiet = 1;

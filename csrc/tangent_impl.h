@@ -225,7 +225,7 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
 /* --- contact --------------------------------------------------------------------------------- */
 
 static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
-                         const double *y, const bd_touch *touch, int friction) {
+                         const double *y, const bd_touch *touch, int friction, double ahead) {
   const bd_layout *lay = &links->lay;
   const bd_drum d = *drum;
   const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
@@ -240,6 +240,7 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs,
   double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
   double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
   double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
+  double *restrict t_ahead = ALIGNED(touch->ahead);
   const double sigma = friction ? d.sigma : 0.0, per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
@@ -251,27 +252,58 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs,
       const double ux = vx[i] - d.vx, uy = vy[i] - d.vy;
       const double apart = FMA(ux, nx, uy * ny), around = FMA(uy, nx, -(ux * ny));
       const double raw = FMA(FMA(d.quadratic, p, d.linear), p, -(d.damping * apart));
-      const int on = p > 0.0, pressed = on & (raw > 0.0);
+      /* a straight step leaves the rim by this much */
+      const double way_on = ahead * around, leave = 0.5 * way_on * way_on * inv;
+      const int touching = p > 0.0, pressed = touching & (raw > 0.0);
+      const int landing = !touching & (live[i] > 0.0) & (p - ahead * apart > leave);
+      const int on = touching | landing, pushing = pressed | landing;
       const double slide = around - d.omega * rho;
       const double m = friction ? mu[i] : 0.0, way = slide > 0.0 ? 1.0 : slide < 0.0 ? -1.0 : 0.0;
-      const double bend = raw * inv, stiff = FMA(2.0 * d.quadratic, p, d.linear);
+      const double bend = raw * inv, deep = FMA(2.0 * d.quadratic, p, d.linear);
+      const double stiff = landing ? d.linear : deep,
+                   lands = FMA(d.linear, p, -(d.damping * apart));
       const double cross = d.damping * around * inv, away = apart * inv;
       const double gain = sigma * FMA(-way * m, per_mu_k, 1.0);
       const double decay = sigma * per_mu_k * fabs(slide);
+      const double beyond = FMA(-stiff, leave, landing ? lands : 0.0);
       t_nx[i] = on ? nx : 0.0;
       t_ny[i] = on ? ny : 0.0;
       t_rho[i] = on ? rho : 0.0;
       t_bend[i] = pressed ? bend : 0.0;
       t_normal[i] = pressed ? raw : 0.0;
-      t_mu[i] = on ? m : 0.0;
-      t_stiff[i] = pressed ? stiff : 0.0;
-      t_damp[i] = pressed ? d.damping : 0.0;
-      t_cross[i] = pressed ? cross : 0.0;
+      t_mu[i] = touching ? m : 0.0;
+      t_stiff[i] = pushing ? stiff : 0.0;
+      t_damp[i] = pushing ? d.damping : 0.0;
+      t_cross[i] = pushing ? cross : 0.0;
       t_apart[i] = on ? away : 0.0;
-      t_gain[i] = on ? gain : 0.0;
-      t_decay[i] = on ? decay : 0.0;
+      t_gain[i] = touching ? gain : 0.0;
+      t_decay[i] = touching ? decay : 0.0;
+      t_ahead[i] = pushing ? beyond : 0.0;
     }
   }
+}
+
+/* Adds to a rate what N will be beyond its tangent; returns its torque on the pulley. */
+static double add_ahead(const bd_links *links, int n_runs, const bd_run *runs,
+                        const bd_touch *touch, double *c) {
+  const bd_layout *lay = &links->lay;
+  const double inv_mass = links->inv_mass;
+  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
+  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_mu = ALIGNED(touch->mu);
+  const double *restrict t_ahead = ALIGNED(touch->ahead);
+  double *restrict cvx = ALIGNED(bd_field(lay, c, F_VX));
+  double *restrict cvy = ALIGNED(bd_field(lay, c, F_VY));
+  double torque = 0.0;
+  for (int r = 0; r < n_runs; ++r) {
+    const int begin = runs[r].begin, end = runs[r].end;
+    _Pragma("omp simd reduction(+ : torque)") for (int i = begin; i < end; ++i) {
+      const double more = t_ahead[i], drag = t_mu[i] * more;
+      cvx[i] = FMA(inv_mass, FMA(more, t_nx[i], drag * t_ny[i]), cvx[i]);
+      cvy[i] = FMA(inv_mass, FMA(more, t_ny[i], -(drag * t_nx[i])), cvy[i]);
+      torque = FMA(drag, t_rho[i], torque);
+    }
+  }
+  return torque;
 }
 
 /* A 2 x 2 block from the axes (n, t) of a link to those of the plane. */
@@ -445,6 +477,7 @@ const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
     .joints_product = joints_product,
     .finish_links = finish_links,
     .keep_contact = keep_contact,
+    .add_ahead = add_ahead,
     .add_contact = add_contact,
     .contact_product = contact_product,
     .finish_contact = finish_contact,

@@ -420,22 +420,3 @@ def test_a_run_in_two_parts_is_the_run_in_one(method: str) -> None:
     assert gap <= 1e-4 * stretch
     assert np.max(np.abs(rest.final_state.omega - whole.omega)) <= 1e-5
     assert all(a < b for a, b in pairwise((half.t, rest.final_state.t)))
-
-
-def test_a_release_is_no_error() -> None:
-    """Links that leave forget their friction, in the states looked back on as well: mu jumps by up
-    to 1, which in a difference of states no step, however short, would make small. What is left
-    are kinks, steeper by far than the rest but not a hundred times.
-    """
-    scene, state = started("kubas-case-1", 0.3)
-    result = bd.simulate(
-        *scene[:2],
-        0.36,
-        initial=state,
-        method="lbdf2",
-        rtol=3e-3,
-        t_eval=np.linspace(0.3, 0.36, 601),
-    )
-    on = result.contact.pulley >= 0
-    assert np.count_nonzero(on[:-1] & ~on[1:]) >= 5
-    assert result.stats.smallest_step >= 0.01 * result.stats.largest_step

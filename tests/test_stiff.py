@@ -129,7 +129,7 @@ def most_tension(name: str, start: bd.State, params: bd.Params, t_end: float) ->
 
 def matrix(n: int) -> list[tuple[float, float, float]]:
     """Sigma, damping, contact: all of them for coarse belts, one at a time for fine ones."""
-    sigmas, dampings, contacts = (1e4, 1e6, 1e8), (1.0, 0.0, 100.0), (1.0, 10.0)
+    sigmas, dampings, contacts = (1e4, 1e6, 1e8), (1.0, 0.0, 100.0), (1.0, 100.0)
     every = list(product(sigmas, dampings, contacts))
     usual = (1e4, 1.0, 1.0)
     fine = [c for c in every if sum(a != b for a, b in zip(c, usual, strict=True)) <= 1]
@@ -141,8 +141,8 @@ def matrix(n: int) -> list[tuple[float, float, float]]:
 def test_nothing_fails(name: str, n: int) -> None:
     """From rest up, 40 ms: no step fails, and energy does not come from nowhere.
 
-    Implicit steps lose energy, but steps of 4e-4 s see a link touch 0.1 mm too late, and it comes
-    back with what the stiff contact then holds: allowed is 1 % of what the belt stores.
+    Implicit steps take energy away, but the curves that links follow round a pulley within a step
+    are known to second order only: allowed is 1 % of what the belt stores.
     """
     for sigma, damping, contact in matrix(n):
         start = at_rest(name, n, contact)
@@ -160,16 +160,17 @@ def test_nothing_fails(name: str, n: int) -> None:
 @pytest.mark.parametrize("n", FINE)
 @pytest.mark.parametrize("name", SCENES)
 def test_contact_a_thousand_times_stiffer(name: str, n: int) -> None:
-    """Steps chosen by rtol = 1e-2: links that touch bounce off, within micrometres, and the steps
-    see it. Each error is 1 % of a stretch at most, so what is made up stays below 1 % of the energy
-    of that.
+    """Steps of 1e-4 s, and steps chosen by rtol = 1e-2, which see links bounce, within micrometres.
+    Errors are 1 % of a stretch at most, so what is made up stays below 1 % of the energy of that.
     """
     params, start = drive(name, n, contact=1e3), at_rest(name, n, 1e3)
     tension = most_tension(name, start, params, 0.04)
-    for method in (*METHODS, "rodas4"):
-        result = run(name, params, start, 0.04, method=method, rtol=1e-2)
+    held: list[dict[str, Any]] = [{"method": method, "step": 1e-4} for method in METHODS]
+    chosen = [{"method": method, "rtol": 1e-2} for method in (*METHODS, "rodas4")]
+    for options in (*held, *chosen):
+        result = run(name, params, start, 0.04, **options)
         assert_sound(result, tension)
-        assert made_up(result) <= 1e-2 * result.energy.axial[0], method
+        assert made_up(result) <= 1e-2 * result.energy.axial[0], options
 
 
 @pytest.mark.parametrize("n", [240, 960, 3840])
@@ -240,5 +241,5 @@ def test_results_are_those_of_a_tight_run(name: str, n: int) -> None:
             assert angles[-1] <= 0.1 * angles[0], angles
             assert ledgers[-1] <= 0.1 * ledgers[0], ledgers
         else:
-            assert angles[-1] <= 0.2 * angles[0], angles
+            assert angles[-1] <= angles[0] / 3, angles
             assert ledgers[-1] < ledgers[0], ledgers
