@@ -151,7 +151,9 @@ static void set_up(bd_sim *sim, double step) {
                      : given->move_time > 0.0 ? given->move_time
                                               : 100.0 / lowest;
   sim->t = sim->t0 = 0.0;
-  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : 1000.0 / lowest);
+  /* a fine belt's polygon holds it less, and waiting costs less with implicit steps */
+  double patience = (sim->method->implicit ? 5000.0 : 1000.0) / lowest;
+  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : patience);
   bd_plan_make(&sim->plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
