@@ -2,11 +2,11 @@
 
     python benchmarks/growth.py [--quick] [--write]
 
-One and the same belt, that of the paper's case 1, in 60, 120, ... links, from rest over the ramp of
-the torque. Explicit steps follow the joints' spectrum, whose bound grows as n and, once damping has
-taken over, as n^2; steps of implicit methods are set by accuracy. A method goes up to the first size
-that takes more than a limit, and the sizes go on as long as some method goes on. `common.py` says
-what is timed.
+One and the same belt, that of the paper's case 1, in 60, 120, ... links, from rest over the ramp
+of the torque. Explicit steps follow the joints' spectrum, whose bound grows as n and, once damping
+has taken over, as n^2; steps of implicit methods are set by accuracy. A method goes up to the first
+size that takes more than a limit, and the sizes go on as long as some method goes on. `common.py`
+says what is timed.
 """
 
 from __future__ import annotations
