@@ -104,7 +104,11 @@ typedef struct bench {
   const bd_model *model;
   bd_plan plan, ledger; /* the same drive without and with the energy ledger */
   double *y, *y_new, *weights, *stage[STAGES];
+  bd_linear linear;
+  bd_sim *runs[3]; /* one a method */
 } bench;
+
+static const char *const methods[] = {"tsit5", "lbdf2", "rodas4"};
 
 static double sink; /* what is computed must be used */
 
@@ -157,14 +161,51 @@ static void row_search(bench *b) {
   bd_search_ready(&b->plan, b->y, 0.0);
 }
 
+static void row_linearise(bench *b) {
+  bd_linearise(&b->linear, &b->plan, 0.0, b->y, NULL);
+  bd_linear_look_ahead(&b->linear, &b->plan, b->y, 0.0);
+}
+
+static void row_factor(bench *b) {
+  bd_linear_factor(&b->linear, &b->plan, 1e-5);
+}
+
+/* of rates, which have to be fetched anew, for they become the solution */
+static void row_solve(bench *b) {
+  memcpy(b->stage[1], b->stage[0], b->model->lay.size * sizeof *b->stage[0]);
+  bd_linear_solve(&b->linear, &b->plan, b->stage[1]);
+}
+
+static void row_tsit5(bench *b) {
+  bd_sim_advance(b->runs[0], 1, NULL);
+}
+
+static void row_lbdf2(bench *b) {
+  bd_sim_advance(b->runs[1], 1, NULL);
+}
+
+static void row_rodas4(bench *b) {
+  bd_sim_advance(b->runs[2], 1, NULL);
+}
+
 static const struct {
   const char *name;
   void (*call)(bench *);
 } rows[] = {
-    {"right-hand side", row_rate},     {"  with ledger", row_rate_ledger},
-    {"  joints", row_joints},          {"  contact", row_contact},
-    {"combine 6 stages", row_combine}, {"error norm", row_error},
-    {"after step", row_after},         {"search", row_search},
+    {"right-hand side", row_rate},
+    {"  with ledger", row_rate_ledger},
+    {"  joints", row_joints},
+    {"  contact", row_contact},
+    {"combine 6 stages", row_combine},
+    {"error norm", row_error},
+    {"after step", row_after},
+    {"search", row_search},
+    {"Jacobian", row_linearise},
+    {"factorisation", row_factor},
+    {"solve", row_solve},
+    {"step of tsit5", row_tsit5},
+    {"step of lbdf2", row_lbdf2},
+    {"step of rodas4", row_rodas4},
 };
 enum { N_ROWS = sizeof rows / sizeof rows[0] };
 
@@ -235,6 +276,7 @@ static void carve(bd_carver *carver, bench *b, const bd_torque *torque) {
   for (int k = 0; k < STAGES; ++k) {
     BD_CARVE(carver, b->stage[k], lay->size);
   }
+  bd_linear_carve(carver, &b->linear, b->model);
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
     bd_plan_carve(carver, plans[k], lay);
@@ -282,6 +324,19 @@ static void open_bench(bench *b, const drive *d) {
   for (int k = STAGES - 1; k >= 0; --k) {
     bd_plan_rate(&b->plan, 0.0, b->y, b->stage[k], &err);
   }
+  row_linearise(b);
+  row_factor(b);
+  /* whole steps, ledger and rejected ones included, of the drive left to itself */
+  for (int k = 0; k < 3; ++k) {
+    bd_options options;
+    bd_options_default(&options);
+    options.method = methods[k];
+    options.rtol = 1e-3;
+    options.step = k == 1 ? 1e-4 : 0.0;
+    if (bd_sim_create(&b->runs[k], model, &copy.state, &torque, 1e6, &options, &err) != BD_OK) {
+      die(err.message);
+    }
+  }
 }
 
 /* --- timing ---------------------------------------------------------------------------------- */
@@ -326,6 +381,9 @@ static void time_level(const char *level, int rounds, int n_drives, const drive 
     }
     for (int row = 0; row < N_ROWS; ++row) {
       printf("%s,%d,%s,%.6g\n", level, b.model->lay.n, rows[row].name, median(rounds, times[row]));
+    }
+    for (int k = 0; k < 3; ++k) {
+      bd_sim_free(b.runs[k]);
     }
   }
 }
