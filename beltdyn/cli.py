@@ -100,7 +100,8 @@ def list_scenes() -> None:
     "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
 )
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
-@click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error control.")
+@click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error asked for.")
+@click.option("--step", type=float, help="Fixed step [s] of rk4, lbdf2, lie; else the first step.")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def run(
@@ -110,6 +111,7 @@ def run(
     animate: Path | None,
     method: str,
     rtol: float,
+    step: float | None,
     t_end: float | None,
     quiet: bool,
 ) -> None:
@@ -125,6 +127,7 @@ def run(
                 scene_t_end if t_end is None else t_end,
                 method=method,
                 rtol=rtol,
+                step=step,
                 progress=not quiet,
             )
     except OSError as error:

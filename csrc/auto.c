@@ -24,8 +24,9 @@ static const double LEAST = 4.0;
 enum { JUDGE = 128, WARM_UP = 16, FIRST_LOOK = 2000, LAST_LOOK = 32000 };
 /* The other method must be this much cheaper. */
 static const double MARGIN = 1.25;
-/* From this tolerance on the second order is the cheapest. */
-static const double COARSE = 0.02;
+/* From this tolerance on the second order is the cheapest; and where friction saturates within so
+ * small a part of a joint's stretch that every reversal is a jump, which no order gets past. */
+static const double COARSE = 0.02, JUMPS = 100.0;
 /* A Python torque costs this much a call [us]. */
 static const double CALL = 1.0;
 
@@ -41,9 +42,11 @@ static double cost_of(const bd_sim *sim, const bd_method *m) {
   return cost;
 }
 
-void bd_auto_pair(double rtol, bd_auto *pair) {
+void bd_auto_pair(const bd_model *model, double rtol, bd_auto *pair) {
+  double stretch = model->info.strain * model->info.link_length;
+  int jumps = model->has_friction && model->dahl.sigma * stretch > JUMPS * model->dahl.mu_k;
   pair->method[AUTO_EXPLICIT] = bd_method_find("tsit5");
-  pair->method[AUTO_IMPLICIT] = bd_method_find(rtol >= COARSE ? "lbdf2" : "rodas4");
+  pair->method[AUTO_IMPLICIT] = bd_method_find(rtol >= COARSE || jumps ? "lbdf2" : "rodas4");
 }
 
 /* Cost of a simulated second [us]: of the explicit method at its longest step; of the implicit one
@@ -127,7 +130,10 @@ void bd_auto_watch(bd_sim *sim) {
   }
   /* shorter steps than the joints ask for: the contact's stiffness, or the tolerance */
   c->doubtful |= seen > 1.5 * explicit_cost(sim) && seen > implicit_cost(sim, LEAST);
-  if (c->doubtful && since >= c->look_after) {
+  double other = c->per_second[AUTO_IMPLICIT];
+  if (c->doubtful && other > 0.0 && seen > MARGIN * other) {
+    change(sim);
+  } else if (c->doubtful && since >= c->look_after) {
     c->look_after = c->look_after < LAST_LOOK ? 2 * c->look_after : LAST_LOOK;
     change(sim);
   }

@@ -488,8 +488,8 @@ typedef struct bd_auto {
   long look_after;                  /* tries with the explicit method before the next look */
 } bd_auto;
 
-/* The two methods that "auto" goes between at this tolerance. */
-void bd_auto_pair(double rtol, bd_auto *pair);
+/* The two methods that "auto" goes between for this model and tolerance. */
+void bd_auto_pair(const bd_model *model, double rtol, bd_auto *pair);
 /* Chooses the first; afterwards, after every step, perhaps the other. */
 void bd_auto_begin(bd_sim *sim);
 void bd_auto_watch(bd_sim *sim);

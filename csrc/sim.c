@@ -157,7 +157,7 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   }
   bd_auto pair = {0};
   if (automatic(options)) {
-    bd_auto_pair(options->rtol, &pair);
+    bd_auto_pair(model, options->rtol, &pair);
   }
   const bd_method *method = pair.method[0] ? pair.method[0] : bd_method_find(options->method);
   bd_sim *sim = bd_sim_new(model, method, pair.method[1], torque, 0);
@@ -513,8 +513,11 @@ static int advance(bd_sim *sim, long max_steps) {
       return bd_fail_at(&sim->failure, BD_ERR_MAX_STEPS, "max_steps", sim->t, -1, -1,
                         (double)sim->stats.steps,
                         "the limit of %ld steps was reached at t = %.9g s of %.9g s: raise "
-                        "max_steps or loosen rtol",
-                        sim->options.max_steps, sim->t, sim->t_end);
+                        "max_steps or %s",
+                        sim->options.max_steps, sim->t, sim->t_end,
+                        sim->options.max_step > 0.0 ? "max_step"
+                        : sim->fixed                ? "step"
+                                                    : "loosen rtol");
     }
     code = sim->started ? BD_OK : start(sim);
     if (code == BD_OK) {
