@@ -167,15 +167,9 @@ class EnergyLedger(_Group):
         ledger = cls(**named, passed=np.zeros_like(t))
         fed = np.maximum(power, 0.0).sum(axis=1)
         fed_in = np.concatenate([[0.0], np.cumsum(np.diff(t) * (fed[1:] + fed[:-1]) / 2.0)])
-        scale = np.max(
-            [
-                fed_in[: t.size],
-                np.abs(ledger.drive),
-                ledger.losses,
-                np.abs(ledger.total - ledger.total[:1]),
-            ],
-            axis=0,
-        )
+        with np.errstate(invalid="ignore"):  # a failed run may hold infinite energies
+            gained = np.abs(ledger.total - ledger.total[:1])
+        scale = np.max([fed_in[: t.size], np.abs(ledger.drive), ledger.losses, gained], axis=0)
         return attrs.evolve(ledger, passed=np.maximum.accumulate(scale))
 
 

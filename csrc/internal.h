@@ -337,7 +337,7 @@ struct bd_plan {
 };
 
 typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys, loaded;
+  int ledger, friction, hold_pulleys;
   double bath;
   const double *offset;
   double move_from, move_time;
@@ -515,6 +515,7 @@ struct bd_sim {
   double *t_sample;
   bd_output output;
   int started, rate_known, linear_known, fixed, status;
+  int fallen;                 /* steps left to the first order one after the other */
   double work_middle[N_WORK]; /* power in the middle of the step just made */
   atomic_flag running;
   /* Settling only (settle.c): looks at every step, or its failure; may end the run or restart it.
@@ -542,6 +543,13 @@ void bd_sim_add_slope(const bd_sim *sim, double *c, double factor);
 int bd_sim_arrive(bd_sim *sim, double h, double t_new, int middle);
 /* The ledger's part of a state inside the step just made. */
 void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
+
+/* --- failures.c ------------------------------------------------------------------------------ */
+
+/* Numbers are no longer finite, or links were thrown about, in a trial of length h; a step that is
+ * as short as steps can be does not meet the tolerance. Both return the error's code. */
+int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
+int bd_sim_fail_floor(bd_sim *sim, double h);
 
 /* --- past.c ---------------------------------------------------------------------------------- */
 

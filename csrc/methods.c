@@ -41,8 +41,10 @@ const bd_method *bd_method_find(const char *name) {
   return NULL;
 }
 
+/* Differences of states say nothing below what rounding leaves of a joint's stretch. */
 double bd_method_tolerance(const bd_method *method, double rtol) {
-  return fmin(1.0, method->aim[0] * pow(rtol, method->aim[1]));
+  double least = method->past > 0 ? 1e-10 : 0.0;
+  return fmax(least, fmin(1.0, method->aim[0] * pow(rtol, method->aim[1])));
 }
 
 double bd_method_error(const bd_method *method, double local) {

@@ -255,44 +255,6 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
   return BD_OK;
 }
 
-/* A fixed step beyond the stability limit shows as links thrown about or as numbers gone. */
-static int fail_unstable(bd_sim *sim, int code, double h) {
-  const bd_method *m = sim->now;
-  int body = sim->failure.body, pulley = sim->failure.pulley;
-  const char *name = "contact";
-  if (code == BD_ERR_NOT_FINITE) {
-    name = bd_state_bad(&sim->model->lay, sim->y_new, &body, &pulley);
-    name = name ? name : "rate";
-  }
-  char where[32] = "";
-  if (body >= 0 || pulley >= 0) {
-    snprintf(where, sizeof where, " of %s %d", body >= 0 ? "link" : "pulley",
-             body >= 0 ? body : pulley);
-  }
-  if (!sim->fixed) {
-    return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
-                      "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
-                      "parameters far out of scale",
-                      sim->t, name, where);
-  }
-  return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
-                    "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
-                    "take a shorter step than %.3g s or an adaptive method",
-                    sim->t, name, where, m->name, h,
-                    m->stability / sim->model->info.spectral_bound);
-}
-
-static int fail_step_floor(bd_sim *sim, double h, double floor) {
-  int body, pulley;
-  const char *name = bd_erk_worst(sim, h, &body, &pulley);
-  return bd_fail_at(&sim->failure, BD_ERR_STEP_FLOOR, name, sim->t, body, pulley, h,
-                    "the step fell to its floor of %.3g s at t = %.9g s without meeting rtol = %g; "
-                    "the largest error is in %s of %s %d: loosen rtol, or look for a jump in the "
-                    "torque and name its time in breakpoints",
-                    floor, sim->t, sim->options.rtol, name, pulley >= 0 ? "pulley" : "link",
-                    pulley >= 0 ? pulley : body);
-}
-
 /* Adopts y_new at t_new. */
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
@@ -398,14 +360,37 @@ static void choose_next(bd_sim *sim, double h, double error) {
   sim->error_before = error;
 }
 
-/* After a stop the torque, or its slope, is another: no rate, no past; and a multistep method
- * begins anew as the run began, for its first two steps are not looked at. */
-static void pass_stop(bd_sim *sim) {
-  sim->rate_known = sim->linear_known = 0;
-  sim->n_past = 0;
-  if (sim->method->past > 0 && !sim->fixed) {
-    sim->h = fmin(sim->h, first_step(sim));
+/* Whether the set torque jumps at the stop just reached; the one before it was the last asked for.
+ */
+static int torque_jumps(bd_sim *sim, int *jumps) {
+  const bd_layout *lay = &sim->model->lay;
+  double *y = sim->y, *torque = sim->plan.torque;
+  double piece = 0.5 * (sim->t + fmin(next_stop(sim), sim->t_end + 1.0));
+  int code = bd_load_eval(&sim->plan.load, sim->t, piece, y + lay->theta, y + lay->omega, torque,
+                          &sim->failure);
+  for (int j = 0; code == BD_OK && j < lay->np; ++j) {
+    double before = sim->linear.torque[j];
+    *jumps |= fabs(torque[j] - before) > 1e-9 * (fabs(torque[j]) + fabs(before));
   }
+  return code;
+}
+
+/* After a stop the torque, or its slope, is another: the rate is not known. Where the torque jumps
+ * there is no past either, and a multistep method begins anew as the run began, for its first two
+ * steps are not looked at. */
+static int pass_stop(bd_sim *sim) {
+  int jumps = 0, code = BD_OK;
+  sim->rate_known = sim->linear_known = 0;
+  if (sim->method->past > 0 && !sim->plan.held && sim->t < sim->t_end) {
+    code = torque_jumps(sim, &jumps);
+  }
+  if (jumps) {
+    sim->n_past = 0;
+    if (!sim->fixed) {
+      sim->h = fmin(sim->h, first_step(sim));
+    }
+  }
+  return code;
 }
 
 /* Whether an implicit fixed step goes on with shorter ones after a failure. */
@@ -431,7 +416,7 @@ static double limit(const bd_sim *sim) {
 static int step(bd_sim *sim) {
   const bd_method *m = sim->method;
   const double step_floor = 16.0 * DBL_EPSILON * fmax(fabs(sim->t), fabs(sim->t_end));
-  enum { PATIENCE = 12 };
+  enum { PATIENCE = 12, LOST = 200 };
   sim->now = m;
   for (int failed = 0;; ++failed) {
     double stop = next_stop(sim), left = stop - sim->t;
@@ -464,22 +449,25 @@ static int step(bd_sim *sim) {
         choose_next(sim, h, error / tolerance);
         sim->h = fmin(sim->h, sim->options.step);
       }
-      if (hit) {
-        pass_stop(sim);
+      sim->fallen = sim->now != m ? sim->fallen + 1 : 0;
+      if (sim->fallen > LOST) {
+        return bd_sim_fail_floor(sim, h);
       }
-      return BD_OK;
+      return hit ? pass_stop(sim) : BD_OK;
     }
     int mendable = code == BD_MORE || may_be_mended(code);
     if (!mendable || (sim->fixed && !m->implicit)) {
       return code == BD_ERR_NOT_FINITE ||
                      (code == BD_ERR_PASSED_THROUGH &&
                       h * sim->model->info.spectral_bound > m->stability && m->stability > 0.0)
-                 ? fail_unstable(sim, code, h)
+                 ? bd_sim_fail_unstable(sim, code, h)
                  : code;
     }
     ++sim->stats.rejected;
     if (sim->fixed) {
-      sim->stats.error = fmax(sim->stats.error, 1.0); /* the step asked for is not to be trusted */
+      /* the step asked for is not to be trusted */
+      double guess = isfinite(error) ? bd_method_error(sim->now, error) : 1.0;
+      sim->stats.error = fmax(sim->stats.error, fmax(1.0, guess));
     }
     if (code == BD_ERR_PASSED_THROUGH) {
       if (!m->implicit || h <= 1.01 * step_floor) {
@@ -487,9 +475,9 @@ static int step(bd_sim *sim) {
       }
       bd_plan_own(&sim->plan, sim->y);
     }
-    if (h <= 1.01 * step_floor && (!m->implicit || sim->now != m)) {
-      return isfinite(error) && !m->implicit ? fail_step_floor(sim, h, step_floor)
-                                             : fail_unstable(sim, BD_ERR_NOT_FINITE, h);
+    if (h <= 1.01 * step_floor && (!m->implicit || sim->now->order == 1)) {
+      return isfinite(error) ? bd_sim_fail_floor(sim, h)
+                             : bd_sim_fail_unstable(sim, BD_ERR_NOT_FINITE, h);
     }
     double shrink = 0.1;
     if (code == BD_MORE) {

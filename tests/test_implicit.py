@@ -248,11 +248,7 @@ def test_variable_steps_keep_order_2(smooth: tuple[bd.Params, bd.State]) -> None
 
 @pytest.mark.parametrize("method", ["lbdf2", "lie", "rodas4"])
 def test_error_follows_the_tolerance(method: str) -> None:
-    """Through contact and friction kinks, as test_integrators asks of the explicit pair.
-
-    The tolerance holds each step's error; global errors of a method of order p go with the power
-    p / (p + 1) of it, and add up over the window: for lbdf2 and lie that is the most to ask.
-    """
+    """Through contact and friction kinks: rtol is the error asked for, whatever the method."""
     scene = bd.scenes.three_pulleys()
     start = bd.simulate(*scene[:2], 0.2, t_eval=[0.2]).final_state
     times = 0.2 + np.sort(np.random.default_rng(4).uniform(0, 0.01, 50))
@@ -263,6 +259,5 @@ def test_error_follows_the_tolerance(method: str) -> None:
     for rtol in ladder:
         force = bd.simulate(*scene[:2], 0.21, method=method, rtol=rtol, **kwargs).joints.force
         errors.append(float(np.sqrt(np.mean((force - exact) ** 2)) / tension))
-    power = {"lbdf2": 2 / 3, "lie": 1 / 2, "rodas4": 1.0}[method]
-    assert all(error <= 10 * rtol**power for error, rtol in zip(errors, ladder, strict=True))
-    assert errors[-1] < 0.1 * errors[0] ** (power)
+    assert all(error <= rtol for error, rtol in zip(errors, ladder, strict=True)), errors
+    assert errors[-1] < 0.1 * errors[0]

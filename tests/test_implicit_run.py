@@ -420,3 +420,57 @@ def test_a_run_in_two_parts_is_the_run_in_one(method: str) -> None:
     assert gap <= 1e-4 * stretch
     assert np.max(np.abs(rest.final_state.omega - whole.omega)) <= 1e-5
     assert all(a < b for a, b in pairwise((half.t, rest.final_state.t)))
+
+
+# ---------------------------------------------------------------- beyond help
+
+
+@pytest.mark.parametrize("options", [{"rtol": 1e-4}, {"rtol": 1e-9}, {"step": 1e-4}])
+@pytest.mark.parametrize("method", ["lbdf2", "lie", "rodas4"])
+def test_a_state_out_of_scale_ends_the_run(method: str, options: dict[str, float]) -> None:
+    """Not finite, or never within the tolerance: an error that says so, never an endless step."""
+    params = bd.scenes.kubas_case_1().params
+    start = bd.settle(params)
+    mad = attrs.evolve(start, vx=np.full(60, 1e160))
+    with pytest.raises(bd.SimulationError, match=r"finite numbers|fell to its floor") as caught:
+        bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-3, initial=mad, method=method, **options)
+    assert caught.value.symbol in ("BD_ERR_NOT_FINITE", "BD_ERR_STEP_FLOOR")
+
+
+def test_settling_a_fine_belt_from_nowhere_is_an_error() -> None:
+    base = bd.scenes.kubas_case_1().params
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=240))
+    rest = bd.settle(params)
+    with pytest.raises(bd.SimulationError):
+        bd.settle(params, initial=attrs.evolve(rest, x=rest.x * 1e155))
+
+
+def test_tolerances_below_rounding_are_not_chased() -> None:
+    """Divided differences of states know nothing below 1e-10 of a stretch: no fallbacks, and the
+    error that is claimed is the one that was held, not the one that was asked for.
+    """
+    params = bd.scenes.kubas_case_1().params
+    runs = [
+        bd.simulate(params, bd.Viscous([0.0, 1.0]), 2e-4, method="lbdf2", rtol=rtol).stats
+        for rtol in (1e-6, 1e-9)
+    ]
+    assert runs[0].steps == runs[1].steps
+    assert runs[1].fallbacks == 0
+    assert runs[1].error is None or runs[1].error >= 1e-7
+
+
+@pytest.mark.parametrize("step", [1e-4, 5e-5])
+def test_kinks_of_the_torque_cost_no_order(step: float) -> None:
+    """A stop at every step, as of a torque given as a table: nothing jumps, so the past goes on."""
+    scene, state = started("kubas-case-1", 0.3)
+    times = np.linspace(0.301, 0.32, 39)
+    stops = 0.3 + step * np.arange(1, round(0.02 / step))
+    runs = [
+        bd.simulate(*scene[:2], 0.32, initial=state, t_eval=times, method="lbdf2", step=step,
+                    breakpoints=breakpoints)
+        for breakpoints in ((), stops)
+    ]  # fmt: skip
+    mean = np.mean(runs[0].joints.force)
+    # the same steps but for the rounding of the stops
+    assert np.max(np.abs(runs[0].joints.force - runs[1].joints.force)) <= 1e-6 * mean
+    assert runs[1].stats.error == pytest.approx(runs[0].stats.error, rel=1e-3)

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What is said of a run that cannot go on.
+ */
+#include <math.h>
+#include <stdio.h>
+
+#include "internal.h"
+
+/* A fixed step beyond the stability limit shows as links thrown about or as numbers gone. */
+int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
+  const bd_method *m = sim->now;
+  int body = sim->failure.body, pulley = sim->failure.pulley;
+  const char *name = "contact";
+  if (code == BD_ERR_NOT_FINITE) {
+    name = bd_state_bad(&sim->model->lay, sim->y_new, &body, &pulley);
+    name = name ? name : "rate";
+  }
+  char where[32] = "";
+  if (body >= 0 || pulley >= 0) {
+    snprintf(where, sizeof where, " of %s %d", body >= 0 ? "link" : "pulley",
+             body >= 0 ? body : pulley);
+  }
+  if (!sim->fixed || m->implicit) {
+    return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
+                      "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
+                      "parameters far out of scale",
+                      sim->t, name, where);
+  }
+  return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
+                    "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
+                    "take a shorter step than %.3g s or an adaptive method",
+                    sim->t, name, where, m->name, h,
+                    m->stability / sim->model->info.spectral_bound);
+}
+
+int bd_sim_fail_floor(bd_sim *sim, double h) {
+  int body = -1, pulley = -1;
+  const char *name = sim->now->implicit ? "the state" : bd_erk_worst(sim, h, &body, &pulley);
+  char where[48] = "";
+  if (!sim->now->implicit) {
+    snprintf(where, sizeof where, "; the largest error is in %s of %s %d", name,
+             pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body);
+  }
+  return bd_fail_at(
+      &sim->failure, BD_ERR_STEP_FLOOR, name, sim->t, body, pulley, h,
+      "the step fell to its floor, %.3g s, at t = %.9g s without meeting rtol = %g%s: "
+      "loosen rtol, or look for a jump in the torque and name its time in "
+      "breakpoints",
+      h, sim->t, sim->options.rtol, where);
+}
