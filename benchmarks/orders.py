@@ -13,6 +13,7 @@ Smooth: joint forces at the end. Case 1: at irregular times, dense output includ
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -20,6 +21,9 @@ import common
 import numpy as np
 
 import beltdyn as bd
+
+sys.path.insert(0, str(common.HERE.parent / "tests"))
+from smooth import T_END, smooth_params
 
 #: Methods that take a fixed step; the others are held to one.
 FIXED = {ladder.method for ladder in common.LADDERS if ladder.option == "step"}
@@ -35,21 +39,6 @@ AMPLITUDE, FREQUENCY = 50.0, 5000.0
 
 def swing(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
     return [-AMPLITUDE * math.sin(FREQUENCY * t), -0.1 * omega[1]]
-
-
-def smooth_scene() -> bd.Scene:
-    """A coarse, soft belt, whose explicit steps are limited by accuracy, not by stability."""
-    params = bd.Params(
-        belt=bd.Belt(length=1.2, n_bodies=24, linear_density=0.1, axial_stiffness=7e3,
-                     axial_damping=0.05),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01),
-            bd.Pulley(center=(0.29, 0.0), radius=0.1, inertia=0.01),
-        ],
-        contact=bd.Contact(linear=2.5e6),
-        friction=bd.Dahl(mu_k=1e9, sigma=1e3),
-    )  # fmt: skip
-    return bd.Scene(params, swing, 4e-3)
 
 
 def held(method: str, h: float) -> dict[str, Any]:
@@ -128,7 +117,7 @@ def main() -> None:
     lines = ["Orders of convergence", *common.machine(), ""]
 
     # Smooth: samples at the end only, so that no interpolation plays a part.
-    scene = smooth_scene()
+    scene = bd.Scene(smooth_params(), swing, T_END)
     start = bd.settle(scene.params)
     smooth = common.Case(
         "smooth", scene.params, scene.torque_fn, start, scene.t_end, np.array([scene.t_end])

@@ -11,12 +11,12 @@ import beltdyn as bd
 T_END = 4e-3  # s
 
 
-def smooth_scene() -> tuple[bd.Params, bd.State]:
+def smooth_params() -> bd.Params:
     """No kinks: friction far from saturation and no contact damping (MODEL: mu_k large, b' = 0).
 
     A coarse, soft belt, so that steps are limited by accuracy and not by stability.
     """
-    params = bd.Params(
+    return bd.Params(
         belt=bd.Belt(length=1.2, n_bodies=24, linear_density=0.1, axial_stiffness=7e3,
                      axial_damping=0.05),
         pulleys=[
@@ -26,6 +26,10 @@ def smooth_scene() -> tuple[bd.Params, bd.State]:
         contact=bd.Contact(linear=2.5e6),
         friction=bd.Dahl(mu_k=1e9, sigma=1e3),
     )  # fmt: skip
+
+
+def smooth_scene() -> tuple[bd.Params, bd.State]:
+    params = smooth_params()
     return params, bd.settle(params)
 
 
