@@ -31,7 +31,7 @@ if _core_version != __version__:
     )
 
 from . import scenes
-from .errors import Interrupted, SimulationError
+from .errors import AccuracyWarning, BeltdynWarning, Interrupted, RunWarning, SimulationError
 from .identification import (
     Experiment,
     Free,
@@ -53,7 +53,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "METHODS",
+    "AccuracyWarning",
     "Belt",
+    "BeltdynWarning",
     "Contact",
     "Dahl",
     "Experiment",
@@ -65,6 +67,7 @@ __all__ = [
     "PiecewiseLinear",
     "Pulley",
     "Result",
+    "RunWarning",
     "Scene",
     "SimulationError",
     "State",

@@ -1,14 +1,18 @@
-"""Errors a run can raise. Bad values are plain ``ValueError`` and ``TypeError``."""
+"""Errors and warnings of a run. Bad values are plain ``ValueError`` and ``TypeError``."""
 
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
+
+import attrs
 
 if TYPE_CHECKING:
     from .result import Result
 
-__all__ = ["Interrupted", "SimulationError"]
+__all__ = ["AccuracyWarning", "BeltdynWarning", "Interrupted", "RunWarning", "SimulationError"]
 
 
 class SimulationError(RuntimeError):
@@ -53,3 +57,40 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, result: Result | None = None) -> None:
         super().__init__(message)
         self.result = result
+
+
+class BeltdynWarning(UserWarning):
+    """A run whose drive, loads or results are not what one would expect."""
+
+
+class AccuracyWarning(BeltdynWarning):
+    """A run whose results may be further from the truth than was asked."""
+
+
+@attrs.frozen(kw_only=True)
+class RunWarning:
+    """One thing that was noticed; :attr:`beltdyn.Result.warnings` holds them.
+
+    Attributes:
+        code: What it is, in one word, such as "mesh" or "full_slip"; the text begins with it.
+        text: One sentence: what was seen, how much of it, what to try.
+        t: When it was seen first [s]; None if it holds for the whole run.
+        where: The pulley, link or span concerned, such as "pulley 1", or "".
+        accuracy: Whether the accuracy of the results is concerned (:class:`AccuracyWarning`).
+    """
+
+    code: str
+    text: str
+    t: float | None = None
+    where: str = ""
+    accuracy: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.code}: {self.text}"
+
+
+def issue(noticed: Iterable[RunWarning], stacklevel: int) -> None:
+    """Issue each as a Python warning, on behalf of the caller so many levels up."""
+    for one in noticed:
+        category = AccuracyWarning if one.accuracy else BeltdynWarning
+        warnings.warn(str(one), category, stacklevel=stacklevel + 1)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from . import _core, npz
 from .checks import Array
+from .errors import RunWarning
 from .params import Params
 from .state import State
 
@@ -27,7 +28,7 @@ __all__ = [
     "Stats",
 ]
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 def _names(kind: type[_Group]) -> list[str]:
@@ -195,9 +196,9 @@ class Stats:
         cpu_time: CPU time of the run [s], without settling.
         wall_time: Wall time of the run [s], without settling.
         settle_time: Wall time of settling before the run [s], 0 if there was none.
-        error: Estimated error of the joint forces over the mean tension (root mean square), from
-            the largest local error of a step: near rtol in runs that are held to it; from 1 on a
-            fixed step was too long to be trusted. None if none was made ("rk4", a few steps).
+        local_error: Largest local error of a step, in the units of ``rtol``: what is held near it
+            where errors are controlled; from 1 on a fixed step was too long to be trusted. None if
+            none was estimated ("rk4", a few steps).
     """
 
     method: str
@@ -216,14 +217,14 @@ class Stats:
     cpu_time: float
     wall_time: float
     settle_time: float = 0.0
-    error: float | None = None
+    local_error: float | None = None
     choice: str = ""
 
     @classmethod
     def _from_core(cls, counters: Mapping[str, Any], **others: Any) -> Stats:
         known = {field.name for field in attrs.fields(cls)}
         values = {name: value for name, value in counters.items() if name in known}
-        values["error"] = values["error"] or None
+        values["local_error"] = values["local_error"] or None
         return cls(**values, **others)
 
 
@@ -258,6 +259,8 @@ class Result:
         params: The drive.
         final_state: State at the end of the run or, if it did not finish, where it got to; may be
             passed as ``initial`` to go on.
+        warnings: What was noticed that may make the results other than expected; each was also
+            issued as a :class:`beltdyn.BeltdynWarning`.
     """
 
     t: Array
@@ -273,6 +276,7 @@ class Result:
     message: str
     params: Params
     final_state: State
+    warnings: tuple[RunWarning, ...] = ()
 
     _GROUPS: ClassVar[dict[str, type[_Group]]] = {
         "pulleys": PulleyHistory,
@@ -389,7 +393,7 @@ class Result:
             *rows,
             ("method", stats.choice or stats.method),
             ("steps", f"{stats.steps} accepted, {stats.rejected} rejected"),
-            ("estimated error", "-" if stats.error is None else f"{stats.error:.2g}"),
+            ("local error", "-" if stats.local_error is None else f"{stats.local_error:.2g}"),
             ("evaluations", f"{stats.nfev}"),
             ("CPU time", f"{stats.cpu_time:.3g} s"),
             ("kernels", stats.kernels),
@@ -412,6 +416,7 @@ class Result:
             "status": self.status,
             "message": self.message,
             "stats": attrs.asdict(self.stats),
+            "warnings": [attrs.asdict(one) for one in self.warnings],
         }
         values |= {"meta.json": json.dumps(meta), "params.toml": self.params.to_toml()}
         npz.write(path, values)
@@ -450,6 +455,7 @@ class Result:
             message=meta["message"],
             params=Params.from_toml(str(values["params.toml"])),
             final_state=State(**part("final_state"), t=meta["final_t"]),
+            warnings=tuple(RunWarning(**one) for one in meta["warnings"]),
         )
 
 

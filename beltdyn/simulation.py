@@ -11,9 +11,9 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core
+from . import _core, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
-from .errors import Interrupted, SimulationError
+from .errors import Interrupted, RunWarning, SimulationError, issue
 from .params import Params
 from .result import Result, Stats
 from .state import State
@@ -84,6 +84,7 @@ def simulate(
             returned something else than n_p numbers.
         SimulationError: The run cannot go on; ``.result`` holds what was computed.
         Interrupted: Ctrl-C; ``.result`` holds what was computed.
+        BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
         Exception: Whatever ``torque_fn`` raises comes out unchanged.
     """
     _check_params(params)
@@ -108,6 +109,7 @@ def simulate(
     state = settle(params, progress=progress) if initial is None else initial
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
+    of_drive = sanity.check(params)
     sim = _core.Simulation(
         params._model, state._to_core(params.friction is not None), terms, end, **options
     )
@@ -136,6 +138,7 @@ def simulate(
             message=message,
             params=params,
             final_state=State._from_core(sim.state()),
+            warnings=(*of_drive, *(RunWarning(**one) for one in sim.warnings)),
         )
 
     try:
@@ -151,12 +154,14 @@ def simulate(
     message = f"reached t_end = {end:g} s"
     if method == "auto":
         message += f"; {sim.choice}"
-    elif sim.stats["error"] >= 1.0:
+    elif sim.stats["local_error"] >= 1.0:
         message += (
             f"; {sim.stats['rejected']} steps of the length asked erred by many times a joint's "
             "stretch and were made again, shorter: take a shorter step"
         )
-    return result("finished", message)
+    finished = result("finished", message)
+    issue(finished.warnings, stacklevel=2)
+    return finished
 
 
 def settle(

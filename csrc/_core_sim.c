@@ -516,6 +516,37 @@ static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
   return PyUnicode_FromString(text);
 }
 
+static PyObject *warning_dict(const bd_warning *w) {
+  char where[32] = "";
+  if (w->pulley >= 0 || w->body >= 0) {
+    PyOS_snprintf(where, sizeof where, "%s %d", w->pulley >= 0 ? "pulley" : "link",
+                  w->pulley >= 0 ? w->pulley : w->body);
+  }
+  PyObject *t = isnan(w->t) ? Py_NewRef(Py_None) : PyFloat_FromDouble(w->t);
+  return t ? Py_BuildValue("{s:s, s:s, s:N, s:s, s:O}", "code", bd_warning_code(w->code), "text",
+                           w->message, "t", t, "where", where, "accuracy",
+                           bd_warning_accuracy(w->code) ? Py_True : Py_False)
+           : NULL;
+}
+
+static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *list = PyList_New(0);
+  bd_warning w;
+  for (size_t k = 0; list && bd_sim_warning(self->sim, k, &w); k++) {
+    PyObject *dict = warning_dict(&w);
+    if (!dict || PyList_Append(list, dict) < 0) {
+      Py_CLEAR(list);
+    }
+    Py_XDECREF(dict);
+  }
+  leave(self);
+  return list;
+}
+
 /* Fixed when the simulation is made, so this may be read while it runs. */
 static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
   return Py_NewRef(((bd_core_sim *)object)->passes);
@@ -540,6 +571,10 @@ static PyGetSetDef sim_properties[] = {
     {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
     {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
     {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
+     NULL},
+    {"warnings", sim_warnings, NULL,
+     "What was noticed so far: dicts of code, text, t, where, accuracy. RuntimeError while "
+     "running.",
      NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };

@@ -90,6 +90,23 @@ static const struct {
 #undef X
 };
 
+static const struct {
+  const char *code;
+  int accuracy;
+} warnings[] = {
+#define X(code, accuracy, text) {#code, accuracy},
+    BD_WARNINGS(X)
+#undef X
+};
+
+const char *bd_warning_code(int code) {
+  return code >= 0 && code < BD_N_WARNINGS ? warnings[code].code : "unknown";
+}
+
+int bd_warning_accuracy(int code) {
+  return code >= 0 && code < BD_N_WARNINGS && warnings[code].accuracy;
+}
+
 static int row_of(int code) {
   int row = code - BD_ERR_FIRST - 1;
   return row >= 0 && row < (int)(sizeof errors / sizeof errors[0]) ? row : -1;

@@ -53,6 +53,26 @@ const char *bd_error_symbol(int code);
 const char *bd_error_text(int code);
 int bd_error_kind(int code);
 
+/* --- warnings -------------------------------------------------------------------------------- */
+
+enum {
+#define X(code, accuracy, text) BD_WARN_##code,
+  BD_WARNINGS(X)
+#undef X
+      BD_N_WARNINGS
+};
+
+typedef struct bd_warning {
+  int code;   /* BD_WARN_... */
+  double t;   /* when it was seen first [s], NaN: it holds for the whole run */
+  int body;   /* link index, -1 if none */
+  int pulley; /* pulley index, -1 if none */
+  char message[384];
+} bd_warning;
+
+const char *bd_warning_code(int code);
+int bd_warning_accuracy(int code);
+
 /* --- scene ----------------------------------------------------------------------------------- */
 
 typedef struct bd_belt {
@@ -230,6 +250,8 @@ void bd_sim_stats(const bd_sim *sim, bd_stats *out);
 /* The method in use ("auto" may change it), and, in a sentence, why. */
 const char *bd_sim_method(const bd_sim *sim);
 void bd_sim_explain(const bd_sim *sim, char *text, size_t size);
+/* What was noticed so far, each code at most once, in the order of the table; 0 past the last. */
+int bd_sim_warning(const bd_sim *sim, size_t k, bd_warning *out);
 /* Names of the passes of the plan, in order; NULL past the last. */
 const char *bd_sim_pass(const bd_sim *sim, int k);
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is said of a run that cannot go on.
+ * What is said of a run that cannot go on, or that is not to be believed without a word.
  */
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 
 #include "internal.h"
@@ -48,4 +49,26 @@ int bd_sim_fail_floor(bd_sim *sim, double h) {
       "loosen rtol, or look for a jump in the torque and name its time in "
       "breakpoints",
       h, sim->t, sim->options.rtol, where);
+}
+
+void bd_sim_warn(bd_sim *sim, int code, double t, int body, int pulley, const char *format, ...) {
+  bd_warning *w = &sim->warned[code];
+  if (w->message[0]) {
+    return;
+  }
+  *w = (bd_warning){.code = code, .t = t, .body = body, .pulley = pulley};
+  va_list args;
+  va_start(args, format);
+  vsnprintf(w->message, sizeof w->message, format, args);
+  va_end(args);
+}
+
+int bd_sim_warning(const bd_sim *sim, size_t k, bd_warning *out) {
+  for (int code = 0; code < BD_N_WARNINGS; ++code) {
+    if (sim->warned[code].message[0] && k-- == 0) {
+      *out = sim->warned[code];
+      return 1;
+    }
+  }
+  return 0;
 }

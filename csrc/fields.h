@@ -108,8 +108,12 @@
   X(double, smallest_step, "smallest accepted step [s]")                                           \
   X(double, largest_step, "largest accepted step [s]")                                             \
   X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                   \
-  X(double, error, "estimated error of the joint forces over the mean tension; 0: none was made")  \
+  X(double, local_error, "largest local error of a step, in the units of rtol; 0: none was made")  \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
+
+/* What a run may be warned of: X(code, accuracy, text). accuracy: the results may be further from
+ * the truth than was asked. */
+#define BD_WARNINGS(X) X(fixed_step, 1, "the fixed step is too long")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),
  * CALL (a callback asked to stop), RUN (a run that cannot go on). */

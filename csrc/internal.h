@@ -529,6 +529,7 @@ struct bd_sim {
   double settle_stiffness;
   bd_stats stats;
   bd_error failure;
+  bd_warning warned[BD_N_WARNINGS]; /* message empty: not noticed */
 };
 
 /* --- implicit.c ------------------------------------------------------------------------------ */
@@ -550,6 +551,12 @@ void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
  * as short as steps can be does not meet the tolerance. Both return the error's code. */
 int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
 int bd_sim_fail_floor(bd_sim *sim, double h);
+/* Keeps a warning, if it is the first of its code. */
+void bd_sim_warn(bd_sim *sim, int code, double t, int body, int pulley, const char *format, ...)
+#if defined(__GNUC__)
+    __attribute__((format(printf, 6, 7)))
+#endif
+    ;
 
 /* --- past.c ---------------------------------------------------------------------------------- */
 

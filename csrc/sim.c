@@ -440,7 +440,7 @@ static int step(bd_sim *sim) {
       code = isfinite(error) ? BD_MORE : BD_ERR_NOT_FINITE;
     }
     if (code == BD_OK) {
-      sim->stats.error = fmax(sim->stats.error, bd_method_error(sim->now, error));
+      sim->stats.local_error = fmax(sim->stats.local_error, bd_method_error(sim->now, error));
       if (sim->now != m) {
         ++sim->stats.fallbacks;
       } else if (!sim->fixed) {
@@ -467,7 +467,7 @@ static int step(bd_sim *sim) {
     if (sim->fixed) {
       /* the step asked for is not to be trusted */
       double guess = isfinite(error) ? bd_method_error(sim->now, error) : 1.0;
-      sim->stats.error = fmax(sim->stats.error, fmax(1.0, guess));
+      sim->stats.local_error = fmax(sim->stats.local_error, fmax(1.0, guess));
     }
     if (code == BD_ERR_PASSED_THROUGH) {
       if (!m->implicit || h <= 1.01 * step_floor) {

@@ -148,8 +148,8 @@ def test_success(result: bd.Result, scene: bd.Scene) -> None:
     stats = result.stats
     assert stats.method == "tsit5" and stats.kernels == _core.kernel_level()
     assert stats.steps > 0 and stats.nfev > stats.steps
-    assert stats.njev == stats.nlu == 0 and stats.error is not None
-    assert 0.0 < stats.error <= 1e-4  # the default tolerance
+    assert stats.njev == stats.nlu == 0 and stats.local_error is not None
+    assert 0.0 < stats.local_error <= 1e-4  # the default tolerance
     assert stats.cpu_time > 0.0
 
 
