@@ -162,7 +162,7 @@ static void row_search(bench *b) {
 }
 
 static void row_linearise(bench *b) {
-  bd_linearise(&b->linear, &b->plan, 0.0, b->y, NULL);
+  bd_linearise(&b->linear, &b->plan, b->y);
   bd_linear_look_ahead(&b->linear, &b->plan, b->y, 0.0);
 }
 

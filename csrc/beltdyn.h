@@ -180,7 +180,8 @@ typedef struct bd_options {
                        * are adaptive); the others: the first step (0: chosen) */
   double max_step;    /* 0: none */
   long max_steps;     /* 0: none */
-  int ledger;         /* carry the energy ledger */
+  double torque_interval; /* torque functions are called at least this often [s] */
+  int ledger;             /* carry the energy ledger */
 } bd_options;
 
 void bd_options_default(bd_options *options);

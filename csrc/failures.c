@@ -51,6 +51,18 @@ int bd_sim_fail_floor(bd_sim *sim, double h) {
       h, sim->t, sim->options.rtol, where);
 }
 
+int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {
+  int body, pulley;
+  const char *name = bd_erk_worst(sim, h, &body, &pulley);
+  return bd_fail_at(
+      &sim->failure, BD_ERR_FIXED_STEP, name, sim->t, body, pulley, h,
+      "the step of %.3g s after t = %.9g s errs by %.3g times the stretch of a joint, "
+      "most in %s of %s %d: take a shorter step than %.3g s or an adaptive method",
+      h, sim->t, error, name, pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body,
+      fmin(0.5 * h,
+           0.75 * sim->now->stability / bd_stiffness_of(sim->model, &sim->plan.load).bound));
+}
+
 void bd_sim_warn(bd_sim *sim, int code, double t, int body, int pulley, const char *format, ...) {
   bd_warning *w = &sim->warned[code];
   if (w->message[0]) {

@@ -109,11 +109,17 @@
   X(double, largest_step, "largest accepted step [s]")                                             \
   X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                   \
   X(double, local_error, "largest local error of a step, in the units of rtol; 0: none was made")  \
+  X(double, balance, "largest residual of the balance of energy over the energy that passed")      \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* What a run may be warned of: X(code, accuracy, text). accuracy: the results may be further from
  * the truth than was asked. */
-#define BD_WARNINGS(X) X(fixed_step, 1, "the fixed step is too long")
+#define BD_WARNINGS(X)                                                                             \
+  X(balance, 1, "the balance of energy does not close")                                            \
+  X(stretch, 0, "joints stretched further than belts are")                                         \
+  X(no_contact, 1, "no link touches a pulley")                                                     \
+  X(torque, 1, "the torque function changes faster than steps follow")                             \
+  X(fixed_step, 1, "the fixed step is too long")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),
  * CALL (a callback asked to stop), RUN (a run that cannot go on). */
@@ -130,6 +136,11 @@
   X(BD_ERR_STEP_FLOOR, RUN, "the step fell below its floor")                                       \
   X(BD_ERR_NOT_FINITE, RUN, "the state is no longer finite")                                       \
   X(BD_ERR_PASSED_THROUGH, RUN, "a link passed through a pulley")                                  \
+  X(BD_ERR_OFF_PULLEY, RUN, "the belt has come off a pulley")                                      \
+  X(BD_ERR_JOINT_GAP, RUN, "a joint gapes")                                                        \
+  X(BD_ERR_BALANCE, RUN, "energy has come from nowhere")                                           \
+  X(BD_ERR_STALLED, RUN, "the steps are too short to reach the end")                               \
+  X(BD_ERR_FIXED_STEP, RUN, "the fixed step is too long")                                          \
   X(BD_ERR_MAX_STEPS, RUN, "the limit on steps was reached")                                       \
   X(BD_ERR_NOT_SETTLED, RUN, "the belt did not come to rest")
 

@@ -23,20 +23,23 @@ int bd_sim_linearise(bd_sim *sim) {
     }
     keep_torque(sim);
   }
-  int code = bd_linearise(&sim->linear, &sim->plan, sim->t, sim->y, &sim->failure);
+  bd_linearise(&sim->linear, &sim->plan, sim->y);
+  int code = sim->plan.held ? BD_OK : bd_opaque_derive(sim);
   sim->linear_known = code == BD_OK;
   ++sim->stats.njev;
   return code;
 }
 
-int bd_sim_take_slope(bd_sim *sim, double dt) {
+int bd_sim_take_slope(bd_sim *sim, double h, int at_start) {
   bd_linear *lin = &sim->linear;
   const bd_layout *lay = &sim->model->lay;
   if (sim->plan.held) {
     return BD_OK;
   }
-  return bd_load_slope(&sim->plan.load, sim->t, dt, sim->plan.t_piece, sim->y + lay->theta,
-                       sim->y + lay->omega, lin->torque, lin->slope, &sim->failure);
+  double dt = at_start ? 1e-4 * h : h;
+  int code = bd_load_slope(&sim->plan.load, sim->t, dt, sim->plan.t_piece, sim->y + lay->theta,
+                           sim->y + lay->omega, lin->torque, lin->slope, &sim->failure);
+  return code == BD_OK && at_start && !sim->plan.load.smooth ? bd_opaque_slope(sim, h) : code;
 }
 
 void bd_sim_add_slope(const bd_sim *sim, double *c, double factor) {

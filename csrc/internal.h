@@ -234,6 +234,7 @@ struct bd_model {
   bd_wrap *wraps;
   double longest_span;
   bd_error geometry; /* what bd_model_check_geometry returns */
+  double far_away;   /* where the padding stands: on no pulley */
   const bd_kernels *kernels;
 };
 
@@ -325,7 +326,7 @@ struct bd_plan {
   double *best;     /* scratch of the output, per link */
   double t_piece;
   int ledger, friction_on, bending_on;
-  int quiet;                     /* the ledger rests: the stages of a step that do not need it */
+  int powerless;                 /* power is not evaluated: settling, stages that do not need it */
   int held;                      /* settling: pulleys stand still */
   double bath;                   /* settling: drag per unit mass [1/s] */
   double round_drag, round_gain; /* the same on circulation, and what divides its inertia */
@@ -337,7 +338,7 @@ struct bd_plan {
 };
 
 typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys;
+  int ledger, friction, hold_pulleys, powerless;
   double bath;
   const double *offset;
   double move_from, move_time;
@@ -384,8 +385,9 @@ typedef struct bd_linear {
 } bd_linear;
 
 void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model);
-/* Keeps the Jacobian at a state whose rate was the last to be evaluated. */
-int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err);
+/* Keeps the Jacobian at a state whose rate was the last to be evaluated, but for the set torques.
+ */
+void bd_linearise(bd_linear *lin, const bd_plan *plan, const double *y);
 void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g);
 /* Contact, between bd_linearise and bd_linear_factor: at the state (h = 0), or as a step of length
  * h finds it at its end. Then links that land within the step are in contact, and links on a pulley
@@ -414,9 +416,10 @@ typedef struct bd_method {
   const char *name;
   int implicit;
   int order;
-  int error_order;  /* local errors go with this power of the step; 0: none is estimated */
+  int error_order;  /* local errors go with this power of the step */
   int vectors;      /* of the size of the state, in bd_sim.stage */
   int past;         /* earlier states it looks back on */
+  int adaptive;     /* its errors can set its step */
   int may_be_fixed; /* bd_options.step is the step, not the first one */
   double stability; /* limit of h |lambda|; 0: none */
   double growth;    /* of the step, at most */
@@ -440,8 +443,8 @@ const bd_method *bd_method_at(size_t k); /* NULL past the last */
 
 /* Coefficients of explicit Runge-Kutta methods, erk.c. */
 typedef struct bd_tableau {
-  int stages;                  /* evaluations a step, the first taken over from the step before */
-  const double *c, *a, *error; /* error NULL: fixed step */
+  int stages; /* evaluations a step, the first taken over from the step before */
+  const double *c, *a, *error;
   /* weights of the stages at fraction s of the step, for dense output */
   void (*dense)(double s, double *b);
 } bd_tableau;
@@ -498,6 +501,22 @@ void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 
 /* --- sim.c ----------------------------------------------------------------------------------- */
 
+/* What is known of torque functions, and scratch for asking them; arrays by pulley. */
+typedef struct bd_opaque {
+  double interval;             /* longest time between two calls [s] */
+  int left_out, next_left_out; /* linearisations without their derivatives: still, and next time */
+  double *last, *now;          /* torques at the ends of the step just made */
+  double *begin, *middle, *end, *impulse, *theta, *omega;
+} bd_opaque;
+
+/* What the guards remember. */
+typedef struct bd_guard {
+  double t_look, t_window; /* time of the last look; at joints and balance, at progress */
+  long steps_look, tries_window;
+  double fed, drive, passed; /* energy: fed in by the set torques, their work, what passed */
+  double *touched;           /* per pulley: when a link was last seen on it */
+} bd_guard;
+
 struct bd_sim {
   const bd_model *model;
   const bd_method *method, *now; /* in use; of the step just made */
@@ -505,6 +524,8 @@ struct bd_sim {
   bd_options options;
   bd_plan plan;
   bd_linear linear;
+  bd_opaque opaque;
+  bd_guard guard;
   double t, t0, t_end, h, turns, e0, error_before;
   double *y, *y_new, *y_mid;
   double *stage[MAX_VECTORS];               /* stage[0]: the rate at y */
@@ -527,18 +548,62 @@ struct bd_sim {
   int settle_tries;
   double settle_push, settle_speed, settle_time; /* circulation at the last check */
   double settle_stiffness;
+  double settle_patience, settle_best, settle_best_time; /* least residual so far, and when */
   bd_stats stats;
   bd_error failure;
   bd_warning warned[BD_N_WARNINGS]; /* message empty: not noticed */
 };
 
+/* --- opaque.c: torque functions -------------------------------------------------------------- */
+
+void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np);
+/* The set torques' derivatives to angles and speeds, as far as they can be believed. */
+int bd_opaque_derive(bd_sim *sim);
+/* The change with time at the start of a step of length h is in linear.slope; puts that over half
+ * the step in its place where the two have nothing to do with each other. */
+int bd_opaque_slope(bd_sim *sim, double h);
+/* Before a step of length h is accepted: *shrink < 1 if it is to be made again, so much shorter,
+ * for what a torque function does within it. */
+int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, double *shrink);
+/* Keeps the torque just evaluated: at the start of a step, where it was not known; at its end. */
+void bd_opaque_began(bd_sim *sim);
+void bd_opaque_keep(bd_sim *sim);
+/* Warns of a sample at t, inside the step of length h just made, whose torque no step has seen. */
+void bd_opaque_sampled(bd_sim *sim, double t, double h);
+
+/* The pulley whose torque function moves its speed by what errors may be, from one step to the
+ * next; -1: none. */
+int bd_opaque_jumps(const bd_sim *sim);
+
+/* --- stiffness.c ----------------------------------------------------------------------------- */
+
+typedef struct bd_stiffness {
+  double bound;     /* of |lambda| [1/s], everything together */
+  const char *what; /* has the most to do with it */
+  int pulley;       /* and which pulley, -1: none in particular */
+} bd_stiffness;
+
+/* load: may be NULL. */
+bd_stiffness bd_stiffness_of(const bd_model *model, const bd_load *load);
+
+/* --- guards.c -------------------------------------------------------------------------------- */
+
+void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np);
+/* Fails where the belt does not run round a pulley; where the state cannot be one of this drive. */
+int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double t);
+int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double t);
+void bd_guard_begin(bd_sim *sim);
+/* After a step; now: whether or not it is time to look. */
+int bd_guard_look(bd_sim *sim, int now);
+int bd_guard_progress(bd_sim *sim);
+
 /* --- implicit.c ------------------------------------------------------------------------------ */
 
 /* Sees that the Jacobian at y, and the rate, are there. */
 int bd_sim_linearise(bd_sim *sim);
-/* The set torques' change with time, as a difference over dt; and factor times what it means for
- * the pulleys, added to c. */
-int bd_sim_take_slope(bd_sim *sim, double dt);
+/* The set torques' change with time: over the step of length h, or at its start; and factor times
+ * what it means for the pulleys, added to c. */
+int bd_sim_take_slope(bd_sim *sim, double h, int at_start);
 void bd_sim_add_slope(const bd_sim *sim, double *c, double factor);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
 int bd_sim_arrive(bd_sim *sim, double h, double t_new, int middle);
@@ -551,6 +616,8 @@ void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
  * as short as steps can be does not meet the tolerance. Both return the error's code. */
 int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
 int bd_sim_fail_floor(bd_sim *sim, double h);
+/* A fixed explicit step erred by so much. */
+int bd_sim_fail_fixed(bd_sim *sim, double h, double error);
 /* Keeps a warning, if it is the first of its code. */
 void bd_sim_warn(bd_sim *sim, int code, double t, int body, int pulley, const char *format, ...)
 #if defined(__GNUC__)
@@ -568,6 +635,8 @@ void bd_past_follow(bd_sim *sim);
 
 /* --- sim.c, for the methods ------------------------------------------------------------------ */
 
+/* Refuses times that rounding would blur. */
+int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err);
 /* Longest step that the method in use is allowed to make. */
 double bd_sim_longest(const bd_sim *sim, double h);
 /* Rate at any time and state; counted. */
@@ -578,6 +647,10 @@ int bd_sim_know_rate(bd_sim *sim);
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */
 bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
                    const bd_torque *torque, int settling);
+/* bd_sim_create for states that no drive can be in. */
+int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial,
+                    const bd_torque *torque, double t_end, const bd_options *options,
+                    bd_error *err);
 void bd_sim_weights(bd_sim *sim);
 
 #endif

@@ -45,7 +45,7 @@ int bd_lbdf_attempt(bd_sim *sim, double h, double *error) {
   const int order = order_now(sim);
   int code = bd_sim_linearise(sim);
   if (code == BD_OK) {
-    code = bd_sim_take_slope(sim, h);
+    code = bd_sim_take_slope(sim, h, 0);
   }
   if (code != BD_OK) {
     return code;

@@ -134,7 +134,7 @@ void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c) {
   }
 }
 
-int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *err) {
+void bd_linearise(bd_linear *lin, const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
   plan->kernels->linear->keep_joints(&plan->links, y, &lin->tangent);
   for (int j = 0; j < lay->np; ++j) {
@@ -144,11 +144,6 @@ int bd_linearise(bd_linear *lin, bd_plan *plan, double t, double *y, bd_error *e
     memcpy(runs_of(lin, lay, j), plan->search.runs + j * plan->search.max_runs,
            (size_t)lin->n_runs[j] * sizeof *lin->runs);
   }
-  if (plan->held) {
-    return BD_OK;
-  }
-  return bd_load_derive(&plan->load, t, plan->t_piece, y + lay->theta, y + lay->omega, lin->torque,
-                        lin->by_theta, lin->by_omega, err);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */

@@ -268,6 +268,11 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     model->radius[j] = scene->pulleys[j].radius;
     model->inertia[j] = scene->pulleys[j].inertia;
   }
+  model->far_away = 1e6;
+  for (int j = 0; j < np; ++j) {
+    double reach = fabs(model->cx[j]) + fabs(model->cy[j]) + model->radius[j];
+    model->far_away = fmax(model->far_away, 1e3 * (reach + model->belt.length));
+  }
   model->lay.np = np;
   model->colours = colour_pulleys(model);
   lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? model->colours : 0);

@@ -19,8 +19,7 @@ static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
-  double loss =
-      plan->kernels->joints[plan->bending_on][plan->ledger & !plan->quiet](&plan->links, y, dy);
+  double loss = plan->kernels->joints[plan->bending_on][!plan->powerless](&plan->links, y, dy);
   dy[plan->model->lay.work + W_JOINT] = loss;
   return BD_OK;
 }
@@ -44,7 +43,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
     plan->drums[j].omega = y[lay->omega + j];
-    plan->kernels->contact[plan->friction_on][plan->ledger & !plan->quiet](
+    plan->kernels->contact[plan->friction_on][!plan->powerless](
         &plan->links, &plan->drums[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;
@@ -70,7 +69,7 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
     dy[lay->omega + j] = (plan->torque[j] + plan->friction[j]) / plan->model->inertia[j];
     drive += plan->torque[j] * omega[j];
   }
-  dy[lay->work + W_DRIVE] = plan->ledger ? drive : 0.0;
+  dy[lay->work + W_DRIVE] = drive;
   return BD_OK;
 }
 
@@ -162,6 +161,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   plan->bath = options->bath;
   plan->round_gain = 1.0;
   plan->held = options->hold_pulleys;
+  plan->powerless = options->powerless;
   plan->offset = options->offset;
   plan->move_from = options->move_from;
   plan->move_time = options->move_time;

@@ -18,7 +18,7 @@ static int stand(bd_sim **out, const bd_model *model, const bd_state *state, con
   bd_options_default(&options);
   options.method = method;
   double later = state->t + fmax(1.0, fabs(state->t));
-  int code = bd_sim_create(out, model, state, &given, later, &options, err);
+  int code = bd_sim_anywhere(out, model, state, &given, later, &options, err);
   if (code == BD_OK) {
     bd_sim *sim = *out;
     bd_plan_place(&sim->plan, sim->t);
@@ -56,7 +56,7 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
   bd_sim *sim = NULL;
   int code = stand(&sim, model, state, NULL, "lie", err);
   if (code == BD_OK) {
-    code = bd_linearise(&sim->linear, &sim->plan, sim->t, sim->y, err);
+    bd_linearise(&sim->linear, &sim->plan, sim->y);
   }
   if (code == BD_OK) {
     bd_linear_look_ahead(&sim->linear, &sim->plan, sim->y, 0.0);

@@ -64,7 +64,7 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
   const double *a = m->a, *c = m->c, one = 1.0;
   int code = bd_sim_linearise(sim);
   if (code == BD_OK) {
-    code = bd_sim_take_slope(sim, 1e-4 * h);
+    code = bd_sim_take_slope(sim, h, 1);
   }
   if (code != BD_OK) {
     return code;
@@ -72,7 +72,7 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
   bd_linear_look_ahead(&sim->linear, &sim->plan, sim->y, 0.0);
   bd_linear_factor(&sim->linear, &sim->plan, m->gamma * h);
   ++sim->stats.nlu;
-  sim->plan.quiet = 1;
+  sim->plan.powerless = 1;
   for (int s = 0; s < m->stages; ++s) {
     if (s == 0) {
       memcpy(u[0], sim->stage[0], size * sizeof *u[0]);
@@ -93,7 +93,7 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
     bd_sim_add_slope(sim, u[s], h * m->slope[s]);
     bd_linear_solve(&sim->linear, &sim->plan, u[s]);
   }
-  sim->plan.quiet = 0;
+  sim->plan.powerless = 0;
   if (code == BD_OK) {
     double *last = u[m->stages - 1];
     kernels->combine(size, sim->y_new, sim->y_mid, 1.0, 1, &one, &last);

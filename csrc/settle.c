@@ -129,6 +129,10 @@ static int check_options(const bd_model *model, const bd_settle_options *options
                    "move_time and max_time must be finite and >= 0 (0: chosen), got %g and %g",
                    options->move_time, options->max_time);
   }
+  if (bd_sim_check_time(model, "move_time", options->move_time, err) != BD_OK ||
+      bd_sim_check_time(model, "max_time", options->max_time, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
   if (!(fabs(options->shift) <= model->belt.length)) {
     return bd_fail(err, BD_ERR_OPTION, "shift",
                    "shift must be at most the belt's length, %g m, got %g", model->belt.length,
@@ -152,11 +156,12 @@ static void set_up(bd_sim *sim, double step) {
                                               : 100.0 / lowest;
   sim->t = sim->t0 = 0.0;
   /* a fine belt's polygon holds it less, and waiting costs less with implicit steps */
-  double patience = (sim->method->implicit ? 5000.0 : 1000.0) / lowest;
-  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : patience);
+  sim->settle_patience = (sim->method->implicit ? 5000.0 : 1000.0) / lowest;
+  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : sim->settle_patience);
   bd_plan_make(&sim->plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
+                                  .powerless = 1,
                                   .bath = bath,
                                   .offset = given->offset,
                                   .move_time = move_time});
@@ -211,6 +216,29 @@ static double stop(const bd_sim *sim, double *y) {
   return fastest;
 }
 
+/* A belt at rest that misses a pulley is at rest somewhere else. */
+static int check_laid(bd_sim *sim, bd_error *err) {
+  const bd_model *model = sim->model;
+  const bd_layout *lay = &model->lay;
+  const double *x = bd_cfield(lay, sim->y, F_X), *y = bd_cfield(lay, sim->y, F_Y);
+  int code = bd_guard_winding(&sim->plan, sim->y, err, sim->t);
+  for (int j = 0; code == BD_OK && j < lay->np; ++j) {
+    const bd_drum *d = &sim->plan.drums[j];
+    int touches = 0;
+    for (int i = 0; i < lay->n; ++i) {
+      touches |= hypot(x[i] - d->x, y[i] - d->y) < d->radius;
+    }
+    if (!touches) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "settle", sim->t, -1, j, model->info.link_length,
+                        "no link touches pulley %d: the belt bends round it between two links of "
+                        "%.3g m; take belt.n_bodies >= %.0f, or leave the pulley out",
+                        j, model->info.link_length,
+                        ceil(2.0 * model->belt.length / (model->wraps[j].wrap * d->radius)));
+    }
+  }
+  return code;
+}
+
 /* The largest unbalanced force with everything stopped, over the mean tension, into
  * stats.residual; velocities must be gone to the same degree. At rest: stops the belt. */
 static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
@@ -249,6 +277,10 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
     worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
   }
   sim->stats.residual = worst / info->mean_tension;
+  if (!(sim->stats.residual > 0.9 * sim->settle_best)) {
+    sim->settle_best = sim->stats.residual;
+    sim->settle_best_time = sim->t;
+  }
   int still = sim->stats.residual <= sim->settle.tolerance &&
               fastest <= sim->settle.tolerance * info->strain * wave &&
               sim->t >= sim->plan.move_time;
@@ -258,18 +290,25 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
                       "the contact is too soft, or the links too long for the pulleys");
   }
   if (still) {
+    code = check_laid(sim, err);
+    if (code != BD_OK) {
+      return code;
+    }
     memcpy(sim->y, y, lay->size * sizeof *y);
     sim->t = sim->t0;
     *at_rest = 1;
     return BD_OK;
   }
-  if (sim->t >= sim->t_end) {
+  /* as long again as should be enough, and no nearer to rest: it will not come */
+  int hopeless = sim->t > sim->settle_best_time + sim->settle_patience &&
+                 sim->t > sim->plan.move_time + sim->settle_patience;
+  if (sim->t >= sim->t_end || hopeless) {
     return bd_fail_at(
         err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
         "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
-        "mean tension, fastest motion %.3g m/s; allow more max_time, a looser "
+        "mean tension, fastest motion %.3g m/s; allow %sa looser "
         "tolerance; or the contact is too soft, or the links too long for the pulleys",
-        sim->t_end, sim->stats.residual, fastest);
+        sim->t, sim->stats.residual, fastest, hopeless ? "" : "more max_time, ");
   }
   return BD_OK;
 }
@@ -286,6 +325,8 @@ static int retry(bd_sim *sim) {
   sim->turns = sim->settle_turns;
   sim->options.step *= 0.5;
   sim->started = sim->rate_known = sim->linear_known = 0;
+  sim->settle_best = INFINITY;
+  sim->settle_best_time = sim->t;
   sim->settle_push = sim->settle_speed = sim->settle_time = sim->settle_stiffness = 0.0;
   sim->plan.round_drag = 0.0;
   sim->plan.round_gain = 1.0;
@@ -323,6 +364,7 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
   sim->settle = *options;
+  sim->settle_best = INFINITY;
   sim->watch = watch;
   if (options->offset) {
     memcpy(sim->settle_offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));

@@ -16,7 +16,7 @@
 #include "internal.h"
 
 void bd_options_default(bd_options *options) {
-  *options = (bd_options){.method = "auto", .rtol = 1e-4, .ledger = 1};
+  *options = (bd_options){.method = "auto", .rtol = 1e-4, .ledger = 1, .torque_interval = 5e-4};
 }
 
 /* --- making it ------------------------------------------------------------------------------- */
@@ -50,6 +50,8 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
     BD_CARVE(carver, sim->settle_wraps, lay->np);
   }
   bd_plan_carve(carver, &sim->plan, lay);
+  bd_opaque_carve(carver, &sim->opaque, lay->np);
+  bd_guard_carve(carver, &sim->guard, lay->np);
   bd_load_carve(carver, &sim->plan.load, lay->np, torque);
 }
 
@@ -124,6 +126,10 @@ static int check_options(const bd_options *options, bd_error *err) {
   if (!(options->rtol > 0.0 && options->rtol <= 1.0)) {
     return bd_fail(err, BD_ERR_OPTION, "rtol", "rtol must be > 0 and <= 1, got %g", options->rtol);
   }
+  if (!(options->torque_interval > 0.0) || !isfinite(options->torque_interval)) {
+    return bd_fail(err, BD_ERR_OPTION, "torque_interval",
+                   "torque_interval must be finite and > 0 s, got %g", options->torque_interval);
+  }
   const char *names[] = {"step", "max_step"};
   double values[] = {options->step, options->max_step};
   for (int k = 0; k < 2; ++k) {
@@ -139,8 +145,62 @@ static int check_options(const bd_options *options, bd_error *err) {
   return BD_OK;
 }
 
+int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err) {
+  double wave =
+      model->info.link_length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
+  double most = 1e-3 * wave / DBL_EPSILON;
+  if (fabs(t) <= most) {
+    return BD_OK;
+  }
+  return bd_fail(
+      err, BD_ERR_OPTION, name,
+      "%s must be within +-%.3g s, beyond which double precision cannot tell times apart "
+      "in which a wave runs along a link, got %g s",
+      name, most, t);
+}
+
+static int check_times(const bd_model *model, double t, double t_end, const bd_options *options,
+                       bd_error *err) {
+  const double largest = fmax(fabs(t_end), fabs(t));
+  if (!(t_end - t > 1e3 * DBL_EPSILON * largest) || !isfinite(t_end)) {
+    return bd_fail(err, BD_ERR_OPTION, "t_end",
+                   "t_end must be finite and later than the start t = %.17g s by more than "
+                   "rounding, got %.17g",
+                   t, t_end);
+  }
+  if (bd_sim_check_time(model, "t_end", t_end, err) != BD_OK ||
+      bd_sim_check_time(model, "initial.t", t, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
+  const bd_method *method = automatic(options) ? NULL : bd_method_find(options->method);
+  const double step = method && method->may_be_fixed ? options->step : 0.0;
+  const double least = 16.0 * DBL_EPSILON * largest;
+  if ((step > 0.0 && step < least) || (options->max_step > 0.0 && options->max_step < least)) {
+    const char *name = step > 0.0 && step < least ? "step" : "max_step";
+    return bd_fail(err, BD_ERR_OPTION, name,
+                   "%s must be at least %.3g s, below which a step does not move the time from "
+                   "t = %g s to %g s, got %g s",
+                   name, least, t, t_end, step > 0.0 && step < least ? step : options->max_step);
+  }
+  return BD_OK;
+}
+
 int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err) {
+  int code = bd_sim_anywhere(out, model, initial, torque, t_end, options, err);
+  if (code == BD_OK) {
+    code = bd_guard_initial(&(*out)->plan, (*out)->y, err, initial->t);
+  }
+  if (code != BD_OK) {
+    bd_sim_free(*out);
+    *out = NULL;
+  }
+  return code;
+}
+
+int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial,
+                    const bd_torque *torque, double t_end, const bd_options *options,
+                    bd_error *err) {
   *out = NULL;
   bd_options defaults;
   bd_options_default(&defaults);
@@ -148,12 +208,8 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   if (check_options(options, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
-  if (!(t_end - initial->t > 1e3 * DBL_EPSILON * fmax(fabs(t_end), fabs(initial->t))) ||
-      !isfinite(t_end)) {
-    return bd_fail(err, BD_ERR_OPTION, "t_end",
-                   "t_end must be finite and later than the start t = %.17g s by more than "
-                   "rounding, got %.17g",
-                   initial->t, t_end);
+  if (check_times(model, initial->t, t_end, options, err) != BD_OK) {
+    return BD_ERR_OPTION;
   }
   bd_auto pair = {0};
   if (automatic(options)) {
@@ -173,7 +229,8 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
     return code;
   }
   sim->options = *options;
-  sim->fixed = sim->method->error_order == 0 || (sim->method->may_be_fixed && options->step > 0.0);
+  sim->opaque.interval = options->torque_interval;
+  sim->fixed = !sim->method->adaptive || (sim->method->may_be_fixed && options->step > 0.0);
   sim->options.method = NULL; /* the caller's string need not live on */
   sim->choice = pair;
   sim->t = sim->t0 = initial->t;
@@ -223,8 +280,12 @@ int bd_sim_rate(bd_sim *sim, double t, double *y, double *dy) {
 }
 
 int bd_sim_know_rate(bd_sim *sim) {
-  int code = sim->rate_known ? BD_OK : bd_sim_rate(sim, sim->t, sim->y, sim->stage[0]);
-  sim->rate_known |= code == BD_OK;
+  if (sim->rate_known) {
+    return BD_OK;
+  }
+  int code = bd_sim_rate(sim, sim->t, sim->y, sim->stage[0]);
+  sim->rate_known = code == BD_OK;
+  bd_opaque_began(sim);
   return code;
 }
 
@@ -251,6 +312,9 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
     if (code != BD_OK) {
       return code;
     }
+    if (t < t_new && !sim->plan.load.smooth) {
+      bd_opaque_sampled(sim, t, h);
+    }
   }
   return BD_OK;
 }
@@ -264,6 +328,7 @@ static int accept(bd_sim *sim, double h, double t_new) {
     code = sim->now->finish(sim, h, t_new);
   }
   if (code == BD_OK) {
+    bd_opaque_keep(sim);
     code = sample_step(sim, h, t_new);
   }
   if (code != BD_OK) {
@@ -319,11 +384,17 @@ static double first_step(const bd_sim *sim) {
   return 0.1 / sim->model->info.spectral_bound;
 }
 
+/* The shortest step that moves the time, at t = 0 the phase of the fastest mode. */
+static double shortest(const bd_sim *sim) {
+  return 16.0 * DBL_EPSILON * fmax(fabs(sim->t), 1.0 / sim->model->info.spectral_bound);
+}
+
 static int start(bd_sim *sim) {
   double h = sim->options.step > 0.0 ? sim->options.step
-             : sim->fixed ? 0.75 * sim->method->stability / sim->model->info.spectral_bound
+             : sim->fixed            ? 0.75 * sim->method->stability /
+                                bd_stiffness_of(sim->model, &sim->plan.load).bound
                           : first_step(sim);
-  sim->h = bd_sim_longest(sim, h);
+  sim->h = bd_sim_longest(sim, fmax(h, shortest(sim)));
   sim->error_before = 1.0;
   sim->started = 1;
   bd_plan_place(&sim->plan, sim->t);
@@ -334,6 +405,7 @@ static int start(bd_sim *sim) {
   sim->plan.t_piece = 0.5 * (sim->t + next_stop(sim));
   double terms[BD_N_ENERGY];
   sim->e0 = bd_energy(&sim->plan, sim->y, terms);
+  bd_guard_begin(sim);
   while (sim->next_sample < sim->n_samples && sim->t_sample[sim->next_sample] <= sim->t) {
     int code = sample(sim, sim->t, sim->y);
     if (code != BD_OK) {
@@ -398,13 +470,13 @@ static int shortened(const bd_sim *sim) {
   return sim->fixed && sim->method->implicit && sim->h < 0.99 * sim->options.step;
 }
 
-/* What the error of a trial may be. An explicit fixed step is watched by its numbers alone. An
- * implicit one stays finite whatever happens, so it is not believed when it errs by many times the
- * stretch of a joint; its error is then controlled, loosely, until steps are as long as asked. What
- * is left to the first order is taken as it comes. */
+/* What the error of a trial may be. A fixed step is not believed when it errs by many times the
+ * stretch of a joint: an implicit one is then made again, and its error controlled, loosely, until
+ * steps are as long as asked; an explicit one ends the run. What is left to the first order is
+ * taken as it comes. */
 static double limit(const bd_sim *sim) {
   enum { ABSURD = 20, LOOSE = 2 };
-  if (sim->now != sim->method || (sim->fixed && !sim->method->implicit)) {
+  if (sim->now != sim->method || sim->watch) {
     return DBL_MAX;
   }
   return !sim->fixed      ? bd_method_tolerance(sim->method, sim->options.rtol)
@@ -415,7 +487,7 @@ static double limit(const bd_sim *sim) {
 /* One accepted step, or an error. */
 static int step(bd_sim *sim) {
   const bd_method *m = sim->method;
-  const double step_floor = 16.0 * DBL_EPSILON * fmax(fabs(sim->t), fabs(sim->t_end));
+  const double step_floor = shortest(sim);
   enum { PATIENCE = 12, LOST = 200 };
   sim->now = m;
   for (int failed = 0;; ++failed) {
@@ -430,6 +502,11 @@ static int step(bd_sim *sim) {
     bd_search_ready(&sim->plan, sim->y, h);
     int code = sim->now->attempt(sim, h, &error);
     int within = isfinite(error) && error <= tolerance;
+    double shortened_by = 1.0;
+    if (code == BD_OK && within) {
+      code = bd_opaque_check(sim, h, t_new, tolerance, &shortened_by);
+      within = shortened_by >= 1.0;
+    }
     if (code == BD_OK && within) {
       if (sim->fixed && bd_state_bad(&sim->model->lay, sim->y_new, &(int){0}, &(int){0})) {
         code = BD_ERR_NOT_FINITE;
@@ -456,6 +533,9 @@ static int step(bd_sim *sim) {
       return hit ? pass_stop(sim) : BD_OK;
     }
     int mendable = code == BD_MORE || may_be_mended(code);
+    if (code == BD_MORE && sim->fixed && !m->implicit) {
+      return bd_sim_fail_fixed(sim, h, error);
+    }
     if (!mendable || (sim->fixed && !m->implicit)) {
       return code == BD_ERR_NOT_FINITE ||
                      (code == BD_ERR_PASSED_THROUGH &&
@@ -480,7 +560,9 @@ static int step(bd_sim *sim) {
                              : bd_sim_fail_unstable(sim, BD_ERR_NOT_FINITE, h);
     }
     double shrink = 0.1;
-    if (code == BD_MORE) {
+    if (shortened_by < 1.0) {
+      shrink = shortened_by;
+    } else if (code == BD_MORE) {
       shrink = fmin(0.9, fmax(0.1, 0.9 * pow(error / tolerance, -1.0 / m->error_order)));
     }
     sim->h = fmax(step_floor, rung(h * shrink));
@@ -510,6 +592,12 @@ static int advance(bd_sim *sim, long max_steps) {
     code = sim->started ? BD_OK : start(sim);
     if (code == BD_OK) {
       code = step(sim);
+    }
+    if (code == BD_OK && !sim->watch) {
+      code = bd_guard_look(sim, sim->t >= sim->t_end);
+    }
+    if (code == BD_OK && !sim->watch) {
+      code = bd_guard_progress(sim);
     }
     if (code == BD_OK && sim->choice.method[0]) {
       bd_auto_watch(sim);

@@ -11,7 +11,6 @@
  * turns are kept apart; below it a state comes back to the last bit. */
 #define MAX_ANGLE 50.0
 #define LARGEST_ANGLE 1e9 /* beyond it an angle has no digits left for a step's turn */
-#define FAR_AWAY 1e6      /* where the padding stands: on no pulley */
 
 static int field_index(const char *name) {
   int k = 0;
@@ -119,7 +118,7 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
   for (int f = F_X; f <= F_Y; ++f) {
     double *block = bd_field(lay, y, f);
     for (int i = lay->n; i < lay->stride - BD_HALO; ++i) {
-      block[i] = FAR_AWAY;
+      block[i] = model->far_away;
     }
   }
   *turns = 0.0;

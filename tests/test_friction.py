@@ -151,18 +151,20 @@ def test_memory_does_not_pass_from_pulley_to_pulley(way: float) -> None:
     """Two pulleys that touch: a link crosses from one to the other within a step, either way."""
     from beltdyn import _core
 
-    n, radius = 12, 0.1
+    n, radius, ring = 5, 0.1, 0.25  # five links on a circle round both, one of them moved inside
     model = _core.Model(
-        (1.2, n, 0.1, 1e-3, 0.0, 0.0, 0.0),
+        (2 * np.pi * ring, n, 0.1, 1e-3, 0.0, 0.0, 0.0),
         np.array([[0.0, 0.0], [0.2, 0.0]]), [radius] * 2, [1.0] * 2,
         (0.0, 1e-6, 0.0), (1.0, 1e-3), (0.0, 0.0),
     )  # fmt: skip
     zero = np.zeros(n)
     state = {name: zero.copy() for name in ("x", "y", "vx", "vy", "vphi", "mu", "slip")}
-    state |= {"phi": np.linspace(0.0, -2 * np.pi, n), "t": 0.0}
+    place = -np.pi / 2 - 2 * np.pi / n * (np.arange(n) - 3)
+    state |= {"phi": place - np.pi / 2, "t": 0.0}
     state |= {"theta": np.zeros(2), "omega": np.zeros(2)}
-    state["x"] += 5.0
+    state["x"], state["y"] = 0.1 + ring * np.cos(place), ring * np.sin(place)
     state["x"][3], state["vx"][3], state["mu"][3] = 0.1 - way * 1e-6, way, 0.5
+    state["y"][3] = 0.0
     sim = _core.Simulation(model, state, [], 2e-5, method="rk4", step=1e-5)
     while not sim.advance(1.0):
         pass

@@ -247,6 +247,7 @@ def test_variable_steps_keep_order_2(smooth: tuple[bd.Params, bd.State]) -> None
 
 
 @pytest.mark.parametrize("method", ["lbdf2", "lie", "rodas4"])
+@pytest.mark.filterwarnings("ignore:balance")  # Euler's method damps 2 % away, and says so
 def test_error_follows_the_tolerance(method: str) -> None:
     """Through contact and friction kinks: rtol is the error asked for, whatever the method."""
     scene = bd.scenes.three_pulleys()

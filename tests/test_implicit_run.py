@@ -456,7 +456,7 @@ def test_tolerances_below_rounding_are_not_chased() -> None:
     ]
     assert runs[0].steps == runs[1].steps
     assert runs[1].fallbacks == 0
-    assert runs[1].error is None or runs[1].error >= 1e-7
+    assert runs[1].local_error is None or runs[1].local_error >= 1e-7
 
 
 @pytest.mark.parametrize("step", [1e-4, 5e-5])
