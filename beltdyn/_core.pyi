@@ -64,6 +64,8 @@ class Simulation:
         max_steps: int = 0,
         ledger: bool = True,
         breakpoints: ArrayLike = (),
+        torque_interval: float = ...,
+        stop: NDArray[np.intc] = ...,
     ) -> None: ...
     @classmethod
     def settle(

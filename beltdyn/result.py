@@ -196,8 +196,8 @@ class Stats:
         cpu_time: CPU time of the run [s], without settling.
         wall_time: Wall time of the run [s], without settling.
         settle_time: Wall time of settling before the run [s], 0 if there was none.
-        balance: Largest residual of the balance of energy, over the energy that passed: 0 but for the
-            error of integration, whatever the method.
+        balance: Largest residual of the balance of energy, over the energy that passed: 0 but for
+            the error of integration, whatever the method.
         local_error: Largest local error of a step, in the units of ``rtol``: what is held near it
             where errors are controlled; from 1 on a fixed step was too long to be trusted. None if
             none was estimated ("rk4", a few steps).
@@ -220,6 +220,11 @@ class Stats:
     wall_time: float
     settle_time: float = 0.0
     balance: float = 0.0
+    growth: float = 0.0
+    summed: float = 0.0
+    total: float = 0.0
+    events: int = 0
+    twin: int = 0
     local_error: float | None = None
     choice: str = ""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import attrs
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from . import _core, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
 from .errors import Interrupted, RunWarning, SimulationError, issue
+from .escaped import Escaped
 from .params import Params
 from .result import Result, Stats
 from .state import State
@@ -49,6 +50,7 @@ def simulate(
     max_step: float | None = None,
     max_steps: int | None = None,
     ledger: bool = True,
+    torque_interval: float = 5e-4,
 ) -> Result:
     """Integrate the equations of motion (2.11), (2.12) under given torques.
 
@@ -78,6 +80,9 @@ def simulate(
         max_step: Longest step [s]; None: no limit.
         max_steps: Most steps; None: no limit.
         ledger: Whether to carry the energy ledger along.
+        torque_interval: A torque function, Python or compiled, is called at least this often [s],
+            so that steps, however long, miss no pulse that lasts longer; torque objects hide
+            nothing and need none.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
@@ -85,7 +90,8 @@ def simulate(
         SimulationError: The run cannot go on; ``.result`` holds what was computed.
         Interrupted: Ctrl-C; ``.result`` holds what was computed.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
-        Exception: Whatever ``torque_fn`` raises comes out unchanged.
+        Exception: Whatever ``torque_fn`` raises comes out unchanged, from ctypes, cffi and Numba
+            callbacks as well; what was computed is in its attribute ``result``.
     """
     _check_params(params)
     _check_initial(params, initial)
@@ -101,6 +107,7 @@ def simulate(
         "max_step": _positive("max_step", max_step, "s"),
         "max_steps": 0 if max_steps is None else integer("max_steps", max_steps, 1),
         "ledger": flag("ledger", ledger),
+        "torque_interval": positive("torque_interval", torque_interval, "s"),
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
@@ -110,8 +117,14 @@ def simulate(
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
     of_drive = sanity.check(params)
+    escaped = Escaped()
     sim = _core.Simulation(
-        params._model, state._to_core(params.friction is not None), terms, end, **options
+        params._model,
+        state._to_core(params.friction is not None),
+        terms,
+        end,
+        stop=escaped.flag,
+        **options,
     )
     arrays = sim.sample(times)
     cpu_start, wall_start = time.thread_time(), time.perf_counter()
@@ -141,16 +154,28 @@ def simulate(
             warnings=(*of_drive, *(RunWarning(**one) for one in sim.warnings)),
         )
 
+    def interrupted() -> Interrupted:
+        message = f"interrupted at t = {sim.time:.6g} s"
+        return Interrupted(message, result("interrupted", message))
+
     try:
-        with _progress(progress, "simulating", start, end) as show:
+        with escaped, _progress(progress, "simulating", start, end) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
     except SimulationError as error:
         error.result = result("failed", str(error))
         raise
     except KeyboardInterrupt as error:
-        message = f"interrupted at t = {sim.time:.6g} s"
-        raise Interrupted(message, result("interrupted", message)) from error
+        raise interrupted() from error
+    except Exception as error:
+        raised = escaped.error or error
+        if isinstance(raised, KeyboardInterrupt):
+            raise interrupted() from raised
+        why = f"the torque function raised {type(raised).__name__} after t = {sim.time:.6g} s"
+        _keep_result(raised, result("failed", why))
+        if raised is error:
+            raise
+        raise raised from None
     message = f"reached t_end = {end:g} s"
     if method == "auto":
         message += f"; {sim.choice}"
@@ -232,6 +257,13 @@ def settle(
         raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error
     start = 0.0 if initial is None else initial.t
     return State._from_core(sim.state(), t=start, residual=float(sim.stats["residual"]))
+
+
+def _keep_result(error: BaseException, result: Result) -> None:
+    """Give an exception of the user's the finished part, unless it has something there already."""
+    if not hasattr(error, "result"):
+        with suppress(AttributeError, TypeError):
+            error.result = result  # type: ignore[attr-defined]
 
 
 def _check_params(params: object) -> None:

@@ -25,7 +25,8 @@ typedef struct {
   Py_ssize_t n_calls;
   PyObject *outputs; /* list of the arrays the core writes to; NULL: no sample times */
   PyObject *passes;
-  double rate; /* steps per second of wall time, 0: not known yet */
+  PyArrayObject *stop; /* the flag that the core looks at; NULL: none */
+  double rate;         /* steps per second of wall time, 0: not known yet */
   int ledger, started;
   atomic_bool busy;
 } bd_core_sim;
@@ -92,7 +93,7 @@ static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_core_model *model,
 
 /* The keyword options; those not given stay as they are. */
 typedef struct {
-  PyObject *method, *rtol, *step, *max_step, *max_steps, *ledger;
+  PyObject *method, *rtol, *step, *max_step, *max_steps, *ledger, *torque_interval;
 } option_objects;
 
 static int read_options(bd_options *out, const option_objects *in) {
@@ -117,21 +118,37 @@ static int read_options(bd_options *out, const option_objects *in) {
                  (in->max_step && bd_convert_real(in->max_step, "max_step", &out->max_step) < 0) ||
                  (in->max_steps &&
                   bd_convert_long(in->max_steps, "max_steps", &out->max_steps) < 0) ||
+                 (in->torque_interval && bd_convert_real(in->torque_interval, "torque_interval",
+                                                         &out->torque_interval) < 0) ||
                  (in->ledger && bd_convert_bool(in->ledger, "ledger", &out->ledger) < 0)
              ? -1
              : 0;
 }
 
+/* The core reads it as an int while it runs. */
+static int read_stop(PyObject *stop) {
+  if (!stop ||
+      (PyArray_Check(stop) && PyArray_TYPE((PyArrayObject *)stop) == NPY_INT &&
+       PyArray_SIZE((PyArrayObject *)stop) == 1 && PyArray_ISCARRAY_RO((PyArrayObject *)stop))) {
+    return 0;
+  }
+  PyErr_SetString(PyExc_TypeError, "stop must be an array of one C int");
+  return -1;
+}
+
 static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
   char *names[] = {"model", "state",    "torque",    "t_end",  "method",      "rtol",
-                   "step",  "max_step", "max_steps", "ledger", "breakpoints", NULL};
+                   "step",  "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
+                   "stop",  NULL};
   bd_core_module *module = PyType_GetModuleState(type);
-  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL;
+  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL, *stop = NULL;
   option_objects in = {0};
-  if (!module || !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOO:Simulation", names,
-                                              module->model_type, &model_object, &mapping, &terms,
-                                              &end, &in.method, &in.rtol, &in.step, &in.max_step,
-                                              &in.max_steps, &in.ledger, &breakpoints)) {
+  if (!module ||
+      !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOOOO:Simulation", names,
+                                   module->model_type, &model_object, &mapping, &terms, &end,
+                                   &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
+                                   &in.ledger, &breakpoints, &in.torque_interval, &stop) ||
+      read_stop(stop) < 0) {
     return NULL;
   }
   bd_core_model *model = (bd_core_model *)model_object;
@@ -151,6 +168,7 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
   if (bd_core_torque_read(&torque, terms, breakpoints, model->info.n_pulleys) < 0) {
     goto out;
   }
+  torque.torque.stop = stop ? PyArray_DATA((PyArrayObject *)stop) : NULL;
   bd_error err = {0};
   bd_sim *sim = NULL;
   int code = bd_sim_create(&sim, model->model, &state.state, &torque.torque, t_end, &options, &err);
@@ -161,6 +179,7 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
   self = wrap(type, sim, model, &torque);
   if (self) {
     ((bd_core_sim *)self)->ledger = options.ledger;
+    ((bd_core_sim *)self)->stop = (PyArrayObject *)Py_XNewRef(stop);
   }
 out:
   bd_core_state_release(&state);
@@ -258,6 +277,7 @@ static int sim_clear(PyObject *object) {
   self->n_calls = 0;
   bd_core_calls_free(calls, n_calls);
   Py_CLEAR(self->outputs);
+  Py_CLEAR(self->stop);
   Py_CLEAR(self->model);
   return 0;
 }
@@ -579,18 +599,22 @@ static PyGetSetDef sim_properties[] = {
     {NULL, NULL, NULL, NULL, NULL},
 };
 
-PyDoc_STRVAR(sim_doc,
-             "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
-             "           max_step=0.0, max_steps=0, ledger=True, breakpoints=())\n--\n\n"
-             "One run; not to be used by two threads at once (RuntimeError).\n\n"
-             "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
-             "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
-             "(\"function\", address, user_address) of C functions the caller keeps alive, or\n"
-             "(\"call\", f) with f(t, theta, omega) -> n_p torques [N m]; theta [rad] and omega\n"
-             "[rad/s] are read-only arrays (n_p,). t_end: [s]. rtol: local error (adaptive\n"
-             "methods). step: of \"rk4\", or the first step [s], 0: chosen. max_step [s] and\n"
-             "max_steps: 0: none. ledger: carry the energy ledger. breakpoints: more times [s] at\n"
-             "which to stop exactly. Raises TypeError or ValueError naming the argument.");
+PyDoc_STRVAR(
+    sim_doc,
+    "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
+    "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
+    "           torque_interval=..., stop=...)\n--\n\n"
+    "One run; not to be used by two threads at once (RuntimeError).\n\n"
+    "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
+    "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
+    "(\"function\", address, user_address) of C functions the caller keeps alive, or\n"
+    "(\"call\", f) with f(t, theta, omega) -> n_p torques [N m]; theta [rad] and omega\n"
+    "[rad/s] are read-only arrays (n_p,). t_end: [s]. rtol: local error (adaptive\n"
+    "methods). step: of \"rk4\", or the first step [s], 0: chosen. max_step [s] and\n"
+    "max_steps: 0: none. ledger: carry the energy ledger. breakpoints: more times [s] at\n"
+    "which to stop exactly. torque_interval: longest time between two calls of a function\n"
+    "[s]. stop: an array of one C int; set by another, it stops the run after the next call\n"
+    "of a C function, as an exception would. Raises TypeError or ValueError naming the argument.");
 
 static PyType_Slot sim_slots[] = {
     {Py_tp_doc, (void *)sim_doc},   {Py_tp_new, sim_new},

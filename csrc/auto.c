@@ -130,6 +130,9 @@ void bd_auto_watch(bd_sim *sim) {
   }
   /* shorter steps than the joints ask for: the contact's stiffness, or the tolerance */
   c->doubtful |= seen > 1.5 * explicit_cost(sim) && seen > implicit_cost(sim, LEAST);
+  if (seen > 10.0 * explicit_cost(sim)) {
+    c->look_after = FIRST_LOOK; /* by far: looking can only help */
+  }
   double other = c->per_second[AUTO_IMPLICIT];
   if (c->doubtful && other > 0.0 && seen > MARGIN * other) {
     change(sim);

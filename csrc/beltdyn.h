@@ -169,6 +169,9 @@ typedef struct bd_torque {
   const bd_torque_term *terms;
   size_t n_breakpoints; /* more times at which to stop exactly (piecewise times are known) */
   const double *breakpoints;
+  /* Looked at after every call of a FUNCTION: not 0 stops the run (BD_ERR_CALLBACK), for functions
+   * that cannot say so themselves. May be NULL; must outlive the simulation. */
+  const volatile int *stop;
 } bd_torque;
 
 /* --- simulation ------------------------------------------------------------------------------ */

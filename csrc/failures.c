@@ -22,33 +22,46 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
     snprintf(where, sizeof where, " of %s %d", body >= 0 ? "link" : "pulley",
              body >= 0 ? body : pulley);
   }
-  if (!sim->fixed || m->implicit) {
+  if (sim->watch) {
+    return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
+                      "settling blew up after t = %.9g s, first in %s%s: the start is too far from "
+                      "rest, or parameters are far out of scale",
+                      sim->t, name, where);
+  }
+  if (!sim->fixed) {
     return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
                       "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
-                      "parameters far out of scale",
+                      "parameters or torques far out of scale",
                       sim->t, name, where);
+  }
+  double longest = 0.25 * h;
+  if (!m->implicit) {
+    longest = fmin(0.5 * h, m->stability / bd_stiffness_of(sim->model, &sim->plan.load).bound);
   }
   return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
                     "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
                     "take a shorter step than %.3g s or an adaptive method",
-                    sim->t, name, where, m->name, h,
-                    m->stability / sim->model->info.spectral_bound);
+                    sim->t, name, where, m->name, h, longest);
 }
 
 int bd_sim_fail_floor(bd_sim *sim, double h) {
   int body = -1, pulley = -1;
   const char *name = sim->now->implicit ? "the state" : bd_erk_worst(sim, h, &body, &pulley);
-  char where[48] = "";
+  char where[48] = "", asked[48] = "";
+  if (!sim->fixed) {
+    snprintf(asked, sizeof asked, " without meeting rtol = %g", sim->options.rtol);
+  }
   if (!sim->now->implicit) {
     snprintf(where, sizeof where, "; the largest error is in %s of %s %d", name,
              pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body);
   }
   return bd_fail_at(
       &sim->failure, BD_ERR_STEP_FLOOR, name, sim->t, body, pulley, h,
-      "the step fell to its floor, %.3g s, at t = %.9g s without meeting rtol = %g%s: "
-      "loosen rtol, or look for a jump in the torque and name its time in "
-      "breakpoints",
-      h, sim->t, sim->options.rtol, where);
+      "the step fell to its floor, %.3g s, at t = %.9g s%s%s: %s", h, sim->t, asked, where,
+      sim->watch   ? "look for parameters far out of scale"
+      : sim->fixed ? "take a shorter step or an adaptive method"
+                   : "loosen rtol, or look for a jump in the torque and name its time in "
+                     "breakpoints");
 }
 
 int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {

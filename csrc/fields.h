@@ -110,6 +110,11 @@
   X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                   \
   X(double, local_error, "largest local error of a step, in the units of rtol; 0: none was made")  \
   X(double, balance, "largest residual of the balance of energy over the energy that passed")      \
+  X(double, growth, "rate at which a small difference was seen to grow [1/s]; 0: not")             \
+  X(double, summed, "root of the sum of the squares of the local errors")                          \
+  X(double, total, "sum")                                                                          \
+  X(long, events, "e")                                                                             \
+  X(long, twin, "t")                                                                               \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* What a run may be warned of: X(code, accuracy, text). accuracy: the results may be further from
@@ -118,6 +123,7 @@
   X(balance, 1, "the balance of energy does not close")                                            \
   X(stretch, 0, "joints stretched further than belts are")                                         \
   X(no_contact, 1, "no link touches a pulley")                                                     \
+  X(growth, 1, "histories part exponentially")                                                     \
   X(torque, 1, "the torque function changes faster than steps follow")                             \
   X(fixed_step, 1, "the fixed step is too long")
 

@@ -246,41 +246,53 @@ int bd_guard_look(bd_sim *sim, int now) {
 
 /* --- progress -------------------------------------------------------------------------------- */
 
-/* Tries between two looks; so many while a wave runs once round the belt, and so many to go, are
- * out of all proportion: the paper's drive takes 64, one that chatters 700, and 1e7 take a minute.
- */
+/* Tries between two looks. Out of all proportion are so many while a wave runs once round the belt
+ * (the paper's drive takes 64, one that chatters 700) beyond ten times what the joints ask of an
+ * explicit method, if so many are to go; or more of both, whoever asks for them. */
 static const long WINDOW = 20000;
-static const double A_ROUND = 20000.0, TO_GO = 1e7;
+static const double A_ROUND = 5000.0, TO_GO = 2e5, WHATEVER_ROUND = 20000.0, WHATEVER_TO_GO = 1e7;
+
+/* Tries in which the explicit method spans the same, if it is held by the joints alone. */
+static double explicit_round(const bd_sim *sim) {
+  double stability = sim->method->implicit ? 0.0 : sim->method->stability;
+  return stability > 0.0 ? round_time(sim->model) * sim->model->info.spectral_bound / stability
+                         : 0.0;
+}
 
 /* What asks for such steps, and what to try. */
-static void blame(const bd_sim *sim, char *text, size_t size, int *body, int *pulley) {
+static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, int *pulley) {
   bd_stiffness stiff = bd_stiffness_of(sim->model, &sim->plan.load);
-  *body = *pulley = -1;
-  int jumping = bd_opaque_jumps(sim);
-  if (jumping >= 0) {
-    *pulley = jumping;
+  const double joints = sim->model->info.spectral_bound;
+  const char *what = NULL;
+  *pulley = bd_opaque_jumps(sim);
+  if (sim->options.max_step > 0.0 && mean_step > 0.5 * sim->options.max_step) {
+    *pulley = -1;
+    snprintf(text, size, "max_step = %.3g s is far below what the drive asks for",
+             sim->options.max_step);
+  } else if (sim->fixed) {
+    *pulley = -1;
+    snprintf(text, size, "step = %.3g s is far below what the drive asks for", sim->options.step);
+  } else if (*pulley >= 0) {
     snprintf(
         text, size,
         "the torque function of pulley %d jumps from step to step (a switch, a relay, noise); "
         "let it change over a range of time or speed, name its jumps in breakpoints, or loosen "
         "rtol",
-        jumping);
-  } else if (!sim->now->implicit && stiff.bound > 3.0 * sim->model->info.spectral_bound) {
+        *pulley);
+  } else if (stiff.bound > 3.0 * joints) {
     *pulley = stiff.pulley;
-    snprintf(text, size,
-             "%s is too stiff for the explicit method %s; take method=\"rodas4\", \"lbdf2\" or "
-             "\"auto\"",
-             stiff.what, sim->now->name);
-  } else if (!sim->now->implicit) {
-    snprintf(text, size,
-             "links this short or joints this stiff are beyond explicit steps; take "
-             "method=\"rodas4\", \"lbdf2\" or \"auto\"");
+    what = stiff.what;
+  } else if (!sim->plan.load.smooth && mean_step * joints < 0.3) {
+    what = "the torque function, which depends on angle or speed";
   } else {
-    *pulley = stiff.pulley;
-    snprintf(text, size,
-             "the fastest motion is that of %s; loosen rtol, take method=\"lbdf2\", or look for "
-             "parameters out of scale",
-             stiff.what);
+    what = sim->now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";
+  }
+  if (what) {
+    snprintf(text, size, "the fastest motion is that of %s; %s", what,
+             sim->now->implicit
+                 ? "loosen rtol, take method=\"lbdf2\", or look for parameters out of "
+                   "scale"
+                 : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol");
   }
 }
 
@@ -293,15 +305,19 @@ int bd_guard_progress(bd_sim *sim) {
   double gone = sim->t - guard->t_window, a_second = (double)since / fmax(gone, DBL_MIN);
   guard->t_window = sim->t;
   guard->tries_window = tries;
-  if (sim->options.max_steps > 0 || !(a_second * round_time(sim->model) > A_ROUND) ||
-      !(a_second * (sim->t_end - sim->t) > TO_GO)) {
+  double a_round = a_second * round_time(sim->model), to_go = a_second * (sim->t_end - sim->t);
+  int slow = a_round > A_ROUND + 10.0 * explicit_round(sim) && to_go > TO_GO;
+  int endless = a_round > WHATEVER_ROUND && to_go > WHATEVER_TO_GO;
+  /* "auto" has not tried its other method yet */
+  int untried = sim->choice.method[0] && !(sim->choice.per_second[AUTO_IMPLICIT] > 0.0);
+  if (sim->options.max_steps > 0 || untried || !(slow || endless)) {
     return BD_OK;
   }
   char text[256];
-  int body, pulley;
-  blame(sim, text, sizeof text, &body, &pulley);
-  return bd_fail_at(&sim->failure, BD_ERR_STALLED, "step", sim->t, body, pulley, gone,
+  int pulley;
+  blame(sim, gone / (double)since, text, sizeof text, &pulley);
+  return bd_fail_at(&sim->failure, BD_ERR_STALLED, "step", sim->t, -1, pulley, gone,
                     "no progress at t = %.9g s: %ld steps went %.3g s, the end is %.2g steps away; "
                     "%s (or set max_steps to go on all the same)",
-                    sim->t, since, gone, a_second * (sim->t_end - sim->t), text);
+                    sim->t, since, gone, to_go, text);
 }

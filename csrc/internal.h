@@ -275,7 +275,8 @@ typedef struct bd_load {
   double after, before; /* the breaks round the present piece; functions never see them exactly */
   double *part;         /* scratch: one term's torques */
   double *moved;        /* scratch: torques at another point */
-  int smooth;           /* every term is one whose derivatives are known */
+  const volatile int *stop; /* after a function: not 0 stops the run; may be NULL */
+  int smooth;               /* every term is one whose derivatives are known */
 } bd_load;
 
 void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *torque);
@@ -332,6 +333,7 @@ struct bd_plan {
   double round_drag, round_gain; /* the same on circulation, and what divides its inertia */
   const double *offset;          /* settling: the centres' displacement at the start */
   double move_from, move_time;
+  long contacts_changed; /* links that have come to a pulley or left it, with friction on */
   int n_passes;
   bd_pass passes[BD_MAX_PASSES];
   const char *names[BD_MAX_PASSES];
@@ -517,6 +519,18 @@ typedef struct bd_guard {
   double *touched;           /* per pulley: when a link was last seen on it */
 } bd_guard;
 
+/* A run beside the run, for short stretches. */
+typedef struct bd_twin {
+  bd_sim *sim;
+  int active, grows, chatters;
+  double t_begin, next_rounds, apart; /* start of the stretch; next look; difference at first */
+  long steps, events;                 /* that twins made; contacts changed at the last count */
+  double t_events, t_chatter;         /* of the last count; since when links chatter */
+  uint64_t random;
+  double seen_t[2], *seen; /* torques of the run at a step's ends */
+  double *theta;           /* pulleys' angles at the last count */
+} bd_twin;
+
 struct bd_sim {
   const bd_model *model;
   const bd_method *method, *now; /* in use; of the step just made */
@@ -526,6 +540,7 @@ struct bd_sim {
   bd_linear linear;
   bd_opaque opaque;
   bd_guard guard;
+  bd_twin twin;
   double t, t0, t_end, h, turns, e0, error_before;
   double *y, *y_new, *y_mid;
   double *stage[MAX_VECTORS];               /* stage[0]: the rate at y */
@@ -597,6 +612,13 @@ void bd_guard_begin(bd_sim *sim);
 int bd_guard_look(bd_sim *sim, int now);
 int bd_guard_progress(bd_sim *sim);
 
+/* --- twin.c ---------------------------------------------------------------------------------- */
+
+void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np);
+int bd_twin_create(bd_sim *sim, const bd_torque *torque);
+/* After a step. */
+int bd_twin_follow(bd_sim *sim);
+
 /* --- implicit.c ------------------------------------------------------------------------------ */
 
 /* Sees that the Jacobian at y, and the rate, are there. */
@@ -637,6 +659,8 @@ void bd_past_follow(bd_sim *sim);
 
 /* Refuses times that rounding would blur. */
 int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err);
+/* Makes the step from sim->t that another has made, without error control or samples. */
+int bd_sim_repeat(bd_sim *sim, double h, double t_new, double t_piece, double *error);
 /* Longest step that the method in use is allowed to make. */
 double bd_sim_longest(const bd_sim *sim, double h);
 /* Rate at any time and state; counted. */

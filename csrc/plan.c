@@ -283,7 +283,7 @@ static int put_right(bd_plan *plan, double t, double *y, int j, int begin, doubl
     if (rho2 < 0.25 * rim2) {
       return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
                         "link %d sank past half the radius of pulley %d at t = %.9g s: the "
-                        "contact is too soft for this tension, or the tension too high",
+                        "contact is too soft for this tension, or a torque or a speed out of scale",
                         i, j, t);
     }
     if (!mu) {
@@ -294,6 +294,7 @@ static int put_right(bd_plan *plan, double t, double *y, int j, int begin, doubl
       mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
       *changed = 1;
     }
+    plan->contacts_changed += held != (owner[i] == j);
     owner[i] = held ? j : owner[i] == j ? RELEASED : owner[i];
     if (held && fabs(mu[i]) > limit) {
       *changed |= fabs(mu[i]) > limit * (1.0 + tolerance);

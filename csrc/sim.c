@@ -52,6 +52,7 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
   bd_plan_carve(carver, &sim->plan, lay);
   bd_opaque_carve(carver, &sim->opaque, lay->np);
   bd_guard_carve(carver, &sim->guard, lay->np);
+  bd_twin_carve(carver, &sim->twin, lay->np);
   bd_load_carve(carver, &sim->plan.load, lay->np, torque);
 }
 
@@ -78,6 +79,7 @@ bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_meth
 /* The sample times are the one thing of unknown number, in a block of their own. */
 void bd_sim_free(bd_sim *sim) {
   if (sim) {
+    bd_sim_free(sim->twin.sim);
     bd_block_free(sim->t_sample);
     bd_block_free(sim);
   }
@@ -237,6 +239,10 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   sim->t_end = t_end;
   bd_plan_make(&sim->plan, model, &(bd_plan_options){.ledger = options->ledger, .friction = 1});
   bd_sim_weights(sim);
+  if (bd_twin_create(sim, torque) != BD_OK) {
+    bd_sim_free(sim);
+    return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
+  }
   if (pair.method[0]) {
     bd_auto_begin(sim);
   }
@@ -349,8 +355,6 @@ static int accept(bd_sim *sim, double h, double t_new) {
   return BD_OK;
 }
 
-/* --- running --------------------------------------------------------------------------------- */
-
 static double next_stop(bd_sim *sim) {
   bd_load *load = &sim->plan.load;
   while (sim->next_break < load->n_breaks && load->breaks[sim->next_break] <= sim->t) {
@@ -363,6 +367,16 @@ static double next_stop(bd_sim *sim) {
       sim->next_break < load->n_breaks ? load->breaks[sim->next_break] : (double)INFINITY;
   return fmin(load->before, sim->t_end);
 }
+
+int bd_sim_repeat(bd_sim *sim, double h, double t_new, double t_piece, double *error) {
+  next_stop(sim);
+  sim->plan.t_piece = t_piece;
+  bd_search_ready(&sim->plan, sim->y, h);
+  int code = sim->now->attempt(sim, h, error);
+  return code == BD_OK ? accept(sim, h, t_new) : code;
+}
+
+/* --- running --------------------------------------------------------------------------------- */
 
 /* Steps come from a geometric ladder, 2^(1/32) apart: rounding in the error estimate then does not
  * reach the step, so scenes that differ by rounding alone (turned, shifted) take the same steps. */
@@ -518,6 +532,10 @@ static int step(bd_sim *sim) {
     }
     if (code == BD_OK) {
       sim->stats.local_error = fmax(sim->stats.local_error, bd_method_error(sim->now, error));
+      sim->stats.summed += error * error;
+      sim->stats.total += error;
+      sim->stats.events = sim->plan.contacts_changed;
+      sim->stats.twin = sim->twin.steps;
       if (sim->now != m) {
         ++sim->stats.fallbacks;
       } else if (!sim->fixed) {
@@ -537,11 +555,7 @@ static int step(bd_sim *sim) {
       return bd_sim_fail_fixed(sim, h, error);
     }
     if (!mendable || (sim->fixed && !m->implicit)) {
-      return code == BD_ERR_NOT_FINITE ||
-                     (code == BD_ERR_PASSED_THROUGH &&
-                      h * sim->model->info.spectral_bound > m->stability && m->stability > 0.0)
-                 ? bd_sim_fail_unstable(sim, code, h)
-                 : code;
+      return mendable ? bd_sim_fail_unstable(sim, code, h) : code;
     }
     ++sim->stats.rejected;
     if (sim->fixed) {
@@ -551,7 +565,7 @@ static int step(bd_sim *sim) {
     }
     if (code == BD_ERR_PASSED_THROUGH) {
       if (!m->implicit || h <= 1.01 * step_floor) {
-        return code;
+        return sim->fixed ? bd_sim_fail_unstable(sim, code, h) : code;
       }
       bd_plan_own(&sim->plan, sim->y);
     }
@@ -598,6 +612,9 @@ static int advance(bd_sim *sim, long max_steps) {
     }
     if (code == BD_OK && !sim->watch) {
       code = bd_guard_progress(sim);
+    }
+    if (code == BD_OK && !sim->watch) {
+      code = bd_twin_follow(sim);
     }
     if (code == BD_OK && sim->choice.method[0]) {
       bd_auto_watch(sim);

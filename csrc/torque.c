@@ -93,6 +93,7 @@ static int ascending(const void *a, const void *b) {
 int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err) {
   size_t n = 0;
   load->smooth = 1;
+  load->stop = torque ? torque->stop : NULL;
   for (size_t k = 0; k < load->n_terms; ++k) {
     const bd_torque_term *term = &load->terms[k];
     load->smooth &= term->kind == BD_TORQUE_PIECEWISE || term->kind == BD_TORQUE_VISCOUS;
@@ -178,6 +179,7 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
     case BD_TORQUE_FUNCTION:
       memset(load->part, 0, (size_t)np * sizeof *load->part);
       term->function(t_inside, theta, omega, load->part, term->user);
+      code = load->stop && *load->stop;
       break;
     default:
       memset(load->part, 0, (size_t)np * sizeof *load->part);

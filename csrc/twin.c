@@ -1,0 +1,226 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Whether histories part exponentially. In a lightly damped drive whose links chatter on the
+ * pulleys every impact multiplies a small difference, and after some tens of milliseconds no
+ * tolerance can say where a link is, while averages stay what they are. Neither local errors nor
+ * the balance of energy know of it.
+ *
+ * So for short stretches a twin runs along, displaced by a millionth of a joint's stretch, in the
+ * very same steps, so that nothing but the displacement makes a difference. Of a calm drive the
+ * difference decays or stays, to within a few times, for links that come and go change it; of one
+ * that chatters it has grown a thousandfold within ten rounds of a stretch wave. A stretch begins
+ * where links are seen to come and go many times as often as the belt's travel brings them (a
+ * quarter of the steps at most), and now and then in any run (a hundredth).
+ *
+ * The twin has the run's set torques, but of a torque function, which is not to be called twice,
+ * what the run saw. Guarded by tests/test_growth.py.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "internal.h"
+
+/* Displacement over a joint's stretch; growth that is exponential beyond doubt, and below which a
+ * stretch ends; its length, and the longest, in rounds of a wave. */
+static const double DISPLACEMENT = 1e-6, GROWN = 100.0, CALM = 6.0, ROUNDS = 10.0,
+                    MOST_ROUNDS = 40.0;
+/* Share of the steps that twins may take, if nothing is suspected, and if it is. */
+static const double USUAL = 0.01, SUSPECTED = 0.25;
+/* Contacts gained or lost against those that the belt's travel makes. */
+static const double CHATTER = 4.0;
+
+int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
+  double times[2] = {0.0, 1.0};
+  bd_torque_term seen = {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = times};
+  bd_torque stand_in = {.n_terms = 1, .terms = &seen};
+  double *zero = NULL;
+  if (!sim->plan.load.smooth) {
+    zero = bd_block_new(2 * (size_t)sim->model->lay.np * sizeof *zero);
+    if (!zero) {
+      return BD_ERR_MEMORY;
+    }
+    seen.values = zero;
+    torque = &stand_in;
+  }
+  const bd_auto *c = &sim->choice;
+  bd_sim *twin =
+      bd_sim_new(sim->model, c->method[0] ? c->method[0] : sim->method, c->method[1], torque, 0);
+  if (twin) {
+    bd_load_fill(&twin->plan.load, torque, NULL);
+    twin->options = sim->options;
+    twin->fixed = sim->fixed;
+    twin->t_end = sim->t_end;
+    bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .powerless = 1});
+  }
+  bd_block_free(zero);
+  sim->twin.sim = twin;
+  return twin ? BD_OK : BD_ERR_MEMORY;
+}
+
+/* Root mean square of the difference of the joints' stretches, over the stretch at rest. */
+static double apart(const bd_sim *one, const bd_sim *other) {
+  const bd_layout *lay = &one->model->lay;
+  const double half = one->plan.links.half;
+  const double *x = bd_cfield(lay, one->y, F_X), *y = bd_cfield(lay, one->y, F_Y);
+  const double *u = bd_cfield(lay, other->y, F_X), *v = bd_cfield(lay, other->y, F_Y);
+  const double *co = one->plan.links.cos, *si = one->plan.links.sin;
+  const double *cp = other->plan.links.cos, *sp = other->plan.links.sin;
+  double sum = 0.0;
+  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    double dx = (u[i] - x[i]) - (u[l] - x[l]) - half * (cp[i] - co[i] + cp[l] - co[l]);
+    double dy = (v[i] - y[i]) - (v[l] - y[l]) - half * (sp[i] - si[i] + sp[l] - si[l]);
+    sum += dx * dx + dy * dy;
+  }
+  return sqrt(sum / lay->n) / (one->model->info.strain * one->model->info.link_length);
+}
+
+static double round_time(const bd_model *model) {
+  return model->belt.length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
+}
+
+/* --- when to look ---------------------------------------------------------------------------- */
+
+/* Over some rounds of a wave: contacts gained and lost, and those that the travel of the fastest
+ * rim makes, two a link and pulley, and two more a pulley for what sways at its ends. */
+static void watch_contacts(bd_sim *sim) {
+  bd_twin *twin = &sim->twin;
+  const bd_layout *lay = &sim->model->lay;
+  if (sim->t - twin->t_events < 4.0 * round_time(sim->model)) {
+    return;
+  }
+  double travel = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    double way = sim->model->radius[j] * fabs(sim->y[lay->theta + j] - twin->theta[j]);
+    travel = fmax(travel, way);
+    twin->theta[j] = sim->y[lay->theta + j];
+  }
+  double expected = 2.0 * lay->np * (travel / sim->model->info.link_length + 2.0);
+  int chatters = (double)(sim->plan.contacts_changed - twin->events) > CHATTER * expected;
+  if (chatters && !twin->chatters) {
+    twin->t_chatter = twin->t_events;
+  }
+  twin->chatters = chatters;
+  twin->events = sim->plan.contacts_changed;
+  twin->t_events = sim->t;
+}
+
+static void begin(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  bd_sim *twin = t->sim;
+  const bd_layout *lay = &sim->model->lay;
+  const double size = DISPLACEMENT * sim->model->info.strain * sim->model->info.link_length;
+  memcpy(twin->y, sim->y, lay->size * sizeof *twin->y);
+  for (int k = 0; k < sim->n_past; ++k) {
+    memcpy(twin->past[k], sim->past[k], lay->size * sizeof *twin->y);
+    twin->past_h[k] = sim->past_h[k];
+  }
+  memcpy(twin->plan.owner, sim->plan.owner,
+         (size_t)(lay->n8 * lay->slots) * sizeof *twin->plan.owner);
+  /* the past is displaced as well: it is the place that differs, not the speed */
+  for (int f = F_X; f <= F_Y; ++f) {
+    for (int i = 0; i < lay->n; ++i) {
+      t->random = t->random * 6364136223846793005u + 1442695040888963407u;
+      double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
+      bd_field(lay, twin->y, f)[i] += shift;
+      for (int k = 0; k < sim->n_past; ++k) {
+        bd_field(lay, twin->past[k], f)[i] += shift;
+      }
+    }
+  }
+  twin->n_past = sim->n_past;
+  twin->method = twin->now = sim->method;
+  twin->t = sim->t;
+  twin->turns = sim->turns;
+  twin->started = 1;
+  twin->rate_known = twin->linear_known = 0;
+  twin->next_break = 0;
+  bd_plan_place(&twin->plan, sim->t);
+  twin->plan.search.margin = 0.0;
+  twin->plan.search.travelled = INFINITY;
+  t->active = 1;
+  t->t_begin = sim->t;
+  t->apart = 0.0;
+}
+
+/* --- a stretch ------------------------------------------------------------------------------- */
+
+static void conclude(bd_sim *sim, double growth) {
+  bd_twin *t = &sim->twin;
+  double from = t->chatters ? t->t_chatter : t->t_begin;
+  double folding = (sim->t - t->t_begin) / log(growth);
+  t->grows = 1;
+  sim->stats.growth = 1.0 / folding;
+  bd_sim_warn(sim, BD_WARN_growth, from, -1, -1,
+              "histories part exponentially from t = %.6g s on: a small difference grows by e in "
+              "%.2g s, so single forces and positions cannot be trusted from then on, whatever the "
+              "tolerance; averages may be; more damping of contact or joints calms such drives",
+              from, folding);
+}
+
+static int follow(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  bd_sim *twin = t->sim;
+  const int np = sim->model->lay.np;
+  if (sim->method != twin->method) {
+    t->active = 0; /* "auto" has gone over to another method */
+    return BD_OK;
+  }
+  double h = sim->t - twin->t, error;
+  if (!sim->plan.load.smooth) {
+    bd_torque_term *seen = &twin->plan.load.terms[0];
+    memcpy(t->seen, sim->opaque.last, (size_t)np * sizeof *t->seen);
+    memcpy(t->seen + np, sim->opaque.now, (size_t)np * sizeof *t->seen);
+    t->seen_t[0] = twin->t;
+    t->seen_t[1] = sim->t;
+    seen->t = t->seen_t;
+    seen->values = t->seen;
+  }
+  twin->now = sim->now;
+  int code = bd_sim_repeat(twin, h, sim->t, sim->plan.t_piece, &error);
+  ++t->steps;
+  if (code != BD_OK || !isfinite(error)) {
+    t->active = 0;
+    return BD_OK;
+  }
+  if (t->apart == 0.0) {
+    t->apart = apart(sim, twin);
+  }
+  double rounds = (sim->t - t->t_begin) / round_time(sim->model);
+  if (rounds < t->next_rounds) {
+    return BD_OK;
+  }
+  t->next_rounds = rounds + 2.0;
+  double growth = apart(sim, twin) / t->apart;
+  if (growth > GROWN) {
+    conclude(sim, growth);
+    t->active = 0;
+  } else if (rounds > MOST_ROUNDS || (rounds > ROUNDS && growth < CALM)) {
+    t->active = 0;
+  }
+  return BD_OK;
+}
+
+int bd_twin_follow(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  if (!t->sim || t->grows) {
+    return BD_OK;
+  }
+  if (t->active) {
+    return follow(sim);
+  }
+  watch_contacts(sim);
+  /* what a stretch will take, at the pace of the run so far */
+  double rounds = (sim->t - sim->t0) / round_time(sim->model);
+  double share = t->chatters ? SUSPECTED : USUAL;
+  double due = share * (double)sim->stats.steps - (double)t->steps;
+  if (due * rounds > ROUNDS * (double)sim->stats.steps) {
+    begin(sim);
+    t->next_rounds = 2.0;
+  }
+  return BD_OK;
+}
+
+void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np) {
+  BD_CARVE(carver, twin->theta, np);
+  BD_CARVE(carver, twin->seen, 2 * np);
+}
