@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, sanity
+from . import _core, memory, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
 from .errors import Interrupted, RunWarning, SimulationError, issue
 from .params import Params
@@ -83,7 +83,8 @@ def simulate(
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
             returned something else than n_p numbers.
         SimulationError: The run cannot go on; ``.result`` holds what was computed.
-        Interrupted: Ctrl-C; ``.result`` holds what was computed.
+        Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
+        MemoryError: The samples do not fit into memory; said before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
         Exception: Whatever ``torque_fn`` raises comes out unchanged.
     """
@@ -104,6 +105,9 @@ def simulate(
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
+    needed = memory.check_samples(
+        times.size, params.belt.n_bodies, len(params.pulleys), ledger=options["ledger"]
+    )
 
     settle_start = time.perf_counter()
     state = settle(params, progress=progress) if initial is None else initial
@@ -113,8 +117,13 @@ def simulate(
     sim = _core.Simulation(
         params._model, state._to_core(params.friction is not None), terms, end, **options
     )
-    arrays = sim.sample(times)
-    cpu_start, wall_start = time.thread_time(), time.perf_counter()
+    try:
+        arrays = sim.sample(times)
+        cpu_start, wall_start = time.thread_time(), time.perf_counter()
+    except MemoryError:
+        raise memory.no_room(times.size, needed, "which could not be had") from None
+    except KeyboardInterrupt as error:  # a million rows take their time
+        raise Interrupted("interrupted before the first step, nothing was computed") from error
 
     def result(status: str, message: str) -> Result:
         counters = sim.stats
@@ -145,21 +154,21 @@ def simulate(
         with _progress(progress, "simulating", start, end) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
+        message = f"reached t_end = {end:g} s"
+        if method == "auto":
+            message += f"; {sim.choice}"
+        elif sim.stats["local_error"] >= 1.0:
+            message += (
+                f"; {sim.stats['rejected']} steps of the length asked erred by many times a "
+                "joint's stretch and were made again, shorter: take a shorter step"
+            )
+        finished = result("finished", message)
     except SimulationError as error:
         error.result = result("failed", str(error))
         raise
     except KeyboardInterrupt as error:
         message = f"interrupted at t = {sim.time:.6g} s"
         raise Interrupted(message, result("interrupted", message)) from error
-    message = f"reached t_end = {end:g} s"
-    if method == "auto":
-        message += f"; {sim.choice}"
-    elif sim.stats["local_error"] >= 1.0:
-        message += (
-            f"; {sim.stats['rejected']} steps of the length asked erred by many times a joint's "
-            "stretch and were made again, shorter: take a shorter step"
-        )
-    finished = result("finished", message)
     issue(finished.warnings, stacklevel=2)
     return finished
 
