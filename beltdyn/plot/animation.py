@@ -25,6 +25,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from .. import files
 from ..checks import positive
 from ..result import Result
 from . import style
@@ -182,20 +183,19 @@ class Animation(FuncAnimation):
         Raises:
             ValueError: No film can have this ending.
             ImportError: An MP4 needs ffmpeg and there is none; the message says what to install.
-            OSError: The file cannot be written.
+            OSError: The file cannot be written; what was there before is as it was.
         """
         if writer is None:
             fps = args[0] if args else options.get("fps")
             writer = film_writer(filename, self.fps if fps is None else fps)
-            # A writer may find out late, or leave a broken file, what can be found out now.
-            with open(filename, "ab"):
-                pass
-        try:
-            super().save(os.fspath(filename), writer, *args, **options)
-        except subprocess.CalledProcessError as error:
-            said = str(error.stderr or "").strip().splitlines()
-            why = said[-1] if said else f"exit code {error.returncode}"
-            raise OSError(f"ffmpeg could not write {os.fspath(filename)}: {why}") from error
+        with files.replacing(filename) as temporary:
+            try:
+                super().save(os.fspath(temporary), writer, *args, **options)
+            except subprocess.CalledProcessError as error:
+                said = str(error.stderr or "").strip().splitlines()
+                why = said[-1] if said else f"exit code {error.returncode}"
+                why = why.replace(os.fspath(temporary), os.fspath(filename))
+                raise OSError(f"ffmpeg could not write {os.fspath(filename)}: {why}") from error
 
     def _repr_html_(self) -> str:
         """Show it in a notebook: as a video, or as single frames where there is no ffmpeg."""
