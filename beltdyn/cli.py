@@ -348,9 +348,8 @@ class _Outputs(NamedTuple):
 def _draw(result: Result, path: Path) -> None:
     from .plot import overview
 
-    figure = overview(result)
     with files.replacing(path) as temporary:
-        figure.savefig(temporary, format=path.suffix[1:].lower())
+        overview(result).savefig(temporary, format=path.suffix[1:].lower())
 
 
 def _film(result: Result, path: Path, quiet: bool) -> None:

@@ -163,7 +163,7 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
 
 
 @pytest.mark.usefixtures("interrupts")
-@pytest.mark.parametrize("after", [0.02, 3.0])
+@pytest.mark.parametrize("after", [0.02, 1.0])
 def test_ctrl_c_with_very_many_samples(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch, after: float
 ) -> None:
@@ -182,7 +182,8 @@ def test_ctrl_c_with_very_many_samples(
     if result is None:
         assert str(caught.value) == "interrupted before the first step, nothing was computed"
     else:
-        assert result.status == "interrupted" and result.t.size < MANY
+        # All samples, if it came while the result was built.
+        assert result.status == "interrupted" and result.t.size <= MANY
         assert np.isfinite(result.belt.x).all() and len(result.belt.x) == result.t.size
 
 

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -188,7 +189,7 @@ class Animation(FuncAnimation):
         if writer is None:
             fps = args[0] if args else options.get("fps")
             writer = film_writer(filename, self.fps if fps is None else fps)
-        with files.replacing(filename) as temporary:
+        with _destination(filename, writer) as temporary:
             try:
                 super().save(os.fspath(temporary), writer, *args, **options)
             except subprocess.CalledProcessError as error:
@@ -210,6 +211,14 @@ class Animation(FuncAnimation):
             video = base64.b64encode(path.read_bytes()).decode("ascii")
         source = f'<source type="video/mp4" src="data:video/mp4;base64,{video}">'
         return f"<video controls autoplay loop muted>{source}</video>"
+
+
+def _destination(
+    filename: str | os.PathLike[str], writer: AbstractMovieWriter | str
+) -> AbstractContextManager[Path]:
+    """Give where to write: beside the file, but for a page that names a folder of frames by it."""
+    apart = not writer.embed_frames if isinstance(writer, HTMLWriter) else writer == "html"
+    return nullcontext(Path(filename)) if apart else files.replacing(filename)
 
 
 class _FFMpeg(FFMpegWriter):
