@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import numbers
 import reprlib
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -20,10 +21,24 @@ __all__ = [
     "positive",
     "real",
     "real_array",
+    "refuse_masked",
     "sample_times",
+    "shown",
 ]
 
 Array = NDArray[np.float64]
+
+
+#: NumPy's own limit on dimensions: deeper sequences are no arrays.
+_DEEPEST = 64
+
+
+def shown(value: object) -> str:
+    """Write a value, short; Python refuses to write an int of thousands of digits."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:
+        return f"{type(value).__name__} too long to print"
 
 
 def _with_unit(unit: str) -> str:
@@ -38,15 +53,13 @@ def real(name: str, value: object, unit: str = "1") -> float:
         ValueError: NaN or infinite.
     """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
-        raise TypeError(
-            f"{name} must be a real number{_with_unit(unit)}, got {reprlib.repr(value)}"
-        )
+        raise TypeError(f"{name} must be a real number{_with_unit(unit)}, got {shown(value)}")
     try:
         number = float(value)
     except OverflowError:
         number = float("inf")
     if not np.isfinite(number):
-        raise ValueError(f"{name} must be finite{_with_unit(unit)}, got {value!r}")
+        raise ValueError(f"{name} must be finite{_with_unit(unit)}, got {shown(value)}")
     return number
 
 
@@ -77,7 +90,7 @@ def flag(name: str, value: object) -> bool:
         TypeError: Not a bool.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{name} must be a bool, got {value!r}")
+        raise TypeError(f"{name} must be a bool, got {shown(value)}")
     return bool(value)
 
 
@@ -91,46 +104,75 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     bounds = f">= {least}" if most is None else f"from {least} to {most}"
     rule = f"{name} must be an integer {bounds}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
-        raise TypeError(f"{rule}, got {reprlib.repr(value)}")
+        raise TypeError(f"{rule}, got {shown(value)}")
     number = int(value)
     if number < least or (most is not None and number > most):
-        raise ValueError(f"{rule}, got {number}")
+        raise ValueError(f"{rule}, got {shown(number)}")
     return number
 
 
 def pair(name: str, value: object, unit: str) -> tuple[float, float]:
     """Check two finite real numbers, from any sequence or array of two."""
+    refuse_masked(name, value)
     if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, str) or len(value) != 2:
         raise TypeError(
-            f"{name} must be a pair of real numbers{_with_unit(unit)}, got {reprlib.repr(value)}"
+            f"{name} must be a pair of real numbers{_with_unit(unit)}, got {shown(value)}"
         )
     return real(f"{name}[0]", value[0], unit), real(f"{name}[1]", value[1], unit)
 
 
+def refuse_masked(name: str, value: object) -> None:
+    """Refuse masked values, alone or in sequences: as numbers they would be taken for real.
+
+    Raises:
+        ValueError: There are some. An array whose mask hides nothing may pass.
+    """
+    masked = sys.modules.get("numpy.ma")
+    if masked is not None and _holds_masked(value, masked, _DEEPEST):
+        raise ValueError(
+            f"{name} must not hold masked values: fill them in (.filled(...)) or leave them out "
+            "(.compressed())"
+        )
+
+
+def _holds_masked(value: object, masked: Any, depth: int) -> bool:
+    if isinstance(value, masked.MaskedArray):
+        return bool(masked.is_masked(value))
+    if isinstance(value, np.ndarray) or not isinstance(value, Sequence) or isinstance(value, str):
+        return False
+    return depth > 0 and any(
+        _holds_masked(item, masked, depth - 1) for item in value if type(item) is not float
+    )
+
+
 def real_array(name: str, value: Any, *, ndim: int, shape: tuple[int, ...] | None = None) -> Array:
-    """Check an array of finite real numbers; give a read-only C-contiguous float copy.
+    """Check an array of finite real numbers; give an immutable C-contiguous float copy.
+
+    Its memory is that of a ``bytes`` object, so it cannot even be made writeable again.
 
     Raises:
         TypeError: Not real numbers.
-        ValueError: Wrong shape, ragged, NaN or infinite.
+        ValueError: Wrong shape, ragged, masked, NaN or infinite.
     """
+    refuse_masked(name, value)
     try:
-        given = np.asarray(value)
+        given = np.asanyarray(value)
     except ValueError:
         raise ValueError(f"{name} must be a regular array, its rows differ in length") from None
+    refuse_masked(name, given)  # what its __array__ gave
     if given.dtype.kind not in "iuf" and given.size:
-        raise TypeError(f"{name} must hold real numbers, got {reprlib.repr(value)}")
+        raise TypeError(f"{name} must hold real numbers, got {shown(value)}")
     if given.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimension(s), got shape {given.shape}")
     if shape is not None and given.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {given.shape}")
-    array = np.array(given, dtype=np.float64, order="C")
+    with np.errstate(over="ignore"):  # what is too large for a float becomes infinite
+        array = np.array(given if given.size else np.empty(given.shape), np.float64, order="C")
     if not np.isfinite(array).all():
         where = np.argwhere(~np.isfinite(array))[0]
         index = ", ".join(map(str, where))
         raise ValueError(f"{name} must be finite, got {array[tuple(where)]} at [{index}]")
-    array.flags.writeable = False
-    return array
+    return np.ndarray(array.shape, np.float64, array.tobytes())
 
 
 def sample_times(name: str, value: Any, start: float, end: float) -> Array:

@@ -1,7 +1,7 @@
 """The command line: ``beltdyn run SCENE``, ``beltdyn scenes``, ``beltdyn figures``.
 
-Exit codes: 0 fine, 1 the run failed, 2 bad input, 130 interrupted. A run that fails or is
-interrupted still writes what it computed.
+Exit codes: 0 fine, 1 the run failed or a file could not be written, 2 bad input, 130 interrupted. A
+run that fails or is interrupted still writes what it computed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import click
 
-from . import __version__, scenes
+from . import __version__, files, scenes
 from .errors import Interrupted, SimulationError
 from .result import Result
 from .simulation import METHODS, simulate
@@ -140,7 +140,11 @@ def run(
         _stop(f"{error}{outputs.write(error.result)}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
-    written = outputs.write(result)
+    try:
+        with _interruptible():
+            written = outputs.write(result)
+    except KeyboardInterrupt:
+        _stop("interrupted while the result was written", _INTERRUPTED)
     if not quiet:
         _print_summary(scene, result, written)
 
@@ -207,7 +211,7 @@ def _write_figures(
 
     def write(name: str, content: bytes) -> None:
         path = folder / name
-        path.write_bytes(content)
+        files.write_bytes(path, content)
         written.append(path)
 
     write("table.txt", f"{comparison}\n".encode())
@@ -218,7 +222,6 @@ def _write_figures(
         for figure in figures:
             drawn = figure(runs, size=size)
             for kind in kinds:
-                # In memory first: an interrupted drawing leaves no half a file.
                 picture = io.BytesIO()
                 drawn.savefig(picture, format=kind)
                 write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
@@ -231,8 +234,8 @@ def _check_folder(folder: Path) -> None:
         _stop(f"cannot write to {folder}: it is a file", _BAD_INPUT)
     if not folder.exists() and not folder.parent.is_dir():
         _stop(f"cannot write to {folder}: there is no folder {folder.parent}", _BAD_INPUT)
-    if not os.access(folder if folder.exists() else folder.parent, os.W_OK):
-        _stop(f"cannot write to {folder}: permission denied", _BAD_INPUT)
+    # A file that will not be there: what counts is whether one can be made.
+    files.check_writable((folder if folder.exists() else folder.parent) / "table.txt")
 
 
 def _find(scene: str) -> scenes.Scene:
@@ -250,8 +253,8 @@ def _check_writable(path: Path) -> None:
         _stop(f"cannot write {path}: there is no folder {folder}", _BAD_INPUT)
     if path.is_dir():
         _stop(f"cannot write {path}: it is a folder", _BAD_INPUT)
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        _stop(f"cannot write {path}: permission denied", _BAD_INPUT)
+    # In the folder first, where a file is made to take the place of what is there.
+    files.check_writable(path)
 
 
 def _need_matplotlib(what: str) -> None:
@@ -345,7 +348,8 @@ class _Outputs(NamedTuple):
 def _draw(result: Result, path: Path) -> None:
     from .plot import overview
 
-    overview(result).savefig(path)
+    with files.replacing(path) as temporary:
+        overview(result).savefig(temporary, format=path.suffix[1:].lower())
 
 
 def _film(result: Result, path: Path, quiet: bool) -> None:

@@ -326,7 +326,11 @@ class Params:
         return toml.read_params(source)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
-        """Give the parameters as TOML text, also written to ``path``; exact both ways."""
+        """Give the parameters as TOML text, also written to ``path``; exact both ways.
+
+        Raises:
+            OSError: The file cannot be written; what was there before is as it was.
+        """
         from . import toml
 
         return toml.write(toml.params_document(self), path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from functools import cached_property
@@ -12,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core, npz
+from . import _core
 from .checks import Array
 from .errors import RunWarning
 from .params import Params
@@ -27,8 +26,6 @@ __all__ = [
     "Result",
     "Stats",
 ]
-
-_FORMAT = 2
 
 
 def _names(kind: type[_Group]) -> list[str]:
@@ -408,63 +405,28 @@ class Result:
         ]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x"."""
-        values: dict[str, Any] = {"t": self.t}
-        for name in self._GROUPS:
-            group = getattr(self, name)
-            values |= {f"{name}.{k}": v for k, v in group._arrays().items()} if group else {}
-        final = self.final_state
-        values |= {f"final_state.{name}": getattr(final, name) for name, _ in _core.STATE_FIELDS}
-        meta = {
-            "format": _FORMAT,
-            "version": _core.__version__,
-            "final_t": final.t,
-            "effects": self.effects,
-            "success": self.success,
-            "status": self.status,
-            "message": self.message,
-            "stats": attrs.asdict(self.stats),
-            "warnings": [attrs.asdict(one) for one in self.warnings],
-        }
-        values |= {"meta.json": json.dumps(meta), "params.toml": self.params.to_toml()}
-        npz.write(path, values)
+        """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x".
+
+        Raises:
+            OSError: It cannot be written; what was there before is as it was.
+        """
+        from . import saved
+
+        saved.write(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:
-        """Read what :meth:`save` wrote.
+        """Read what :meth:`save` wrote; everything is checked against the parameters in it.
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: It is not a saved result.
+            MemoryError: It is larger than the memory.
+            ValueError: It is not a saved result, or one of another format; the message says what is
+                wrong.
         """
-        return npz.read(path, "Result", cls._from_arrays)
+        from . import saved
 
-    @classmethod
-    def _from_arrays(cls, values: Mapping[str, Any]) -> Result:
-        meta = json.loads(str(values["meta.json"]))
-        if meta["format"] != _FORMAT:
-            raise ValueError(f"its format is {meta['format']}, this version reads {_FORMAT}")
-
-        def part(prefix: str) -> dict[str, Any]:
-            dotted = f"{prefix}."
-            return {k.removeprefix(dotted): v for k, v in values.items() if k.startswith(dotted)}
-
-        groups: dict[str, Any] = {
-            name: kind(**arrays) if (arrays := part(name)) else None
-            for name, kind in cls._GROUPS.items()
-        }
-        return cls(
-            t=values["t"],
-            **groups,
-            stats=Stats(**meta["stats"]),
-            effects=tuple(meta["effects"]),
-            success=meta["success"],
-            status=meta["status"],
-            message=meta["message"],
-            params=Params.from_toml(str(values["params.toml"])),
-            final_state=State(**part("final_state"), t=meta["final_t"]),
-            warnings=tuple(RunWarning(**one) for one in meta["warnings"]),
-        )
+        return saved.read(path)
 
 
 def _last_touched(touched: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -71,6 +71,7 @@ class Scene(NamedTuple):
         Raises:
             TypeError: The torque is a function; only torque objects can be written.
             ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
+            OSError: The file cannot be written; what was there before is as it was.
         """
         from . import toml
 

@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, sanity
+from . import _core, memory, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
 from .errors import Interrupted, RunWarning, SimulationError, issue
 from .escaped import Escaped
@@ -88,7 +88,8 @@ def simulate(
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
             returned something else than n_p numbers.
         SimulationError: The run cannot go on; ``.result`` holds what was computed.
-        Interrupted: Ctrl-C; ``.result`` holds what was computed.
+        Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
+        MemoryError: The samples do not fit into memory; said before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
         Exception: Whatever ``torque_fn`` raises comes out unchanged, from ctypes, cffi and Numba
             callbacks as well; what was computed is in its attribute ``result``.
@@ -111,6 +112,9 @@ def simulate(
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
+    needed = memory.check_samples(
+        times.size, params.belt.n_bodies, len(params.pulleys), ledger=options["ledger"]
+    )
 
     settle_start = time.perf_counter()
     state = settle(params, progress=progress) if initial is None else initial
@@ -126,8 +130,13 @@ def simulate(
         stop=escaped.flag,
         **options,
     )
-    arrays = sim.sample(times)
-    cpu_start, wall_start = time.thread_time(), time.perf_counter()
+    try:
+        arrays = sim.sample(times)
+        cpu_start, wall_start = time.thread_time(), time.perf_counter()
+    except MemoryError:
+        raise memory.no_room(times.size, needed, "which could not be had") from None
+    except KeyboardInterrupt as error:  # a million rows take their time
+        raise Interrupted("interrupted before the first step, nothing was computed") from error
 
     def result(status: str, message: str) -> Result:
         counters = sim.stats
@@ -158,16 +167,29 @@ def simulate(
         message = f"interrupted at t = {sim.time:.6g} s"
         return Interrupted(message, result("interrupted", message))
 
+    finishing = False
     try:
         with escaped, _progress(progress, "simulating", start, end) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
+        finishing = True
+        message = f"reached t_end = {end:g} s"
+        if method == "auto":
+            message += f"; {sim.choice}"
+        elif sim.stats["local_error"] >= 1.0:
+            message += (
+                f"; {sim.stats['rejected']} steps of the length asked erred by many times a "
+                "joint's stretch and were made again, shorter: take a shorter step"
+            )
+        finished = result("finished", message)
     except SimulationError as error:
         error.result = result("failed", str(error))
         raise
     except KeyboardInterrupt as error:
         raise interrupted() from error
     except Exception as error:
+        if finishing:
+            raise
         raised = escaped.error or error
         if isinstance(raised, KeyboardInterrupt):
             raise interrupted() from raised
@@ -176,15 +198,6 @@ def simulate(
         if raised is error:
             raise
         raise raised from None
-    message = f"reached t_end = {end:g} s"
-    if method == "auto":
-        message += f"; {sim.choice}"
-    elif sim.stats["local_error"] >= 1.0:
-        message += (
-            f"; {sim.stats['rejected']} steps of the length asked erred by many times a joint's "
-            "stretch and were made again, shorter: take a shorter step"
-        )
-    finished = result("finished", message)
     issue(finished.warnings, stacklevel=2)
     return finished
 

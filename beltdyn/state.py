@@ -57,7 +57,7 @@ _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self
 class State:
     """Positions, velocities and friction of every link, and the turning of every pulley.
 
-    Arrays are read-only copies. What is not given is zero, but for the positions.
+    Arrays are copies that cannot be changed. What is not given is zero, but for the positions.
 
     Attributes:
         x: Mass centres of the links (n_b,) [m].
@@ -102,7 +102,7 @@ class State:
         return self.theta.size
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Through the constructor, so that a copy is checked and read-only as well.
+        # Through the constructor, so that a copy is checked and immutable as well.
         return partial(State, **attrs.asdict(self, recurse=False)), ()
 
     def __repr__(self) -> str:
@@ -133,7 +133,11 @@ class State:
         }
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file, exactly to ``path``."""
+        """Write an ``.npz`` file, exactly to ``path``.
+
+        Raises:
+            OSError: It cannot be written; what was there before is as it was.
+        """
         values: dict[str, Any] = {name: getattr(self, name) for name in (*_SIZES, "t")}
         if self.residual is not None:
             values["residual"] = self.residual
@@ -145,13 +149,18 @@ class State:
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: It is not a saved state.
+            MemoryError: It is larger than the memory.
+            ValueError: It is not a saved state; the message says what is wrong.
         """
 
         def build(values: dict[str, Any]) -> State:
             fields: dict[str, Any] = {
-                name: value if name in _SIZES else float(value) for name, value in values.items()
+                name: npz.number_array(name, values[name], np.float64, (values[name].size,))
+                for name in _SIZES
             }
+            for name in ("t", "residual"):
+                if name == "t" or name in values:
+                    fields[name] = float(npz.number_array(name, values[name], np.float64, ()))
             return cls(**fields)
 
-        return npz.read(path, "State", build)
+        return npz.read(path, "State", (*_SIZES, "t", "residual"), build)

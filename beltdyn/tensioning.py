@@ -9,7 +9,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import flag, integer, pair, positive, real
+from .checks import flag, integer, pair, positive, real, shown
 
 __all__ = ["Offsets", "Tensioning"]
 
@@ -17,8 +17,9 @@ Offsets = tuple[tuple[float, float], ...]
 
 
 def _index(value: object) -> int:
-    # The keys of a TOML table are texts.
-    number = int(value) if isinstance(value, str) and value.isdecimal() else value
+    # The keys of a TOML table are texts; Python refuses to read very long numbers.
+    is_number = isinstance(value, str) and value.isdecimal() and len(value) < 20
+    number = int(str(value)) if is_number else value
     return integer("offset index", number, 0, 9999)
 
 
@@ -36,14 +37,14 @@ def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
     else:
         raise TypeError(
             "offset must be a mapping {index: (dx, dy)} or one (dx, dy) per pulley, "
-            f"got {value!r}"
+            f"got {shown(value)}"
         )
     return tuple(pair(f"offset[{index}]", row, "m") for index, row in enumerate(rows))
 
 
 def _pulleys(value: object) -> str:
-    if value not in ("held", "free"):
-        raise ValueError(f'pulleys must be "held" or "free", got {value!r}')
+    if not isinstance(value, str) or value not in ("held", "free"):
+        raise ValueError(f'pulleys must be "held" or "free", got {shown(value)}')
     return str(value)
 
 

@@ -21,7 +21,8 @@ from cattrs.errors import (
 )
 from cattrs.gen import make_dict_structure_fn
 
-from .checks import Array, close_to
+from . import files
+from .checks import Array, close_to, shown
 from .params import Dahl, Params
 from .tensioning import Offsets, Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
@@ -40,7 +41,7 @@ Source = str | os.PathLike[str]
 
 def _table(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ValueError(f"must be a table, got {value!r}")
+        raise ValueError(f"must be a table, got {shown(value)}")
     return value
 
 
@@ -58,8 +59,8 @@ def _converter() -> cattrs.Converter:
         def structure(value: Any, _kind: Any) -> Any:
             fields = dict(_table(value))
             kind = fields.pop("kind", default)
-            if kind not in kinds:
-                raise ValueError(f"this.kind must be one of {', '.join(kinds)}, got {kind!r}")
+            if not isinstance(kind, str) or kind not in kinds:
+                raise ValueError(f"this.kind must be one of {', '.join(kinds)}, got {shown(kind)}")
             return converter.structure(fields, kinds[kind])
 
         return structure
@@ -125,6 +126,8 @@ def _structure(value: Any, kind: Any, path: str = "") -> Any:
         return _converter().structure(value, kind)
     except (cattrs.BaseValidationError, KeyError, TypeError, ValueError) as error:
         raise ValueError(_explain(error, path)) from None
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 def _document(source: Source) -> tuple[dict[str, Any], str]:
@@ -140,7 +143,9 @@ def _document(source: Source) -> tuple[dict[str, Any], str]:
             raise ValueError(f"{prefix}not a text file in UTF-8") from None
     try:
         return tomllib.loads(text), prefix
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        raise ValueError(f"{prefix}not valid TOML for a drive: nested too deeply") from None
+    except ValueError as error:  # TOMLDecodeError, or numbers and dates that Python cannot hold
         raise ValueError(f"{prefix}not valid TOML: {error}") from None
 
 
@@ -214,5 +219,5 @@ def write(document: dict[str, Any], path: Source | None) -> str:
         text,
     )
     if path is not None:
-        Path(path).write_text(text, encoding="utf-8")
+        files.write_bytes(path, text.encode())
     return text

@@ -122,6 +122,10 @@ class PiecewiseLinear(Torque):
         share = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
         return np.asarray(self.values[k - 1] + share * (self.values[k] - self.values[k - 1]))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return type(self), (self.t, self.values)
+
     def __repr__(self) -> str:
         return f"PiecewiseLinear(t={self.t.tolist()}, values={self.values.tolist()})"
 
@@ -165,6 +169,10 @@ class Viscous(Torque):
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
         """Give -coefficient_j omega_j."""
         return np.asarray(-self.coefficients * np.asarray(omega))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return type(self), (self.coefficients,)
 
     def __repr__(self) -> str:
         return f"Viscous(coefficients={self.coefficients.tolist()})"

@@ -301,7 +301,8 @@ PyDoc_STRVAR(sample_doc,
              "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger) and\n"
              "\"pulley\" (int32: the pulley the link touches, or -1). The run fills them row by\n"
              "row; rows not yet written hold NaN and -1. They stay valid after the simulation.\n"
-             "Raises TypeError or ValueError for bad times, RuntimeError if called too late.");
+             "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
+             "KeyboardInterrupt while it fills them: it may then be called again.");
 
 static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
   char *names[] = {"t", NULL};

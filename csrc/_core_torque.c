@@ -59,7 +59,12 @@ static int read_array(PyObject *result, npy_intp n, double *torque) {
     return -1;
   }
   int failed = -1;
-  if (PyArray_NDIM(given) == 0) {
+  const int masked = bd_convert_is_masked((PyObject *)given);
+  if (masked) {
+    if (masked > 0) {
+      PyErr_Format(PyExc_ValueError, MUST_RETURN ", got masked values", (Py_ssize_t)n, PLURAL(n));
+    }
+  } else if (PyArray_NDIM(given) == 0) {
     wrong_kind(n, result);
   } else if (!bd_convert_is_real(given)) {
     PyErr_Format(PyExc_TypeError, MUST_RETURN ", got an array of dtype %S", (Py_ssize_t)n,
@@ -94,7 +99,7 @@ static int read_torques(PyObject *result, npy_intp n, double *torque) {
   if (PyList_Check(result) || PyTuple_Check(result)) {
     return read_sequence(result, n, torque);
   }
-  if (PyArray_Check(result) && is_plain((PyArrayObject *)result, n)) {
+  if (PyArray_CheckExact(result) && is_plain((PyArrayObject *)result, n)) {
     memcpy(torque, PyArray_DATA((PyArrayObject *)result), (size_t)n * sizeof *torque);
     return 0;
   }

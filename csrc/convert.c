@@ -15,6 +15,42 @@ static int refuse(PyObject *object, const char *name, const char *rule) {
   return -1;
 }
 
+static int holds_masked(PyObject *object, int depth) {
+  if (PyArray_Check(object)) {
+    /* Nobody can have made a masked array before that module was imported. */
+    PyObject *name = PyArray_CheckExact(object) ? NULL : PyUnicode_FromString("numpy.ma");
+    PyObject *module = name ? PyImport_GetModule(name) : NULL;
+    PyObject *answer = module ? PyObject_CallMethod(module, "is_masked", "O", object) : NULL;
+    int masked = answer ? PyObject_IsTrue(answer) : PyErr_Occurred() ? -1 : 0;
+    Py_XDECREF(name);
+    Py_XDECREF(module);
+    Py_XDECREF(answer);
+    return masked;
+  }
+  if (!depth || !(PyList_Check(object) || PyTuple_Check(object))) {
+    return 0;
+  }
+  int masked = 0;
+  for (Py_ssize_t k = 0; !masked && k < PySequence_Fast_GET_SIZE(object); k++) {
+    PyObject *item = Py_NewRef(PySequence_Fast_GET_ITEM(object, k));
+    masked = PyFloat_CheckExact(item) ? 0 : holds_masked(item, depth - 1);
+    Py_DECREF(item);
+  }
+  return masked;
+}
+
+int bd_convert_is_masked(PyObject *object) {
+  return holds_masked(object, NPY_MAXDIMS);
+}
+
+static int refuse_masked(PyObject *object, const char *name) {
+  int masked = bd_convert_is_masked(object);
+  if (masked > 0) {
+    PyErr_Format(PyExc_ValueError, "%s must not hold masked values", name);
+  }
+  return masked ? -1 : 0;
+}
+
 /* Numbers that are no Python float: by their kind first, because bool has __index__, NumPy's
  * complex scalars and arrays have __float__, and all of those would convert in silence. */
 static int is_real_scalar(PyObject *object) {
@@ -40,6 +76,9 @@ int bd_convert_real(PyObject *object, const char *name, double *out) {
   }
   if (!is_real_scalar(object)) {
     return refuse(object, name, "a real number");
+  }
+  if (PyArray_Check(object) && refuse_masked(object, name) < 0) {
+    return -1;
   }
   PyObject *number = PyNumber_Float(object);
   if (!number) {
@@ -73,6 +112,9 @@ static PyObject *as_integer(PyObject *object, const char *name) {
   if (PyBool_Check(object) || PyArray_IsScalar(object, Bool) || !PyIndex_Check(object) ||
       (PyArray_Check(object) && !PyArray_ISINTEGER((PyArrayObject *)object))) {
     refuse(object, name, "an integer");
+    return NULL;
+  }
+  if (PyArray_Check(object) && refuse_masked(object, name) < 0) {
     return NULL;
   }
   return PyNumber_Index(object);
@@ -192,6 +234,9 @@ static int check_finite(PyArrayObject *array, const char *name) {
 
 PyArrayObject *bd_convert_array(PyObject *object, const char *name, int ndim,
                                 const npy_intp *shape) {
+  if (refuse_masked(object, name) < 0) {
+    return NULL;
+  }
   /* As it is first: the kind and shape given are what the messages must speak of. */
   PyArrayObject *given = (PyArrayObject *)PyArray_FROM_O(object);
   if (!given) {
@@ -201,6 +246,9 @@ PyArrayObject *bd_convert_array(PyObject *object, const char *name, int ndim,
     return NULL;
   }
   PyArrayObject *array = NULL;
+  if (refuse_masked((PyObject *)given, name) < 0) { /* what its __array__ gave */
+    goto out;
+  }
   if (!bd_convert_is_real(given)) {
     PyErr_Format(PyExc_TypeError, "%s must hold real numbers, got dtype %S", name,
                  (PyObject *)PyArray_DESCR(given));

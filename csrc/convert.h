@@ -28,7 +28,8 @@
 
 /* All return 0, or -1 with an exception that names the argument. */
 
-/* A real number: float, int, a NumPy scalar, anything with __float__; no bool, str, complex. */
+/* A real number: float, int, a NumPy scalar, anything with __float__; no bool, str, complex and
+ * nothing masked. */
 int bd_convert_real(PyObject *object, const char *name, double *out);
 /* The same and finite. */
 int bd_convert_finite(PyObject *object, const char *name, double *out);
@@ -39,10 +40,14 @@ int bd_convert_bool(PyObject *object, const char *name, int *out);
 /* An address held in a non-negative int. */
 int bd_convert_address(PyObject *object, const char *name, uintptr_t *out);
 
+/* Does this hide values behind a mask of numpy.ma, as a list or tuple within it may? NumPy itself
+ * would take them for real. -1 with an exception. */
+int bd_convert_is_masked(PyObject *object);
+
 /* A new reference to a C-contiguous, aligned, native float64 array of the given shape (BD_ANY where
- * free; ndim BD_ANY: any shape), all finite; NULL with an exception that names the argument and,
- * for a value, its index. No copy is made where none is needed: the caller's own array may come
- * back, so the data must be copied before the GIL is released. */
+ * free; ndim BD_ANY: any shape), all finite, none masked; NULL with an exception that names the
+ * argument and, for a value, its index. No copy is made where none is needed: the caller's own
+ * array may come back, so the data must be copied before the GIL is released. */
 PyArrayObject *bd_convert_array(PyObject *object, const char *name, int ndim,
                                 const npy_intp *shape);
 

@@ -288,11 +288,15 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
     what = sim->now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";
   }
   if (what) {
+    const char *others = sim->choice.method[0]
+                             ? "take method=\"rodas4\" or \"lbdf2\", or loosen rtol"
+                             : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or "
+                               "loosen rtol";
     snprintf(text, size, "the fastest motion is that of %s; %s", what,
              sim->now->implicit
                  ? "loosen rtol, take method=\"lbdf2\", or look for parameters out of "
                    "scale"
-                 : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol");
+                 : others);
   }
 }
 

@@ -164,6 +164,13 @@ def test_html(short: bd.plot.Animation, tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["drive.html"], "all in one file"
 
 
+def test_a_page_with_its_frames_apart(short: bd.plot.Animation, tmp_path: Path) -> None:
+    writer = matplotlib.animation.HTMLWriter(fps=10, embed_frames=False)
+    short.save(tmp_path / "drive.html", writer, dpi=40)
+    assert {entry.name for entry in tmp_path.iterdir()} == {"drive.html", "drive_frames"}
+    assert "drive_frames" in (tmp_path / "drive.html").read_text()
+
+
 def without_ffmpeg(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(shutil, "which", lambda *_: None)
     patch.setitem(sys.modules, "imageio_ffmpeg", None)

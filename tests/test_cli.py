@@ -237,6 +237,21 @@ def test_failed_run_writes_the_finished_part(
     assert bd.Result.load(out).status == "failed"
 
 
+def test_ctrl_c_while_the_result_is_written(
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fsync(_descriptor: int) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr("os.fsync", fsync)
+    out = tmp_path / "run.npz"
+    out.write_bytes(b"old")
+    result = call("run", "kubas-case-1", *SHORT, "--out", out)
+    assert result.exit_code == 130
+    assert result.stderr == "beltdyn: interrupted while the result was written\n"
+    assert [entry.read_bytes() for entry in tmp_path.iterdir()] == [b"old"]
+
+
 # --- the paper's figures -------------------------------------------------------------------------
 
 

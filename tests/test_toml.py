@@ -10,6 +10,9 @@ import attrs
 import drives
 import numpy as np
 import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import beltdyn as bd
 
@@ -186,8 +189,6 @@ def test_wrong_structure(text: str, message: str) -> None:
     good = tomllib.loads(SCENE)
     document: dict[str, Any] = {k: good[k] for k in ("belt", "contact", "pulleys")}
     wrong = tomllib.loads(text)
-    import tomli_w
-
     with pytest.raises(ValueError) as caught:
         bd.Params.from_toml(tomli_w.dumps(document | wrong))
     assert str(caught.value) == message
@@ -210,3 +211,122 @@ def test_a_function_cannot_be_written() -> None:
     scene = bd.scenes.kubas_case_1()._replace(torque_fn=lambda t, theta, omega: [0.0, 0.0])
     with pytest.raises(TypeError, match=r"^torque_fn must be made of torque objects"):
         scene.to_toml()
+
+
+# --- hostile -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("1.2", "[" * 5000 + "]" * 5000, "not valid TOML for a drive: nested too deeply"),
+        ("1.2", "[" * 200 + "]" * 200, "belt.length must be a real number (m), got [[[[[["),
+        ("1.2", "{a=" * 5000 + "1" + "}" * 5000, "not valid TOML for a drive: nested too deeply"),
+        ("[belt]", "a" + ".a" * 500 + " = 1\n[belt]", "a: unknown field"),
+        ("n_bodies = 60", "n_bodies = " + "9" * 5000, "not valid TOML: Exceeds the limit"),
+        (
+            "n_bodies = 60",
+            "n_bodies = 0x" + "f" * 5000,
+            "belt.n_bodies must be an integer from 3 to 1000000, got int too long to print",
+        ),
+        ("1.2", "0x" + "f" * 5000, "belt.length must be finite (m), got int too long to print"),
+        ("[0, 16]", "[0, 0x" + "f" * 5000 + "]", "torque[1].coefficients must hold real numbers"),
+        ("1.2", "1e999", "belt.length must be finite (m), got inf"),
+        ("1.2", "1979-05-27", "belt.length must be a real number (m), got datetime.date"),
+        ("1.2", "1979-13-27", "not valid TOML: "),
+        ("[0, 16]", "[1979-05-27]", "torque[1].coefficients must hold real numbers"),
+        ("[0, 16]", "[0, nan]", "torque[1].coefficients must be finite, got nan at [1]"),
+        ('kind = "viscous"', "kind = [1]", "torque[1].kind must be one of"),
+        ('kind = "viscous"', "kind = 0x" + "f" * 5000, "torque[1].kind must be one of"),
+        ("mu_k = 1", "kind = {a = 1}", "friction.kind must be one of dahl"),
+        (
+            "gravity = [0, -9.81]",
+            "tensioning = {pulleys = []}",
+            'tensioning: pulleys must be "held"',
+        ),
+        (
+            "gravity = [0, -9.81]",
+            "tensioning = 0x" + "f" * 5000,
+            "tensioning: must be a table, got",
+        ),
+        (
+            "gravity = [0, -9.81]",
+            "tensioning = {offset = {" + "9" * 5000 + " = [0, 0]}}",
+            "tensioning: offset index must be an integer from 0 to 9999, got '9999",
+        ),
+    ],
+)
+def test_hostile_documents(old: str, new: str, message: str, tmp_path: Path) -> None:
+    text = SCENE.replace(old, new, 1)
+    assert text != SCENE
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    for source, prefix in ((text, ""), (path, f"{path}: ")):
+        with pytest.raises(ValueError) as caught:
+            bd.Scene.from_toml(source)
+        assert type(caught.value) is ValueError
+        assert str(caught.value).startswith(prefix + message)
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
+
+
+FUZZ = settings(derandomize=True, database=None, deadline=None, max_examples=150)
+PLAIN = (
+    st.floats()
+    | st.integers()
+    | st.booleans()
+    | st.text(max_size=4)
+    | st.dates()
+    | st.datetimes()
+    | st.integers(20_000, 20_010).map(lambda bits: 1 << bits)
+)
+VALUES = st.recursive(
+    PLAIN,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner),
+    max_leaves=6,
+)
+
+
+def only_documented(text: str) -> None:
+    for kind in (bd.Scene, bd.Params):
+        try:
+            kind.from_toml(text + "\n")
+        except ValueError as error:
+            assert type(error) is ValueError
+
+
+@FUZZ
+@given(text=st.text(st.characters(codec="utf-8"), max_size=60))
+def test_any_text(text: str) -> None:
+    only_documented(text)
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_value_anywhere(data: st.DataObject) -> None:
+    document: Any = tomllib.loads(SCENE)
+    table: Any = document
+    while True:
+        keys = sorted(table) if isinstance(table, dict) else list(range(len(table)))
+        key = data.draw(st.sampled_from(keys))
+        if not isinstance(table[key], (dict, list)) or data.draw(st.integers(0, 3)) == 0:
+            break
+        table = table[key]
+    if isinstance(table, dict) and data.draw(st.booleans()):
+        key = data.draw(st.text(max_size=4))
+    table[key] = data.draw(VALUES)
+    try:
+        text = tomli_w.dumps(document)
+    except ValueError:  # an integer too long to be written
+        return
+    only_documented(text)
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_text_within_a_scene(data: st.DataObject) -> None:
+    text = SCENE
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(text)))
+        cut = data.draw(st.integers(0, 5))
+        text = text[:at] + data.draw(st.text("[]{}=.,\"'#0 1e-\n", max_size=5)) + text[at + cut :]
+    only_documented(text)

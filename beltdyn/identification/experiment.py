@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, close_to, positive, real_array, sample_times
+from ..checks import Array, close_to, positive, real_array, refuse_masked, sample_times
 from ..params import Params
 from ..result import EnergyLedger, Result
 from ..simulation import settle, simulate
@@ -175,6 +175,7 @@ class Experiment:
         """
         label = f"target {name or quantity!r}" if isinstance(quantity, str) or name else "target"
         times = _times(f"{label}: t", t, self)
+        refuse_masked(f"{label}: values", values)
         array = np.asarray(values)
         measured = real_array(f"{label}: values", values, ndim=2 if array.ndim == 2 else 1)
         if measured.shape[0] != times.size:
@@ -223,6 +224,7 @@ class Experiment:
         if not callable(read):
             raise TypeError(f"read must be callable, got {read!r}; a text is for curve()")
         label = f"target {name or _name_of(read)!r}"
+        refuse_masked(f"{label}: values", values)
         measured = real_array(f"{label}: values", np.atleast_1d(np.asarray(values)), ndim=1)
         if measured.size == 0:
             raise ValueError(f"{label}: values must hold at least one number")
@@ -287,7 +289,9 @@ class Target:
         Raises:
             TypeError, ValueError: It does not give what was measured.
         """
-        given = np.asarray(self.read(result))
+        read = self.read(result)
+        refuse_masked(f"target {name!r}: what read gives", read)
+        given = np.asarray(read)
         if given.dtype.kind not in "iuf":
             raise TypeError(f"target {name!r}: read must give real numbers, got {given.dtype}")
         if not self.is_curve:
@@ -314,6 +318,7 @@ def _times(label: str, t: ArrayLike, experiment: Experiment) -> Array:
 def _sigma(label: str, sigma: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
     if sigma is None:
         return None
+    refuse_masked(f"{label}: sigma", sigma)
     given = real_array(f"{label}: sigma", sigma, ndim=np.ndim(np.asarray(sigma)))
     try:
         array = np.broadcast_to(given, shape)

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from .. import files
 from ..checks import positive
 from ..result import Result
 from . import style
@@ -182,20 +184,19 @@ class Animation(FuncAnimation):
         Raises:
             ValueError: No film can have this ending.
             ImportError: An MP4 needs ffmpeg and there is none; the message says what to install.
-            OSError: The file cannot be written.
+            OSError: The file cannot be written; what was there before is as it was.
         """
         if writer is None:
             fps = args[0] if args else options.get("fps")
             writer = film_writer(filename, self.fps if fps is None else fps)
-            # A writer may find out late, or leave a broken file, what can be found out now.
-            with open(filename, "ab"):
-                pass
-        try:
-            super().save(os.fspath(filename), writer, *args, **options)
-        except subprocess.CalledProcessError as error:
-            said = str(error.stderr or "").strip().splitlines()
-            why = said[-1] if said else f"exit code {error.returncode}"
-            raise OSError(f"ffmpeg could not write {os.fspath(filename)}: {why}") from error
+        with _destination(filename, writer) as temporary:
+            try:
+                super().save(os.fspath(temporary), writer, *args, **options)
+            except subprocess.CalledProcessError as error:
+                said = str(error.stderr or "").strip().splitlines()
+                why = said[-1] if said else f"exit code {error.returncode}"
+                why = why.replace(os.fspath(temporary), os.fspath(filename))
+                raise OSError(f"ffmpeg could not write {os.fspath(filename)}: {why}") from error
 
     def _repr_html_(self) -> str:
         """Show it in a notebook: as a video, or as single frames where there is no ffmpeg."""
@@ -210,6 +211,14 @@ class Animation(FuncAnimation):
             video = base64.b64encode(path.read_bytes()).decode("ascii")
         source = f'<source type="video/mp4" src="data:video/mp4;base64,{video}">'
         return f"<video controls autoplay loop muted>{source}</video>"
+
+
+def _destination(
+    filename: str | os.PathLike[str], writer: AbstractMovieWriter | str
+) -> AbstractContextManager[Path]:
+    """Give where to write: beside the file, but for a page that names a folder of frames by it."""
+    apart = not writer.embed_frames if isinstance(writer, HTMLWriter) else writer == "html"
+    return nullcontext(Path(filename)) if apart else files.replacing(filename)
 
 
 class _FFMpeg(FFMpegWriter):

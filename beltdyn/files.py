@@ -1,0 +1,141 @@
+"""Writing a file whole or not at all: what was there before stays until the new one is complete."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+__all__ = ["check_writable", "replacing", "write_bytes"]
+
+#: Of a name at most this much goes into that of the temporary file, which must not get too long.
+_STEM, _ENDING = 40, 12
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give the path of a temporary file, of the same ending, that then takes the place of ``path``.
+
+    The temporary file lies in the same folder, for only there replacing is one step: whoever looks
+    finds the old file or the new one, after a power failure too. If the body raises, Ctrl-C
+    included, the temporary file is removed and ``path`` is as it was. A file keeps its permission
+    bits, and its owner where the system allows it; a link is followed; other hard links to a file
+    keep the old contents. What is no file, such as a pipe or /dev/null, is written to as it is.
+
+    Raises:
+        OSError: It cannot be written; the message names ``path`` and says what is there now.
+    """
+    target, before = _find(path)
+    if before is not None and not stat.S_ISREG(before.st_mode):
+        try:
+            yield Path(path)
+        except OSError as error:
+            raise _explained(error, path, "") from error
+        return
+    temporary = _beside(target)
+    try:
+        _create(temporary, private=before is not None)
+        yield temporary
+        _complete(temporary, before)
+        os.replace(temporary, target)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink()
+        if isinstance(error, OSError):
+            now = "no file was left there" if before is None else "the file there is as it was"
+            raise _explained(error, path, now) from error
+        raise
+    _flush_folder(target.parent)
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write a file of this content, as :func:`replacing` does.
+
+    Raises:
+        OSError: It cannot be written; the message names ``path`` and says what is there now.
+    """
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Check, without leaving anything, that :func:`replacing` could begin; disks fill up later.
+
+    Raises:
+        OSError: No such folder, no right to make a file in it or to change the one there.
+    """
+    target, before = _find(path)
+    if before is not None and not stat.S_ISREG(before.st_mode):
+        if not os.access(target, os.W_OK):
+            raise PermissionError(errno.EACCES, "permission denied", os.fspath(path))
+        return
+    temporary = _beside(target)
+    try:
+        # The rights alone do not tell: the file system may be read-only.
+        _create(temporary, private=True)
+    except OSError as error:
+        raise _explained(error, path, "") from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def _find(path: str | os.PathLike[str]) -> tuple[Path, os.stat_result | None]:
+    """Give what a path leads to, and what is known of it if it is there."""
+    try:
+        before = os.stat(path)
+    except FileNotFoundError:
+        before = None
+    if before is not None and not stat.S_ISREG(before.st_mode):
+        if stat.S_ISDIR(before.st_mode):
+            raise IsADirectoryError(errno.EISDIR, "it is a folder", os.fspath(path))
+        return Path(path), before  # not resolved: /dev/stdout may lead to a pipe without a name
+    if before is not None and not os.access(path, os.W_OK):
+        # Replacing would get round the protection.
+        raise PermissionError(errno.EACCES, "the file there is write-protected", os.fspath(path))
+    return Path(os.path.realpath(path)), before
+
+
+def _beside(target: Path) -> Path:
+    ending = target.suffix if len(target.suffix) <= _ENDING else ""
+    return target.with_name(f".{target.stem[:_STEM]}-{secrets.token_hex(8)}{ending}")
+
+
+def _create(temporary: Path, private: bool) -> None:
+    """Make the file, with the rights of any new one or, at first, for the user alone."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+    os.close(os.open(temporary, flags, 0o600 if private else 0o666))
+
+
+def _complete(temporary: Path, before: os.stat_result | None) -> None:
+    """Have all of it on the disk, with the owner and the rights of the file it replaces."""
+    with open(temporary, "r+b") as file:
+        os.fsync(file.fileno())
+    if before is None:
+        return
+    if hasattr(os, "chown"):
+        with suppress(OSError):  # not ours to give away
+            os.chown(temporary, before.st_uid, before.st_gid)
+    os.chmod(temporary, stat.S_IMODE(before.st_mode))
+
+
+def _flush_folder(folder: Path) -> None:
+    """Have the new name on the disk; not every system can, and the file is whole either way."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _explained(error: OSError, path: str | os.PathLike[str], now: str) -> OSError:
+    """Give the same error about the path meant, not the temporary file, that says what is there."""
+    what = "; ".join(part for part in (error.strerror or str(error), now) if part)
+    if error.errno is None:
+        return OSError(what)
+    return OSError(error.errno, what, os.fspath(path))

@@ -1,0 +1,239 @@
+"""Results as files: written whole, and believed only as far as they fit together."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core, npz
+from .errors import RunWarning
+from .params import Params
+from .result import Result, Stats
+from .state import State
+
+__all__ = ["read", "write"]
+
+#: Counts up whenever a file of before could be misread.
+_FORMAT = 2
+_STATUS = ("finished", "failed", "interrupted")
+_GROUPS = Result._GROUPS
+_FINAL = {f"final_state.{name}": size for name, size in _core.STATE_FIELDS}
+#: A step counts only if the state after it is finite, but before a run fails the forces and
+#: energies of such a state may be beyond the range of floats. What is the state itself is finite.
+_MAY_OVERFLOW = {
+    "pulleys.torque",
+    "joints.deformation",
+    "joints.force",
+    "contact.normal",
+    "contact.friction",
+    "contact.velocity",
+}
+
+
+def _names(group: str) -> list[str]:
+    return [
+        field.name
+        for field in attrs.fields(_GROUPS[group])  # type: ignore[arg-type]
+    ]
+
+
+_ALL = {
+    "t",
+    "meta.json",
+    "params.toml",
+    *_FINAL,
+    *(f"{group}.{name}" for group in _GROUPS for name in _names(group)),
+}
+
+
+def write(result: Result, path: str | os.PathLike[str]) -> None:
+    """See :meth:`beltdyn.Result.save`."""
+    final = result.final_state
+    meta = {
+        "format": _FORMAT,
+        "version": _core.__version__,
+        "final_t": final.t,
+        "effects": result.effects,
+        "success": result.success,
+        "status": result.status,
+        "message": result.message,
+        "stats": attrs.asdict(result.stats),
+        "warnings": [attrs.asdict(one) for one in result.warnings],
+    }
+    values: dict[str, Any] = {"t": result.t}
+    for group in _GROUPS:
+        history = getattr(result, group)
+        if history is not None:
+            values |= {f"{group}.{name}": getattr(history, name) for name in _names(group)}
+    values |= {f"final_state.{name}": getattr(final, name) for name, _ in _core.STATE_FIELDS}
+    values |= {"meta.json": json.dumps(meta), "params.toml": result.params.to_toml()}
+    npz.write(path, values)
+
+
+def read(path: str | os.PathLike[str]) -> Result:
+    """See :meth:`beltdyn.Result.load`."""
+    return npz.read(path, "Result", _ALL, _build)
+
+
+# --- what describes the run ----------------------------------------------------------------------
+
+
+def _must(good: bool, name: str, rule: str, value: object) -> None:
+    if not good:
+        raise ValueError(f"{name} must be {rule}, got {type(value).__name__} {value!r:.60}")
+
+
+def _text(name: str, value: Any) -> str:
+    _must(isinstance(value, str), name, "a text", value)
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise ValueError(f"{name} holds what is no character")
+    return str(value)
+
+
+def _bool(name: str, value: Any) -> bool:
+    _must(isinstance(value, bool), name, "true or false", value)
+    return bool(value)
+
+
+def _count(name: str, value: Any) -> int:
+    good = isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
+    _must(good, name, "a count", value)
+    return int(value)
+
+
+def _number(name: str, value: Any) -> float:
+    good = isinstance(value, (int, float)) and not isinstance(value, bool)
+    _must(good and abs(value) <= sys.float_info.max, name, "a finite number", value)
+    return float(value)
+
+
+def _number_or_none(name: str, value: Any) -> float | None:
+    return None if value is None else _number(name, value)
+
+
+#: By what the fields of Stats and RunWarning are declared as.
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    "str": _text,
+    "bool": _bool,
+    "int": _count,
+    "float": _number,
+    "float | None": _number_or_none,
+}
+
+
+def _record(cls: type, name: str, value: Any) -> Any:
+    """Build an attrs class of plain values from a table that has exactly its fields."""
+    _must(isinstance(value, dict), name, "a table", value)
+    fields = attrs.fields(cls)
+    unknown = set(value) - {field.name for field in fields}
+    if unknown:
+        raise ValueError(f"{name} holds {min(unknown)!r}, which does not belong there")
+    return cls(
+        **{
+            field.name: _CHECKS[str(field.type)](
+                f"{name}.{field.name}", _entry(value, field.name, name)
+            )
+            for field in fields
+        }
+    )
+
+
+def _entry(table: Mapping[str, Any], key: str, name: str) -> Any:
+    if key not in table:
+        raise ValueError(f"{name}.{key} is missing")
+    return table[key]
+
+
+def _list(name: str, value: Any) -> list[Any]:
+    _must(isinstance(value, list), name, "a list", value)
+    return list(value)
+
+
+def _meta(value: NDArray[Any]) -> dict[str, Any]:
+    """Give the checked description of the run."""
+    content = npz.text("meta.json", value)
+    try:
+        table = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"meta.json is not valid JSON: {error}") from None
+    _must(isinstance(table, dict), "meta.json", "a table", table)
+
+    def entry(key: str) -> Any:
+        return _entry(table, key, "meta.json")
+
+    found = entry("format")
+    if type(found) is not int or found != _FORMAT:
+        raise ValueError(f"its format is {found!r:.20}, this version reads {_FORMAT}")
+    status, success = _text("status", entry("status")), _bool("success", entry("success"))
+    _must(status in _STATUS, "status", f"one of {', '.join(_STATUS)}", status)
+    _must(success == (status == "finished"), "success", f"that of a run that {status}", success)
+    return {
+        "final_t": _number("final_t", entry("final_t")),
+        "effects": tuple(_text("effects", one) for one in _list("effects", entry("effects"))),
+        "success": success,
+        "status": status,
+        "message": _text("message", entry("message")),
+        "stats": _record(Stats, "stats", entry("stats")),
+        "warnings": tuple(
+            _record(RunWarning, f"warnings[{k}]", one)
+            for k, one in enumerate(_list("warnings", entry("warnings")))
+        ),
+    }
+
+
+# --- all of it -----------------------------------------------------------------------------------
+
+
+def _build(values: dict[str, NDArray[Any]]) -> Result:
+    meta = _meta(values["meta.json"])
+    try:
+        # The line break makes it text, whatever it holds: never the path of another file.
+        params = Params.from_toml(npz.text("params.toml", values["params.toml"]) + "\n")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"params.toml: {error}") from None
+    n_b, n_p = params.belt.n_bodies, len(params.pulleys)
+    t = npz.number_array("t", values["t"], np.float64, (values["t"].size,))
+    if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
+        raise ValueError("t must be finite and non-decreasing")
+
+    with_energy = any(name.startswith("energy.") for name in values)
+
+    def history(group: str) -> dict[str, NDArray[Any]]:
+        shape = {"pulleys": (t.size, n_p), "energy": (t.size,)}.get(group, (t.size, n_b))
+        arrays = {}
+        for field in _names(group):
+            name = f"{group}.{field}"
+            kind = np.int32 if name == "contact.pulley" else np.float64
+            arrays[field] = npz.number_array(name, values[name], kind, shape)
+            beyond = not meta["success"] and (name in _MAY_OVERFLOW or group == "energy")
+            if not beyond and not np.isfinite(arrays[field]).all():
+                raise ValueError(f"{name} must be finite")
+        return arrays
+
+    arrays = {name: history(name) for name in _GROUPS if name != "energy" or with_energy}
+    touched = arrays["contact"]["pulley"]
+    if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
+        raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
+    final: dict[str, Any] = {"t": meta.pop("final_t")}
+    for name, size in _FINAL.items():
+        shape = (n_p if size == "PULLEYS" else n_b,)
+        final[name.removeprefix("final_state.")] = npz.number_array(
+            name, values[name], np.float64, shape
+        )
+    groups: dict[str, Any] = {
+        name: kind(**arrays[name]) if name in arrays else None for name, kind in _GROUPS.items()
+    }
+    return Result(
+        t=t,
+        **groups,
+        params=params,
+        final_state=State(**final),
+        **meta,
+    )

@@ -1,0 +1,438 @@
+"""Files of results and states that are damaged, crafted or of another program: named, never run."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import beltdyn as bd
+
+N_T = 6
+FUZZ = settings(
+    derandomize=True,
+    database=None,
+    deadline=None,
+    max_examples=150,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+Arrays = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def result() -> bd.Result:
+    scene = drives.plain_scene()
+    belt = attrs.evolve(scene.params.belt, n_bodies=24)
+    params = attrs.evolve(scene.params, belt=belt)
+    run = bd.simulate(params, scene.torque_fn, 1e-3, t_eval=np.linspace(0.0, 1e-3, N_T))
+    warning = bd.RunWarning(code="mesh", text="coarse", t=0.5, where="pulley 1", accuracy=True)
+    return attrs.evolve(run, warnings=(warning,))
+
+
+@pytest.fixture(scope="module")
+def good(result: bd.Result, tmp_path_factory: pytest.TempPathFactory) -> Arrays:
+    path = tmp_path_factory.mktemp("good") / "run.npz"
+    result.save(path)
+    with np.load(path) as file:
+        return dict(file)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "run.npz"
+
+
+def refused(path: Path, *words: str, kind: Any = bd.Result) -> None:
+    with pytest.raises(ValueError) as caught:
+        kind.load(path)
+    message = str(caught.value)
+    assert type(caught.value) is ValueError
+    assert message.startswith(f"{path} is not a saved {kind.__name__}: ")
+    assert "\n" not in message and "pickle" not in message
+    for word in words:
+        assert word in message
+
+
+def write(path: Path, values: Arrays) -> None:
+    with open(path, "wb") as file:
+        np.savez(file, **values)
+
+
+def meta_of(values: Arrays) -> dict[str, Any]:
+    meta: dict[str, Any] = json.loads(str(values["meta.json"]))
+    return meta
+
+
+def with_meta(values: Arrays, change: Callable[[dict[str, Any]], object]) -> Arrays:
+    meta = meta_of(values)
+    change(meta)
+    return values | {"meta.json": json.dumps(meta)}
+
+
+def test_what_is_saved_is_loaded(result: bd.Result, path: Path) -> None:
+    result.save(path)
+    again = bd.Result.load(path)
+    assert again.warnings == result.warnings
+    assert again.stats == result.stats and again.final_state == result.final_state
+    assert again.belt.x.flags.writeable, "the arrays of a result may be worked with"
+    again.save(path)
+    assert bd.Result.load(path).params == result.params
+
+
+# --- arrays --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("t", lambda a: a[:-1], "pulleys.theta must have shape (5, 2), got (6, 2)"),
+        ("t", lambda a: a[::-1], "t must be finite and non-decreasing"),
+        ("t", lambda a: a * np.nan, "t must be finite and non-decreasing"),
+        ("t", lambda a: a.reshape(2, 3), "t must have shape (6,), got (2, 3)"),
+        ("pulleys.omega", lambda a: a[:, :1], "pulleys.omega must have shape (6, 2), got (6, 1)"),
+        ("pulleys.torque", lambda a: a * np.inf, "pulleys.torque must be finite"),
+        ("belt.x", lambda a: a[:, :-1], "belt.x must have shape (6, 24), got (6, 23)"),
+        ("belt.x", lambda a: a.T, "belt.x must have shape (6, 24), got (24, 6)"),
+        ("belt.x", lambda a: a[:3], "belt.x must have shape (6, 24), got (3, 24)"),
+        ("belt.x", lambda a: a.astype(np.float32), "belt.x must be of type float64, got float32"),
+        ("belt.x", lambda a: a.astype("U9"), "belt.x must be of type float64, got <U9"),
+        ("belt.vx", lambda a: a + 1j, "belt.vx must hold numbers or text, got complex128"),
+        ("belt.phi", lambda a: a.astype("S9"), "belt.phi must hold numbers or text, got |S9"),
+        ("belt.y", lambda a: a.astype("M8[s]"), "belt.y must hold numbers or text"),
+        ("joints.force", lambda a: a * np.nan, "joints.force must be finite"),
+        ("contact.pulley", lambda a: a.astype(float), "contact.pulley must be of type int32, got"),
+        ("contact.pulley", lambda a: a + 1, "contact.pulley must be from -1 to 1"),
+        ("contact.pulley", lambda a: a - 1, "contact.pulley must be from -1 to 1"),
+        ("energy.kinetic", lambda a: a[:1], "energy.kinetic must have shape (6,), got (1,)"),
+        ("energy.residual", lambda a: a / 0, "energy.residual must be finite"),
+        ("final_state.x", lambda a: a[:-1], "final_state.x must have shape (24,), got (23,)"),
+        ("final_state.theta", lambda a: a * np.nan, "State.theta must be finite"),
+    ],
+)
+@np.errstate(all="ignore")
+@pytest.mark.filterwarnings("ignore:invalid value encountered in cast")
+def test_arrays_that_do_not_fit(
+    good: Arrays, path: Path, name: str, change: Callable[[Any], Any], words: str
+) -> None:
+    write(path, good | {name: change(good[name])})
+    refused(path, words)
+
+
+@pytest.mark.parametrize("name", ["t", "belt.x", "energy.drive", "final_state.mu", "meta.json"])
+def test_arrays_that_are_missing(good: Arrays, path: Path, name: str) -> None:
+    write(path, {key: value for key, value in good.items() if key != name})
+    refused(path, f"{name} is missing")
+
+
+def test_a_result_without_the_ledger(good: Arrays, path: Path) -> None:
+    write(path, {key: value for key, value in good.items() if not key.startswith("energy.")})
+    assert bd.Result.load(path).energy is None
+
+
+def test_arrays_that_do_not_belong_there(good: Arrays, path: Path) -> None:
+    write(path, good | {"belt.z": np.zeros(3)})
+    refused(path, "'belt.z.npy', which does not belong there")
+
+
+def test_another_byte_order_and_layout_are_the_same_numbers(
+    good: Arrays, result: bd.Result, path: Path
+) -> None:
+    changed = {key: value.astype(value.dtype.newbyteorder(">")) for key, value in good.items()}
+    changed["belt.x"] = np.asfortranarray(changed["belt.x"])
+    write(path, changed)
+    again = bd.Result.load(path)
+    np.testing.assert_array_equal(again.belt.x, result.belt.x)
+    assert again.belt.x.dtype.isnative and again.message == result.message
+
+
+def test_numbers_beyond_floats_only_where_a_run_may_have_them(good: Arrays, path: Path) -> None:
+    infinite = {
+        name: np.full_like(good[name], np.inf) for name in ("energy.contact", "joints.force")
+    }
+    failed = with_meta(good, lambda meta: meta.update(success=False, status="failed"))
+    write(path, good | infinite)
+    refused(path, "must be finite")
+    write(path, failed | infinite)
+    assert np.isinf(bd.Result.load(path).joints.force).all()
+    write(path, failed | {"belt.vx": np.full_like(good["belt.vx"], np.inf)})
+    refused(path, "belt.vx must be finite")
+
+
+# --- what describes the run ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m: m.update(format=1), "its format is 1, this version reads 2"),
+        (lambda m: m.update(format=True), "its format is True, this version reads 2"),
+        (lambda m: m.pop("format"), "meta.json.format is missing"),
+        (lambda m: m.pop("stats"), "meta.json.stats is missing"),
+        (lambda m: m.update(success=1), "success must be true or false, got int 1"),
+        (lambda m: m.update(success=False), "success must be that of a run that finished"),
+        (lambda m: m.update(status="ok"), "status must be one of finished, failed, interrupted"),
+        (lambda m: m.update(status=[]), "status must be a text"),
+        (lambda m: m.update(message=None), "message must be a text"),
+        (lambda m: m.update(message="\ud800"), "message holds what is no character"),
+        (lambda m: m.update(final_t="0"), "final_t must be a finite number"),
+        (lambda m: m.update(final_t=float("nan")), "final_t must be a finite number"),
+        (lambda m: m.update(final_t=10**400), "final_t must be a finite number"),
+        (lambda m: m.update(effects="all"), "effects must be a list"),
+        (lambda m: m.update(effects=[1]), "effects must be a text, got int 1"),
+        (lambda m: m.update(stats=3), "stats must be a table"),
+        (lambda m: m["stats"].pop("steps"), "stats.steps is missing"),
+        (lambda m: m["stats"].update(a=1), "stats holds 'a', which does not belong there"),
+        (lambda m: m["stats"].update(steps=1.5), "stats.steps must be a count, got float 1.5"),
+        (lambda m: m["stats"].update(steps=-1), "stats.steps must be a count, got int -1"),
+        (lambda m: m["stats"].update(steps=True), "stats.steps must be a count, got bool True"),
+        (lambda m: m["stats"].update(cpu_time=None), "stats.cpu_time must be a finite number"),
+        (lambda m: m["stats"].update(cpu_time=float("inf")), "stats.cpu_time must be a finite"),
+        (lambda m: m["stats"].update(method=1), "stats.method must be a text"),
+        (lambda m: m["stats"].update(local_error="-"), "stats.local_error must be a finite number"),
+        (lambda m: m.update(warnings={}), "warnings must be a list"),
+        (lambda m: m.update(warnings=[1]), "warnings[0] must be a table"),
+        (lambda m: m["warnings"][0].pop("text"), "warnings[0].text is missing"),
+        (lambda m: m["warnings"][0].update(accuracy=0), "warnings[0].accuracy must be true or"),
+        (lambda m: m["warnings"][0].update(t="now"), "warnings[0].t must be a finite number"),
+    ],
+)
+def test_descriptions_that_are_wrong(
+    good: Arrays, path: Path, change: Callable[[dict[str, Any]], object], words: str
+) -> None:
+    write(path, with_meta(good, change))
+    refused(path, words)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        "1",
+        "null",
+        "{",
+        '{"format": 2}',
+        "[" * 100_000,
+        '{"a":' * 100_000,
+        '{"format": ' + "9" * 5000 + "}",
+        np.zeros(3),
+        np.array(["{}"]),
+        np.array(b"{}"),
+        np.frombuffer(b"\xff" * 8, "<U2").reshape(()),
+    ],
+)
+def test_descriptions_that_are_none(good: Arrays, path: Path, content: Any) -> None:
+    write(path, good | {"meta.json": content})
+    refused(path)
+    write(path, good | {"params.toml": content})
+    refused(path)
+
+
+def test_parameters_are_never_read_from_another_file(
+    good: Arrays, result: bd.Result, path: Path, tmp_path: Path
+) -> None:
+    result.params.to_toml(tmp_path / "drive.toml")
+    write(path, good | {"params.toml": str(tmp_path / "drive.toml")})
+    refused(path, "params.toml: not valid TOML")
+
+
+def test_parameters_that_are_wrong(good: Arrays, path: Path) -> None:
+    toml = str(good["params.toml"])
+    for old, new, words in (
+        ("n_bodies = 24", "n_bodies = 30", "must have shape (6, 30), got (6, 24)"),
+        ("length = 1.2", "length = -1.2", "params.toml: belt.length must be > 0"),
+        ("length = 1.2", "length = " + "[" * 5000, "params.toml: not valid TOML"),
+        ("n_bodies = 24", "n_bodies = 0x" + "f" * 9000, "params.toml: belt.n_bodies must be an"),
+    ):
+        assert old in toml
+        write(path, good | {"params.toml": toml.replace(old, new)})
+        refused(path, words)
+
+
+# --- the archive ---------------------------------------------------------------------------------
+
+
+def npy(header: str, data: bytes = b"", version: bytes = b"\x01\x00") -> bytes:
+    return b"\x93NUMPY" + version + struct.pack("<H", len(header)) + header.encode("latin1") + data
+
+
+def described(shape: str, kind: str = "<f8") -> str:
+    return f"{{'descr': {kind!r}, 'fortran_order': False, 'shape': {shape}, }}\n"
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        npy(described("(1000000000000,)")),
+        npy(described("(1000000, 1000000, 1000000)"), bytes(64)),
+        npy(described(f"({10**30},)")),
+        npy(described("(-1,)")),
+        npy(described("(-2, -3)"), bytes(48)),
+        npy(described("(0, 1000000000000)"), bytes(8)),
+        npy(described("(2,)", "<U1000000000"), bytes(8)),
+        npy(described("(1,)", "O"), b"\x80\x04N."),
+        npy(described("(1,)", "V8"), bytes(8)),
+        npy(described("()", "<f16"), bytes(8)),
+        npy(described("(1,)", "nonsense"), bytes(8)),
+        npy("-" * 9000 + "1"),
+        npy("(" * 9000),
+        npy("[" * 90 + "]" * 90),
+        npy("__import__('os')"),
+        npy("{}"),
+        npy(described("(1,)"), bytes(8), b"\x03\x00"),
+        npy(described("(1,)"), bytes(8), b"\x09\x00"),
+        npy(described("(1,)"), bytes(7)),
+        npy(described("(1,)"), bytes(9)),
+        b"",
+        b"\x93NUMPY",
+        b"\x80\x04N.",
+    ],
+)
+def test_crafted_headers(path: Path, member: bytes) -> None:
+    for kind, name in ((bd.Result, "t"), (bd.State, "x")):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(f"{name}.npy", member)
+        refused(path, name, kind=kind)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_compressed_members(path: Path, method: int) -> None:
+    content = io.BytesIO()
+    np.save(content, np.zeros(100_000))
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("x.npy", content.getvalue())
+    refused(path, "x is compressed", kind=bd.State)
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_members_twice(path: Path) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        for _ in range(2):
+            archive.writestr("x.npy", npy(described("(1,)"), bytes(8)))
+    refused(path, "'x.npy', which does not belong there", kind=bd.State)
+
+
+def test_one_place_for_many_members(good: Arrays, path: Path) -> None:
+    """Entries that share their bytes could ask for many times the size of the file."""
+    state = {name.removeprefix("final_state."): v for name, v in good.items() if "final" in name}
+    state["x"] = np.zeros(100_000)
+    write(path, state)
+    with zipfile.ZipFile(path) as archive:
+        one = archive.getinfo("x.npy")
+        rest = [info for info in archive.infolist() if info.filename != "x.npy"]
+    with zipfile.ZipFile(path, "a") as archive:
+        for info in archive.infolist():
+            if any(info.filename == other.filename for other in rest):
+                info.header_offset = one.header_offset
+                info.file_size = info.compress_size = one.file_size
+        archive._didModify = True  # type: ignore[attr-defined]
+    refused(path, "it claims to hold more than there is", kind=bd.State)
+
+
+def test_unreadable_is_an_oserror(tmp_path: Path) -> None:
+    for kind in (bd.Result, bd.State):
+        with pytest.raises(FileNotFoundError):
+            kind.load(tmp_path / "none.npz")
+        with pytest.raises(IsADirectoryError):
+            kind.load(tmp_path)
+        refused(Path("/dev/null"), kind=kind)
+
+
+def test_a_flipped_bit_is_found_by_its_check_sum(good: Arrays, path: Path) -> None:
+    write(path, good)
+    content = bytearray(path.read_bytes())
+    content[content.find(good["belt.x"].tobytes()) + 100] ^= 1
+    path.write_bytes(content)
+    refused(path, "Bad CRC-32 for file 'belt.x.npy'")
+
+
+# --- anything ------------------------------------------------------------------------------------
+
+
+def only_documented(path: Path) -> None:
+    for kind in (bd.Result, bd.State):
+        try:
+            kind.load(path)
+        except ValueError as error:
+            assert type(error) is ValueError
+            assert str(error).startswith(f"{path} is not a saved {kind.__name__}: ")
+
+
+@FUZZ
+@given(content=st.binary(max_size=400))
+def test_any_bytes(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "any.npz"
+    path.write_bytes(content)
+    only_documented(path)
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_bytes_within_a_good_file(good: Arrays, tmp_path: Path, data: st.DataObject) -> None:
+    path = tmp_path / "changed.npz"
+    state = {name.removeprefix("final_state."): v for name, v in good.items() if "final" in name}
+    write(path, data.draw(st.sampled_from([good, state | {"t": np.float64(0.0)}])))
+    content = bytearray(path.read_bytes())
+    # The directory at the end, the heads of members and the rest are as likely.
+    places = st.one_of(
+        st.integers(max(len(content) - 3000, 0), len(content) - 1),
+        st.integers(0, 200),
+        st.integers(0, len(content) - 1),
+    )
+    for _ in range(data.draw(st.integers(1, 6))):
+        content[data.draw(places)] = data.draw(st.integers(0, 255))
+    if data.draw(st.booleans()):
+        del content[data.draw(places) :]
+    path.write_bytes(content)
+    only_documented(path)
+
+
+@FUZZ
+@given(
+    header=st.one_of(
+        st.text(st.characters(max_codepoint=255), max_size=80),
+        st.builds(
+            described,
+            st.one_of(
+                st.lists(st.integers(-3, 2**70), max_size=4).map(tuple).map(str), st.text("(),1a")
+            ),
+            st.sampled_from(["<f8", ">f8", "<i4", "O", "<U4", "V3", "f4,f8", "<M8[s]", "?", "S"]),
+        ),
+    ),
+    body=st.binary(max_size=64),
+)
+def test_any_header(tmp_path: Path, header: str, body: bytes) -> None:
+    path = tmp_path / "any.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("x.npy", npy(header, body))
+        archive.writestr("t.npy", npy(header, body))
+    only_documented(path)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=8,
+)
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_description(good: Arrays, tmp_path: Path, data: st.DataObject) -> None:
+    meta = meta_of(good)
+    table = data.draw(st.sampled_from([meta, meta["stats"], meta["warnings"][0]]))
+    table[data.draw(st.sampled_from(sorted(table)) | st.text(max_size=5))] = data.draw(JSON)
+    path = tmp_path / "any.npz"
+    write(path, good | {"meta.json": json.dumps(meta)})
+    only_documented(path)
