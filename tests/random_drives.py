@@ -32,11 +32,13 @@ MESH = 0.02
 RADIANS = 2.0e4
 
 
-def draw(seed: int, kind: str = "any") -> tuple[bd.Params, bd.TorqueLike, float, dict[str, Any]]:
+def draw(
+    seed: int, kind: str = "any", radians: float = RADIANS
+) -> tuple[bd.Params, bd.TorqueLike, float, dict[str, Any]]:
     """Give a drive, its torques, the end of its run, and what was drawn.
 
     The run begins with :func:`start`. ``kind``: "any", or "calm": a fine mesh, moderate damping,
-    stiffnesses and speeds, no full slip.
+    stiffnesses and speeds, no full slip. Fewer ``radians`` make shorter runs.
     """
     if kind not in ("any", "calm"):
         raise ValueError(f"kind must be 'any' or 'calm', got {kind!r}")
@@ -44,7 +46,7 @@ def draw(seed: int, kind: str = "any") -> tuple[bd.Params, bd.TorqueLike, float,
     for attempt in itertools.count():
         rng = np.random.default_rng([seed, int(calm), attempt])
         try:
-            params, drawn = _drive(rng, calm=calm)
+            params, drawn = _drive(rng, radians, calm=calm)
             torque, loads = _loads(rng, params, drawn, calm=calm)
         except ValueError:
             continue  # pulleys overlap, links too long for them, not calm enough
@@ -141,7 +143,9 @@ def _links(rng: np.random.Generator, lay: Layout, strain: float, *, calm: bool) 
     raise ValueError("too small pulleys for a fine mesh")
 
 
-def _drive(rng: np.random.Generator, *, calm: bool) -> tuple[bd.Params, dict[str, Any]]:
+def _drive(
+    rng: np.random.Generator, radians: float, *, calm: bool
+) -> tuple[bd.Params, dict[str, Any]]:
     lay = _layout(rng, calm=calm)
     strain = log_uniform(rng, 0.008, 0.02) if calm else log_uniform(rng, 0.002, 0.02)
     n_bodies = _links(rng, lay, strain, calm=calm)
@@ -215,7 +219,7 @@ def _drive(rng: np.random.Generator, *, calm: bool) -> tuple[bd.Params, dict[str
         ),
         "bending": bending > 0.0,
         "gravity": params.gravity != (0.0, 0.0),
-        "t_end": min(0.2, max(0.02, RADIANS / fastest)),
+        "t_end": min(0.2, max(0.02 * radians / RADIANS, radians / fastest)),
         "wraps": lay.wraps,
         # torque at which a pulley slips: tensions of mean T in the ratio exp(mu wrap)
         "capacity": 2.0 * pull * lay.radii * np.tanh(0.5 * mu * lay.wraps),
