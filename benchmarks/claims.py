@@ -119,6 +119,23 @@ def count_line(name: str, records: list[Record]) -> str:
     )
 
 
+def estimate_lines(records: list[Record]) -> list[str]:
+    """What estimates are worth, and how runs that have one stand to the rtol they were asked for."""
+    own = [r for r in records if r["claimed_by"] == "estimate" and r["outcome"] == "known"]
+    if not own:
+        return ["no run estimated its error"]
+    over = [r["claim"] / max(r["error"], 1e-300) for r in own]
+    at = (0.01, 0.1, 0.5, 0.9, 0.99)
+    shares = ", ".join(f"{q:g}: {x:.2g}" for q, x in zip(at, np.quantile(over, at), strict=True))
+    asked = [r for r in own if r["rtol"] is not None and is_quiet(r)]
+    beyond_asked = [sum(r["error"] > k * r["rtol"] for r in asked) for k in (1, 5, 10)]
+    return [
+        f"estimate over true error, quantiles: {shares}",
+        f"of {len(asked)} quiet runs with an estimate {beyond_asked[0]}, {beyond_asked[1]} and "
+        f"{beyond_asked[2]} are off by more than 1, 5 and 10 times the rtol asked",
+    ]
+
+
 def table(records: list[Record]) -> list[str]:
     def setting(r: Record) -> str:
         return f"{r['method']} fixed" if r["rtol"] is None else f"{r['method']} {r['rtol']:g}"
@@ -160,8 +177,9 @@ def table(records: list[Record]) -> list[str]:
         chosen = [r for r in records if test(r)]
         if chosen:
             lines.append(count_line(name, chosen))
+    lines += ["", *estimate_lines(records)]
     outcomes = collections.Counter(r["outcome"] for r in records)
-    lines += ["", "outcomes: " + ", ".join(f"{n} {name}" for name, n in outcomes.most_common())]
+    lines += ["outcomes: " + ", ".join(f"{n} {name}" for name, n in outcomes.most_common())]
     for kind in ("any", "calm"):
         chosen = [r for r in records if r["kind"] == kind]
         codes = collections.Counter(code for r in chosen for code in set(r["warnings"]))

@@ -20,6 +20,7 @@ from drives import plain_scene
 
 OFF = 5.0
 ANY, CALM = range(40), range(20)
+ONCE_OFF = (21, 57, 78, 113)
 #: Runs of a quarter of the benchmark's length, and references of at most so many steps.
 RADIANS, DEAR = 0.25 * random_drives.RADIANS, 30_000
 
@@ -41,6 +42,13 @@ def test_a_quiet_run_keeps_its_claim(seed: int, kind: str) -> None:
     if run["outcome"] == "known" and not run["accuracy"]:
         claim = 0.1 / OFF if run["claim"] is None else run["claim"]
         assert run["error"] <= OFF * claim, f"{run['method']}: {run['error']:.2g}, {claim:.2g}"
+
+
+@pytest.mark.parametrize("seed", ONCE_OFF)
+def test_drives_that_were_off_unsaid(seed: int) -> None:
+    """Found by the benchmark: at its length of run, quietly off by more than five claims once."""
+    run = judged.judge(seed)
+    assert run["accuracy"] or run["outcome"] == "failed" or run["error"] <= OFF * run["claim"]
 
 
 @each
