@@ -120,7 +120,7 @@ def count_line(name: str, records: list[Record]) -> str:
 
 
 def estimate_lines(records: list[Record]) -> list[str]:
-    """What estimates are worth, and how runs that have one stand to the rtol they were asked for."""
+    """What estimates are worth, and how runs that have one stand to the rtol asked."""
     own = [r for r in records if r["claimed_by"] == "estimate" and r["outcome"] == "known"]
     if not own:
         return ["no run estimated its error"]
