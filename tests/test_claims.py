@@ -19,8 +19,11 @@ import random_drives
 from drives import plain_scene
 
 OFF = 5.0
+#: Where neither an estimate nor a tolerance claims anything, as for fixed steps of "rk4": without a
+#: word they are to be good for a tenth.
+UNCLAIMED = 0.1 / OFF
 ANY, CALM = range(40), range(20)
-ONCE_OFF = (21, 57, 78, 113)
+ONCE_OFF = (21, 57, 78, 113, 145, 171, 183, 198)
 #: Runs of a quarter of the benchmark's length, and references of at most so many steps.
 RADIANS, DEAR = 0.25 * random_drives.RADIANS, 30_000
 
@@ -37,10 +40,9 @@ def each(test: Any) -> Any:
 
 @each
 def test_a_quiet_run_keeps_its_claim(seed: int, kind: str) -> None:
-    """Fixed steps of "rk4" claim nothing: without a word they are to be good for a tenth."""
     run = record(seed, kind)
     if run["outcome"] == "known" and not run["accuracy"]:
-        claim = 0.1 / OFF if run["claim"] is None else run["claim"]
+        claim = UNCLAIMED if run["claim"] is None else run["claim"]
         assert run["error"] <= OFF * claim, f"{run['method']}: {run['error']:.2g}, {claim:.2g}"
 
 
@@ -48,7 +50,8 @@ def test_a_quiet_run_keeps_its_claim(seed: int, kind: str) -> None:
 def test_drives_that_were_off_unsaid(seed: int) -> None:
     """Found by the benchmark: at its length of run, quietly off by more than five claims once."""
     run = judged.judge(seed)
-    assert run["accuracy"] or run["outcome"] == "failed" or run["error"] <= OFF * run["claim"]
+    claim = UNCLAIMED if run["claim"] is None else run["claim"]
+    assert run["accuracy"] or run["outcome"] == "failed" or run["error"] <= OFF * claim
 
 
 @each
