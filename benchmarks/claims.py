@@ -176,11 +176,12 @@ def table(records: list[Record]) -> list[str]:
     groups += [(name, lambda r, test=test: test(r["drawn"])) for name, test in drawn]  # type: ignore[misc]
     lines = [
         "Quiet runs whose true error is beyond so many times their claim; sens: quiet, beyond 5x,",
-        "and references apart as well; lost: a pulley the belt left unsaid; over: runs beyond their",
+        "references apart as well; lost: a pulley the belt left unsaid; over: runs beyond their",
         "budget of steps; median of true error over claim.",
         "",
         " " * 32
-        + "  runs  failed  warned   known    >1x    >5x   >10x  >100x   sens   lost   over   median",
+        + "  runs  failed  warned   known"
+        + "    >1x    >5x   >10x  >100x   sens   lost   over   median",
     ]
     for name, test in groups:
         chosen = [r for r in records if test(r)]

@@ -23,7 +23,7 @@ OFF = 5.0
 #: word they are to be good for a tenth.
 UNCLAIMED = 0.1 / OFF
 ANY, CALM = range(40), range(20)
-ONCE_OFF = (21, 57, 78, 113, 145, 171, 183, 198)
+ONCE_OFF = (21, 57, 78, 113, 171, 183, 198)
 #: Runs of a quarter of the benchmark's length, and references of at most so many steps.
 RADIANS, DEAR = 0.25 * random_drives.RADIANS, 30_000
 
