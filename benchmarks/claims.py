@@ -1,0 +1,225 @@
+"""Whether runs keep what they claim: random drives, each against a reference of its own.
+
+    python benchmarks/claims.py [--quick] [--seeds A:B] [--records FILE] [--write]
+
+`tests/random_drives.py` draws the drives, `tests/judged.py` runs and judges them; every record goes
+to a file of JSON lines as it is made, with all of ``stats``, and seeds that are there already are
+not run again. A run is QUIET if it finished without a warning of its accuracy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import common
+import numpy as np
+
+sys.path.insert(0, str(common.HERE.parent / "tests"))
+import judged
+
+Record = dict[str, Any]
+#: Where neither an estimate nor a tolerance claims anything, fixed steps: the README's figure of
+#: what such runs are good for.
+UNCLAIMED = 0.1
+#: One seed in so many is a calm drive.
+CALM_EVERY = 4
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=(__doc__ or "").partition("\n")[0],
+        epilog="In full (3000 seeds) this takes two hours, with --quick a minute.",
+    )
+    parser.add_argument("--quick", action="store_true", help="the first 30 seeds")
+    parser.add_argument("--write", action="store_true", help="keep the table under results/")
+    parser.add_argument("--seeds", default=None, metavar="A:B", help="from A up to B; 0:3000")
+    parser.add_argument(
+        "--records", type=Path, default=Path("build/claims.jsonl"), help="appended to, and read"
+    )
+    parser.add_argument("--table", action="store_true", help="only read the records")
+    return parser.parse_args()
+
+
+def read(path: Path) -> dict[int, Record]:
+    """Records by seed; a line cut off by an interruption is left out."""
+    records = {}
+    for line in path.read_text().splitlines() if path.exists() else []:
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        records[record["seed"]] = record
+    return records
+
+
+def plain(value: Any) -> Any:
+    """NumPy's numbers as Python's."""
+    return value.item() if isinstance(value, np.generic) else str(value)
+
+
+def study(seeds: Iterable[int], path: Path) -> dict[int, Record]:
+    records = read(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a") as out:
+        for seed in seeds:
+            if seed in records:
+                continue
+            begun = time.process_time()
+            record = judged.judge(seed, "any" if seed % CALM_EVERY else "calm")
+            record["cpu"] = time.process_time() - begun
+            line = json.dumps(record, default=plain)
+            records[seed] = json.loads(line)
+            print(line, file=out, flush=True)
+            if seed % 50 == 0:
+                common.progress(f"seed {seed}")
+    return {seed: records[seed] for seed in seeds}
+
+
+# ---------------------------------------------------------------- tables
+
+
+def finished(record: Record) -> bool:
+    return record["outcome"] not in ("settle", "failed")
+
+
+def is_quiet(record: Record) -> bool:
+    return finished(record) and not record["accuracy"]
+
+
+def times_claim(record: Record) -> float:
+    """True error over the claim; NaN where it is not known beyond doubt to be above it."""
+    if record["outcome"] != "known":
+        return math.nan
+    claim = UNCLAIMED if record["claim"] is None else record["claim"]
+    return float(record["error"] / claim)
+
+
+def beyond(records: Iterable[Record], times: float) -> list[Record]:
+    return [r for r in records if is_quiet(r) and times_claim(r) > times]
+
+
+def is_sensitive(record: Record) -> bool:
+    """Quiet, five times off its claim, but the references are no better: errors grow in the drive,
+    and no run of it keeps such a claim."""
+    claim = UNCLAIMED if record["claim"] is None else record["claim"]
+    return is_quiet(record) and record["outcome"] == "doubtful" and record["error"] > 5.0 * claim
+
+
+def count_line(name: str, records: list[Record]) -> str:
+    known = [r for r in records if is_quiet(r) and r["outcome"] == "known"]
+    ratios = [times_claim(r) for r in known]
+    median = f"{np.median(ratios):9.2g}" if ratios else "        -"
+    return (
+        f"{name:32s}{len(records):6d}{sum(not finished(r) for r in records):8d}"
+        f"{sum(finished(r) and bool(r['accuracy']) for r in records):8d}{len(known):8d}"
+        + "".join(f"{len(beyond(records, times)):7d}" for times in (1.0, 5.0, 10.0, 100.0))
+        + f"{sum(is_sensitive(r) for r in records):7d}"
+        + f"{sum(bool(r['lost']) and is_quiet(r) for r in records):7d}"
+        + f"{sum(r['over'] for r in records):7d}{median}"
+    )
+
+
+def estimate_lines(records: list[Record]) -> list[str]:
+    """What estimates are worth, and how runs that have one stand to the rtol asked."""
+    own = [r for r in records if r["claimed_by"] == "estimate" and r["outcome"] == "known"]
+    if not own:
+        return ["no run estimated its error"]
+    over = [r["claim"] / max(r["error"], 1e-300) for r in own]
+    at = (0.01, 0.1, 0.5, 0.9, 0.99)
+    shares = ", ".join(f"{q:g}: {x:.2g}" for q, x in zip(at, np.quantile(over, at), strict=True))
+    asked = [r for r in own if r["rtol"] is not None and is_quiet(r)]
+    beyond_asked = [sum(r["error"] > k * r["rtol"] for r in asked) for k in (1, 5, 10)]
+    return [
+        f"estimate over true error, quantiles: {shares}",
+        f"of {len(asked)} quiet runs with an estimate {beyond_asked[0]}, {beyond_asked[1]} and "
+        f"{beyond_asked[2]} are off by more than 1, 5 and 10 times the rtol asked",
+    ]
+
+
+def table(records: list[Record]) -> list[str]:
+    def setting(r: Record) -> str:
+        return f"{r['method']} fixed" if r["rtol"] is None else f"{r['method']} {r['rtol']:g}"
+
+    groups: list[tuple[str, Callable[[Record], bool]]] = [
+        ("all", lambda r: True),
+        ("any", lambda r: r["kind"] == "any"),
+        ("calm", lambda r: r["kind"] == "calm"),
+        ("claim: estimate", lambda r: r["claimed_by"] == "estimate"),
+        ("claim: rtol asked", lambda r: r["claimed_by"] == "asked"),
+        (f"claim: none (taken as {UNCLAIMED:g})", lambda r: r["claimed_by"] == "none"),
+    ]
+    for name in sorted({setting(r) for r in records}):
+        groups.append((name, lambda r, name=name: setting(r) == name))  # type: ignore[misc]
+    drawn: list[tuple[str, Callable[[Record], bool]]] = [
+        ("light damping, below 0.02", lambda d: d["light_damping"]),
+        ("heavy damping, above 1", lambda d: d["damping"] > 1.0),
+        ("light contact damping", lambda d: d["contact_damping"] < 0.05),
+        ("idlers", lambda d: d["idlers"] > 0),
+        ("links longer than a radius", lambda d: d["link_over_radius"] > 1.0),
+        ("mesh above half the tension", lambda d: d["mesh_share"] > 0.5),
+        ("torque steps", lambda d: d["shape"] == "step"),
+        ("torque functions", lambda d: d["shape"] == "function"),
+        ("full slip", lambda d: d["full_slip"]),
+        ("above 3000 rpm", lambda d: d["high_speed"]),
+        ("starts running", lambda d: d["belt_speed"] > 0.0),
+        ("stiff friction, above 10", lambda d: d["stiff_friction"] > 10.0),
+        ("no friction", lambda d: d["friction"] is None),
+    ]
+    groups += [(name, lambda r, test=test: test(r["drawn"])) for name, test in drawn]  # type: ignore[misc]
+    lines = [
+        "Quiet runs whose true error is beyond so many times their claim; sens: quiet, beyond 5x,",
+        "references apart as well; lost: a pulley the belt left unsaid; over: runs beyond their",
+        "budget of steps; median of true error over claim.",
+        "",
+        " " * 32
+        + "  runs  failed  warned   known"
+        + "    >1x    >5x   >10x  >100x   sens   lost   over   median",
+    ]
+    for name, test in groups:
+        chosen = [r for r in records if test(r)]
+        if chosen:
+            lines.append(count_line(name, chosen))
+    lines += ["", *estimate_lines(records)]
+    outcomes = collections.Counter(r["outcome"] for r in records)
+    lines += ["outcomes: " + ", ".join(f"{n} {name}" for name, n in outcomes.most_common())]
+    for kind in ("any", "calm"):
+        chosen = [r for r in records if r["kind"] == kind]
+        codes = collections.Counter(code for r in chosen for code in set(r["warnings"]))
+        symbols = collections.Counter(r["symbol"] for r in chosen if r["symbol"])
+        counts = ", ".join(f"{n} {name}" for name, n in (codes + symbols).most_common())
+        lines.append(f"{kind}: {len(chosen)} runs; warnings and errors by name: {counts or 'none'}")
+    worst = sorted(beyond(records, 5.0), key=times_claim, reverse=True)[:20]
+    lines += ["", "worst quiet runs: seed, setting, error, claim"]
+    lines += [
+        f"  {r['seed']:6d} {r['kind']:5s} {setting(r):14s} {r['error']:9.2g} "
+        + ("        -" if r["claim"] is None else f"{r['claim']:9.2g}")
+        for r in worst
+    ]
+    return lines
+
+
+def main() -> None:
+    given = arguments()
+    first, last = map(int, (given.seeds or ("0:30" if given.quick else "0:3000")).split(":"))
+    seeds = range(first, last)
+    done = read(given.records) if given.table else study(seeds, given.records)
+    records = [done[seed] for seed in seeds if seed in done]
+    lines = [
+        f"Claims of random drives, seeds {first} to {last - 1}: {len(records)} runs",
+        *common.machine(),
+        "",
+        *table(records),
+    ]
+    common.publish("claims", lines, given.write)
+
+
+if __name__ == "__main__":
+    main()

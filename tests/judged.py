@@ -1,0 +1,234 @@
+"""Runs of random drives, each judged by a reference of its own.
+
+A run claims an error: ``stats.error`` where there is one, else the ``rtol`` it was asked for. The
+TRUE ERROR is the root mean square over the samples after the start and over the joints of the
+difference of the joint force to a reference, over the mean tension of the reference. The reference
+is a run at a tolerance far below, by a method of another family wherever that is affordable. Where
+the run is off its claim, a second reference says how far the first is to be believed: the FLOOR,
+the difference of the two; a run is told wrong only by what exceeds three floors.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import attrs
+import numpy as np
+import random_drives
+
+import beltdyn as bd
+
+#: Method and tolerance, in the proportions they are drawn.
+ASKED: tuple[tuple[str, float], ...] = (
+    ("auto", 1e-3),
+    ("auto", 1e-4),
+    ("auto", 1e-4),
+    ("auto", 1e-5),
+    ("lbdf2", 1e-2),
+    ("rodas4", 1e-3),
+    ("tsit5", 1e-4),
+    ("lie", 1e-2),
+)
+FIXED = ("lbdf2", "lie", "rk4")
+SAMPLES = 60
+#: A reference of more steps, or a run of more, is dear: seconds.
+REFERENCE_STEPS = 400_000
+#: A hundredth of the tightest tolerance asked.
+REFERENCE_RTOL = 1e-7
+
+
+def options_of(seed: int, kind: str, params: bd.Params, t_end: float) -> dict[str, Any]:
+    """Method and tolerance of a seed; one in eight has a fixed step."""
+    rng = np.random.default_rng([seed, int(kind == "calm"), 77])
+    if rng.random() < 0.125:
+        method = str(rng.choice(FIXED))
+        if method == "rk4":  # stable up to 2.785
+            return {"method": method, "step": rng.uniform(0.3, 2.5) / params.info["spectral_bound"]}
+        return {"method": method, "step": min(random_drives.log_uniform(rng, 2e-6, 1e-4), t_end)}
+    method, rtol = ASKED[int(rng.integers(len(ASKED)))]
+    return {"method": method, "rtol": rtol}
+
+
+def rates(params: bd.Params) -> tuple[float, float]:
+    """Fastest vibration of joints and contact, and the fastest decay in either [1/s]."""
+    belt, contact, info = params.belt, params.contact, params.info
+    sunk = info["mean_tension"] / (min(p.radius for p in params.pulleys) * contact.linear)
+    stiff = contact.linear + 2.0 * contact.quadratic * sunk
+    joints = 2.0 / info["link_length"] * math.sqrt(belt.axial_stiffness / belt.linear_density)
+    vibration = max(joints, math.sqrt(stiff / belt.linear_density))
+    return vibration, max(info["spectral_bound"], contact.damping / belt.linear_density)
+
+
+def step_budget(params: bd.Params, t_end: float, options: dict[str, Any]) -> int:
+    """Most steps a run should need, generously: beyond it goes nowhere for its cost.
+
+    Twenty for a radian of the fastest vibration, where order 1 errs by (1/20)^2 / 2 = 1e-3 a step;
+    explicit methods two more for a time constant of the fastest decay (they are stable up to 3.3 of
+    them); and at events, links that touch or reverse, ten for each link a hundred times.
+    """
+    vibration, decay = rates(params)
+    if "step" in options:  # made again, shorter, now and then
+        return 10_000 + math.ceil(4.0 * t_end / options["step"])
+    steps = 20.0 * vibration * t_end + 1000.0 * params.belt.n_bodies
+    if options["method"] in ("tsit5", "auto"):
+        steps += 2.0 * decay * t_end
+    return math.ceil(steps)
+
+
+def quiet(*args: Any, **options: Any) -> bd.Result:
+    """``simulate`` without Python warnings: they are read off the result."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", bd.BeltdynWarning)
+        return bd.simulate(*args, **options)
+
+
+def lost(result: bd.Result) -> list[int]:
+    """Pulleys round which the belt does not go once, at a sample or at the end.
+
+    The turn of the line from link to link as seen from the axis, each less than half a turn.
+    """
+    final = result.final_state
+    x = np.vstack([result.belt.x, final.x])
+    y = np.vstack([result.belt.y, final.y])
+    gone = []
+    for k, pulley in enumerate(result.params.pulleys):
+        angle = np.arctan2(y - pulley.center[1], x - pulley.center[0])
+        step = np.remainder(np.diff(angle, axis=1, append=angle[:, :1]) + math.pi, 2 * math.pi)
+        turns = np.sum(step - math.pi, axis=1) / (2 * math.pi)
+        if np.any(np.abs(turns - result.params.info["winding"]) > 0.5):
+            gone.append(k)
+    return gone
+
+
+def claim_of(result: bd.Result, options: dict[str, Any]) -> tuple[float | None, str]:
+    """The error the run claims, and whether it is its own estimate or what was asked."""
+    error = getattr(result.stats, "error", None)
+    if error is not None:
+        return float(error), "estimate"
+    return (options["rtol"], "asked") if "rtol" in options else (None, "none")
+
+
+@attrs.frozen
+class Reference:
+    force: np.ndarray[Any, np.dtype[np.float64]]
+    name: str
+
+    @property
+    def tension(self) -> float:
+        return float(np.mean(self.force))
+
+    def error(self, force: np.ndarray[Any, np.dtype[np.float64]]) -> float:
+        return float(np.sqrt(np.mean((force - self.force) ** 2)) / abs(self.tension))
+
+
+def references(
+    params: bd.Params,
+    torque: bd.TorqueLike,
+    t_end: float,
+    begin: bd.State,
+    times: np.ndarray[Any, np.dtype[np.float64]],
+    used: str,
+    dear: int = REFERENCE_STEPS,
+) -> Iterator[Reference]:
+    """Give references one after the other, those unrelated to the method used first.
+
+    Their steps are at most a twentieth of the shortest period of a torque, of which the run has ten
+    at most.
+    """
+    _, decay = rates(params)
+    explicit = ("tsit5", REFERENCE_RTOL)
+    implicit = [("rodas4", REFERENCE_RTOL), ("lbdf2", 10.0 * REFERENCE_RTOL)]
+    affordable = decay * t_end / 3.0 < dear
+    if used == "tsit5":
+        order = [implicit[0], ("tsit5", 0.1 * REFERENCE_RTOL), implicit[1]]
+    elif affordable:
+        order = [explicit, *implicit]
+    else:
+        order = [implicit[1], implicit[0]] if used == "rodas4" else implicit
+    for method, rtol in order:
+        if method == "tsit5" and not affordable:
+            continue
+        try:
+            result = quiet(
+                params, torque, t_end, t_eval=times, initial=begin, method=method, rtol=rtol,
+                max_steps=dear, max_step=t_end / 200.0, ledger=False,
+            )  # fmt: skip
+        except bd.SimulationError:
+            continue
+        yield Reference(result.joints.force, f"{method} {rtol:g}")
+
+
+def judge(
+    seed: int,
+    kind: str = "any",
+    dear: int = REFERENCE_STEPS,
+    radians: float = random_drives.RADIANS,
+) -> dict[str, Any]:
+    """Run the drive of a seed and say what it claimed, what it said, and what was true.
+
+    The record's ``outcome``: "settle" (failed by name while settling), "failed" (by name), "dear"
+    (no reference of at most so many steps), "doubtful" (off its claim, but not by three floors) or
+    "known". "over" tells a run that went beyond its budget of steps.
+    """
+    params, torque, t_end, drawn = random_drives.draw(seed, kind, radians)
+    options = options_of(seed, kind, params, t_end)
+    record: dict[str, Any] = {"seed": seed, "kind": kind, "outcome": "", "t_end": t_end}
+    record |= {"n_b": params.belt.n_bodies, "method": options["method"]}
+    record |= {"rtol": options.get("rtol"), "step": options.get("step")}
+    record |= {"over": False, "stats": {}}
+    record |= {"warnings": [], "lost": [], "symbol": "", "claim": None, "claimed_by": "none"}
+    record |= {"error": None, "largest": None, "floor": None, "reference": ""}
+    record["drawn"] = drawn
+    try:
+        begin = random_drives.start(params, drawn)
+    except bd.SimulationError as failure:
+        return record | {"outcome": "settle", "symbol": failure.symbol}
+    times = np.sort(np.random.default_rng([seed, 78]).uniform(0.0, t_end, SAMPLES - 1))
+    times = np.append(times, t_end)
+    budget = step_budget(params, t_end, options)
+    record["budget"] = budget
+    try:
+        result = quiet(
+            params, torque, t_end, t_eval=times, initial=begin, max_steps=budget, **options
+        )
+    except bd.SimulationError as failure:
+        record |= {"outcome": "failed", "symbol": failure.symbol, "text": str(failure)}
+        record["over"] = failure.symbol == "BD_ERR_MAX_STEPS"
+        part = failure.result
+        return record if part is None else record | {"stats": attrs.asdict(part.stats)}
+    claim, by = claim_of(result, options)
+    record |= {
+        "claim": claim,
+        "claimed_by": by,
+        "stats": attrs.asdict(result.stats),
+        "warnings": [one.code for one in result.warnings],
+        "accuracy": [one.code for one in result.warnings if one.accuracy],
+        "lost": lost(result),
+        "largest_residual": float(np.max(np.abs(result.energy.residual))),
+        "passed": float(result.energy.passed[-1]),
+        "top_omega": float(np.max(np.abs(result.pulleys.omega))),
+    }
+    known = references(params, torque, t_end, begin, times, result.stats.method, dear)
+    first = next(known, None)
+    if first is None:
+        return record | {"outcome": "dear"}
+    error = first.error(result.joints.force)
+    record |= {
+        "outcome": "known",
+        "error": error,
+        "largest": float(np.max(np.abs(result.joints.force - first.force)) / abs(first.tension)),
+        "tension": first.tension,
+        "reference": first.name,
+    }
+    if error > (claim if claim is not None else 0.01):
+        second = next(known, None)
+        if second is None:
+            return record | {"outcome": "doubtful"}
+        floor = first.error(second.force)
+        record |= {"floor": floor, "reference": f"{first.name}, {second.name}"}
+        if error <= 3.0 * floor:
+            record["outcome"] = "doubtful"
+    return record

@@ -1,0 +1,491 @@
+"""Torque functions of which nothing is known but the values they return: pulses, noise, relays,
+controllers that sample, hold, or remember. Each run is right, or says that it may not be.
+
+RIGHT is what an engineer would read off it: the speeds, within 2 % of the highest there is, and the
+work of the torques, within 2 % of the energy that passed. Every method asked here meets that where
+the torque is made visible (`test_visible_torques_are_right`), so whoever misses it has missed the
+torque. SAID is an accuracy warning, one whose code begins with "torque", or a SimulationError; not
+that a limit on steps was reached, which is this file's own.
+
+Every reference is of the same motion with the torque made visible: as a table, as a law without
+jumps, or in legs that end where the torque changes; at a tolerance ten thousand times finer than
+what is asserted, of which `test_references_are_known` makes sure by an unrelated method.
+"""
+
+from __future__ import annotations
+
+import bisect
+import functools
+import math
+import struct
+import zlib
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+from judged import quiet
+
+import beltdyn as bd
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+Function = Callable[[float, Array, Array], list[float]]
+
+ASKED: dict[str, dict[str, Any]] = {
+    "auto": {"method": "auto"},
+    "lbdf2": {"method": "lbdf2", "rtol": 1e-2},
+    "rodas4": {"method": "rodas4"},
+    "lie": {"method": "lie", "rtol": 5e-3},
+}
+RIGHT = 0.02
+LOAD = 1.0  # N m s/rad, on pulley 1
+#: Six steps for each radian of the fastest vibration of the joints, 33 000 rad/s, over 0.15 s.
+STEPS = 30_000
+
+
+@functools.cache
+def drive() -> tuple[bd.Params, bd.State]:
+    """24 links, so that runs are cheap; slips from about 230 N m.
+
+    The pulleys swing against each other on the spans at 1000 rad/s; damped to a third of critical,
+    for it is torques that are at stake here, not what a method makes of a swing.
+    """
+    base = drives.plain()
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=24, axial_damping=40.0))
+    return params, bd.settle(params)
+
+
+def method_of(seed: int) -> str:
+    return list(ASKED)[seed % len(ASKED)]
+
+
+@attrs.frozen
+class Course:
+    """What is compared: speeds at the samples, work and energy passed up to the end."""
+
+    omega: Array
+    work: float
+    passed: float
+
+    @classmethod
+    def of(cls, result: bd.Result) -> Course:
+        assert result.energy is not None
+        return cls(result.pulleys.omega, result.energy.drive[-1], result.energy.passed[-1])
+
+
+def samples(t_end: float) -> Array:
+    return np.linspace(0.0, t_end, 201)
+
+
+def reference(torque: Any, t_end: float, method: str = "rodas4", **options: Any) -> Course:
+    params, rest = drive()
+    options = {"rtol": 1e-6, "initial": rest, "t_eval": samples(t_end)} | options
+    return Course.of(quiet(params, torque, t_end, method=method, **options))
+
+
+def errors(course: Course, exact: Course) -> tuple[float, float]:
+    """Of the speeds, over the highest; of the work, over what passed."""
+    speed = np.max(np.abs(course.omega - exact.omega)) / np.max(np.abs(exact.omega))
+    return float(speed), abs(course.work - exact.work) / exact.passed
+
+
+def hold_to(
+    function: Any,
+    t_end: float,
+    exact: Course,
+    options: dict[str, Any],
+    allowed: tuple[float, float] = (RIGHT, RIGHT),
+    start: tuple[bd.Params, bd.State] | None = None,
+    steps: int = STEPS,
+) -> None:
+    """Assert that a run is right or says so."""
+    params, rest = start or drive()
+    try:
+        result = quiet(
+            params, function, t_end, initial=rest, t_eval=samples(t_end), max_steps=steps, **options
+        )
+    except bd.SimulationError as failure:
+        assert failure.symbol != "BD_ERR_MAX_STEPS", f"{failure}"
+        return
+    if any(one.accuracy or one.code.startswith("torque") for one in result.warnings):
+        return
+    speed, work = errors(Course.of(result), exact)
+    text = f"speed off by {speed:.2g}, work by {work:.2g}, {result.stats.steps} steps, no warning"
+    assert speed <= allowed[0] and work <= allowed[1], text
+
+
+def loaded(torque: Callable[[float, Array, Array], float]) -> Function:
+    """A torque on pulley 0 against the load on pulley 1."""
+
+    def function(t: float, theta: Array, omega: Array) -> list[float]:
+        return [torque(t, theta, omega), -LOAD * omega[1]]
+
+    return function
+
+
+def table(times: list[float] | Array, values: list[float] | Array) -> bd.TorqueLike:
+    """The same from a table, which the core sees."""
+    rows = np.column_stack([np.asarray(values, float), np.zeros(len(values))])
+    return bd.PiecewiseLinear(times, rows) + bd.Viscous([0.0, LOAD])
+
+
+# ---------------------------------------------------------------- pulses
+
+
+@attrs.frozen
+class Pulse:
+    begin: float
+    end: float
+    torque: float
+
+    @classmethod
+    def draw(cls, seed: int) -> Pulse:
+        rng = np.random.default_rng([seed, 1])
+        width = 1e-3 * math.exp(rng.uniform(0.0, math.log(20.0)))
+        begin = rng.uniform(0.005, 0.12)
+        return cls(begin, begin + width, float(rng.choice([-1, 1]) * rng.uniform(20.0, 200.0)))
+
+    def opaque(self) -> Function:
+        return loaded(lambda t, *_: self.torque if self.begin <= t < self.end else 0.0)
+
+    def visible(self) -> bd.TorqueLike:
+        times = [self.begin, self.begin, self.end, self.end]
+        return table(times, [0.0, self.torque, self.torque, 0.0])
+
+
+PULSE_END = 0.15
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_random_pulse(seed: int) -> None:
+    """1 to 20 ms of 20 to 200 N m, after a rest in which nothing asks for short steps."""
+    pulse = Pulse.draw(seed)
+    exact = reference(pulse.visible(), PULSE_END)
+    hold_to(pulse.opaque(), PULSE_END, exact, ASKED[method_of(seed)])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_visible_torques_are_right(seed: int) -> None:
+    """The bound above is of torques: without their riddle every method keeps it."""
+    pulse = Pulse.draw(seed)
+    exact = reference(pulse.visible(), PULSE_END)
+    options = ASKED[method_of(seed)]
+    hold_to(pulse.visible(), PULSE_END, exact, options)
+    edges = {"breakpoints": [pulse.begin, pulse.end]}
+    hold_to(pulse.opaque(), PULSE_END, exact, options | edges)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_references_are_known(seed: int) -> None:
+    visible = Pulse.draw(seed).visible()
+    exact = reference(visible, PULSE_END)
+    other = reference(visible, PULSE_END, "tsit5", rtol=1e-4)
+    assert max(errors(other, exact)) <= 1e-3
+
+
+@functools.cache
+def plain() -> tuple[bd.Params, bd.State]:
+    params = drives.plain()
+    return params, bd.settle(params)
+
+
+def test_pulse_of_ten_milliseconds() -> None:
+    """Rest, then 10 ms of 100 N m at t = 0.1377 s: once finished in 30 steps, at rest."""
+    pulse = Pulse(0.1377, 0.1477, 100.0)
+    start = plain()
+    t_eval = samples(0.3)
+    exact = quiet(
+        start[0], pulse.visible(), 0.3, initial=start[1], t_eval=t_eval, method="tsit5", rtol=1e-6
+    )
+    for options in ASKED.values():
+        hold_to(pulse.opaque(), 0.3, Course.of(exact), options, start=start)
+
+
+# ---------------------------------------------------------------- noise
+
+
+def hashed(t: float) -> float:
+    """Noise from -1 to 1 that is a function of the time, whatever called before."""
+    return zlib.crc32(struct.pack("d", t)) / 2.0**31 - 1.0
+
+
+def noisy(mean: float, share: float, seed: int | None) -> Function:
+    """Anew at each call, or (no seed) hashed from the time."""
+    if seed is None:
+        return loaded(lambda t, *_: mean * (1.0 + share * hashed(t)))
+    rng = np.random.default_rng(seed)
+    return loaded(lambda *_: mean * (1.0 + share * float(rng.uniform(-1.0, 1.0))))
+
+
+def hold_noise_to_its_mean(
+    function: Function,
+    mean: bd.TorqueLike,
+    options: dict[str, Any],
+    start: tuple[bd.Params, bd.State],
+) -> None:
+    """Noise of mean 0 adds nothing to the impulse but by chance: 5 %, uniform, over a hundred steps
+    0.05 / sqrt(3) / 10 = 0.3 %. So with the method's own error under the mean alone, which acts at
+    once and makes the drive ring, it is within the bound; and what adds nothing is to cost no more
+    than three times the steps.
+    """
+    params, rest = start
+    t_end = 0.1
+
+    def run(**options: Any) -> bd.Result:
+        return quiet(params, mean, t_end, initial=rest, t_eval=samples(t_end), **options)
+
+    exact = Course.of(run(method="rodas4", rtol=1e-6))
+    own = run(**options)
+    speed, work = errors(Course.of(own), exact)
+    allowed, steps = (RIGHT + speed, RIGHT + work), 3 * own.stats.steps + 3000
+    hold_to(function, t_end, exact, options, allowed, start, steps)
+
+
+@pytest.mark.parametrize("of_time", [False, True], ids=["per call", "of time"])
+@pytest.mark.parametrize("seed", range(16))
+def test_noise(seed: int, of_time: bool) -> None:
+    """0.1 to 5 % of 100 N m."""
+    share = 1e-3 * math.exp(np.random.default_rng([seed, 2]).uniform(0.0, math.log(50.0)))
+    function = noisy(-100.0, share, None if of_time else seed)
+    options = ASKED[method_of(seed)]
+    if options["method"] == "lie":
+        options = options | {"rtol": 2e-2}
+    hold_noise_to_its_mean(function, table([0.0], [-100.0]), options, drive())
+
+
+@pytest.mark.parametrize(
+    ("method", "rtol"),
+    [(m, r) for m in ("auto", "rodas4", "lbdf2") for r in (1e-2, 1e-4)] + [("lie", 1e-2)],
+)
+def test_noise_of_one_percent_on_the_plain_drive(method: str, rtol: float) -> None:
+    """-100 N m, 1 % of noise: once froze at -0.004 rad/s for -6.35, and was 3 % off at 1e-4."""
+    load = 100.0 / (2.0 * math.pi)
+    mean = bd.PiecewiseLinear([0.0], [[-100.0, 0.0]]) + bd.Viscous([0.0, load])
+    rng = np.random.default_rng(1)
+
+    def function(t: float, theta: Array, omega: Array) -> list[float]:
+        return [-100.0 * (1.0 + 0.01 * float(rng.uniform(-1.0, 1.0))), -load * omega[1]]
+
+    hold_noise_to_its_mean(function, mean, {"method": method, "rtol": rtol}, plain())
+
+
+# ---------------------------------------------------------------- relays and steps of the speed
+
+
+def smoothed(law: Callable[[float], float], jump: float, width: float) -> Callable[[float], float]:
+    """A law that jumps where x / jump - 1/2 is an integer, with the jumps made ramps of ``width``.
+
+    What slides along a jump, switched to and fro faster than anything moves, slides within the
+    ramp: the two differ by its width.
+    """
+
+    def ramp(x: float) -> float:
+        edge = (math.floor(x / jump) + 0.5) * jump
+        share = min(max((x - edge) / width + 0.5, 0.0), 1.0)
+        return (1.0 - share) * law(edge - 0.25 * jump) + share * law(edge + 0.25 * jump)
+
+    return ramp
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_relay(seed: int) -> None:
+    """M = -T sign(omega - w0): up to w0, where it stays, switched to and fro."""
+    rng = np.random.default_rng([seed, 3])
+    torque, w0 = rng.uniform(20.0, 100.0), rng.uniform(5.0, 20.0)
+    width = 2e-3 * w0  # a tenth of what is asserted
+    smooth = loaded(lambda t, _, w: -torque * min(max((w[0] - w0) / width, -1.0), 1.0))
+    exact = reference(smooth, 0.06, max_step=5e-5)
+    relay = loaded(lambda t, _, w: -math.copysign(torque, w[0] - w0))
+    hold_to(relay, 0.06, exact, ASKED[method_of(seed)])
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_quantised_speed(seed: int) -> None:
+    """A controller that sees the speed in steps of a tenth to a third of the set one."""
+    rng = np.random.default_rng([seed, 4])
+    w0 = rng.uniform(5.0, 20.0)
+    step, gain = rng.uniform(0.1, 0.33) * w0, rng.uniform(20.0, 80.0) / w0
+
+    def law(w: float) -> float:
+        return gain * (w0 - step * round(w / step))
+
+    ramps = smoothed(law, step, 2e-3 * w0)
+    exact = reference(loaded(lambda t, _, w: ramps(w[0])), 0.06, max_step=5e-5)
+    hold_to(loaded(lambda t, _, w: law(w[0])), 0.06, exact, ASKED[method_of(seed)])
+
+
+class Hysteresis:
+    """On below w0 - band, off above w0 + band, else as it was: remembers what it saw last."""
+
+    def __init__(self, torque: float, w0: float, band: float) -> None:
+        self.torque, self.low, self.high, self.on = torque, w0 - band, w0 + band, True
+
+    def __call__(self, t: float, theta: Array, omega: Array) -> float:
+        if omega[0] > self.high:
+            self.on = False
+        elif omega[0] < self.low:
+            self.on = True
+        return self.torque if self.on else 0.0
+
+
+class Legs:
+    """A motion put together from short runs under torques that the core sees."""
+
+    def __init__(self, t_end: float) -> None:
+        self.params, self.state = drive()
+        self.times = samples(t_end)
+        self.omega = [np.zeros((1, 2))]
+        self.work = self.passed = 0.0
+        self.t_end = t_end
+
+    @property
+    def t(self) -> float:
+        return self.state.t
+
+    def peek(self, torque: bd.TorqueLike, end: float, count: int) -> bd.Result:
+        return self._run(torque, end, np.linspace(self.t, end, count))
+
+    def go(self, torque: bd.TorqueLike, end: float) -> None:
+        end = min(end, self.t_end)
+        inside = self.times[(self.times > self.t) & (self.times <= end)]
+        result = self._run(torque, end, np.append(inside, end))
+        assert result.energy is not None
+        self.omega.append(result.pulleys.omega[:-1])
+        self.work += result.energy.drive[-1]
+        self.passed += result.energy.passed[-1]
+        self.state = result.final_state
+
+    def _run(self, torque: bd.TorqueLike, end: float, times: Array) -> bd.Result:
+        return quiet(
+            self.params, torque, end, initial=self.state, t_eval=times, method="rodas4", rtol=1e-6
+        )
+
+    def course(self) -> Course:
+        return Course(np.vstack(self.omega), self.work, self.passed)
+
+
+def switched(torque: float, w0: float, band: float, t_end: float) -> Course:
+    """Legs up to each switch, found between samples of 20 us by a straight line."""
+    legs, on = Legs(t_end), True
+    while legs.t < t_end:
+        push = table([0.0], [torque if on else 0.0])
+        ahead = min(t_end, legs.t + 5e-3)
+        seen = legs.peek(push, ahead, 2 + round((ahead - legs.t) / 2e-5))
+        w, level = seen.pulleys.omega[:, 0], w0 + (band if on else -band)
+        past = np.flatnonzero((w > level) if on else (w < level))
+        if not past.size or seen.t[past[0]] <= legs.t:
+            legs.go(push, ahead)
+            continue
+        k = int(past[0])
+        share = (level - w[k - 1]) / (w[k] - w[k - 1])
+        legs.go(push, max(seen.t[k - 1] + share * (seen.t[k] - seen.t[k - 1]), legs.t + 1e-7))
+        on = not on
+    return legs.course()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_relay_with_hysteresis(seed: int) -> None:
+    """It goes round between two speeds; in what phase, each switch shifts a little. Two courses out
+    of phase differ by the width of the band, and by the energy that is put in across it.
+    """
+    rng = np.random.default_rng([seed, 5])
+    torque, w0 = rng.uniform(30.0, 100.0), rng.uniform(10.0, 25.0)
+    band = rng.uniform(0.02, 0.08) * w0
+    exact = switched(torque, w0, band, 0.06)
+    peak = np.max(np.abs(exact.omega))
+    inertia = sum(pulley.inertia for pulley in drive()[0].pulleys) + 1.2 * 0.1 * 0.1**2
+    allowed = (
+        RIGHT + 2.0 * band / peak,
+        RIGHT + inertia * w0 * 2.0 * band / exact.passed,
+    )
+    function = loaded(Hysteresis(torque, w0, band))
+    hold_to(function, 0.06, exact, ASKED[method_of(seed)], allowed)
+
+
+# ---------------------------------------------------------------- controllers with memory
+
+
+class SampleAndHold:
+    """Looks at the speed once a period and holds its answer."""
+
+    def __init__(self, gain: float, w0: float, period: float) -> None:
+        self.gain, self.w0, self.period, self.due, self.held = gain, w0, period, 0.0, 0.0
+
+    def __call__(self, t: float, theta: Array, omega: Array) -> float:
+        if t >= self.due:
+            self.held = self.gain * (self.w0 - omega[0])
+            self.due = (math.floor(t / self.period) + 1) * self.period
+        return self.held
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_sample_and_hold(seed: int) -> None:
+    """Period 0.2 to 5 ms; gains at which a period takes at most a third of the way to w0."""
+    rng = np.random.default_rng([seed, 6])
+    period = 2e-4 * math.exp(rng.uniform(0.0, math.log(25.0)))
+    w0, t_end = rng.uniform(5.0, 20.0), 0.06
+    gain = min(100.0 / w0, rng.uniform(0.1, 0.33) * 0.02 / period)
+    legs = Legs(t_end)
+    for k in range(math.ceil(t_end / period)):
+        push = table([0.0], [gain * (w0 - legs.state.omega[0])])
+        legs.go(push, (k + 1) * period)
+    function = loaded(SampleAndHold(gain, w0, period))
+    hold_to(function, t_end, legs.course(), ASKED[method_of(seed)])
+
+
+class Delayed:
+    """Answers to the speed of a while ago, the latest it was shown before that."""
+
+    def __init__(self, gain: float, w0: float, delay: float) -> None:
+        self.gain, self.w0, self.delay = gain, w0, delay
+        self.seen: deque[tuple[float, float]] = deque()
+        self.old = 0.0
+
+    def __call__(self, t: float, theta: Array, omega: Array) -> float:
+        self.seen.append((t, float(omega[0])))
+        while self.seen and self.seen[0][0] <= t - self.delay:
+            self.old = self.seen.popleft()[1]
+        return self.gain * (self.w0 - self.old)
+
+
+class DelayedInOrder(Delayed):
+    """The same by one who keeps times in order, interpolates, and forgets nothing."""
+
+    def __init__(self, gain: float, w0: float, delay: float) -> None:
+        super().__init__(gain, w0, delay)
+        self.times, self.speeds = [-math.inf], [0.0]
+
+    def __call__(self, t: float, theta: Array, omega: Array) -> float:
+        k = bisect.bisect_left(self.times, t)
+        del self.times[k:], self.speeds[k:]  # a step made again
+        self.times.append(t)
+        self.speeds.append(float(omega[0]))
+        k = bisect.bisect_right(self.times, t - self.delay)
+        (t0, t1), (w0, w1) = self.times[k - 1 : k + 1], self.speeds[k - 1 : k + 1]
+        old = w0 + (w1 - w0) * (t - self.delay - t0) / (t1 - t0)
+        return self.gain * (self.w0 - (old if t0 >= 0.0 else 0.0))
+
+
+@pytest.mark.parametrize("kind", [Delayed, DelayedInOrder])
+@pytest.mark.parametrize("seed", range(8))
+def test_delayed_controller(seed: int, kind: type[Delayed]) -> None:
+    """Delay 1 to 5 ms, gain / I times delay up to 0.3 (without oscillation up to 1 / e). The
+    reference goes delay by delay: in each the torque is known from the one before.
+    """
+    rng = np.random.default_rng([seed, 7])
+    delay, w0, t_end = rng.uniform(1e-3, 5e-3), rng.uniform(5.0, 20.0), 0.06
+    gain = min(100.0 / w0, rng.uniform(0.1, 0.3) * 0.02 / delay)
+    legs = Legs(t_end)
+    times, speeds = np.array([0.0]), np.array([0.0])
+    while legs.t < t_end:
+        at, end = legs.t, min(legs.t + delay, t_end)
+        late = np.linspace(at, end, 200)
+        push = table(late, gain * (w0 - np.interp(late - delay, times, speeds)))
+        seen = legs.peek(push, end, 200)
+        times, speeds = seen.t, seen.pulleys.omega[:, 0]
+        legs.go(push, end)
+    function = loaded(kind(gain, w0, delay))
+    hold_to(function, t_end, legs.course(), ASKED[method_of(seed)])
