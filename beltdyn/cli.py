@@ -1,7 +1,8 @@
 """The command line: ``beltdyn run SCENE``, ``beltdyn scenes``, ``beltdyn figures``.
 
 Exit codes: 0 fine, 1 the run failed, 2 bad input, 130 interrupted. A run that fails or is
-interrupted still writes what it computed.
+interrupted still writes what it computed. Results go to stdout; errors, and the warnings of a run,
+one line each after the results, to stderr. Warnings leave the exit code alone.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
@@ -18,8 +19,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import click
 
-from . import __version__, scenes
-from .errors import Interrupted, SimulationError
+from . import __version__, sanity, scenes
+from .errors import Interrupted, RunWarning, SimulationError, silenced
 from .result import Result
 from .simulation import METHODS, simulate
 
@@ -33,6 +34,17 @@ _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(si
 def _stop(message: str, code: int) -> NoReturn:
     click.echo(f"beltdyn: {message}", err=True)
     sys.exit(code)
+
+
+def _warn(noticed: Iterable[RunWarning], quiet: bool) -> None:
+    """Print each once, on a line of its own, yellow on a terminal."""
+    if quiet:
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    for line in dict.fromkeys(f"beltdyn: warning: {one}" for one in noticed):
+        console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
 def _interrupt_once(*_: object) -> NoReturn:
@@ -103,7 +115,7 @@ def list_scenes() -> None:
 @click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error asked for.")
 @click.option("--step", type=float, help="Fixed step [s] of rk4, lbdf2, lie; else the first step.")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 def run(
     scene: str,
     out: Path | None,
@@ -120,7 +132,7 @@ def run(
     outputs.check()
     try:
         params, torque_fn, scene_t_end = _find(scene)
-        with _interruptible():
+        with _interruptible(), silenced():
             result = simulate(
                 params,
                 torque_fn,
@@ -135,14 +147,19 @@ def run(
     except (TypeError, ValueError) as error:
         _stop(str(error), _BAD_INPUT)
     except SimulationError as error:
-        _stop(f"{error}{outputs.write(error.result)}", _FAILED)
+        written = outputs.write(error.result)
+        _warn(error.result.warnings if error.result else sanity.check(params), quiet)
+        _stop(f"{error}{written}", _FAILED)
     except Interrupted as error:
-        _stop(f"{error}{outputs.write(error.result)}", _INTERRUPTED)
+        written = outputs.write(error.result)
+        _warn(error.result.warnings if error.result else (), quiet)
+        _stop(f"{error}{written}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
     written = outputs.write(result)
     if not quiet:
         _print_summary(scene, result, written)
+    _warn(result.warnings, quiet)
 
 
 @main.command("figures")
@@ -182,7 +199,9 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
     written: list[Path] = []
     try:
         with _interruptible():
-            comparison = _write_figures(folder, list(dict.fromkeys(kinds)), size, quiet, written)
+            comparison, noticed = _write_figures(
+                folder, list(dict.fromkeys(kinds)), size, quiet, written
+            )
     except SimulationError as error:
         _stop(str(error), _FAILED)
     except OSError as error:
@@ -193,15 +212,17 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
     if not quiet:
         click.echo(comparison)
         click.echo(f"written: {len(written)} files in {folder}")
+    _warn(noticed, quiet)
 
 
 def _write_figures(
     folder: Path, kinds: list[str], size: str, quiet: bool, written: list[Path]
-) -> str:
+) -> tuple[str, list[RunWarning]]:
     from . import kubas
     from .kubas.figures import FIGURES
 
-    runs = kubas.runs(progress=not quiet)
+    with silenced():
+        runs = kubas.runs(progress=not quiet)
     comparison = str(kubas.compare(runs))
     folder.mkdir(exist_ok=True)
 
@@ -222,7 +243,7 @@ def _write_figures(
                 picture = io.BytesIO()
                 drawn.savefig(picture, format=kind)
                 write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
-    return comparison
+    return comparison, [one for run in runs for one in run.warnings]
 
 
 def _check_folder(folder: Path) -> None:

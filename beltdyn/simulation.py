@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from . import _core, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
-from .errors import Interrupted, RunWarning, SimulationError, issue
+from .errors import Interrupted, RunWarning, SimulationError, annotate, issue
 from .params import Params
 from .result import Result, Stats
 from .state import State
@@ -82,7 +82,8 @@ def simulate(
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
             returned something else than n_p numbers.
-        SimulationError: The run cannot go on; ``.result`` holds what was computed.
+        SimulationError: The run cannot go on; ``.result`` holds what was computed, notes of the
+            error say what was noticed.
         Interrupted: Ctrl-C; ``.result`` holds what was computed.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
         Exception: Whatever ``torque_fn`` raises comes out unchanged.
@@ -127,7 +128,7 @@ def simulate(
             wall_time=time.perf_counter() - wall_start,
             settle_time=settle_time,
         )
-        return Result._from_core(
+        seen = Result._from_core(
             times,
             arrays,
             sim.samples,
@@ -138,8 +139,9 @@ def simulate(
             message=message,
             params=params,
             final_state=State._from_core(sim.state()),
-            warnings=(*of_drive, *(RunWarning(**one) for one in sim.warnings)),
         )
+        of_core = (RunWarning(**one) for one in sim.warnings)
+        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *sanity.observe(seen)))
 
     try:
         with _progress(progress, "simulating", start, end) as show:
@@ -147,6 +149,7 @@ def simulate(
                 show(sim.time)
     except SimulationError as error:
         error.result = result("failed", str(error))
+        annotate(error, error.result.warnings)
         raise
     except KeyboardInterrupt as error:
         message = f"interrupted at t = {sim.time:.6g} s"
@@ -228,6 +231,9 @@ def settle(
         with _progress(progress, "settling", 0.0, None) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
+    except SimulationError as error:
+        annotate(error, sanity.check(params))
+        raise
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error
     start = 0.0 if initial is None else initial.t
