@@ -44,15 +44,16 @@ RADIUS = 5.0
 #: make I/R^4 1e12 times too small; a "massless" pulley stays well above.
 DISC = 0.5 * math.pi * 1000.0 * 1e-6
 #: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it hangs
-#: rather than is tight. Belts, ropes and tapes have v of 10 to 300 m/s; EA in kN or density in g/m
+#: rather than is tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in g/m
 #: divide it by 32 [m/s].
 WAVE_LOW = 5.0
 #: Longitudinal waves sqrt(EA/rho A): steel 5000 m/s, carbon fibre 18 000 m/s [m/s].
 WAVE_HIGH = 20e3
 #: Earth has 9.81; in mm/s^2 that is 9810. A hundred times Earth's is no machine [m/s^2].
 GRAVITY = 1000.0
-#: Friction is there after a slip of 3 mu_k/sigma; if that is most of a radius, no belt ever creeps
-#: so far on its wrap. Measured: micrometres on metal, a millimetre on rubber [radii].
+#: Friction is there after slips of a few mu_k/sigma (1/sigma where a huge mu_k says that nothing
+#: is to slip); if that is most of a radius, no belt ever creeps so far on its wrap. Measured:
+#: micrometres on metal, a millimetre on rubber [radii].
 BRISTLE = 0.25
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
@@ -217,12 +218,12 @@ def _of_units(params: Params) -> Iterator[RunWarning]:
     if pull > GRAVITY:
         yield _units(f"gravity is {pull:.4g} m/s^2: is it in mm/s^2?", "gravity")
     if friction is not None:
-        bristle = friction.mu_k / friction.sigma
+        bristle = min(friction.mu_k, 1.0) / friction.sigma
         least = min(pulley.radius for pulley in params.pulleys)
         if bristle > BRISTLE * least:
             yield _units(
-                f"with sigma = {friction.sigma:.3g} 1/m friction needs slips of some "
-                f"{1e3 * 3.0 * bristle:.3g} mm to build up, on a radius of {1e3 * least:.3g} mm: "
+                f"with sigma = {friction.sigma:.3g} 1/m friction takes slips of more than "
+                f"{1e3 * bristle:.3g} mm to build up, on a radius of {1e3 * least:.3g} mm: "
                 "is sigma in 1/mm?",
                 "friction",
             )

@@ -85,7 +85,8 @@ def simulate(
         SimulationError: The run cannot go on; ``.result`` holds what was computed, notes of the
             error say what was noticed.
         Interrupted: Ctrl-C; ``.result`` holds what was computed.
-        BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
+        BeltdynWarning: Not raised but issued, for each of ``result.warnings``: what the drive
+            alone calls for before the run, the rest after it.
         Exception: Whatever ``torque_fn`` raises comes out unchanged.
     """
     _check_params(params)
@@ -106,11 +107,13 @@ def simulate(
     }
     terms = as_terms(torque_fn, len(params.pulleys))
 
+    # Before anything that may take long, or fail because of what they say.
+    of_drive = sanity.check(params)
+    issue(of_drive, stacklevel=2)
     settle_start = time.perf_counter()
     state = settle(params, progress=progress) if initial is None else initial
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
-    of_drive = sanity.check(params)
     sim = _core.Simulation(
         params._model, state._to_core(params.friction is not None), terms, end, **options
     )
@@ -163,7 +166,7 @@ def simulate(
             "stretch and were made again, shorter: take a shorter step"
         )
     finished = result("finished", message)
-    issue(finished.warnings, stacklevel=2)
+    issue(finished.warnings[len(of_drive) :], stacklevel=2)
     return finished
 
 
