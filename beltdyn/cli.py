@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, NoReturn
 import click
 
 from . import __version__, sanity, scenes
-from .errors import Interrupted, RunWarning, SimulationError, silenced
+from .errors import Interrupted, RunWarning, SimulationError, distinct, silenced
 from .result import Result
 from .simulation import METHODS, simulate
 
@@ -37,13 +37,14 @@ def _stop(message: str, code: int) -> NoReturn:
 
 
 def _warn(noticed: Iterable[RunWarning], quiet: bool) -> None:
-    """Print each once, on a line of its own, yellow on a terminal."""
+    """Print each on a line of its own, yellow on a terminal."""
     if quiet:
         return
     from rich.console import Console
 
     console = Console(stderr=True)
-    for line in dict.fromkeys(f"beltdyn: warning: {one}" for one in noticed):
+    for one in noticed:
+        line = f"beltdyn: warning: {one}"
         console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
@@ -243,7 +244,7 @@ def _write_figures(
                 picture = io.BytesIO()
                 drawn.savefig(picture, format=kind)
                 write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
-    return comparison, [one for run in runs for one in run.warnings]
+    return comparison, distinct(runs)
 
 
 def _check_folder(folder: Path) -> None:

@@ -117,6 +117,11 @@ def issue(noticed: Iterable[RunWarning], stacklevel: int) -> None:
         warnings.warn(str(one), category, stacklevel=stacklevel + 1)
 
 
+def distinct(results: Iterable[Result]) -> list[RunWarning]:
+    """Give what several runs noticed, what they say alike once."""
+    return list({str(one): one for result in results for one in result.warnings}.values())
+
+
 def annotate(error: SimulationError, noticed: Iterable[RunWarning]) -> None:
     """Add to an error what was noticed, which may be its cause: a traceback shows it."""
     for one in noticed:

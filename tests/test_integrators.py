@@ -249,8 +249,12 @@ def test_limit_on_steps_is_a_named_error() -> None:
 def test_belt_pulled_through_a_pulley_is_a_named_error() -> None:
     base = drives.plain()
     params = attrs.evolve(base, contact=bd.Contact(linear=2e4))
-    with pytest.raises(bd.SimulationError, match="pulley"):
+    with (
+        pytest.raises(bd.SimulationError, match="pulley") as failed,
+        pytest.warns(bd.AccuracyWarning, match="^compliance: .* 243 % of its radius"),
+    ):
         bd.simulate(params, bd.Viscous([0, 0]), 0.1)
+    assert any("compliance: " in note for note in failed.value.__notes__)
 
 
 def test_a_run_in_two_parts_is_the_run_in_one() -> None:

@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array, flag, integer, pair, real
-from ..errors import issue
+from ..errors import distinct, issue
 from ..params import Params
 from . import linear
 from .experiment import Target
@@ -121,8 +121,7 @@ def identify(
             stopped = f"interrupted after {search.rig.runs} runs"
             raise IdentificationInterrupted(stopped, search.report(False, stopped)) from error
         found = search.report(success, message)
-    seen = (one for result in found.results.values() for one in result.warnings)
-    issue({str(one): one for one in seen}.values(), stacklevel=2)
+    issue(distinct(found.results.values()), stacklevel=2)
     return found
 
 
