@@ -1,7 +1,9 @@
 """The command line: ``beltdyn run SCENE``, ``beltdyn scenes``, ``beltdyn figures``.
 
 Exit codes: 0 fine, 1 the run failed or a file could not be written, 2 bad input, 130 interrupted. A
-run that fails or is interrupted still writes what it computed.
+run that fails or is interrupted still writes what it computed. Results go to stdout; errors, and
+the warnings of a run, one line each after the results, to stderr. Warnings leave the exit code
+alone.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
@@ -18,8 +20,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import click
 
-from . import __version__, files, scenes
-from .errors import Interrupted, SimulationError
+from . import __version__, files, sanity, scenes
+from .errors import Interrupted, RunWarning, SimulationError, distinct, silenced
 from .result import Result
 from .simulation import METHODS, simulate
 
@@ -33,6 +35,18 @@ _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(si
 def _stop(message: str, code: int) -> NoReturn:
     click.echo(f"beltdyn: {message}", err=True)
     sys.exit(code)
+
+
+def _warn(noticed: Iterable[RunWarning], quiet: bool) -> None:
+    """Print each on a line of its own, yellow on a terminal."""
+    if quiet:
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    for one in noticed:
+        line = f"beltdyn: warning: {one}"
+        console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
 def _interrupt_once(*_: object) -> NoReturn:
@@ -103,7 +117,7 @@ def list_scenes() -> None:
 @click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error asked for.")
 @click.option("--step", type=float, help="Fixed step [s] of rk4, lbdf2, lie; else the first step.")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 def run(
     scene: str,
     out: Path | None,
@@ -120,7 +134,7 @@ def run(
     outputs.check()
     try:
         params, torque_fn, scene_t_end = _find(scene)
-        with _interruptible():
+        with _interruptible(), silenced():
             result = simulate(
                 params,
                 torque_fn,
@@ -135,9 +149,13 @@ def run(
     except (TypeError, ValueError) as error:
         _stop(str(error), _BAD_INPUT)
     except SimulationError as error:
-        _stop(f"{error}{outputs.write(error.result)}", _FAILED)
+        written = outputs.write(error.result)
+        _warn(error.result.warnings if error.result else sanity.check(params), quiet)
+        _stop(f"{error}{written}", _FAILED)
     except Interrupted as error:
-        _stop(f"{error}{outputs.write(error.result)}", _INTERRUPTED)
+        written = outputs.write(error.result)
+        _warn(error.result.warnings if error.result else (), quiet)
+        _stop(f"{error}{written}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
     try:
@@ -147,6 +165,7 @@ def run(
         _stop("interrupted while the result was written", _INTERRUPTED)
     if not quiet:
         _print_summary(scene, result, written)
+    _warn(result.warnings, quiet)
 
 
 @main.command("figures")
@@ -186,7 +205,9 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
     written: list[Path] = []
     try:
         with _interruptible():
-            comparison = _write_figures(folder, list(dict.fromkeys(kinds)), size, quiet, written)
+            comparison, noticed = _write_figures(
+                folder, list(dict.fromkeys(kinds)), size, quiet, written
+            )
     except SimulationError as error:
         _stop(str(error), _FAILED)
     except OSError as error:
@@ -197,15 +218,17 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
     if not quiet:
         click.echo(comparison)
         click.echo(f"written: {len(written)} files in {folder}")
+    _warn(noticed, quiet)
 
 
 def _write_figures(
     folder: Path, kinds: list[str], size: str, quiet: bool, written: list[Path]
-) -> str:
+) -> tuple[str, list[RunWarning]]:
     from . import kubas
     from .kubas.figures import FIGURES
 
-    runs = kubas.runs(progress=not quiet)
+    with silenced():
+        runs = kubas.runs(progress=not quiet)
     comparison = str(kubas.compare(runs))
     folder.mkdir(exist_ok=True)
 
@@ -225,7 +248,7 @@ def _write_figures(
                 picture = io.BytesIO()
                 drawn.savefig(picture, format=kind)
                 write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
-    return comparison
+    return comparison, distinct(runs)
 
 
 def _check_folder(folder: Path) -> None:

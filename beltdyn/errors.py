@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 import attrs
@@ -89,8 +91,38 @@ class RunWarning:
         return f"{self.code}: {self.text}"
 
 
+#: Of this thread: a search, which tells its user of the best run alone.
+_SILENT: ContextVar[bool] = ContextVar("silent", default=False)
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Let runs in this thread issue nothing; their results still hold what was noticed.
+
+    Unlike ``warnings.catch_warnings`` it leaves other threads alone.
+    """
+    token = _SILENT.set(True)
+    try:
+        yield
+    finally:
+        _SILENT.reset(token)
+
+
 def issue(noticed: Iterable[RunWarning], stacklevel: int) -> None:
     """Issue each as a Python warning, on behalf of the caller so many levels up."""
+    if _SILENT.get():
+        return
     for one in noticed:
         category = AccuracyWarning if one.accuracy else BeltdynWarning
         warnings.warn(str(one), category, stacklevel=stacklevel + 1)
+
+
+def distinct(results: Iterable[Result]) -> list[RunWarning]:
+    """Give what several runs noticed, what they say alike once."""
+    return list({str(one): one for result in results for one in result.warnings}.values())
+
+
+def annotate(error: SimulationError, noticed: Iterable[RunWarning]) -> None:
+    """Add to an error what was noticed, which may be its cause: a traceback shows it."""
+    for one in noticed:
+        error.add_note(f"noticed before: {one}")

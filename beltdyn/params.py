@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import attrs
 
-from . import _core, checks
+from . import _core, checks, sanity
 from .tensioning import Tensioning
 
 __all__ = ["Belt", "Contact", "Dahl", "Params", "Pulley"]
@@ -306,6 +306,7 @@ class Params:
                 f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
                 f"straight links on the pulleys add up to {100 * info['mesh_strain']:.2g} %, "
                 f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N",
+                *(f"  note  {noticed}" for noticed in sanity.check(self)),
             ]
         )
 

@@ -322,7 +322,11 @@ class Result:
         Span k runs from pulley k on to the next pulley in the numbering of the links. Only joints
         between two links that touch nothing count; NaN where a span has none.
         """
-        touched = self.contact.pulley
+        return self._span_tension(slice(None))
+
+    def _span_tension(self, rows: Any) -> Array:
+        """Do the same at some of the samples."""
+        touched, force = self.contact.pulley[rows], self.joints.force[rows]
         n_t, n_p = touched.shape[0], len(self.params.pulleys)
         before = _last_touched(touched)
         after = _last_touched(touched[:, ::-1])[:, ::-1]
@@ -335,7 +339,7 @@ class Result:
         for k in range(n_p):
             here = in_span & (before == k)
             count = here.sum(axis=1)
-            total = np.where(here, self.joints.force, 0.0).sum(axis=1)
+            total = np.where(here, force, 0.0).sum(axis=1)
             np.divide(total, count, out=tension[:, k], where=count > 0)
         return tension
 
@@ -378,6 +382,9 @@ class Result:
 
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
+        if self.warnings:
+            codes = dict.fromkeys(one.code for one in self.warnings)
+            rows.append(("warnings", f"{len(self.warnings)}: {', '.join(codes)}"))
         if self.t.size:
             late = self.t >= self.t[-1] - 0.1 * (self.t[-1] - self.t[0])
             speeds = self.pulleys.omega[late].mean(axis=0)

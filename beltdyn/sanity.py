@@ -1,13 +1,371 @@
-"""What can be said of a drive before it runs: data that are allowed but hardly meant."""
+"""Data that are allowed but hardly meant: of a drive before it runs, and seen in a run.
+
+Every limit below stands with the argument for it. Whoever knows better may go beyond it: these are
+warnings, and nothing is changed by them.
+"""
 
 from __future__ import annotations
 
-from .errors import RunWarning
-from .params import Params
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-__all__ = ["check"]
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .checks import Array
+from .errors import RunWarning
+
+if TYPE_CHECKING:
+    from .params import Params
+    from .result import Result
+
+__all__ = ["check", "contact_depth", "mesh_share", "observe"]
+
+# --- accuracy and plausibility of the drive ---
+
+#: Tension at rest that the mesh adds, of the tension without it: 2 %, as much as a belt's stiffness
+#: is known to at best.
+MESH = 0.02
+#: Reinforced belts are laid on at 0.1 to 2 %; from about 3 % on no EA is constant.
+STRAIN = 0.03
+#: Share of the radius by which contact may shrink the running circle: half the speed lost to creep
+#: in a drive that is loaded well, some 1 %.
+COMPLIANCE = 0.005
+#: Links longer than this part of the radius turn by more than 29 degrees each on the pulley.
+LONG_LINK = 0.5
+
+# --- units: what no belt drive is, by a wide margin ---
+
+#: Wheels of cable cars and mine hoists, the largest there are, have radii of 2 to 4 m [m].
+RADIUS = 5.0
+#: I of a disc is pi/2 rho h R^4: here of water (1000 kg/m^3), 1 um thick [kg/m^2]. Lengths in mm
+#: make I/R^4 1e12 times too small; a "massless" pulley stays well above.
+DISC = 0.5 * math.pi * 1000.0 * 1e-6
+#: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it hangs
+#: rather than is tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in g/m
+#: divide it by 32 [m/s].
+WAVE_LOW = 5.0
+#: Longitudinal waves sqrt(EA/rho A): steel 5000 m/s, carbon fibre 18 000 m/s [m/s].
+WAVE_HIGH = 20e3
+#: Earth has 9.81; in mm/s^2 that is 9810. A hundred times Earth's is no machine [m/s^2].
+GRAVITY = 1000.0
+#: Friction is there after slips of a few mu_k/sigma (1/sigma where a huge mu_k says that nothing
+#: is to slip); if that is most of a radius, no belt ever creeps so far on its wrap. Measured:
+#: micrometres on metal, a millimetre on rubber [radii].
+BRISTLE = 0.25
+#: A torque this many times 2 T R, what is carried when all tension has gone to one side.
+TORQUE = 10.0
+
+# --- what a run shows ---
+
+#: Friction over the most there could be, |sum mu N| / sum mu_k N, from which on all of the wrap
+#: slips; a link just landed has yet to slip some mu_k/sigma. A steady drive stays below: 0.88 in
+#: case 1 of the paper, which is loaded almost to its limit.
+SATURATED = 0.98
+#: Slip, in units of the bristles' mu_k/sigma, below which a pulley only jerked.
+SLIPPED = 10.0
+#: Friction below this part of the belt's tension is nobody's loss.
+FAINT = 0.01
 
 
 def check(params: Params) -> tuple[RunWarning, ...]:
-    """Give the warnings that the parameters alone call for."""
-    return ()
+    """Give what the parameters alone call for: mesh, strain, compliance, long_links, units.
+
+    Args:
+        params: The drive.
+
+    Returns:
+        At most one warning for each code, several for "units"; of pulleys, the worst is named.
+    """
+    return tuple(_of_belt(params)) + tuple(_of_pulleys(params)) + tuple(_of_units(params))
+
+
+def mesh_share(params: Params) -> float:
+    """Give what the mesh adds to the tension at rest, as a share of the tension without it [1].
+
+    Links lie on the pulleys as tangents and are longer than their arcs by (tan a)/a - 1, a half the
+    angle of a link; the belt is stretched by as much, ``info["mesh_strain"]``. Contact gives way
+    under either strain alike, so their ratio is that of the tensions. It fades as 1/n_bodies^2.
+    """
+    info = params.info
+    return float(info["mesh_strain"] / info["strain"])
+
+
+def contact_depth(params: Params) -> Array:
+    """Give how far the belt sinks into each pulley at rest (n_p,) [m].
+
+    The p of c1' p^2 + c2' p = T/R, with T the preload EA strain of the belt line. Under torque one
+    side of a wrap sinks deeper and the other less; with fixed centres the mean of the tension, and
+    so about that of the depth, stays what it is at rest.
+    What the mesh adds to T is left out; :func:`mesh_share` has it.
+    """
+    contact, radii = params.contact, np.array([pulley.radius for pulley in params.pulleys])
+    pressure = params.info["mean_tension"] / radii
+    # The root in the form that is exact for c1' = 0 and for c2' = 0.
+    root = np.sqrt(contact.linear**2 + 4.0 * contact.quadratic * pressure)
+    return np.asarray(2.0 * pressure / (contact.linear + root))
+
+
+def observe(result: Result) -> tuple[RunWarning, ...]:
+    """Give what a run shows at its samples: no_friction, full_slip, slack_span, units (of torque).
+
+    Args:
+        result: A run, finished or not.
+    """
+    if result.t.size == 0:
+        return ()
+    with np.errstate(all="ignore"):  # a failed run may end in huge numbers
+        return (
+            *_torques(result),
+            *_full_slip(result),
+            *_slack_spans(result),
+        )
+
+
+def _of_belt(params: Params) -> Iterator[RunWarning]:
+    belt, info = params.belt, params.info
+    share = mesh_share(params)
+    if share > MESH:
+        yield RunWarning(
+            code="mesh",
+            text=f"{belt.n_bodies} straight links are longer than the arcs they lie on and raise "
+            f"the tension at rest by some {_percent(share)}; "
+            # tan a / a - 1 grows faster than a^2, so this many are enough
+            f"{_links(belt.n_bodies * math.sqrt(share / MESH))} keeps that below "
+            f"{_percent(MESH)}",
+            accuracy=True,
+        )
+    strain = info["strain"]
+    if strain > STRAIN:
+        path = info["path_length"]
+        yield RunWarning(
+            code="strain",
+            text=f"the belt is stretched by {_percent(strain)} at rest, to "
+            f"{info['mean_tension']:.3g} N, with EA taken as constant: is it {belt.length:.4g} m "
+            f"long? On a line of {path:.4g} m belt.length = {_up(path / (1.0 + STRAIN), 4):.4g} "
+            f"makes that {_percent(STRAIN)}",
+        )
+
+
+def _of_pulleys(params: Params) -> Iterator[RunWarning]:
+    belt, contact, info = params.belt, params.contact, params.info
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    depth = contact_depth(params)
+    worst = int(np.argmax(depth / radii))
+    if depth[worst] > COMPLIANCE * radii[worst]:
+        allowed = COMPLIANCE * radii
+        needed = np.max(info["mean_tension"] / (radii * allowed) - contact.quadratic * allowed)
+        yield RunWarning(
+            code="compliance",
+            text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into pulley {worst}, "
+            f"{_percent(depth[worst] / radii[worst])} of its radius, and runs on a circle that "
+            f"much smaller; contact.linear = {_up(needed, 2):.2g} keeps that below "
+            f"{_percent(COMPLIANCE)}",
+            where=f"pulley {worst}",
+            accuracy=True,
+        )
+    small = int(np.argmin(radii))
+    if info["link_length"] > LONG_LINK * radii[small]:
+        yield RunWarning(
+            code="long_links",
+            text=f"links of {1e3 * info['link_length']:.3g} mm are longer than half the radius of "
+            f"pulley {small}, {1e3 * radii[small]:.3g} mm; "
+            f"{_links(belt.length / (LONG_LINK * radii[small]))} makes them short enough",
+            where=f"pulley {small}",
+            accuracy=True,
+        )
+
+
+def _of_units(params: Params) -> Iterator[RunWarning]:
+    belt, friction, info = params.belt, params.friction, params.info
+    large = max(range(len(params.pulleys)), key=lambda k: params.pulleys[k].radius)
+    radius = params.pulleys[large].radius
+    light = min(
+        range(len(params.pulleys)),
+        key=lambda k: params.pulleys[k].inertia / params.pulleys[k].radius ** 4,
+    )
+    pulley = params.pulleys[light]
+    if radius > RADIUS:
+        yield _units(
+            f"pulley {large} has a radius of {radius:.4g} m: are lengths in mm?", f"pulley {large}"
+        )
+    elif pulley.inertia < DISC * pulley.radius**4:
+        thickness = pulley.inertia / (DISC * pulley.radius**4)
+        yield _units(
+            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m pulley {light} "
+            f"weighs as much as a film of water of {thickness:.2g} um: are lengths in mm?",
+            f"pulley {light}",
+        )
+    wave = math.sqrt(info["mean_tension"] / belt.linear_density)
+    if wave < WAVE_LOW:
+        yield _units(
+            f"a preload of {info['mean_tension']:.3g} N is little for a belt of "
+            f"{belt.linear_density:.3g} kg/m, which would hang rather than be tight: is EA in kN, "
+            "or the density in g/m?",
+            "belt",
+        )
+    sound = math.sqrt(belt.axial_stiffness / belt.linear_density)
+    if sound > WAVE_HIGH:
+        yield _units(
+            f"with EA = {belt.axial_stiffness:.3g} N and {belt.linear_density:.3g} kg/m sound runs "
+            f"along the belt at {sound:.3g} m/s, in steel at 5000: is EA a modulus in Pa, or the "
+            "density in kg/mm or t/m?",
+            "belt",
+        )
+    pull = math.hypot(*params.gravity)
+    if pull > GRAVITY:
+        yield _units(f"gravity is {pull:.4g} m/s^2: is it in mm/s^2?", "gravity")
+    if friction is not None:
+        bristle = min(friction.mu_k, 1.0) / friction.sigma
+        least = min(pulley.radius for pulley in params.pulleys)
+        if bristle > BRISTLE * least:
+            yield _units(
+                f"with sigma = {friction.sigma:.3g} 1/m friction takes slips of more than "
+                f"{1e3 * bristle:.3g} mm to build up, on a radius of {1e3 * least:.3g} mm: "
+                "is sigma in 1/mm?",
+                "friction",
+            )
+
+
+def _torques(result: Result) -> Iterator[RunWarning]:
+    params, pulleys = result.params, result.pulleys
+    if params.friction is None:
+        fed = pulleys.torque * pulleys.omega
+        first, driven = np.unravel_index(int(np.argmax(fed > 0.0)), fed.shape)
+        if fed[first, driven] > 0.0:
+            yield RunWarning(
+                code="no_friction",
+                text=f"pulley {driven} is driven, with up to {np.nanmax(fed[:, driven]):.3g} W, "
+                "but friction is off: the belt takes nothing over; set Params.friction",
+                t=float(result.t[first]),
+                where=f"pulley {driven}",
+            )
+    info = params.info
+    tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
+    carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
+    size = np.abs(pulleys.torque)
+    over = size.max(axis=0) / carried
+    worst = int(np.argmax(over))
+    if over[worst] > TORQUE:
+        most = size[:, worst].max()
+        yield _units(
+            f"a torque of {most:.3g} N m acts on pulley {worst}, but a belt of {tension:.3g} N "
+            f"carries {carried[worst]:.3g} N m over at most: is it in N mm?",
+            f"pulley {worst}",
+            t=float(result.t[np.argmax(size[:, worst] > TORQUE * carried[worst])]),
+        )
+
+
+def _full_slip(result: Result) -> Iterator[RunWarning]:
+    params, contact = result.params, result.contact
+    if params.friction is None:
+        return
+    n_t, n_p = result.t.size, len(params.pulleys)
+    bins = _bins(contact.pulley, n_p)
+    friction = _per_pulley(contact.friction, bins, n_p)
+    most = params.friction.mu_k * _per_pulley(contact.normal, bins, n_p)
+    tension = params.info["mean_tension"]
+    saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
+    rows = np.flatnonzero(saturated.any(axis=1))
+    if rows.size == 0:
+        return
+    lost = np.zeros((n_t, n_p))
+    lost[rows] = _per_pulley(
+        contact.friction[rows] * contact.velocity[rows], _bins(contact.pulley[rows], n_p), n_p
+    )
+    lasts = _durations(result.t)
+    least = SLIPPED * params.friction.mu_k / params.friction.sigma
+    for k, pulley in enumerate(params.pulleys):
+        speed = np.where(saturated[:, k], lost[:, k] / np.abs(friction[:, k]), 0.0)
+        # Where a wrap is locked by what it was laid with, nothing slips.
+        slips = speed > 0.01 * speed.max()
+        slip = float(np.sum(lasts * speed, where=slips))
+        if not slip > least:
+            continue
+        first, last, whole = _when(result.t, lasts, slips)
+        carried = float(np.max(np.abs(friction[slips, k]))) * pulley.radius
+        given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
+        of_set = f", {given:.3g} N m are set" if given > carried else ""
+        yield RunWarning(
+            code="full_slip",
+            text=f"pulley {k} slips over its whole wrap, by {slip:.2g} m, {whole} between "
+            f"t = {first:.4g} and {last:.4g} s, which takes "
+            f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction carries "
+            f"{carried:.3g} N m at most{of_set}; raise the preload (a shorter belt.length) or "
+            "lower the torque",
+            t=first,
+            where=f"pulley {k}",
+        )
+
+
+def _slack_spans(result: Result) -> Iterator[RunWarning]:
+    # Spans are told apart only where any joint is without tension at all: seldom, and dear.
+    rows = np.flatnonzero(result.joints.force.min(axis=1) <= 0.0)
+    if rows.size == 0:
+        return
+    n_p = len(result.params.pulleys)
+    tension = result._span_tension(rows)
+    lasts = _durations(result.t)
+    for k in range(n_p):
+        slack = np.zeros(result.t.size, dtype=bool)
+        slack[rows] = tension[:, k] <= 0.0
+        if not slack.any():
+            continue
+        first, last, whole = _when(result.t, lasts, slack)
+        yield RunWarning(
+            code="slack_span",
+            text=f"span {k}, from pulley {k} to pulley {(k + 1) % n_p}, is slack, down to "
+            f"{np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and {last:.4g} s; "
+            "raise the preload (a shorter belt.length) or lower the torque",
+            t=first,
+            where=f"span {k}",
+        )
+
+
+def _units(text: str, where: str, t: float | None = None) -> RunWarning:
+    return RunWarning(code="units", text=text, where=where, t=t)
+
+
+def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
+    """Give each (sample, pulley) a number; pulley -1, none, comes first in a sample."""
+    rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
+    return (touched + (rows * (n_p + 1) + 1)).ravel()
+
+
+def _per_pulley(values: Array, bins: NDArray[np.intp], n_p: int) -> Array:
+    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
+    n_t = values.shape[0]
+    total = np.bincount(bins, weights=values.ravel(), minlength=n_t * (n_p + 1))
+    return np.asarray(total.reshape(n_t, n_p + 1)[:, 1:], dtype=float)
+
+
+def _durations(t: Array) -> Array:
+    """Time that each sample stands for [s]."""
+    half = np.diff(t) / 2.0
+    return np.asarray(np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half]))
+
+
+def _when(t: Array, lasts: Array, during: NDArray[np.bool_]) -> tuple[float, float, str]:
+    """First and last time, and how long in all, in words."""
+    seen = np.flatnonzero(during)
+    return float(t[seen[0]]), float(t[seen[-1]]), f"for {np.sum(lasts[seen]):.3g} s"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
+
+
+def _up(value: float, digits: int) -> float:
+    """Round up to that many significant digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    return math.ceil(value / unit) * unit
+
+
+def _links(least: float) -> str:
+    """Suggest a number of links: the next ten."""
+    number = 10 * math.ceil(least / 10.0)
+    if number > _core.MAX_LINKS:
+        return "no number of links allowed here, only more preload,"
+    return f"n_bodies = {number}"

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from . import _core, memory, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
-from .errors import Interrupted, RunWarning, SimulationError, issue
+from .errors import Interrupted, RunWarning, SimulationError, annotate, issue
 from .escaped import Escaped
 from .params import Params
 from .result import Result, Stats
@@ -87,10 +87,12 @@ def simulate(
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
             returned something else than n_p numbers.
-        SimulationError: The run cannot go on; ``.result`` holds what was computed.
+        SimulationError: The run cannot go on; ``.result`` holds what was computed, notes of the
+            error say what was noticed.
         Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
         MemoryError: The samples do not fit into memory; said before anything runs.
-        BeltdynWarning: Not raised but issued, for each of ``result.warnings``.
+        BeltdynWarning: Not raised but issued, for each of ``result.warnings``: what the drive
+            alone calls for before the run, the rest after it.
         Exception: Whatever ``torque_fn`` raises comes out unchanged, from ctypes, cffi and Numba
             callbacks as well; what was computed is in its attribute ``result``.
     """
@@ -116,11 +118,13 @@ def simulate(
         times.size, params.belt.n_bodies, len(params.pulleys), ledger=options["ledger"]
     )
 
+    # Before anything that may take long, or fail because of what they say.
+    of_drive = sanity.check(params)
+    issue(of_drive, stacklevel=2)
     settle_start = time.perf_counter()
     state = settle(params, progress=progress) if initial is None else initial
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
-    of_drive = sanity.check(params)
     escaped = Escaped()
     sim = _core.Simulation(
         params._model,
@@ -149,7 +153,7 @@ def simulate(
             wall_time=time.perf_counter() - wall_start,
             settle_time=settle_time,
         )
-        return Result._from_core(
+        seen = Result._from_core(
             times,
             arrays,
             sim.samples,
@@ -160,8 +164,9 @@ def simulate(
             message=message,
             params=params,
             final_state=State._from_core(sim.state()),
-            warnings=(*of_drive, *(RunWarning(**one) for one in sim.warnings)),
         )
+        of_core = (RunWarning(**one) for one in sim.warnings)
+        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *sanity.observe(seen)))
 
     def interrupted() -> Interrupted:
         message = f"interrupted at t = {sim.time:.6g} s"
@@ -184,6 +189,7 @@ def simulate(
         finished = result("finished", message)
     except SimulationError as error:
         error.result = result("failed", str(error))
+        annotate(error, error.result.warnings)
         raise
     except KeyboardInterrupt as error:
         raise interrupted() from error
@@ -198,7 +204,7 @@ def simulate(
         if raised is error:
             raise
         raise raised from None
-    issue(finished.warnings, stacklevel=2)
+    issue(finished.warnings[len(of_drive) :], stacklevel=2)
     return finished
 
 
@@ -266,6 +272,9 @@ def settle(
         with _progress(progress, "settling", 0.0, None) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
+    except SimulationError as error:
+        annotate(error, sanity.check(params))
+        raise
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error
     start = 0.0 if initial is None else initial.t

@@ -16,6 +16,7 @@ import os
 import platform
 import subprocess
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,9 @@ def main() -> None:
     rounds = 15 if arguments.quick else 101
     sizes = SIZES[:3:2] if arguments.quick else SIZES
 
+    warnings.filterwarnings(
+        "ignore", "mesh", UserWarning
+    )  # the paper's belt has 60 links by design
     scene = bd.scenes.kubas_case_1()
     start = bd.settle(scene.params)
     state = bd.simulate(*scene[:2], 0.4, initial=start, t_eval=[0.4]).final_state

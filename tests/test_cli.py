@@ -39,6 +39,12 @@ def refused(result: Result, *words: str) -> None:
         assert word in result.stderr
 
 
+def only_the_mesh(stderr: str) -> None:
+    """The paper's belt has 60 links by design; nothing else is to be said of its runs."""
+    (line,) = stderr.splitlines()
+    assert line.startswith("beltdyn: warning: mesh: 60 straight links ")
+
+
 def test_run_a_scene(call: Callable[..., Result], tmp_path: Path) -> None:
     out, plot = tmp_path / "run.npz", tmp_path / "run.png"
     result = call("run", "kubas-case-1", *SHORT, "--out", out, "--plot", plot)
@@ -59,7 +65,8 @@ def test_animate(
     monkeypatch.setattr(cli, "simulate", simulate)  # three samples, so three frames
     film = tmp_path / "run.gif"
     result = call("run", "kubas-case-1", *SHORT, "--animate", film)
-    assert result.exit_code == 0 and result.stderr == ""
+    assert result.exit_code == 0
+    only_the_mesh(result.stderr)
     assert f"written: {film}" in result.stdout
     assert film.read_bytes().startswith(b"GIF8")
 
@@ -233,7 +240,9 @@ def test_failed_run_writes_the_finished_part(
     result = call("run", "kubas-case-1", *SHORT, "--out", out)
     assert result.exit_code == 1
     assert "torque" in result.stderr and f"written, up to there: {out}" in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 2
+    first, *error = result.stderr.strip().splitlines()
+    only_the_mesh(first)
+    assert len(error) == 2
     assert bd.Result.load(out).status == "failed"
 
 
@@ -386,7 +395,8 @@ def start(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_as_a_module(tmp_path: Path) -> None:
     done = start("run", "kubas-case-1", "--t-end", "0.001", "--out", "run.npz", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "pulley speeds" in done.stdout and done.stderr == ""
+    assert "pulley speeds" in done.stdout
+    only_the_mesh(done.stderr)
     assert bd.Result.load(tmp_path / "run.npz").success
 
 

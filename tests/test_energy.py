@@ -32,6 +32,7 @@ def test_case_1_closes_its_balance() -> None:
 
 
 @pytest.mark.parametrize("name", ["three-pulleys", "unequal-pulleys", "flywheel-start"])
+@pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")  # the flywheel's does
 def test_other_scenes_close_theirs(name: str) -> None:
     scene = bd.scenes.get(name)
     start = bd.settle(scene.params)

@@ -32,6 +32,7 @@ def free_pulley(drag: float, omega: float) -> tuple[bd.Params, bd.State, float]:
     return params, start, drag / params.pulleys[0].inertia
 
 
+@pytest.mark.filterwarnings("ignore:no_friction:UserWarning")
 @pytest.mark.parametrize("drag", [0.5, 1e3])
 @pytest.mark.parametrize("method", ["lbdf2", "lie"])
 def test_steps_are_the_formula(method: str, drag: float) -> None:

@@ -161,7 +161,8 @@ def test_free_pulley_follows_the_closed_form() -> None:
     base = drives.plain()
     params = attrs.evolve(base, friction=None)
     ramp = bd.PiecewiseLinear([0.0, 1.0], [[0, 0], [-3.0, 0.0]])
-    result = bd.simulate(params, ramp, 0.05, t_eval=np.linspace(0, 0.05, 51), method="tsit5")
+    with pytest.warns(bd.BeltdynWarning, match="^no_friction: pulley 0 is driven"):
+        result = bd.simulate(params, ramp, 0.05, t_eval=np.linspace(0, 0.05, 51), method="tsit5")
     t = result.t
     # polynomials of degree 3: exact for both the method and its dense output, but for rounding
     assert result.pulleys.omega[:, 0] == pytest.approx(-3.0 * t**2 / 2 / 0.01, rel=1e-11, abs=1e-15)
@@ -195,7 +196,8 @@ def test_effects_name_what_was_simulated_and_no_more() -> None:
         scene.params, friction=None, belt=attrs.evolve(scene.params.belt, bending_stiffness=0.0)
     )
     full = bd.simulate(*bd.scenes.three_pulleys()[:2], 1e-4).effects
-    none = bd.simulate(bare, scene.torque_fn, 1e-4, ledger=False).effects
+    with pytest.warns(bd.BeltdynWarning, match="^no_friction: "):
+        none = bd.simulate(bare, scene.torque_fn, 1e-4, ledger=False).effects
     text = " | ".join(full)
     for word in ("bending", "gravity", "Dahl", "ledger"):
         assert word in text
@@ -249,8 +251,12 @@ def test_limit_on_steps_is_a_named_error() -> None:
 def test_belt_pulled_through_a_pulley_is_a_named_error() -> None:
     base = drives.plain()
     params = attrs.evolve(base, contact=bd.Contact(linear=2e4))
-    with pytest.raises(bd.SimulationError, match="pulley"):
+    with (
+        pytest.raises(bd.SimulationError, match="pulley") as failed,
+        pytest.warns(bd.AccuracyWarning, match="^compliance: .* 243 % of its radius"),
+    ):
         bd.simulate(params, bd.Viscous([0, 0]), 0.1)
+    assert any("compliance: " in note for note in failed.value.__notes__)
 
 
 def test_a_run_in_two_parts_is_the_run_in_one() -> None:

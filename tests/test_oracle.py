@@ -47,12 +47,16 @@ CASES = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")
 @pytest.mark.parametrize("case", CASES)
 def test_core_agrees_with_oracle(case: str) -> None:
     scene, start = CASES[case]()
     params, torque = scene.params, scene.torque_fn
     times = start.t + np.linspace(0.0, WINDOW, 26)
     result = bd.simulate(params, torque, times[-1], initial=start, t_eval=times, rtol=1e-9)
+
+    slips = any(one.code == "full_slip" for one in result.warnings)
+    assert slips == ("full slip" in case)
 
     oracle = oracle_of(params)
     kinks = [t for term in torque.terms() if term[0] == "piecewise" for t in term[1]]

@@ -194,6 +194,7 @@ def test_without_the_ledger(scene: bd.Scene, start: bd.State, tmp_path: Path) ->
     assert bd.Result.load(tmp_path / "run.npz").energy is None
 
 
+@pytest.mark.filterwarnings("ignore:no_friction:UserWarning")
 def test_without_friction(scene: bd.Scene) -> None:
     params = attrs.evolve(scene.params, friction=None)
     run = bd.simulate(params, scene.torque_fn, 0.005, t_eval=[0.0, 0.005])
@@ -201,6 +202,7 @@ def test_without_friction(scene: bd.Scene) -> None:
     assert run.final_state.mu.shape == (60,) and not run.final_state.mu.any()
     more = bd.simulate(params, scene.torque_fn, 0.006, initial=run.final_state, t_eval=[0.006])
     assert more.success
+    assert "no_friction" in [one.code for one in run.warnings]
 
 
 def test_restart_goes_on_where_the_run_ended(scene: bd.Scene, result: bd.Result) -> None:

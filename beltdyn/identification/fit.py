@@ -11,6 +11,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array, flag, integer, pair, real
+from ..errors import distinct, issue
 from ..params import Params
 from . import linear
 from .experiment import Target
@@ -86,6 +87,8 @@ def identify(
         SimulationError: The experiments cannot be simulated with the parameters the search begins
             with.
         IdentificationInterrupted: Ctrl-C; ``.identification`` holds the best found so far.
+        BeltdynWarning: Not raised but issued, each once, for what the runs of the best parameters
+            found noticed; those tried on the way are not spoken of.
         Exception: What a torque function or a reader raises comes out unchanged.
     """
     try:
@@ -117,7 +120,9 @@ def identify(
                 raise
             stopped = f"interrupted after {search.rig.runs} runs"
             raise IdentificationInterrupted(stopped, search.report(False, stopped)) from error
-        return search.report(success, message)
+        found = search.report(success, message)
+    issue(distinct(found.results.values()), stacklevel=2)
+    return found
 
 
 @attrs.frozen(kw_only=True)

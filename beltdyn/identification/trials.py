@@ -9,7 +9,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
-from ..errors import SimulationError
+from ..errors import SimulationError, silenced
 from ..params import Params
 from ..result import Result
 from ..simulation import simulate
@@ -220,9 +220,15 @@ def _simulate(
     experiment = run.experiment
     options: Mapping[str, Any] = experiment.options
     try:
-        result = simulate(
-            drive, experiment.torque_fn, experiment.t_end, t_eval=run.t, initial=start, **options
-        )
+        with silenced():
+            result = simulate(
+                drive,
+                experiment.torque_fn,
+                experiment.t_end,
+                t_eval=run.t,
+                initial=start,
+                **options,
+            )
     except SimulationError as error:
         return error
     parts = []

@@ -19,7 +19,7 @@ import numpy as np
 
 from .. import scenes
 from ..checks import Array
-from ..errors import SimulationError
+from ..errors import SimulationError, silenced
 from ..identification.experiment import Experiment, Target
 from ..identification.free import Free, place, resolve
 from ..identification.report import Identification
@@ -159,14 +159,15 @@ def _runs(params: Params) -> tuple[Result, Result]:
 
 
 def evaluate(params: Params, links: Links | None = None) -> Trial:
-    """Simulate both cases and read the table off them.
+    """Simulate both cases and read the table off them; what the runs noticed is not issued.
 
     Args:
         params: The drive, with its tensioning.
         links: The chosen elements; None: those with which it fits best.
     """
     try:
-        case_1, case_2 = _runs(params)
+        with silenced():
+            case_1, case_2 = _runs(params)
     except SimulationError:
         return Trial(params)
     if links is None:

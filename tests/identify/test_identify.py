@@ -10,6 +10,7 @@ import attrs
 import numpy as np
 import pytest
 from identify_common import (
+    COARSE,
     SPEED,
     T_END,
     TIMES,
@@ -21,6 +22,8 @@ from identify_common import (
 
 import beltdyn as bd
 from beltdyn.identification import linear
+
+pytestmark = COARSE
 
 DRAWS = 100
 # Of 100 intervals that each hold the truth with probability 0.95, fewer than 90 do with

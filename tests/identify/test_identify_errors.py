@@ -16,6 +16,7 @@ import attrs
 import numpy as np
 import pytest
 from identify_common import (
+    COARSE,
     T_END,
     TIMES,
     TORQUE,
@@ -24,6 +25,8 @@ from identify_common import (
 )
 
 import beltdyn as bd
+
+pytestmark = COARSE
 
 # --- what goes wrong ------------------------------------------------------------------------------
 

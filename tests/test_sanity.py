@@ -1,0 +1,470 @@
+"""Warnings of data that are hardly meant, and of what a run shows: when, and when not."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import beltdyn as bd
+from beltdyn import cli, errors, sanity
+
+
+def drive(
+    radii: tuple[float, float] = (0.1, 0.1),
+    distance: float = 0.29,
+    strain: float = 0.007,
+    links: int = 240,
+    *,
+    scale: float = 1.0,
+    density: float = 0.1,
+    stiffness: float = 70e3,
+    damping: float = 1.4,
+    inertia: float = 0.01,
+    contact: bd.Contact | None = None,
+    friction: bd.Dahl | None = bd.Dahl(mu_k=1.0, sigma=1e4),  # noqa: B008
+    gravity: tuple[float, float] = (0.0, 0.0),
+) -> bd.Params:
+    """Two pulleys, the belt strained by so much; ``scale`` multiplies all lengths."""
+    lean = math.asin((radii[1] - radii[0]) / distance)
+    path = 2.0 * distance * math.cos(lean)
+    path += (math.pi - 2.0 * lean) * radii[0] + (math.pi + 2.0 * lean) * radii[1]
+    return bd.Params(
+        belt=bd.Belt(
+            length=scale * path / (1.0 + strain),
+            n_bodies=links,
+            linear_density=density,
+            axial_stiffness=stiffness,
+            axial_damping=damping,
+        ),
+        pulleys=[
+            bd.Pulley(center=(scale * x, 0.0), radius=scale * r, inertia=inertia)
+            for x, r in zip((0.0, distance), radii, strict=True)
+        ],
+        contact=contact or bd.Contact(linear=1e8, damping=1e3),
+        friction=friction,
+        gravity=gravity,
+    )
+
+
+def codes(params: bd.Params) -> list[str]:
+    return [one.code for one in sanity.check(params)]
+
+
+def run(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:
+    """Run without Python's warnings: those of the result are looked at."""
+    with errors.silenced():
+        return bd.simulate(params, torque, t_end, **options)
+
+
+def found(result: bd.Result, code: str) -> list[bd.RunWarning]:
+    return [one for one in result.warnings if one.code == code]
+
+
+def steady(drive: float, load: float = 0.0) -> bd.Torque:
+    """Set torques that come within 10 ms and stay."""
+    return bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [drive, load]])
+
+
+def finer(params: bd.Params, n_bodies: int) -> bd.Params:
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=n_bodies))
+
+
+# --- the drive ---
+
+
+def test_a_calm_drive_says_nothing() -> None:
+    assert codes(drive()) == []
+    assert "note" not in str(drive())
+    result = run(drive(), steady(-10.0, 10.0), 0.05)
+    assert result.warnings == ()
+    assert "warnings" not in dict(result.summary())
+
+
+@pytest.mark.parametrize(
+    ("params", "code", "accuracy", "word"),
+    [
+        (drive(links=60), "mesh", True, "n_bodies = 220"),
+        (drive(strain=0.031), "strain", False, "belt.length = 1.174"),
+        (drive(contact=bd.Contact(linear=9e6)), "compliance", True, "contact.linear = 9.8e+06"),
+        (drive((0.02, 0.1), strain=0.029, links=90), "long_links", True, "n_bodies = 100"),
+        (drive(gravity=(0.0, -9810.0)), "units", False, "mm/s^2"),
+    ],
+    ids=lambda value: value if isinstance(value, str) and value.isidentifier() else "",
+)
+def test_what_is_said_of_a_drive(params: bd.Params, code: str, accuracy: bool, word: str) -> None:
+    (one,) = [one for one in sanity.check(params) if one.code == code]
+    assert one.accuracy is accuracy and one.t is None
+    assert word in one.text and "\n" not in one.text
+    assert f"  note  {one}" in str(params).splitlines()
+
+
+def test_what_is_suggested_is_enough_and_not_much_too_much() -> None:
+    # mesh: the next ten above what 2 % takes
+    assert "mesh" in codes(drive(links=200)) and "mesh" not in codes(drive(links=220))
+    # strain: the suggested length rounded up to four digits
+    assert "strain" not in codes(drive(strain=0.0299))
+    length = attrs.evolve(drive(strain=0.031).belt, length=1.174)
+    assert "strain" not in codes(attrs.evolve(drive(strain=0.031), belt=length))
+    # contact: 70e3 N x 0.007 / (0.1 m x 0.5 mm) = 9.8e6 N/m^2
+    assert "compliance" not in codes(drive(contact=bd.Contact(linear=9.81e6)))
+    assert "compliance" in codes(drive(contact=bd.Contact(linear=9.79e6)))
+    # links: half a radius is 10 mm
+    small = drive((0.02, 0.1), strain=0.029)
+    least = math.ceil(small.belt.length / 0.01)
+    assert 90 < least <= 100
+    assert "long_links" not in codes(finer(small, least))
+    assert "long_links" in codes(finer(small, least - 1))
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        bd.Contact(linear=2e7),
+        bd.Contact(linear=0.0, quadratic=1e12),
+        bd.Contact(linear=1e7, quadratic=1e11),
+    ],
+)
+def test_contact_depth_against_a_settled_belt(contact: bd.Contact) -> None:
+    """Links on the wrap lie that much inside, but for what sinking in takes off the tension."""
+    params = drive((0.06, 0.12), links=480, contact=attrs.evolve(contact, damping=1e3))
+    state = bd.settle(params)
+    expected = sanity.contact_depth(params)
+    # The belt loses sum(wrap p)/L of its strain; wraps add up to 2 pi. That is a part of what p
+    # itself is known to; the mesh adds its share.
+    lost = 2.0 * math.pi * expected.max() / params.belt.length / params.info["strain"]
+    for k, pulley in enumerate(params.pulleys):
+        depth = pulley.radius - np.hypot(state.x - pulley.center[0], state.y - pulley.center[1])
+        # The middle of the wrap: to the left of the left pulley, to the right of the right one.
+        middle = (state.x - pulley.center[0]) * (2 * k - 1) > 0.7 * pulley.radius
+        mean = float(depth[middle].mean())
+        assert 1.0 - lost - 0.01 < mean / expected[k] < 1.0 + sanity.mesh_share(params)
+
+
+def paper() -> bd.Params:
+    """The paper's drive, laid on without friction, and without what lifts it off its pulleys."""
+    params = bd.scenes.kubas_case_1().params
+    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
+    return attrs.evolve(params, belt=belt, tensioning=bd.Tensioning())
+
+
+def unequal() -> bd.Params:
+    contact = bd.Contact(linear=2.5e7, quadratic=5e10, damping=1e3)
+    return drive((0.05, 0.12), strain=0.005, contact=contact)
+
+
+@pytest.mark.parametrize(
+    ("params", "spans", "said"),
+    [(paper(), 0.58, 0.25), (unequal(), 2.0 * math.hypot(0.29, 0.07), 0.44)],
+    ids=["paper", "0.05 and 0.12 m"],
+)
+def test_mesh_share_against_settled_belts(params: bd.Params, spans: float, said: float) -> None:
+    """A quarter and almost half at 60 links; the finest belt has its own, 1/256 of that."""
+    finest = 960
+    arcs = params.info["path_length"] - spans
+
+    def tension(n_bodies: int) -> float:
+        fine = finer(params, n_bodies)
+        at_rest = bd.settle(fine)
+        still = run(fine, lambda t, theta, omega: [0.0, 0.0], 1e-6, t_eval=[0.0], initial=at_rest)
+        return float(still.joints.force.mean())
+
+    fine = tension(finest) / (1.0 + sanity.mesh_share(finer(params, finest)))
+    for links in (60, 120, 240):
+        share = sanity.mesh_share(finer(params, links))
+        excess = tension(links) / fine - 1.0
+        # Wraps hold whole links: each of their four ends is known to half a link.
+        assert excess == pytest.approx(share, rel=2.0 * params.belt.length / links / arcs)
+        if links == 60:
+            assert share == pytest.approx(said, abs=0.01)
+
+
+# --- units ---
+
+MACHINES = {
+    # radii, distance [m], strain, links; kg/m, N, kg m^2
+    "plotter": drive((0.005, 0.005), 0.3, 0.002, 300, density=0.008, stiffness=2e4, inertia=5e-6),
+    "printer": drive((0.0064, 0.0064), 0.25, 0.0015, density=0.008, stiffness=2e4, inertia=6e-6),
+    "cassette": drive((0.004, 0.02), 0.06, 0.1, 300, density=1.3e-3, stiffness=6.0, inertia=2e-7),
+    "tape": drive((0.005, 0.03), 0.1, 0.002, 600, density=1.2e-4, stiffness=250.0, inertia=1e-6),
+    "sewing": drive((0.012, 0.04), 0.3, 0.01, 240, density=0.03, stiffness=3e3, inertia=1e-5),
+    "lathe": drive((0.04, 0.08), 0.4, 0.008, 240, density=0.1, stiffness=4e4, inertia=0.003),
+    "engine": drive((0.03, 0.08), 0.3, 0.008, 240, density=0.12, stiffness=9e4, inertia=0.002),
+    "paper": drive(),
+    "spindle": drive((0.03, 0.06), 0.2, 0.004, 240, density=0.02, stiffness=3e4, inertia=1e-4),
+    "round": drive((0.02, 0.05), 0.25, 0.07, 240, density=0.04, stiffness=1200.0, inertia=1e-4),
+    "steel": drive((0.3, 0.3), 2.0, 0.0006, 300, density=0.78, stiffness=2e7, inertia=0.8),
+    "saw": drive((0.15, 0.15), 0.8, 0.0008, 300, density=0.08, stiffness=2.2e6, inertia=0.04),
+    "chain": drive((0.04, 0.1), 0.6, 0.0004, 240, density=1.5, stiffness=2e6, inertia=0.005),
+    "mill": drive((0.2, 0.9), 2.5, 0.006, 300, density=3.0, stiffness=1.5e6, inertia=60.0),
+    "conveyor": drive((0.5, 0.5), 48.0, 0.003, 1000, density=12.0, stiffness=3.2e6, inertia=40.0),
+    "ropeway": drive((2.4, 2.4), 900.0, 0.003, 4000, density=7.0, stiffness=5e7, inertia=4e3),
+}  # fmt: skip
+
+
+def at_scale(params: bd.Params, scale: float = 1.0, **belt: float) -> bd.Params:
+    """Give the drive with all lengths multiplied, and other data of the belt multiplied."""
+    changed = {name: getattr(params.belt, name) * factor for name, factor in belt.items()}
+    return attrs.evolve(
+        params,
+        belt=attrs.evolve(params.belt, length=scale * params.belt.length, **changed),
+        pulleys=[
+            attrs.evolve(
+                pulley, center=(scale * pulley.center[0], 0.0), radius=scale * pulley.radius
+            )
+            for pulley in params.pulleys
+        ],
+    )
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_units_of_machines_that_exist_are_not_doubted(name: str) -> None:
+    params = MACHINES[name]
+    assert "units" not in codes(params), sanity.check(params)
+    # As heavy as pulleys may be, for a shaft and a motor or a flywheel turns with them.
+    heavy = [attrs.evolve(pulley, inertia=1e6 * pulley.inertia) for pulley in params.pulleys]
+    assert "units" not in codes(attrs.evolve(params, pulleys=heavy))
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_wrong_units_are_doubted(name: str) -> None:
+    params = MACHINES[name]
+    millimetres, kilonewtons, grams = (
+        at_scale(params, 1e3),
+        at_scale(params, axial_stiffness=1e-3),
+        at_scale(params, linear_density=1e3),
+    )
+    for wrong, word in ((millimetres, "mm"), (kilonewtons, "kN"), (grams, "g/m")):
+        (one,) = [one for one in sanity.check(wrong) if one.code == "units"]
+        assert word in one.text
+
+
+def test_other_units() -> None:
+    # Small pulleys in mm stay below any limit of their size; their inertia gives them away.
+    small = drive((0.003, 0.003), 0.05, inertia=1e-6)
+    assert "units" not in codes(small)
+    (one,) = [one for one in sanity.check(at_scale(small, 1e3)) if one.code == "units"]
+    assert "film of water" in one.text and "mm" in one.text
+    # A modulus of 2.1e11 Pa; a density in kg/mm.
+    assert "Pa" in sanity.check(drive(stiffness=2.1e11, strain=1e-3))[-1].text
+    assert "kg/mm" in sanity.check(drive(density=1e-4))[-1].text
+    # 10 1/mm is 1e4 1/m. 5e3 and 1e3 1/m are soft, but there are such belts.
+    (one,) = sanity.check(drive(friction=bd.Dahl(mu_k=1.0, sigma=10.0)))
+    assert one.code == "units" and one.where == "friction"
+    assert codes(drive(friction=bd.Dahl(mu_k=1.0, sigma=1e3))) == []
+    # A huge coefficient says that nothing is to slip.
+    assert codes(drive(friction=bd.Dahl(mu_k=1e9, sigma=1e4))) == []
+    # Ten times Earth's gravity is a test rig.
+    assert codes(drive(gravity=(0.0, -98.1))) == []
+
+
+def test_units_of_torques() -> None:
+    """The most a belt carries over is 2 T R = 2 x 490 N x 0.1 m."""
+    params = drive()
+    (one,) = found(run(params, steady(-50e3), 0.02), "units")
+    assert "N mm" in one.text and one.where == "pulley 0" and 0.0 < one.t < 0.001
+    most = 2.0 * 0.1 * 70e3 * (params.info["strain"] + params.info["mesh_strain"])
+    assert not found(run(params, steady(-9.9 * most), 0.011), "units")
+    assert found(run(params, steady(-10.1 * most), 0.011), "units")
+    # Of a Python function the torques are known when it has run.
+    assert found(run(params, lambda t, theta, omega: [0.0, 20.0 * most], 0.002), "units")
+
+
+# --- the run ---
+
+
+def test_lengths_in_millimetres_fail_with_the_word() -> None:
+    params = at_scale(drive(links=60, contact=bd.Contact(linear=2.5e7, damping=1e3)), 1e3)
+    with pytest.raises(bd.SimulationError) as failed, errors.silenced():
+        bd.simulate(params, steady(-100.0), 1.0)
+    assert any("noticed before: units" in note for note in failed.value.__notes__)
+
+
+def test_a_belt_far_too_short() -> None:
+    params = drive(links=60, strain=1.20832 / 1.06 - 1.0, contact=bd.Contact(linear=3e8))
+    assert params.belt.length == pytest.approx(1.06, abs=1e-5)
+    with pytest.warns(bd.BeltdynWarning, match="^strain: the belt is stretched by 14 % at rest"):
+        bd.simulate(params, steady(-1.0), 0.002)
+
+
+def test_a_driven_drive_without_friction() -> None:
+    free = drive(friction=None)
+    (one,) = found(run(free, steady(-1.0), 0.02), "no_friction")
+    assert one.where == "pulley 0" and one.t > 0.0
+    assert not found(run(free, steady(0.0), 0.02), "no_friction")
+    # Pulleys that only run down are not driven.
+    turning = attrs.evolve(bd.settle(free), omega=np.array([-5.0, -5.0]))
+    result = run(free, bd.Viscous([0.1, 0.1]), 0.02, initial=turning)
+    assert not found(result, "no_friction")
+
+
+def test_full_slip_says_where_when_and_how_much() -> None:
+    """The driving pulley runs away for a while, and then takes hold."""
+    params, torque, t_end = bd.scenes.flywheel_start()
+    result = run(params, torque, t_end)
+    driving, driven = found(result, "full_slip")
+    assert (driving.where, driven.where) == ("pulley 0", "pulley 1")
+    # The belt sticks while torque builds up, over 20 ms, and again once it has dropped, 0.12 s on.
+    assert 0.0 < driving.t < 0.02
+    stick = np.abs(result.slip[:, 1]) < 0.01
+    assert stick[-100:].all()
+    # What it says to be lost is the ledger's friction loss, but for the little lost in creep.
+    joules = [
+        float(one.text.partition("which takes ")[2].partition(" J")[0]) for one in (driving, driven)
+    ]
+    assert sum(joules) == pytest.approx(result.energy.friction_loss[-1], rel=0.02)
+
+
+def test_just_below_full_slip() -> None:
+    """Nine tenths of what Euler-Eytelwein allows are carried without a word; not eleven."""
+    params = drive()
+    radius, span, ratio = 0.1, 0.29, math.exp(math.pi)
+    # Centres are fixed, so the stretch of spans and arcs is what it was at rest:
+    # span (T_t + T_s) + 2 R (T_t - T_s)/mu = path T, with T_t = T_s exp(mu pi), mu = 1. The mesh
+    # adds 1.6 % to T and the contact takes 4 % off.
+    path, tension = params.info["path_length"], params.info["mean_tension"]
+    slack = path * tension / (span * (ratio + 1.0) + 2.0 * radius * (ratio - 1.0))
+    most = (ratio - 1.0) * slack * radius
+    below = run(params, steady(-0.9 * most, 0.9 * most), 0.1)
+    assert below.warnings == ()
+    above = run(params, steady(-1.1 * most, 1.1 * most), 0.1)
+    assert {one.where for one in found(above, "full_slip")} == {"pulley 0", "pulley 1"}
+
+
+def test_no_full_slip_without_friction_or_slip() -> None:
+    assert not found(run(drive(friction=None), steady(-100.0), 0.05), "full_slip")
+    # Locked by how it was laid: friction is developed, and nothing moves.
+    locked = attrs.evolve(
+        drive(links=60), tensioning=bd.Tensioning(friction=True, offset={1: (-0.006, 0.0)})
+    )
+    result = run(locked, steady(0.0), 0.05)
+    assert np.abs(result.contact.mu).max() > 0.99
+    assert not found(result, "full_slip")
+
+
+def test_a_slack_span() -> None:
+    """A heavy pulley that is jerked takes all tension out of the span behind it."""
+    params = drive(strain=0.0005, links=60, friction=bd.Dahl(mu_k=3.0, sigma=1e4))
+    result = run(params, steady(-60.0, 60.0), 0.05)
+    (one,) = found(result, "slack_span")
+    lowest = np.nanmin(result.span_tension, axis=0)
+    assert one.where == f"span {int(np.argmin(lowest))}" and lowest.min() <= 0.0
+    assert one.t == result.t[np.flatnonzero((result.span_tension <= 0.0).any(axis=1))[0]]
+    calm = run(params, steady(-1.0, 1.0), 0.05)
+    assert calm.joints.force.min() > 0.0 and not found(calm, "slack_span")
+
+
+def test_observing_costs_a_few_passes_over_the_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spans are told apart only at samples where a joint is slack."""
+    result = run(drive(links=60), steady(-10.0, 10.0), 0.05)
+    asked: list[Any] = []
+    monkeypatch.setattr(bd.Result, "_span_tension", lambda _self, rows: asked.append(rows))
+    sanity.observe(result)
+    assert asked == []
+
+
+def test_a_result_without_samples() -> None:
+    result = run(drive(), steady(-1.0), 0.01, t_eval=[])
+    assert sanity.observe(result) == ()
+
+
+# --- where it is shown ---
+
+
+def test_results_name_what_was_noticed(tmp_path: Path) -> None:
+    result = run(drive(links=60), steady(-1.0), 0.002)
+    assert dict(result.summary())["warnings"] == "1: mesh"
+    assert "mesh" in str(result)
+    result.save(tmp_path / "run.npz")
+    assert bd.Result.load(tmp_path / "run.npz").warnings == result.warnings
+
+
+def test_each_is_issued_once_with_its_category() -> None:
+    with pytest.warns(bd.AccuracyWarning, match="^mesh: ") as caught:
+        bd.simulate(drive(links=60), steady(-1.0), 0.002)
+    assert len(caught) == 1 and caught[0].filename == __file__
+
+
+def test_silence_is_of_one_thread_and_ends() -> None:
+    params = drive(links=60)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with errors.silenced():
+            assert found(bd.simulate(params, steady(-1.0), 0.001), "mesh")
+        with pytest.raises(bd.AccuracyWarning):
+            bd.simulate(params, steady(-1.0), 0.001)
+
+
+def test_identification_speaks_of_the_best_run_alone() -> None:
+    params, torque = drive(links=60), steady(-10.0, 10.0)
+    measured = run(params, torque, 0.02)
+    experiments = [bd.Experiment(torque, t_end=0.02, name=name) for name in ("one", "two")]
+    targets = [
+        one.curve("span_tension[0]", measured.t, measured.span_tension[:, 0], sigma=1.0)
+        for one in experiments
+    ]
+    guess = attrs.evolve(params, belt=attrs.evolve(params.belt, axial_stiffness=75e3))
+    with pytest.warns(bd.AccuracyWarning, match="^mesh: ") as caught:
+        best = bd.identify(guess, ["belt.axial_stiffness"], targets, workers=2)
+    assert best.runs > 4 and len(caught) == 1
+    assert caught[0].filename == __file__
+    assert all(found(result, "mesh") for result in best.results.values())
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[list[str], str]]:
+    def call(*arguments: object, **environment: str) -> tuple[list[str], str]:
+        for name in ("FORCE_COLOR", "NO_COLOR"):
+            monkeypatch.delenv(name, raising=False)
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        done = CliRunner().invoke(cli.main, [str(argument) for argument in arguments])
+        assert done.exit_code == 0, done.output
+        return done.stderr.splitlines(), done.stdout
+
+    return call
+
+
+def test_the_command_line_says_it_last_and_once(call: Callable[..., Any]) -> None:
+    lines, table = call("run", "flywheel-start", "--t-end", "0.2")
+    assert [line.split(":")[:3] for line in lines] == [
+        ["beltdyn", " warning", " mesh"],
+        ["beltdyn", " warning", " full_slip"],
+        ["beltdyn", " warning", " full_slip"],
+    ]
+    assert "UserWarning" not in "".join(lines) and "\x1b" not in "".join(lines)
+    assert "3: mesh, full_slip" in " ".join(table.split())
+
+
+def test_colours_of_the_command_line(call: Callable[..., Any]) -> None:
+    arguments = ("run", "kubas-case-1", "--t-end", "0.002")
+    lines, _ = call(*arguments, FORCE_COLOR="1")
+    assert lines[-1].endswith("\x1b[0m") and "\x1b[33mbeltdyn: warning: mesh: " in lines[-1]
+    lines, _ = call(*arguments, FORCE_COLOR="1", NO_COLOR="1")
+    assert "\x1b[33m" not in lines[-1] and "beltdyn: warning: mesh: " in lines[-1]
+
+
+def test_quiet_keeps_it_in_the_file(call: Callable[..., Any], tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    lines, table = call("run", "kubas-case-1", "--t-end", "0.002", "--quiet", "--out", out)
+    assert lines == [] and table == ""
+    assert found(bd.Result.load(out), "mesh")
+
+
+def test_a_failed_run_says_it_before_the_error(tmp_path: Path) -> None:
+    path = tmp_path / "drive.toml"
+    params = at_scale(drive(links=60, contact=bd.Contact(linear=2.5e7, damping=1e3)), 1e3)
+    scene = bd.Scene(params, steady(-100.0), 1.0)
+    scene.to_toml(path)
+    done = CliRunner().invoke(cli.main, ["run", str(path)])
+    assert done.exit_code == 1
+    lines = done.stderr.splitlines()
+    assert any(line.startswith("beltdyn: warning: units: ") for line in lines[:-1])
+    assert "did not come to rest" in lines[-1]
