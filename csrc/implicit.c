@@ -24,7 +24,10 @@ int bd_sim_linearise(bd_sim *sim) {
     keep_torque(sim);
   }
   bd_linearise(&sim->linear, &sim->plan, sim->y);
+  const int watched = sim->plan.load.watched;
+  sim->plan.load.watched = 0; /* what is asked for derivatives is not the step's */
   int code = sim->plan.held ? BD_OK : bd_opaque_derive(sim);
+  sim->plan.load.watched = watched;
   sim->linear_known = code == BD_OK;
   ++sim->stats.njev;
   return code;

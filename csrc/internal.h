@@ -276,7 +276,9 @@ typedef struct bd_load {
   double *part;         /* scratch: one term's torques */
   double *moved;        /* scratch: torques at another point */
   const volatile int *stop; /* after a function: not 0 stops the run; may be NULL */
-  int smooth;               /* every term is one whose derivatives are known */
+  int watched;              /* functions: their least and largest torques are kept, by pulley */
+  double *low, *high;
+  int smooth; /* every term is one whose derivatives are known */
 } bd_load;
 
 void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *torque);
@@ -507,6 +509,11 @@ void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 typedef struct bd_opaque {
   double interval;             /* longest time between two calls [s] */
   int left_out, next_left_out; /* linearisations without their derivatives: still, and next time */
+  long short_tries;            /* since its last jump */
+  double owed, t_owed;         /* short tries for its jumps, and when last counted */
+  double jump;                 /* the largest, as local error per second */
+  double rough_for;            /* how long errors of that size are let pass, */
+  double rough_until;          /* and until when */
   double *last, *now;          /* torques at the ends of the step just made */
   double *begin, *middle, *end, *impulse, *theta, *omega;
 } bd_opaque;
@@ -580,9 +587,16 @@ int bd_opaque_slope(bd_sim *sim, double h);
 /* Before a step of length h is accepted: *shrink < 1 if it is to be made again, so much shorter,
  * for what a torque function does within it. */
 int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, double *shrink);
+/* For a torque function that jumps all the time: the length that steps need not go below, and what
+ * a step of that length may err by more; 0: it does not. */
+double bd_opaque_least(const bd_sim *sim);
+double bd_opaque_allowance(const bd_sim *sim, double h);
+/* Before and after every try. */
+void bd_opaque_try(bd_sim *sim);
+void bd_opaque_tried(bd_sim *sim, double h);
 /* Keeps the torque just evaluated: at the start of a step, where it was not known; at its end. */
 void bd_opaque_began(bd_sim *sim);
-void bd_opaque_keep(bd_sim *sim);
+void bd_opaque_keep(bd_sim *sim, double h);
 /* Warns of a sample at t, inside the step of length h just made, whose torque no step has seen. */
 void bd_opaque_sampled(bd_sim *sim, double t, double h);
 

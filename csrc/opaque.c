@@ -17,6 +17,11 @@
  * promised is compared with the torque that came; where they were wrong they are left out for some
  * steps, and the torque is followed explicitly.
  *
+ * Roughness. A single jump is located to the tolerance, by some twenty short steps. What jumps all
+ * the time, noise or a relay, would be chased for ever: where short steps for its sake go on and
+ * on, steps are not made shorter than a twenty-fifth of the interval, which averages noise and lets
+ * a relay swing by what that time is worth, and a warning says so.
+ *
  * Samples inside a step show the torque at times at which no step has called it: a difference that
  * would have moved a pulley is a named warning.
  */
@@ -214,6 +219,81 @@ static int contradicted(bd_sim *sim, double h, double t_new, double tolerance, i
   return code;
 }
 
+/* --- roughness ------------------------------------------------------------------------------- */
+
+/* Short tries that may be owed, those that an interval pays back, and intervals until the next look
+ * whether it is still so; every time that it is, so many times as long, and fewer tries to see it.
+ */
+static const double OWED = 800.0, PAID = 100.0, ROUGH = 20.0, AGAIN = 4.0, NEARLY = 0.9;
+
+/* The shortest step for the sake of a torque that jumps all the time. */
+static double grain(const bd_sim *sim) {
+  return bd_sim_longest(sim, sim->opaque.interval / 25.0);
+}
+
+/* The torque of pulley j has jumped: owed are the short tries since it did so last. */
+static void count_jump(bd_sim *sim, int j, double change) {
+  bd_opaque *opaque = &sim->opaque;
+  const double least = grain(sim);
+  double paid = PAID * fmax(0.0, sim->t - opaque->t_owed) / opaque->interval;
+  opaque->owed = fmax(0.0, opaque->owed - paid) + (double)opaque->short_tries;
+  opaque->short_tries = 0;
+  opaque->t_owed = fmax(opaque->t_owed, sim->t);
+  opaque->jump = fmax(opaque->jump, meaning(sim, j, change, 1.0));
+  if (opaque->owed < OWED || sim->t < opaque->rough_until) {
+    return;
+  }
+  opaque->rough_for = fmax(ROUGH * opaque->interval, AGAIN * opaque->rough_for);
+  opaque->t_owed = opaque->rough_until = sim->t + opaque->rough_for;
+  opaque->owed = NEARLY * OWED;
+  bd_sim_warn(
+      sim, BD_WARN_torque, sim->t, -1, j,
+      "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
+      "%.3g N m round t = %.6g s: it is followed in steps of %.2g s, each worth %.2g rad/s, "
+      "and no closer; a smaller torque_interval makes them shorter",
+      j, fabs(change), sim->t, least, fabs(change) * least / sim->model->inertia[j]);
+}
+
+/* Counts the torques that differ by what would matter over the shortest step. */
+static void count_changes(bd_sim *sim, const double *one, const double *other) {
+  const double tolerance = bd_method_tolerance(sim->method, sim->options.rtol), least = grain(sim);
+  for (int j = 0; j < sim->model->lay.np; ++j) {
+    double change = fabs(other[j] - one[j]);
+    if (meaning(sim, j, change, least) > tolerance) {
+      count_jump(sim, j, change);
+    }
+  }
+}
+
+void bd_opaque_try(bd_sim *sim) {
+  bd_load *load = &sim->plan.load;
+  load->watched = !load->smooth && !sim->plan.held;
+  for (int j = 0; load->watched && j < sim->model->lay.np; ++j) {
+    load->low[j] = load->high[j] = sim->opaque.now[j];
+  }
+}
+
+void bd_opaque_tried(bd_sim *sim, double h) {
+  bd_load *load = &sim->plan.load;
+  const double least = grain(sim);
+  if (!load->watched || h > 1.1 * least) {
+    load->watched = 0;
+    return;
+  }
+  load->watched = 0;
+  sim->opaque.short_tries += h < 0.5 * least;
+  count_changes(sim, load->low, load->high);
+}
+
+double bd_opaque_least(const bd_sim *sim) {
+  return sim->t < sim->opaque.rough_until ? grain(sim) : 0.0;
+}
+
+double bd_opaque_allowance(const bd_sim *sim, double h) {
+  return sim->t < sim->opaque.rough_until && h <= 1.1 * grain(sim) ? 4.0 * h * sim->opaque.jump
+                                                                   : 0.0;
+}
+
 /* --- a step, and its samples ----------------------------------------------------------------- */
 
 int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, double *shrink) {
@@ -243,11 +323,14 @@ void bd_opaque_began(bd_sim *sim) {
   memcpy(sim->opaque.now, sim->plan.torque, (size_t)sim->model->lay.np * sizeof(double));
 }
 
-void bd_opaque_keep(bd_sim *sim) {
+void bd_opaque_keep(bd_sim *sim, double h) {
   double *spare = sim->opaque.last;
   sim->opaque.last = sim->opaque.now;
   sim->opaque.now = spare;
   bd_opaque_began(sim);
+  if (!sim->plan.load.smooth && h <= 1.1 * grain(sim)) {
+    count_changes(sim, sim->opaque.last, sim->opaque.now);
+  }
 }
 
 int bd_opaque_jumps(const bd_sim *sim) {

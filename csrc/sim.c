@@ -232,6 +232,7 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   }
   sim->options = *options;
   sim->opaque.interval = options->torque_interval;
+  sim->opaque.rough_until = -INFINITY;
   sim->fixed = !sim->method->adaptive || (sim->method->may_be_fixed && options->step > 0.0);
   sim->options.method = NULL; /* the caller's string need not live on */
   sim->choice = pair;
@@ -334,7 +335,7 @@ static int accept(bd_sim *sim, double h, double t_new) {
     code = sim->now->finish(sim, h, t_new);
   }
   if (code == BD_OK) {
-    bd_opaque_keep(sim);
+    bd_opaque_keep(sim, h);
     code = sample_step(sim, h, t_new);
   }
   if (code != BD_OK) {
@@ -514,10 +515,17 @@ static int step(bd_sim *sim) {
     double t_new = hit ? stop : sim->t + h, error = INFINITY, tolerance = limit(sim);
     sim->plan.t_piece = sim->t + 0.5 * h;
     bd_search_ready(&sim->plan, sim->y, h);
+    bd_opaque_try(sim);
     int code = sim->now->attempt(sim, h, &error);
+    bd_opaque_tried(sim, h);
     int within = isfinite(error) && error <= tolerance;
+    const double least = sim->fixed ? 0.0 : bd_opaque_least(sim);
+    const int rough = !within && !sim->fixed && isfinite(error) &&
+                      error <= tolerance + bd_opaque_allowance(sim, h);
     double shortened_by = 1.0;
-    if (code == BD_OK && within) {
+    if (rough) {
+      within = 1;
+    } else if (code == BD_OK && within) {
       code = bd_opaque_check(sim, h, t_new, tolerance, &shortened_by);
       within = shortened_by >= 1.0;
     }
@@ -531,7 +539,9 @@ static int step(bd_sim *sim) {
       code = isfinite(error) ? BD_MORE : BD_ERR_NOT_FINITE;
     }
     if (code == BD_OK) {
-      sim->stats.local_error = fmax(sim->stats.local_error, bd_method_error(sim->now, error));
+      if (!rough) {
+        sim->stats.local_error = fmax(sim->stats.local_error, bd_method_error(sim->now, error));
+      }
       sim->stats.summed += error * error;
       sim->stats.total += error;
       sim->stats.events = sim->plan.contacts_changed;
@@ -540,6 +550,7 @@ static int step(bd_sim *sim) {
         ++sim->stats.fallbacks;
       } else if (!sim->fixed) {
         choose_next(sim, h, error / tolerance);
+        sim->h = fmax(sim->h, least);
       } else if (shortened(sim)) {
         choose_next(sim, h, error / tolerance);
         sim->h = fmin(sim->h, sim->options.step);
@@ -580,6 +591,7 @@ static int step(bd_sim *sim) {
       shrink = fmin(0.9, fmax(0.1, 0.9 * pow(error / tolerance, -1.0 / m->error_order)));
     }
     sim->h = fmax(step_floor, rung(h * shrink));
+    sim->h = h > 1.1 * least ? fmax(least, sim->h) : sim->h;
     /* what even short steps of a higher order cannot follow is left to the first order */
     if (m->implicit && (failed >= PATIENCE || h <= 1.01 * step_floor)) {
       sim->now = bd_method_find("lie");

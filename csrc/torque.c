@@ -14,6 +14,8 @@ void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *to
   BD_CARVE(carver, load->terms, n_terms);
   BD_CARVE(carver, load->part, np);
   BD_CARVE(carver, load->moved, np);
+  BD_CARVE(carver, load->low, np);
+  BD_CARVE(carver, load->high, np);
   for (size_t k = 0; k < n_terms; ++k) {
     const bd_torque_term *term = &torque->terms[k];
     double *piece = NULL;
@@ -200,6 +202,10 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
                         "the torque on pulley %d is %g at t = %.9g s: the torque function must "
                         "return finite values",
                         j, torque[j], t);
+    }
+    if (load->watched) {
+      load->low[j] = fmin(load->low[j], torque[j]);
+      load->high[j] = fmax(load->high[j], torque[j]);
     }
   }
   return BD_OK;
