@@ -195,6 +195,12 @@ class Stats:
         settle_time: Wall time of settling before the run [s], 0 if there was none.
         balance: Largest residual of the balance of energy, over the energy that passed: 0 but for
             the error of integration, whatever the method.
+        growth: Rate at which a small difference was seen to grow exponentially [1/s]; 0: none was.
+        twin_steps: Steps made once more by a slightly displaced twin, to see whether it does.
+        error: Estimated error of the joint forces over the mean tension (root mean square over
+            joints and time), from local errors and the balance of energy: right to within a
+            factor of five in 98 of 100 random drives, mostly too large. None where nothing is
+            known: fixed steps, histories that part exponentially, torques that are not followed.
         local_error: Largest local error of a step, in the units of ``rtol``: what is held near it
             where errors are controlled; from 1 on a fixed step was too long to be trusted. None if
             none was estimated ("rk4", a few steps).
@@ -218,10 +224,8 @@ class Stats:
     settle_time: float = 0.0
     balance: float = 0.0
     growth: float = 0.0
-    summed: float = 0.0
-    total: float = 0.0
-    events: int = 0
-    twin: int = 0
+    twin_steps: int = 0
+    error: float | None = None
     local_error: float | None = None
     choice: str = ""
 
@@ -229,7 +233,8 @@ class Stats:
     def _from_core(cls, counters: Mapping[str, Any], **others: Any) -> Stats:
         known = {field.name for field in attrs.fields(cls)}
         values = {name: value for name, value in counters.items() if name in known}
-        values["local_error"] = values["local_error"] or None
+        for name in ("error", "local_error"):
+            values[name] = values[name] or None
         return cls(**values, **others)
 
 
@@ -405,6 +410,7 @@ class Result:
             *rows,
             ("method", stats.choice or stats.method),
             ("steps", f"{stats.steps} accepted, {stats.rejected} rejected"),
+            ("estimated error", "unknown" if stats.error is None else f"{stats.error:.2g}"),
             ("local error", "-" if stats.local_error is None else f"{stats.local_error:.2g}"),
             ("evaluations", f"{stats.nfev}"),
             ("CPU time", f"{stats.cpu_time:.3g} s"),

@@ -111,10 +111,8 @@
   X(double, local_error, "largest local error of a step, in the units of rtol; 0: none was made")  \
   X(double, balance, "largest residual of the balance of energy over the energy that passed")      \
   X(double, growth, "rate at which a small difference was seen to grow [1/s]; 0: not")             \
-  X(double, summed, "root of the sum of the squares of the local errors")                          \
-  X(double, total, "sum")                                                                          \
-  X(long, events, "e")                                                                             \
-  X(long, twin, "t")                                                                               \
+  X(long, twin_steps, "steps made once more by a displaced twin, to see whether differences grow") \
+  X(double, error, "estimated error of the joint forces over the mean tension; 0: none was made")  \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* What a run may be warned of: X(code, accuracy, text). accuracy: the results may be further from
@@ -125,6 +123,7 @@
   X(no_contact, 1, "no link touches a pulley")                                                     \
   X(growth, 1, "histories part exponentially")                                                     \
   X(torque, 1, "the torque function changes faster than steps follow")                             \
+  X(fallback, 1, "steps that only the first order could make erred by more than was asked")        \
   X(fixed_step, 1, "the fixed step is too long")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),

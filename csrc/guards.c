@@ -25,11 +25,6 @@ void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np) {
   BD_CARVE(carver, guard->touched, np);
 }
 
-/* Time that a stretch wave takes once round the belt. */
-static double round_time(const bd_model *model) {
-  return model->belt.length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
-}
-
 /* Turns of the belt's polygon round a pulley's axis: crossings of the ray to its right (D. Sunday,
  * "Inclusion of a point in a polygon", 2001). */
 static int winding(const bd_layout *lay, const double *y, double cx, double cy) {
@@ -206,7 +201,7 @@ static int check_balance(bd_sim *sim, double energy) {
 static void check_contact(bd_sim *sim) {
   for (int j = 0; j < sim->model->lay.np; ++j) {
     double since = sim->t - sim->guard.touched[j];
-    if (since > 10.0 * round_time(sim->model)) {
+    if (since > 10.0 * bd_round_time(sim->model)) {
       bd_sim_warn(
           sim, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
           "no link touches pulley %d from t = %.6g s to %.6g s: the belt is slack there, or "
@@ -221,6 +216,24 @@ void bd_guard_begin(bd_sim *sim) {
   guard->t_look = guard->t_window = sim->t;
   for (int j = 0; j < sim->model->lay.np; ++j) {
     guard->touched[j] = sim->t;
+  }
+}
+
+/* What the steps themselves say: fixed ones that err by half of everything, and those that were
+ * left to the first order without being held to anything. */
+static void check_steps(bd_sim *sim) {
+  const double error = sim->stats.local_error;
+  if (sim->fixed && error > 0.5) {
+    bd_sim_warn(sim, BD_WARN_fixed_step, sim->t, -1, -1,
+                "steps of %.3g s err by %.2g of the tension or more, seen by t = %.6g s: take a "
+                "shorter step, or leave step out and ask for an rtol",
+                sim->options.step > 0.0 ? sim->options.step : sim->h, error, sim->t);
+  }
+  if (!sim->fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->options.rtol) {
+    bd_sim_warn(sim, BD_WARN_fallback, sim->t, -1, -1,
+                "%ld steps could be made by the first order alone and err by %.2g where %.2g was "
+                "asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
+                sim->stats.fallbacks, error, sim->options.rtol, sim->t);
   }
 }
 
@@ -242,6 +255,7 @@ int bd_guard_look(bd_sim *sim, int now) {
     code = check_balance(sim, energy);
   }
   check_contact(sim);
+  check_steps(sim);
   return code;
 }
 
@@ -251,12 +265,12 @@ int bd_guard_look(bd_sim *sim, int now) {
  * (the paper's drive takes 64, one that chatters 700) beyond ten times what the joints ask of an
  * explicit method, if so many are to go; or more of both, whoever asks for them. */
 static const long WINDOW = 20000;
-static const double A_ROUND = 5000.0, TO_GO = 2e5, WHATEVER_ROUND = 20000.0, WHATEVER_TO_GO = 1e7;
+static const double A_ROUND = 10000.0, TO_GO = 1e6, WHATEVER_ROUND = 20000.0, WHATEVER_TO_GO = 1e7;
 
 /* Tries in which the explicit method spans the same, if it is held by the joints alone. */
 static double explicit_round(const bd_sim *sim) {
   double stability = sim->method->implicit ? 0.0 : sim->method->stability;
-  return stability > 0.0 ? round_time(sim->model) * sim->model->info.spectral_bound / stability
+  return stability > 0.0 ? bd_round_time(sim->model) * sim->model->info.spectral_bound / stability
                          : 0.0;
 }
 
@@ -310,7 +324,7 @@ int bd_guard_progress(bd_sim *sim) {
   double gone = sim->t - guard->t_window, a_second = (double)since / fmax(gone, DBL_MIN);
   guard->t_window = sim->t;
   guard->tries_window = tries;
-  double a_round = a_second * round_time(sim->model), to_go = a_second * (sim->t_end - sim->t);
+  double a_round = a_second * bd_round_time(sim->model), to_go = a_second * (sim->t_end - sim->t);
   int slow = a_round > A_ROUND + 10.0 * explicit_round(sim) && to_go > TO_GO;
   int endless = a_round > WHATEVER_ROUND && to_go > WHATEVER_TO_GO;
   /* "auto" has not tried its other method yet */

@@ -238,6 +238,9 @@ struct bd_model {
   const bd_kernels *kernels;
 };
 
+/* Time that a stretch wave takes once round the belt: the measure of what is long. */
+double bd_round_time(const bd_model *model);
+
 /* Lays the belt line round pulleys at (cx, cy); returns BD_ERR_GEOMETRY with the reason if there is
  * none. direction: +1 counter-clockwise, -1 clockwise. */
 int bd_path_lay(int np, const double *cx, const double *cy, const double *radius, bd_wrap *wraps,
@@ -528,11 +531,13 @@ typedef struct bd_guard {
 
 /* A run beside the run, for short stretches. */
 typedef struct bd_twin {
-  bd_sim *sim;
-  int active, grows, chatters;
-  double t_begin, next_rounds, apart; /* start of the stretch; next look; difference at first */
-  long steps, events;                 /* that twins made; contacts changed at the last count */
-  double t_events, t_chatter;         /* of the last count; since when links chatter */
+  bd_sim *sim, *still;              /* displaced; not displaced, NULL: the run itself */
+  int active, grows;                /* a stretch is on; growth has been seen */
+  int chatters, stiff;              /* suspected: links that chatter, stiff friction */
+  double next_begin;                /* of the next stretch, in rounds of a wave since the start */
+  double t_begin, next_look, apart; /* of this one; next look; difference at first */
+  long steps, events;               /* that twins made; contacts changed at the last count */
+  double t_events, t_chatter;       /* of the last count; since when links chatter */
   uint64_t random;
   double seen_t[2], *seen; /* torques of the run at a step's ends */
   double *theta;           /* pulleys' angles at the last count */
@@ -631,7 +636,8 @@ int bd_guard_progress(bd_sim *sim);
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np);
 int bd_twin_create(bd_sim *sim, const bd_torque *torque);
 /* After a step. */
-int bd_twin_follow(bd_sim *sim);
+void bd_twin_follow(bd_sim *sim);
+void bd_twin_free(bd_twin *twin);
 
 /* --- implicit.c ------------------------------------------------------------------------------ */
 

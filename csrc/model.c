@@ -297,3 +297,7 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
 void bd_model_info(const bd_model *model, bd_info *info) {
   *info = model->info;
 }
+
+double bd_round_time(const bd_model *model) {
+  return model->belt.length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
+}

@@ -79,7 +79,7 @@ bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_meth
 /* The sample times are the one thing of unknown number, in a block of their own. */
 void bd_sim_free(bd_sim *sim) {
   if (sim) {
-    bd_sim_free(sim->twin.sim);
+    bd_twin_free(&sim->twin);
     bd_block_free(sim->t_sample);
     bd_block_free(sim);
   }
@@ -542,10 +542,6 @@ static int step(bd_sim *sim) {
       if (!rough) {
         sim->stats.local_error = fmax(sim->stats.local_error, bd_method_error(sim->now, error));
       }
-      sim->stats.summed += error * error;
-      sim->stats.total += error;
-      sim->stats.events = sim->plan.contacts_changed;
-      sim->stats.twin = sim->twin.steps;
       if (sim->now != m) {
         ++sim->stats.fallbacks;
       } else if (!sim->fixed) {
@@ -624,9 +620,7 @@ static int advance(bd_sim *sim, long max_steps) {
     }
     if (code == BD_OK && !sim->watch) {
       code = bd_guard_progress(sim);
-    }
-    if (code == BD_OK && !sim->watch) {
-      code = bd_twin_follow(sim);
+      bd_twin_follow(sim);
     }
     if (code == BD_OK && sim->choice.method[0]) {
       bd_auto_watch(sim);
@@ -662,8 +656,18 @@ double bd_sim_time(const bd_sim *sim) {
 size_t bd_sim_samples(const bd_sim *sim) {
   return sim->next_sample;
 }
+/* Local errors that do not grow come out about as large, and what the balance of energy misses
+ * shows in the forces five times as large: measured on 300 random drives with benchmarks/claims.py.
+ * No estimate where steps are fixed, histories part or a torque is not followed. */
 void bd_sim_stats(const bd_sim *sim, bd_stats *out) {
+  const double by_balance = 5.0;
   *out = sim->stats;
+  out->twin_steps = sim->twin.steps;
+  int known = !sim->fixed && !sim->warned[BD_WARN_growth].message[0] &&
+              !sim->warned[BD_WARN_torque].message[0];
+  out->error = known && out->local_error > 0.0
+                   ? fmax(out->local_error, by_balance * fabs(out->balance))
+                   : 0.0;
 }
 const char *bd_sim_method(const bd_sim *sim) {
   return sim->method->name;

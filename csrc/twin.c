@@ -8,40 +8,34 @@
  * So for short stretches a twin runs along, displaced by a millionth of a joint's stretch, in the
  * very same steps, so that nothing but the displacement makes a difference. Of a calm drive the
  * difference decays or stays, to within a few times, for links that come and go change it; of one
- * that chatters it has grown a thousandfold within ten rounds of a stretch wave. A stretch begins
- * where links are seen to come and go many times as often as the belt's travel brings them (a
- * quarter of the steps at most), and now and then in any run (a hundredth).
+ * that chatters it has grown a thousandfold within ten rounds of a stretch wave. Every run has a
+ * few such stretches, ever further apart. Where links are seen to come and go many times as often
+ * as the belt's travel brings them, or friction is so stiff that each reversal is a jump, a quarter
+ * of the steps may go to twins.
  *
- * The twin has the run's set torques, but of a torque function, which is not to be called twice,
- * what the run saw. Guarded by tests/test_growth.py.
+ * A torque function is not to be called twice: where there is one, two twins run along, one of them
+ * not displaced, under the torques that the run saw at the ends of its steps. Guarded by
+ * tests/test_growth.py.
  */
 #include <math.h>
 #include <string.h>
 
 #include "internal.h"
 
-/* Displacement over a joint's stretch; growth that is exponential beyond doubt, and below which a
- * stretch ends; its length, and the longest, in rounds of a wave. */
-static const double DISPLACEMENT = 1e-6, GROWN = 100.0, CALM = 6.0, ROUNDS = 10.0,
-                    MOST_ROUNDS = 40.0;
-/* Share of the steps that twins may take, if nothing is suspected, and if it is. */
-static const double USUAL = 0.01, SUSPECTED = 0.25;
-/* Contacts gained or lost against those that the belt's travel makes. */
-static const double CHATTER = 4.0;
+/* Displacement over a joint's stretch, and growth that is exponential beyond doubt. */
+static const double DISPLACEMENT = 1e-6, GROWN = 30.0;
+/* A stretch, in rounds of a wave: between two looks, at least, usually, at most; the growth below
+ * which it ends after the least and after the usual. */
+static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 40.0, QUIET = 2.0, CALM = 5.0;
+/* When the first begins, in rounds of a wave, and how much later every other. */
+static const double FIRST = 25.0, LATER = 4.0;
+/* Share of the steps that twins may take where growth is suspected. */
+static const double SUSPECTED = 0.25;
+/* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
+ * slip in which friction saturates. */
+static const double CHATTER = 4.0, STIFF = 5.0;
 
-int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
-  double times[2] = {0.0, 1.0};
-  bd_torque_term seen = {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = times};
-  bd_torque stand_in = {.n_terms = 1, .terms = &seen};
-  double *zero = NULL;
-  if (!sim->plan.load.smooth) {
-    zero = bd_block_new(2 * (size_t)sim->model->lay.np * sizeof *zero);
-    if (!zero) {
-      return BD_ERR_MEMORY;
-    }
-    seen.values = zero;
-    torque = &stand_in;
-  }
+static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
   const bd_auto *c = &sim->choice;
   bd_sim *twin =
       bd_sim_new(sim->model, c->method[0] ? c->method[0] : sim->method, c->method[1], torque, 0);
@@ -52,9 +46,28 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
     twin->t_end = sim->t_end;
     bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .powerless = 1});
   }
+  return twin;
+}
+
+int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
+  bd_twin *t = &sim->twin;
+  const bd_model *model = sim->model;
+  double slip = model->has_friction ? model->dahl.mu_k / model->dahl.sigma : INFINITY;
+  t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * slip;
+  t->next_begin = FIRST;
+  if (sim->plan.load.smooth) {
+    t->sim = make(sim, torque);
+    return t->sim ? BD_OK : BD_ERR_MEMORY;
+  }
+  double times[2] = {0.0, 1.0};
+  double *zero = bd_block_new(2 * (size_t)model->lay.np * sizeof *zero);
+  bd_torque_term seen = {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = times, .values = zero};
+  if (zero) {
+    t->sim = make(sim, &(bd_torque){.n_terms = 1, .terms = &seen});
+    t->still = make(sim, &(bd_torque){.n_terms = 1, .terms = &seen});
+  }
   bd_block_free(zero);
-  sim->twin.sim = twin;
-  return twin ? BD_OK : BD_ERR_MEMORY;
+  return t->sim && t->still ? BD_OK : BD_ERR_MEMORY;
 }
 
 /* Root mean square of the difference of the joints' stretches, over the stretch at rest. */
@@ -74,10 +87,6 @@ static double apart(const bd_sim *one, const bd_sim *other) {
   return sqrt(sum / lay->n) / (one->model->info.strain * one->model->info.link_length);
 }
 
-static double round_time(const bd_model *model) {
-  return model->belt.length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
-}
-
 /* --- when to look ---------------------------------------------------------------------------- */
 
 /* Over some rounds of a wave: contacts gained and lost, and those that the travel of the fastest
@@ -85,7 +94,7 @@ static double round_time(const bd_model *model) {
 static void watch_contacts(bd_sim *sim) {
   bd_twin *twin = &sim->twin;
   const bd_layout *lay = &sim->model->lay;
-  if (sim->t - twin->t_events < 4.0 * round_time(sim->model)) {
+  if (sim->t - twin->t_events < 4.0 * bd_round_time(sim->model)) {
     return;
   }
   double travel = 0.0;
@@ -104,11 +113,9 @@ static void watch_contacts(bd_sim *sim) {
   twin->t_events = sim->t;
 }
 
-static void begin(bd_sim *sim) {
-  bd_twin *t = &sim->twin;
-  bd_sim *twin = t->sim;
+/* Another simulation where this one is. */
+static void copy(const bd_sim *sim, bd_sim *twin) {
   const bd_layout *lay = &sim->model->lay;
-  const double size = DISPLACEMENT * sim->model->info.strain * sim->model->info.link_length;
   memcpy(twin->y, sim->y, lay->size * sizeof *twin->y);
   for (int k = 0; k < sim->n_past; ++k) {
     memcpy(twin->past[k], sim->past[k], lay->size * sizeof *twin->y);
@@ -116,17 +123,6 @@ static void begin(bd_sim *sim) {
   }
   memcpy(twin->plan.owner, sim->plan.owner,
          (size_t)(lay->n8 * lay->slots) * sizeof *twin->plan.owner);
-  /* the past is displaced as well: it is the place that differs, not the speed */
-  for (int f = F_X; f <= F_Y; ++f) {
-    for (int i = 0; i < lay->n; ++i) {
-      t->random = t->random * 6364136223846793005u + 1442695040888963407u;
-      double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
-      bd_field(lay, twin->y, f)[i] += shift;
-      for (int k = 0; k < sim->n_past; ++k) {
-        bd_field(lay, twin->past[k], f)[i] += shift;
-      }
-    }
-  }
   twin->n_past = sim->n_past;
   twin->method = twin->now = sim->method;
   twin->t = sim->t;
@@ -137,9 +133,36 @@ static void begin(bd_sim *sim) {
   bd_plan_place(&twin->plan, sim->t);
   twin->plan.search.margin = 0.0;
   twin->plan.search.travelled = INFINITY;
+}
+
+/* The past is displaced as well: it is the place that differs, not the speed. */
+static void displace(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  const bd_layout *lay = &sim->model->lay;
+  const double size = DISPLACEMENT * sim->model->info.strain * sim->model->info.link_length;
+  for (int f = F_X; f <= F_Y; ++f) {
+    for (int i = 0; i < lay->n; ++i) {
+      t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
+      double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
+      bd_field(lay, t->sim->y, f)[i] += shift;
+      for (int k = 0; k < t->sim->n_past; ++k) {
+        bd_field(lay, t->sim->past[k], f)[i] += shift;
+      }
+    }
+  }
+}
+
+static void begin(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  copy(sim, t->sim);
+  if (t->still) {
+    copy(sim, t->still);
+  }
+  displace(sim);
   t->active = 1;
   t->t_begin = sim->t;
   t->apart = 0.0;
+  t->next_look = LOOK;
 }
 
 /* --- a stretch ------------------------------------------------------------------------------- */
@@ -157,15 +180,11 @@ static void conclude(bd_sim *sim, double growth) {
               from, folding);
 }
 
-static int follow(bd_sim *sim) {
-  bd_twin *t = &sim->twin;
-  bd_sim *twin = t->sim;
+/* The same step; whether it can be compared. */
+static int repeat(const bd_sim *sim, bd_sim *twin) {
+  bd_twin *const t = (bd_twin *)&sim->twin;
   const int np = sim->model->lay.np;
-  if (sim->method != twin->method) {
-    t->active = 0; /* "auto" has gone over to another method */
-    return BD_OK;
-  }
-  double h = sim->t - twin->t, error;
+  double error;
   if (!sim->plan.load.smooth) {
     bd_torque_term *seen = &twin->plan.load.terms[0];
     memcpy(t->seen, sim->opaque.last, (size_t)np * sizeof *t->seen);
@@ -175,49 +194,66 @@ static int follow(bd_sim *sim) {
     seen->t = t->seen_t;
     seen->values = t->seen;
   }
+  if (twin->method != sim->method) { /* "auto" has gone over to the other, which begins anew */
+    twin->method = sim->method;
+    twin->n_past = 0;
+    twin->rate_known = twin->linear_known = 0;
+  }
   twin->now = sim->now;
-  int code = bd_sim_repeat(twin, h, sim->t, sim->plan.t_piece, &error);
   ++t->steps;
-  if (code != BD_OK || !isfinite(error)) {
-    t->active = 0;
-    return BD_OK;
-  }
-  if (t->apart == 0.0) {
-    t->apart = apart(sim, twin);
-  }
-  double rounds = (sim->t - t->t_begin) / round_time(sim->model);
-  if (rounds < t->next_rounds) {
-    return BD_OK;
-  }
-  t->next_rounds = rounds + 2.0;
-  double growth = apart(sim, twin) / t->apart;
-  if (growth > GROWN) {
-    conclude(sim, growth);
-    t->active = 0;
-  } else if (rounds > MOST_ROUNDS || (rounds > ROUNDS && growth < CALM)) {
-    t->active = 0;
-  }
-  return BD_OK;
+  return bd_sim_repeat(twin, sim->t - twin->t, sim->t, sim->plan.t_piece, &error) == BD_OK &&
+         isfinite(error);
 }
 
-int bd_twin_follow(bd_sim *sim) {
+static void follow(bd_sim *sim) {
   bd_twin *t = &sim->twin;
-  if (!t->sim || t->grows) {
-    return BD_OK;
+  const bd_sim *still = t->still ? t->still : sim;
+  if (bd_opaque_least(sim) > 0.0 || !repeat(sim, t->sim) || (t->still && !repeat(sim, t->still))) {
+    t->active = 0;
+    return;
+  }
+  if (t->apart == 0.0) {
+    t->apart = apart(still, t->sim);
+  }
+  double rounds = (sim->t - t->t_begin) / bd_round_time(sim->model);
+  if (rounds < t->next_look) {
+    return;
+  }
+  t->next_look = rounds + LOOK;
+  double growth = apart(still, t->sim) / t->apart;
+  if (growth > GROWN) {
+    conclude(sim, growth);
+  }
+  if (growth > GROWN || rounds > MOST || (rounds > USUAL && growth < CALM) ||
+      (rounds > LEAST && growth < QUIET)) {
+    t->active = 0;
+  }
+}
+
+void bd_twin_follow(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  if (t->grows) {
+    return;
   }
   if (t->active) {
-    return follow(sim);
+    follow(sim);
+    return;
   }
   watch_contacts(sim);
+  double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
   /* what a stretch will take, at the pace of the run so far */
-  double rounds = (sim->t - sim->t0) / round_time(sim->model);
-  double share = t->chatters ? SUSPECTED : USUAL;
-  double due = share * (double)sim->stats.steps - (double)t->steps;
-  if (due * rounds > ROUNDS * (double)sim->stats.steps) {
+  double stretch = USUAL * (double)sim->stats.steps / rounds;
+  int due = (t->chatters || t->stiff) &&
+            SUSPECTED * (double)sim->stats.steps - (double)t->steps > stretch;
+  if (rounds > t->next_begin || due) {
+    t->next_begin = rounds > t->next_begin ? LATER * rounds : t->next_begin;
     begin(sim);
-    t->next_rounds = 2.0;
   }
-  return BD_OK;
+}
+
+void bd_twin_free(bd_twin *twin) {
+  bd_sim_free(twin->sim);
+  bd_sim_free(twin->still);
 }
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np) {
