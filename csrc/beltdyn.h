@@ -185,6 +185,7 @@ typedef struct bd_options {
   long max_steps;     /* 0: none */
   double torque_interval; /* torque functions are called at least this often [s] */
   int ledger;             /* carry the energy ledger */
+  int guards; /* 0: without what guards.c and twin.c watch, to measure what that costs */
 } bd_options;
 
 void bd_options_default(bd_options *options);
