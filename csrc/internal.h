@@ -531,13 +531,15 @@ typedef struct bd_guard {
 
 /* A run beside the run, for short stretches. */
 typedef struct bd_twin {
-  bd_sim *sim, *still;              /* displaced; not displaced, NULL: the run itself */
-  int active, grows;                /* a stretch is on; growth has been seen */
-  int chatters, stiff, suspected;   /* links chatter; friction is stiff; this stretch is for that */
-  double next_begin;                /* of the next stretch, in rounds of a wave since the start */
-  double t_begin, next_look, apart; /* of this one; next look; difference at first */
-  long steps, events;               /* that twins made; contacts changed at the last count */
-  double t_events, t_chatter;       /* of the last count; since when links chatter */
+  bd_sim *sim, *still;         /* displaced; not displaced, NULL: the run itself */
+  int active, grows;           /* a stretch is on; growth has been seen */
+  int chatters, has_chattered; /* links do; ever did */
+  int stiff, suspected;        /* friction is; this stretch is for one of them */
+  double next_begin;           /* of the next stretch, in rounds of a wave since the start */
+  double t_begin, next_look;   /* of this one; next look */
+  double apart, grown;         /* difference at first; growth that is one */
+  long steps, events;          /* that twins made; contacts changed at the last count */
+  double t_events, t_chatter;  /* of the last count; since when links chatter */
   uint64_t random;
   double seen_t[2], *seen; /* torques of the run at a step's ends */
   double *theta;           /* pulleys' angles at the last count */
@@ -679,8 +681,9 @@ void bd_past_follow(bd_sim *sim);
 
 /* Refuses times that rounding would blur. */
 int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err);
-/* Makes the step from sim->t that another has made, without error control or samples. */
-int bd_sim_repeat(bd_sim *sim, double h, double t_new, double t_piece, double *error);
+/* Goes to t_new, in one step if that errs by no more than the tolerance, as another simulation has
+ * done; without samples. */
+int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance);
 /* Longest step that the method in use is allowed to make. */
 double bd_sim_longest(const bd_sim *sim, double h);
 /* Rate at any time and state; counted. */

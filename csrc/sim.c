@@ -370,12 +370,31 @@ static double next_stop(bd_sim *sim) {
   return fmin(load->before, sim->t_end);
 }
 
-int bd_sim_repeat(bd_sim *sim, double h, double t_new, double t_piece, double *error) {
+int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance) {
+  const double least = 1e-3 * (t_new - sim->t);
+  double h = t_new - sim->t, error;
   next_stop(sim);
   sim->plan.t_piece = t_piece;
-  bd_search_ready(&sim->plan, sim->y, h);
-  int code = sim->now->attempt(sim, h, error);
-  return code == BD_OK ? accept(sim, h, t_new) : code;
+  while (sim->t < t_new) {
+    int last = sim->t + 1.001 * h >= t_new;
+    h = last ? t_new - sim->t : h;
+    bd_search_ready(&sim->plan, sim->y, h);
+    int code = sim->now->attempt(sim, h, &error);
+    if (code == BD_OK && !isfinite(error)) {
+      code = BD_ERR_NOT_FINITE;
+    }
+    if (code == BD_OK && error > tolerance && h > least) {
+      h *= 0.25;
+      continue;
+    }
+    if (code == BD_OK) {
+      code = accept(sim, h, last ? t_new : sim->t + h);
+    }
+    if (code != BD_OK) {
+      return code;
+    }
+  }
+  return BD_OK;
 }
 
 /* --- running --------------------------------------------------------------------------------- */

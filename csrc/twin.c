@@ -6,12 +6,12 @@
  * the balance of energy know of it.
  *
  * So for short stretches a twin runs along, displaced by a hundredth of the local error allowed, in
- * the very same steps, so that nothing but the displacement makes a difference. Of a calm drive the
- * difference decays or stays, to within a few times, for links that come and go change it; of one
- * that chatters it has grown a thousandfold within ten rounds of a stretch wave. Every run has a
- * few such stretches, ever further apart. Where links are seen to come and go many times as often
- * as the belt's travel brings them, or friction is so stiff that each reversal is a jump, a quarter
- * of the steps may go to twins.
+ * the very same steps (shorter ones only where its own error asks for them), so that nothing but
+ * the displacement makes a difference. Of a calm drive the difference decays or stays, to within a
+ * few times, for links that come and go change it; of one that chatters it has grown a thousandfold
+ * within ten rounds of a stretch wave. Every run has a few such stretches, ever further apart.
+ * Where links are seen to come and go many times as often as the belt's travel brings them, or
+ * friction is so stiff that each reversal is a jump, a quarter of the steps may go to twins.
  *
  * A torque function is not to be called twice: where there is one, two twins run along, one of them
  * not displaced, under the torques that the run saw at the ends of its steps. Guarded by
@@ -22,18 +22,18 @@
 
 #include "internal.h"
 
-/* Displacement over the local error allowed, and growth that is exponential beyond doubt: beyond
- * what a kink that one of two steps sees and the other does not can make, which is that error. For
- * fixed steps, what they usually err by. */
-static const double DISPLACEMENT = 0.01, GROWN = 100.0, FIXED_ERROR = 0.03;
+/* Displacement over the local error allowed (for fixed steps, over what they usually err by). Two
+ * runs of one drive part by what each errs by, a few local errors, for a step sees a kink and the
+ * other's does not; a difference beyond five of them, or 5 % of the tension, has grown. */
+static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 5.0, LARGE = 0.05;
 /* A stretch, in rounds of a wave: between two looks, at least, usually, at most, which is what
  * growth may need to overtake what decays first; the growth below which it ends after the least and
  * after the usual, if nothing is suspected. */
-static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 40.0, QUIET = 2.0, CALM = 5.0;
+static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 60.0, QUIET = 2.0, CALM = 5.0;
 /* When the first begins, in rounds of a wave, and how much later every other. */
 static const double FIRST = 25.0, LATER = 4.0;
 /* Share of the steps up to which the next stretch begins at once where growth is suspected. */
-static const double SUSPECTED = 0.1;
+static const double SUSPECTED = 0.25;
 /* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
  * slip in which friction saturates. */
 static const double CHATTER = 4.0, STIFF = 5.0;
@@ -112,6 +112,7 @@ static void watch_contacts(bd_sim *sim) {
     twin->t_chatter = twin->t_events;
   }
   twin->chatters = chatters;
+  twin->has_chattered |= chatters;
   twin->events = sim->plan.contacts_changed;
   twin->t_events = sim->t;
 }
@@ -146,6 +147,9 @@ static void displace(bd_sim *sim) {
       sim->fixed ? FIXED_ERROR : bd_method_tolerance(sim->method, sim->options.rtol);
   const double stretch = sim->model->info.strain * sim->model->info.link_length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
+  /* of differences of two numbers evenly spread over +-size, in x and in y */
+  t->apart = sqrt(4.0 / 3.0) * size / stretch;
+  t->grown = fmax(100.0, fmin(ERRORS * allowed, LARGE) / t->apart);
   for (int f = F_X; f <= F_Y; ++f) {
     for (int i = 0; i < lay->n; ++i) {
       t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
@@ -167,7 +171,6 @@ static void begin(bd_sim *sim) {
   displace(sim);
   t->active = 1;
   t->t_begin = sim->t;
-  t->apart = 0.0;
   t->next_look = LOOK;
 }
 
@@ -190,7 +193,6 @@ static void conclude(bd_sim *sim, double growth) {
 static int repeat(const bd_sim *sim, bd_sim *twin) {
   bd_twin *const t = (bd_twin *)&sim->twin;
   const int np = sim->model->lay.np;
-  double error;
   if (!sim->plan.load.smooth) {
     bd_torque_term *seen = &twin->plan.load.terms[0];
     memcpy(t->seen, sim->opaque.last, (size_t)np * sizeof *t->seen);
@@ -207,8 +209,10 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
   }
   twin->now = sim->now;
   ++t->steps;
-  return bd_sim_repeat(twin, sim->t - twin->t, sim->t, sim->plan.t_piece, &error) == BD_OK &&
-         isfinite(error);
+  double tolerance = sim->fixed || sim->now != sim->method
+                         ? INFINITY
+                         : bd_method_tolerance(sim->method, sim->options.rtol);
+  return bd_sim_follow(twin, sim->t, sim->plan.t_piece, tolerance) == BD_OK;
 }
 
 static void follow(bd_sim *sim) {
@@ -218,21 +222,18 @@ static void follow(bd_sim *sim) {
     t->active = 0;
     return;
   }
-  if (t->apart == 0.0) {
-    t->apart = apart(still, t->sim);
-  }
   double rounds = (sim->t - t->t_begin) / bd_round_time(sim->model);
   if (rounds < t->next_look) {
     return;
   }
   t->next_look = rounds + LOOK;
   double growth = apart(still, t->sim) / t->apart;
-  if (growth > GROWN) {
+  if (growth > t->grown) {
     conclude(sim, growth);
   }
   int calm =
       !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
-  if (growth > GROWN || rounds > MOST || calm) {
+  if (growth > t->grown || rounds > MOST || calm) {
     t->active = 0;
   }
 }
@@ -248,7 +249,7 @@ void bd_twin_follow(bd_sim *sim) {
   }
   watch_contacts(sim);
   double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
-  int due = (t->chatters || t->stiff) && rounds > LEAST &&
+  int due = (t->has_chattered || t->stiff) && rounds > LEAST &&
             (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
   if (rounds > t->next_begin || due) {
     t->suspected = due;

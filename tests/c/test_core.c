@@ -142,7 +142,7 @@ static void settles_and_runs(void) {
       {.kind = BD_TORQUE_PIECEWISE, .n_t = 4, .t = t, .values = values[0]},
       {.kind = BD_TORQUE_VISCOUS, .coefficients = drag}};
   const double more[] = {0.5e-3};
-  const bd_torque torque = {2, terms, 1, more};
+  const bd_torque torque = {2, terms, 1, more, NULL};
   enum { SAMPLES = 7 };
   double times[SAMPLES] = {0, 0.3e-3, 0.5e-3, 1e-3, 1e-3, 2.5e-3, 3e-3};
   static double rows[17][SAMPLES * N];
