@@ -231,9 +231,9 @@ static int check_laid(bd_sim *sim, bd_error *err) {
     if (!touches) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "settle", sim->t, -1, j, model->info.link_length,
                         "no link touches pulley %d: the belt bends round it between two links of "
-                        "%.3g m; take belt.n_bodies >= %.0f, or leave the pulley out",
+                        "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
                         j, model->info.link_length,
-                        ceil(2.0 * model->belt.length / (model->wraps[j].wrap * d->radius)));
+                        ceil(model->belt.length / (model->wraps[j].wrap * d->radius)));
     }
   }
   return code;

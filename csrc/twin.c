@@ -5,8 +5,8 @@
  * tolerance can say where a link is, while averages stay what they are. Neither local errors nor
  * the balance of energy know of it.
  *
- * So for short stretches a twin runs along, displaced by a millionth of a joint's stretch, in the
- * very same steps, so that nothing but the displacement makes a difference. Of a calm drive the
+ * So for short stretches a twin runs along, displaced by a hundredth of the local error allowed, in
+ * the very same steps, so that nothing but the displacement makes a difference. Of a calm drive the
  * difference decays or stays, to within a few times, for links that come and go change it; of one
  * that chatters it has grown a thousandfold within ten rounds of a stretch wave. Every run has a
  * few such stretches, ever further apart. Where links are seen to come and go many times as often
@@ -22,8 +22,10 @@
 
 #include "internal.h"
 
-/* Displacement over a joint's stretch, and growth that is exponential beyond doubt. */
-static const double DISPLACEMENT = 1e-6, GROWN = 30.0;
+/* Displacement over the local error allowed, and growth that is exponential beyond doubt: beyond
+ * what a kink that one of two steps sees and the other does not can make, which is that error. For
+ * fixed steps, what they usually err by. */
+static const double DISPLACEMENT = 0.01, GROWN = 100.0, FIXED_ERROR = 0.03;
 /* A stretch, in rounds of a wave: between two looks, at least, usually, at most; the growth below
  * which it ends after the least and after the usual. */
 static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 40.0, QUIET = 2.0, CALM = 5.0;
@@ -139,7 +141,10 @@ static void copy(const bd_sim *sim, bd_sim *twin) {
 static void displace(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const bd_layout *lay = &sim->model->lay;
-  const double size = DISPLACEMENT * sim->model->info.strain * sim->model->info.link_length;
+  const double allowed =
+      sim->fixed ? FIXED_ERROR : bd_method_tolerance(sim->method, sim->options.rtol);
+  const double stretch = sim->model->info.strain * sim->model->info.link_length;
+  const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
   for (int f = F_X; f <= F_Y; ++f) {
     for (int i = 0; i < lay->n; ++i) {
       t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */

@@ -1,0 +1,120 @@
+"""Whether histories part exponentially: the indicator against runs that were really displaced."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+RAMP = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]]) + bd.Viscous([0.0, 15.9])
+SETTINGS = [("auto", 1e-4), ("rodas4", 1e-3), ("lbdf2", 1e-2)]
+
+
+@cache
+def drive(contact_damping: float = 1e3, axial_damping: float = 1.4) -> tuple[bd.Params, bd.State]:
+    """The README's drive with 60 links."""
+    params = bd.Params(
+        belt=bd.Belt(
+            length=1.2, n_bodies=60, linear_density=0.1, axial_stiffness=70e3,
+            axial_damping=axial_damping,
+        ),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01),
+            bd.Pulley(center=(0.29, 0.0), radius=0.1, inertia=0.01),
+        ],
+        contact=bd.Contact(linear=2.5e7, damping=contact_damping),
+        friction=bd.Dahl(mu_k=1.0, sigma=1e4),
+    )  # fmt: skip
+    return params, bd.settle(params)
+
+
+def parted(params: bd.Params, state: bd.State, t_end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and how far two runs part over the mean tension whose starts differ by 1e-11 m."""
+    other = attrs.evolve(state, x=state.x + 1e-11 * np.cos(7.0 * np.arange(state.x.size)))
+    times = np.linspace(0.0, t_end, 101)
+    with pytest.warns(bd.BeltdynWarning) as _:
+        force = [
+            bd.simulate(params, RAMP, t_end, initial=one, rtol=1e-6, t_eval=times).joints.force
+            for one in (state, other)
+        ]
+    rms = np.sqrt(np.mean((force[0] - force[1]) ** 2, axis=1))
+    return times, rms / np.mean(force[0])
+
+
+@pytest.mark.parametrize(("method", "rtol"), SETTINGS)
+def test_a_drive_that_chatters(method: str, rtol: float) -> None:
+    """Contact damping 100 for 1000: off by 0.16 once, with a claim of 1e-4."""
+    params, state = drive(contact_damping=100.0)
+    with pytest.warns(bd.AccuracyWarning, match="^growth: histories part exponentially"):
+        run = bd.simulate(params, RAMP, 0.35, initial=state, method=method, rtol=rtol)
+    (growth,) = (one for one in run.warnings if one.code == "growth")
+    assert run.stats.error is None
+    assert growth.accuracy
+    assert growth.t is not None
+    # e-foldings a second: the displaced runs below part by 1e5 in less than 0.06 s
+    assert run.stats.growth > 100.0
+
+
+def test_from_when_on_and_no_later() -> None:
+    """Where two runs that were displaced have parted by a hundredth, the warning's time is past;
+    and before half of it they had not parted.
+    """
+    params, state = drive(contact_damping=100.0)
+    times, apart = parted(params, state, 0.35)
+    with pytest.warns(bd.AccuracyWarning, match="^growth"):
+        run = bd.simulate(params, RAMP, 0.35, initial=state)
+    (growth,) = (one for one in run.warnings if one.code == "growth")
+    assert growth.t is not None
+    assert np.max(apart) > 0.01
+    assert growth.t < times[np.argmax(apart > 0.01)]
+    assert np.all(apart[times < 0.5 * growth.t] < 1e-4)
+
+
+@pytest.mark.parametrize(("method", "rtol"), SETTINGS)
+@pytest.mark.parametrize("axial_damping", [1.4, 0.14])
+def test_drives_that_do_not(method: str, rtol: float, axial_damping: float) -> None:
+    """With axial damping / 10 differences grow a thousandfold in 0.3 s, then no more: the estimate
+    has to hold, within its factor of five.
+    """
+    params, state = drive(axial_damping=axial_damping)
+    times = np.linspace(0.0, 0.6, 301)
+    run = bd.simulate(params, RAMP, 0.6, initial=state, method=method, rtol=rtol, t_eval=times)
+    assert run.stats.growth == 0.0
+    assert {one.code for one in run.warnings} == {"mesh"}
+    exact = bd.simulate(params, RAMP, 0.6, initial=state, method="tsit5", rtol=1e-7, t_eval=times)
+    error = np.sqrt(np.mean((run.joints.force - exact.joints.force) ** 2))
+    assert run.stats.error is not None
+    assert error <= 5.0 * run.stats.error * np.mean(exact.joints.force)
+
+
+def test_a_torque_function_is_not_called_for_the_twin() -> None:
+    """Every call is one of the run's own, for its steps, its derivatives, its looks."""
+    params, state = drive(contact_damping=100.0)
+    calls = 0
+
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        nonlocal calls
+        calls += 1
+        return [-100.0 * min(t / 0.3, 1.0), -15.9 * omega[1]]
+
+    with pytest.warns(bd.AccuracyWarning, match="^growth"):
+        run = bd.simulate(params, torque, 0.3, initial=state, method="tsit5", rtol=1e-3,
+                          t_eval=[0.3])  # fmt: skip
+    assert run.stats.twin_steps > 1000
+    assert calls <= run.stats.nfev + 1  # and the sample
+
+
+def test_long_runs_of_the_second_order_claim_more() -> None:
+    """Damping shifts the creep, and that adds up: the estimate grows with the run."""
+    params, torque, _ = bd.scenes.kubas_case_1()
+    state = bd.settle(params)
+    short, long = (
+        bd.simulate(params, torque, t_end, initial=state, method="lbdf2", rtol=1e-2).stats.error
+        for t_end in (1.0, 4.0)
+    )
+    assert short is not None and long is not None
+    assert long > 1.8 * short  # the root of four, less what the local errors differ by

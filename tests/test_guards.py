@@ -1,0 +1,431 @@
+"""What guards every run: a case each that once finished with a wrong result and without a word."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+
+import attrs
+import drives
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+RAMP = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]]) + bd.Viscous([0.0, 15.9])
+METHODS = ("tsit5", "rk4", "lbdf2", "rodas4", "lie")
+
+
+@pytest.fixture(scope="module")
+def rest() -> bd.State:
+    return bd.settle(drives.plain())
+
+
+def codes(result: bd.Result) -> set[str]:
+    return {one.code for one in result.warnings} - {"mesh"}
+
+
+def with_contact(**changes: float) -> bd.Params:
+    params = drives.plain()
+    return attrs.evolve(params, contact=attrs.evolve(params.contact, **changes))
+
+
+# ------------------------------------------------------------------- states that are of no drive
+
+
+def test_a_state_beside_its_pulleys_is_refused(rest: bd.State) -> None:
+    with pytest.raises(ValueError, match="does not run round pulley 0"):
+        bd.simulate(drives.plain(), RAMP, 0.1, initial=attrs.evolve(rest, x=rest.x + 5.0))
+
+
+def test_a_state_with_x_and_y_exchanged_is_refused(rest: bd.State) -> None:
+    with pytest.raises(ValueError, match=r"joint on the left of link \d+ gapes"):
+        bd.simulate(drives.plain(), RAMP, 0.1, initial=attrs.evolve(rest, x=rest.y, y=rest.x))
+
+
+def test_a_turned_state_is_refused(rest: bd.State) -> None:
+    """The belt hangs together, but runs past the second pulley."""
+    turned = attrs.evolve(rest, x=-rest.y, y=rest.x, phi=rest.phi + math.pi / 2)
+    with pytest.raises(ValueError, match="does not run round pulley 1"):
+        bd.simulate(drives.plain(), RAMP, 0.1, initial=turned)
+
+
+def small_idler(radius: float, n_bodies: int) -> bd.Params:
+    """A pulley so small that links of twice its radius pass it by."""
+    return bd.Params(
+        belt=bd.Belt(
+            length=0.905, n_bodies=n_bodies, linear_density=0.1, axial_stiffness=50e3,
+            axial_damping=2.0,
+        ),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.05, inertia=0.01),
+            bd.Pulley(center=(0.15, 0.05), radius=radius, inertia=1e-4),
+            bd.Pulley(center=(0.3, 0.0), radius=0.05, inertia=0.01),
+        ],
+        contact=bd.Contact(linear=2.5e7, damping=1e3),
+        friction=bd.Dahl(mu_k=0.8, sigma=1e4),
+    )  # fmt: skip
+
+
+def test_settling_that_misses_a_pulley_is_an_error() -> None:
+    with pytest.raises(bd.SimulationError, match="no link touches pulley 1") as caught:
+        bd.settle(small_idler(0.02, 20))
+    assert caught.value.symbol == "BD_ERR_OFF_PULLEY"
+    assert caught.value.pulley == 1
+    advised = int(re.search(r"n_bodies >= (\d+)", str(caught.value))[1])  # type: ignore[index]
+    assert 20 < advised < 1000
+    bd.settle(small_idler(0.02, advised))
+
+
+def test_joints_that_gape_end_a_run(rest: bd.State) -> None:
+    """Thrown sideways faster than waves run along the belt, whose links then part."""
+    params = drives.plain()
+    wave = math.sqrt(params.belt.axial_stiffness / params.belt.linear_density)
+    thrown = attrs.evolve(rest, vy=rest.vy + 1.2 * wave)
+    with pytest.raises(bd.SimulationError, match="no belt stretches so far") as caught:
+        bd.simulate(params, RAMP, 0.05, initial=thrown)
+    assert caught.value.symbol == "BD_ERR_JOINT_GAP"
+    assert caught.value.body >= 0
+    assert caught.value.result is not None
+
+
+# ------------------------------------------------------------------- fixed steps
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        pytest.param(with_contact(damping=1e5), id="contact damping"),
+        pytest.param(with_contact(linear=2.5e11), id="contact stiffness"),
+        pytest.param(
+            attrs.evolve(drives.plain(), friction=bd.Dahl(mu_k=1.0, sigma=1e8)), id="sigma"
+        ),
+    ],
+)
+def test_rk4_at_its_own_step(params: bd.Params) -> None:
+    """It once followed the joints alone: 36 % off, or the belt exploded."""
+    state = bd.settle(params)
+    ends = [
+        bd.simulate(params, RAMP, 0.02, initial=state, method=method, rtol=1e-6)
+        for method in ("rk4", "auto")
+    ]
+    forces = [end.joints.force[-1] for end in ends]
+    # measured: 2e-4 and less, of jumps of friction that no fixed step resolves
+    assert np.max(np.abs(forces[0] - forces[1])) <= 2e-3 * np.mean(forces[1])
+    assert codes(ends[0]) == set()
+
+
+def test_rk4_follows_a_viscous_load() -> None:
+    params = drives.plain()
+    light = attrs.evolve(params, pulleys=[attrs.evolve(p, inertia=1e-5) for p in params.pulleys])
+    state = bd.settle(light)
+    load = bd.Viscous([0.0, 100.0])  # 1e7 1/s
+    run = bd.simulate(light, load, 1e-4, initial=state, method="rk4")
+    assert run.stats.largest_step <= 2.8 * 1e-5 / 100.0
+    assert np.all(np.abs(run.pulleys.omega) < 1e-3)
+
+
+@pytest.mark.parametrize("factor", [1.3, 3.0])
+def test_an_explicit_step_beyond_stability_ends_the_run(factor: float, rest: bd.State) -> None:
+    params = drives.plain()
+    step = factor * 2.785 / params.info["spectral_bound"]
+    with pytest.raises(bd.SimulationError, match="take a shorter step than") as caught:
+        bd.simulate(params, RAMP, 0.3, initial=rest, method="rk4", step=step)
+    assert caught.value.symbol in ("BD_ERR_FIXED_STEP", "BD_ERR_NOT_FINITE", "BD_ERR_BALANCE")
+
+
+@pytest.mark.parametrize("method", ["lbdf2", "lie"])
+def test_a_fixed_implicit_step_that_takes_the_vibration_away_says_so(method: str) -> None:
+    """Of the three-pulley scene, 4e-4 s lose 12 % of the energy."""
+    params, torque, _ = bd.scenes.three_pulleys()
+    with pytest.warns(bd.AccuracyWarning, match=r"^balance: .* lost to the integration"):
+        run = bd.simulate(params, torque, 0.5, method=method, step=4e-4)
+    assert "balance" in codes(run)
+    assert run.stats.balance < -0.05
+    assert run.stats.error is None
+
+
+# ------------------------------------------------------------------- the balance of energy
+
+
+def test_the_balance_is_carried_without_a_ledger() -> None:
+    """The same energies, summed by the trapezoidal rule at the ends of steps."""
+    scene = drives.plain_scene()
+    state = bd.settle(scene.params)
+    runs = [
+        bd.simulate(
+            scene.params, scene.torque_fn, 0.05, initial=state, ledger=ledger, method=method
+        )
+        for ledger in (True, False)
+        for method in ("tsit5", "rodas4")
+    ]
+    assert runs[0].energy is not None and runs[2].energy is None
+    for run in runs:
+        assert 0.0 < abs(run.stats.balance) < 2e-3
+    # what the ledger says at the samples is no more than the worst that was seen
+    residual, passed = runs[0].energy.residual, runs[0].energy.passed
+    stored = 0.5 * 70e3 * scene.params.info["strain"] ** 2 * 1.2
+    share = np.max(np.abs(residual) / (passed + 0.05 * stored))
+    assert share <= 1.1 * abs(runs[0].stats.balance) + 1e-9
+
+
+def test_energy_from_nowhere_ends_a_run() -> None:
+    """Euler's implicit method at steps in which links fly through the rims of a hard contact."""
+    params, torque, _ = bd.scenes.three_pulleys()
+    hard = attrs.evolve(params, contact=attrs.evolve(params.contact, linear=5e10, quadratic=5e13))
+    state = bd.settle(hard)
+    said = 0
+    for step in (4e-4, 1e-3, 2e-3):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                run = bd.simulate(hard, torque, 0.3, initial=state, method="lbdf2", step=step)
+        except bd.SimulationError as error:
+            said += error.symbol in ("BD_ERR_BALANCE", "BD_ERR_OFF_PULLEY", "BD_ERR_JOINT_GAP")
+        else:
+            said += bool(codes(run) & {"balance", "fixed_step"})
+    assert said == 3
+
+
+# ------------------------------------------------------------------- times, steps, progress
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"max_step": 1e-17}, "max_step must be at least"),
+        ({"method": "lbdf2", "step": 1e-300}, "step must be at least"),
+        ({"method": "rk4", "step": 1e-18}, "step must be at least"),
+        ({"t_end": 1e300}, "t_end must be within"),
+        ({"torque_interval": 0.0}, "torque_interval must be > 0"),
+    ],
+)
+def test_times_that_rounding_would_blur_are_refused(
+    options: dict[str, object], message: str, rest: bd.State
+) -> None:
+    given = {"t_end": 1.1, **options}
+    with pytest.raises(ValueError, match=message):
+        bd.simulate(drives.plain(), RAMP, initial=attrs.evolve(rest, t=1.0), **given)  # type: ignore[arg-type]
+
+
+def test_a_first_step_of_next_to_nothing_only_delays(rest: bd.State) -> None:
+    run = bd.simulate(drives.plain(), RAMP, 0.01, initial=rest, method="rodas4", step=1e-300)
+    assert run.success
+    assert run.stats.steps < 300
+
+
+def test_settling_has_an_end() -> None:
+    params = drives.plain()
+    with pytest.raises(ValueError, match="max_time must be within"):
+        bd.settle(params, max_time=1e300)
+    with pytest.raises(bd.SimulationError, match="did not come to rest") as caught:
+        bd.settle(params, max_time=1e6, tolerance=1e-17)
+    assert "max_time" not in str(caught.value)
+    assert "rtol" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "blamed"),
+    [
+        ({"max_step": 1e-13}, "max_step = 1e-13 s"),
+        ({"method": "lbdf2", "step": 1e-12}, "step = 1e-12 s"),
+        ({"method": "tsit5", "torque_fn": bd.Viscous([0.0, 1e7])}, "a load of so much viscosity"),
+    ],
+)
+def test_a_run_that_gets_nowhere_says_so_early(
+    options: dict[str, object], blamed: str, rest: bd.State
+) -> None:
+    turning = attrs.evolve(rest, omega=np.array([0.0, 1.0]))
+    given = {"torque_fn": RAMP, **options}
+    with pytest.raises(bd.SimulationError, match="no progress at t =") as caught:
+        bd.simulate(drives.plain(), t_end=1.0, initial=turning, **given)  # type: ignore[arg-type]
+    assert caught.value.symbol == "BD_ERR_STALLED"
+    assert blamed in str(caught.value)
+    assert caught.value.result is not None
+    assert caught.value.result.stats.steps <= 40_000
+
+
+def test_max_steps_is_the_users_own_budget(rest: bd.State) -> None:
+    with pytest.raises(bd.SimulationError) as caught:
+        bd.simulate(drives.plain(), RAMP, 1.0, initial=rest, max_step=1e-13, max_steps=45_000)
+    assert caught.value.symbol == "BD_ERR_MAX_STEPS"
+
+
+@pytest.mark.filterwarnings("ignore:units")  # a film of water of 6 nm
+def test_a_pulley_of_next_to_no_inertia(rest: bd.State) -> None:
+    """Explicit steps would take minutes: said within 40 000. Implicit ones do not mind."""
+    params = drives.plain()
+    light = attrs.evolve(
+        params, pulleys=[params.pulleys[0], attrs.evolve(params.pulleys[1], inertia=1e-9)]
+    )
+    ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
+    run = bd.simulate(light, ramp, 0.05, initial=rest, method="rodas4")
+    assert run.stats.steps < 50_000
+    with pytest.raises(bd.SimulationError, match="so little inertia") as caught:
+        bd.simulate(light, ramp, 0.3, initial=rest, method="tsit5")
+    assert caught.value.symbol == "BD_ERR_STALLED"
+    assert caught.value.pulley == 1
+
+
+# ------------------------------------------------------------------- scale
+
+
+@pytest.mark.parametrize("method", ["tsit5", "rodas4"])
+@pytest.mark.filterwarnings("ignore:units")
+def test_a_drive_in_any_unit_of_length(method: str, rest: bd.State) -> None:
+    """Lengths times 1e8, masses and times as they are: radii far beyond where the padding of link
+    vectors once stood, which explicit methods took for links.
+    """
+    size = 1e8
+    params = drives.plain()
+    belt, contact = params.belt, params.contact
+    large = bd.Params(
+        belt=attrs.evolve(
+            belt, length=size * belt.length, linear_density=belt.linear_density / size,
+            axial_stiffness=size * belt.axial_stiffness, axial_damping=size * belt.axial_damping,
+            bending_stiffness=size**3 * belt.bending_stiffness,
+        ),
+        pulleys=[
+            attrs.evolve(p, center=(size * p.center[0], size * p.center[1]),
+                         radius=size * p.radius, inertia=size**2 * p.inertia)
+            for p in params.pulleys
+        ],
+        contact=bd.Contact(
+            quadratic=contact.quadratic / size**2, linear=contact.linear / size,
+            damping=contact.damping / size,
+        ),
+        friction=bd.Dahl(mu_k=1.0, sigma=1e4 / size),
+    )  # fmt: skip
+    ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
+    torque = bd.PiecewiseLinear(ramp.t, size**2 * ramp.values)
+    state = attrs.evolve(rest, x=size * rest.x, y=size * rest.y)
+    one = bd.simulate(params, ramp, 0.02, initial=rest, method=method)
+    other = bd.simulate(large, torque, 0.02, initial=state, method=method)
+    # forces scale with the length; steps are the same but for rounding, errors are of rtol
+    difference = np.max(np.abs(other.joints.force / size - one.joints.force))
+    assert difference <= 1e-4 * np.mean(one.joints.force)
+
+
+# ------------------------------------------------------------------- exceptions of torque functions
+
+
+def later(t: float) -> bool:
+    return t > 0.01
+
+
+def test_an_exception_comes_with_the_finished_part(rest: bd.State) -> None:
+    mine = KeyError("mine")
+
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        if later(t):
+            raise mine
+        return [-10.0, 0.0]
+
+    with pytest.raises(KeyError) as caught:
+        bd.simulate(drives.plain(), torque, 0.05, initial=rest)
+    assert caught.value is mine
+    part = mine.result  # type: ignore[attr-defined]
+    assert isinstance(part, bd.Result)
+    assert part.status == "failed"
+    assert "KeyError" in part.message
+    assert 0.009 <= part.t[-1] <= 0.01
+
+
+class Slotted(Exception):
+    """Has a result of its own."""
+
+    result = "mine"
+
+
+def test_what_an_exception_has_already_stays(rest: bd.State) -> None:
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        raise Slotted
+
+    with pytest.raises(Slotted) as caught:
+        bd.simulate(drives.plain(), torque, 0.05, initial=rest)
+    assert caught.value.result == "mine"
+
+
+def compiled(kind: str, error: type[BaseException]):  # type: ignore[no-untyped-def]
+    """A callback in Python that its compiled form cannot let raise."""
+
+    def body(t, _theta, _omega, torque, _user):  # type: ignore[no-untyped-def]
+        if later(t):
+            raise error("mine")
+        torque[0] = -10.0
+
+    if kind == "ctypes":
+        import ctypes
+
+        numbers = ctypes.POINTER(ctypes.c_double)
+        make = ctypes.CFUNCTYPE(None, ctypes.c_double, numbers, numbers, numbers, ctypes.c_void_p)
+        return make(body)
+    import cffi
+
+    return cffi.FFI().callback("void(double, double *, double *, double *, void *)")(body)
+
+
+@pytest.mark.parametrize("kind", ["ctypes", "cffi"])
+def test_an_exception_of_a_compiled_callback(kind: str, rest: bd.State) -> None:
+    """It was printed, and became zero torque and "finished"."""
+    with pytest.raises(ZeroDivisionError, match="mine") as caught:
+        bd.simulate(drives.plain(), compiled(kind, ZeroDivisionError), 0.05, initial=rest)
+    part = caught.value.result  # type: ignore[attr-defined]
+    assert 0.009 <= part.t[-1] <= 0.01
+    with pytest.raises(bd.Interrupted) as stopped:
+        bd.simulate(drives.plain(), compiled(kind, KeyboardInterrupt), 0.05, initial=rest)
+    assert stopped.value.result is not None
+    assert stopped.value.result.t[-1] <= 0.01
+
+
+def test_an_exception_of_a_numba_function(rest: bd.State) -> None:
+    numba = pytest.importorskip("numba")
+    numbers = numba.types.CPointer(numba.types.double)
+
+    @numba.cfunc(
+        numba.types.void(numba.types.double, numbers, numbers, numbers, numba.types.voidptr)
+    )
+    def torque(t, theta, omega, out, user):  # type: ignore[no-untyped-def]
+        if t > 0.01:
+            raise ValueError("mine")
+        out[0] = -10.0
+
+    with pytest.raises(ValueError, match="mine") as caught:
+        bd.simulate(drives.plain(), torque, 0.05, initial=rest)
+    assert caught.value.result.t[-1] <= 0.01  # type: ignore[attr-defined]
+
+
+def test_other_reports_reach_the_hook_of_before(
+    rest: bd.State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A destructor that fails during a run is none of the run's exceptions."""
+    import sys
+
+    reports: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", reports.append)
+
+    class Failing:
+        def __del__(self) -> None:
+            raise ValueError("in a destructor")
+
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        Failing()
+        return [0.0, 0.0]
+
+    assert bd.simulate(drives.plain(), torque, 1e-3, initial=rest).success
+    assert reports
+    assert sys.unraisablehook == reports.append
+
+
+# ------------------------------------------------------------------- what a guard costs
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_calm_run_is_not_warned_of(method: str, rest: bd.State) -> None:
+    run = bd.simulate(drives.plain(), RAMP, 0.1, initial=rest, method=method, rtol=1e-3)
+    assert codes(run) == set()
+    assert run.stats.growth == 0.0
+    # twins: a stretch of at most forty rounds of a wave, of 1.43 ms, at 25 of 70, beyond which
+    # none is due; and most end after four
+    assert run.stats.twin_steps <= 0.4 * run.stats.steps
