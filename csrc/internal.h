@@ -533,7 +533,7 @@ typedef struct bd_guard {
 typedef struct bd_twin {
   bd_sim *sim, *still;              /* displaced; not displaced, NULL: the run itself */
   int active, grows;                /* a stretch is on; growth has been seen */
-  int chatters, stiff;              /* suspected: links that chatter, stiff friction */
+  int chatters, stiff, suspected;   /* links chatter; friction is stiff; this stretch is for that */
   double next_begin;                /* of the next stretch, in rounds of a wave since the start */
   double t_begin, next_look, apart; /* of this one; next look; difference at first */
   long steps, events;               /* that twins made; contacts changed at the last count */

@@ -26,13 +26,14 @@
  * what a kink that one of two steps sees and the other does not can make, which is that error. For
  * fixed steps, what they usually err by. */
 static const double DISPLACEMENT = 0.01, GROWN = 100.0, FIXED_ERROR = 0.03;
-/* A stretch, in rounds of a wave: between two looks, at least, usually, at most; the growth below
- * which it ends after the least and after the usual. */
+/* A stretch, in rounds of a wave: between two looks, at least, usually, at most, which is what
+ * growth may need to overtake what decays first; the growth below which it ends after the least and
+ * after the usual, if nothing is suspected. */
 static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 40.0, QUIET = 2.0, CALM = 5.0;
 /* When the first begins, in rounds of a wave, and how much later every other. */
 static const double FIRST = 25.0, LATER = 4.0;
-/* Share of the steps that twins may take where growth is suspected. */
-static const double SUSPECTED = 0.25;
+/* Share of the steps up to which the next stretch begins at once where growth is suspected. */
+static const double SUSPECTED = 0.1;
 /* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
  * slip in which friction saturates. */
 static const double CHATTER = 4.0, STIFF = 5.0;
@@ -229,8 +230,9 @@ static void follow(bd_sim *sim) {
   if (growth > GROWN) {
     conclude(sim, growth);
   }
-  if (growth > GROWN || rounds > MOST || (rounds > USUAL && growth < CALM) ||
-      (rounds > LEAST && growth < QUIET)) {
+  int calm =
+      !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
+  if (growth > GROWN || rounds > MOST || calm) {
     t->active = 0;
   }
 }
@@ -246,11 +248,10 @@ void bd_twin_follow(bd_sim *sim) {
   }
   watch_contacts(sim);
   double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
-  /* what a stretch will take, at the pace of the run so far */
-  double stretch = USUAL * (double)sim->stats.steps / rounds;
-  int due = (t->chatters || t->stiff) &&
-            SUSPECTED * (double)sim->stats.steps - (double)t->steps > stretch;
+  int due = (t->chatters || t->stiff) && rounds > LEAST &&
+            (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
   if (rounds > t->next_begin || due) {
+    t->suspected = due;
     t->next_begin = rounds > t->next_begin ? LATER * rounds : t->next_begin;
     begin(sim);
   }
