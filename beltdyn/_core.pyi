@@ -66,6 +66,7 @@ class Simulation:
         breakpoints: ArrayLike = (),
         torque_interval: float = ...,
         stop: NDArray[np.intc] = ...,
+        guards: bool = True,
     ) -> None: ...
     @classmethod
     def settle(

@@ -93,7 +93,7 @@ static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_core_model *model,
 
 /* The keyword options; those not given stay as they are. */
 typedef struct {
-  PyObject *method, *rtol, *step, *max_step, *max_steps, *ledger, *torque_interval;
+  PyObject *method, *rtol, *step, *max_step, *max_steps, *ledger, *torque_interval, *guards;
 } option_objects;
 
 static int read_options(bd_options *out, const option_objects *in) {
@@ -120,6 +120,7 @@ static int read_options(bd_options *out, const option_objects *in) {
                   bd_convert_long(in->max_steps, "max_steps", &out->max_steps) < 0) ||
                  (in->torque_interval && bd_convert_real(in->torque_interval, "torque_interval",
                                                          &out->torque_interval) < 0) ||
+                 (in->guards && bd_convert_bool(in->guards, "guards", &out->guards) < 0) ||
                  (in->ledger && bd_convert_bool(in->ledger, "ledger", &out->ledger) < 0)
              ? -1
              : 0;
@@ -139,15 +140,15 @@ static int read_stop(PyObject *stop) {
 static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
   char *names[] = {"model", "state",    "torque",    "t_end",  "method",      "rtol",
                    "step",  "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
-                   "stop",  NULL};
+                   "stop",  "guards",   NULL};
   bd_core_module *module = PyType_GetModuleState(type);
   PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL, *stop = NULL;
   option_objects in = {0};
   if (!module ||
-      !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOOOO:Simulation", names,
-                                   module->model_type, &model_object, &mapping, &terms, &end,
-                                   &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
-                                   &in.ledger, &breakpoints, &in.torque_interval, &stop) ||
+      !PyArg_ParseTupleAndKeywords(
+          args, keywords, "O!OOO|$OOOOOOOOOO:Simulation", names, module->model_type, &model_object,
+          &mapping, &terms, &end, &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
+          &in.ledger, &breakpoints, &in.torque_interval, &stop, &in.guards) ||
       read_stop(stop) < 0) {
     return NULL;
   }
@@ -604,7 +605,7 @@ PyDoc_STRVAR(
     sim_doc,
     "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
     "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
-    "           torque_interval=..., stop=...)\n--\n\n"
+    "           torque_interval=..., stop=..., guards=True)\n--\n\n"
     "One run; not to be used by two threads at once (RuntimeError).\n\n"
     "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
     "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
@@ -615,8 +616,8 @@ PyDoc_STRVAR(
     "max_step [s] and max_steps: 0: none. ledger: carry the energy ledger. breakpoints:\n"
     "more times [s] at which to stop exactly. torque_interval: longest time between two\n"
     "calls of a function [s]. stop: an array of one C int; set by another, it stops the\n"
-    "run after the next call of a C function, as an exception would. Raises TypeError or\n"
-    "ValueError naming the argument.");
+    "run after the next call of a C function, as an exception would. guards: False, to\n"
+    "measure what they cost. Raises TypeError or ValueError naming the argument.");
 
 static PyType_Slot sim_slots[] = {
     {Py_tp_doc, (void *)sim_doc},   {Py_tp_new, sim_new},

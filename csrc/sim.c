@@ -16,7 +16,8 @@
 #include "internal.h"
 
 void bd_options_default(bd_options *options) {
-  *options = (bd_options){.method = "auto", .rtol = 1e-4, .ledger = 1, .torque_interval = 5e-4};
+  *options = (bd_options){
+      .method = "auto", .rtol = 1e-4, .ledger = 1, .guards = 1, .torque_interval = 5e-4};
 }
 
 /* --- making it ------------------------------------------------------------------------------- */
@@ -615,10 +616,11 @@ static int advance(bd_sim *sim, long max_steps) {
     if (code == BD_OK) {
       code = step(sim);
     }
-    if (code == BD_OK && !sim->watch) {
+    const int guarded = sim->options.guards && !sim->watch;
+    if (code == BD_OK && guarded) {
       code = bd_guard_look(sim, sim->t >= sim->t_end);
     }
-    if (code == BD_OK && !sim->watch) {
+    if (code == BD_OK && guarded) {
       code = bd_guard_progress(sim);
       bd_twin_follow(sim);
     }
