@@ -194,16 +194,20 @@ class Stats:
         wall_time: Wall time of the run [s], without settling.
         settle_time: Wall time of settling before the run [s], 0 if there was none.
         balance: Largest residual of the balance of energy, over the energy that passed: 0 but for
-            the error of integration, whatever the method.
+            the error of integration, whatever the method; negative where energy was lost. It is
+            watched with ``ledger=False`` as well.
         growth: Rate at which a small difference was seen to grow exponentially [1/s]; 0: none was.
         twin_steps: Steps made once more by a slightly displaced twin, to see whether it does.
-        error: Estimated error of the joint forces over the mean tension (root mean square over
-            joints and time), from local errors and the balance of energy: right to within a
-            factor of five in 98 of 100 random drives, mostly too large. None where nothing is
-            known: fixed steps, histories that part exponentially, torques that are not followed.
-        local_error: Largest local error of a step, in the units of ``rtol``: what is held near it
-            where errors are controlled; from 1 on a fixed step was too long to be trusted. None if
-            none was estimated ("rk4", a few steps).
+        error: Estimated true error of the joint forces over the mean tension (root mean square over
+            joints and time): ``local_error`` or five times ``balance``, whichever is more; of
+            "lbdf2" and "lie", whose errors add up, times the root of the run's length beyond that
+            of a second of the paper's drive. Right to within a factor of five in 98 of 100 random
+            drives, mostly too large. None where nothing is known: fixed steps, histories that part
+            exponentially, torques that are not followed.
+        local_error: Largest local error of a step, in the units of ``rtol``: what is held below it
+            where errors are controlled. Of fixed steps, what they err by: from 0.5 on they are
+            warned of; at least 1 where some were made again, shorter. None if none was estimated,
+            as in the first steps of "lbdf2" and "lie".
     """
 
     method: str

@@ -75,24 +75,29 @@ def simulate(
         progress: Whether to show a progress bar on stderr (needs ``rich``).
         breakpoints: Times at which ``torque_fn`` has a kink or jump (k,) [s], to be stepped on
             exactly; those of torque objects are known.
-        step: "rk4", "lbdf2", "lie": the fixed step [s], without error control; "tsit5", "rodas4",
-            "auto": the first step [s]. None: chosen; "lbdf2" and "lie" then control their error.
+        step: "rk4", "lbdf2", "lie": the fixed step [s], without error control or estimate; "tsit5",
+            "rodas4", "auto": the first step [s]. None: chosen; "lbdf2" and "lie" then control their
+            error, "rk4" takes three quarters of what is stable for joints, contact, friction,
+            pulleys and viscous loads.
         max_step: Longest step [s]; None: no limit.
-        max_steps: Most steps; None: no limit.
-        ledger: Whether to carry the energy ledger along.
+        max_steps: Most steps; None: no limit, but a run that makes no progress ends in an error.
+        ledger: Whether to carry the energy ledger along; the balance of energy is watched anyway.
         torque_interval: A torque function, Python or compiled, is called at least this often [s],
             so that steps, however long, miss no pulse that lasts longer; torque objects hide
-            nothing and need none.
+            nothing and need none. One that jumps all the time (noise, a relay) is not followed in
+            steps shorter than a twenty-fifth of it, unless the joints ask for them, and is warned
+            of.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
             returned something else than n_p numbers.
-        SimulationError: The run cannot go on; ``.result`` holds what was computed, notes of the
-            error say what was noticed.
+        SimulationError: The run cannot go on, or failed a guard; ``.symbol`` says why,
+            ``.result`` holds what was computed, notes of the error say what was noticed.
         Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
         MemoryError: The samples do not fit into memory; said before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``: what the drive
-            alone calls for before the run, the rest after it.
+            alone calls for before the run, the rest after it; :class:`beltdyn.RunWarning` lists
+            all.
         Exception: Whatever ``torque_fn`` raises comes out unchanged, from ctypes, cffi and Numba
             callbacks as well; what was computed is in its attribute ``result``.
     """
@@ -246,7 +251,7 @@ def settle(
 
     Raises:
         TypeError, ValueError: An argument breaks its rule.
-        SimulationError: The belt did not come to rest.
+        SimulationError: The belt did not come to rest, or came to rest beside a pulley.
         Interrupted: Ctrl-C.
     """
     _check_params(params)

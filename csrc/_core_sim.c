@@ -611,13 +611,13 @@ PyDoc_STRVAR(
     "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
     "(\"function\", address, user_address) of C functions the caller keeps alive, or\n"
     "(\"call\", f) with f(t, theta, omega) -> n_p torques [N m]; theta [rad] and omega\n"
-    "[rad/s] are read-only arrays (n_p,). t_end: [s]. rtol: local error (adaptive\n"
-    "methods). step: of \"rk4\", or the first step [s], 0: chosen. max_step [s] and\n"
-    "max_steps: 0: none. ledger: carry the energy ledger. breakpoints: more times [s] at\n"
-    "which to stop exactly. torque_interval: longest time between two calls of a function\n"
-    "[s]. stop: an array of one C int; set by another, it stops the run after the next call\n"
-    "of a C function, as an exception would. guards: False, to measure what they cost.\n"
-    "Raises TypeError or ValueError naming the argument.");
+    "[rad/s] are read-only arrays (n_p,). t_end: [s]. rtol: error asked for\n"
+    "(adaptive methods). step: of \"rk4\", \"lbdf2\", \"lie\", or the first step [s], 0: chosen.\n"
+    "max_step [s] and max_steps: 0: none. ledger: carry the energy ledger. breakpoints:\n"
+    "more times [s] at which to stop exactly. torque_interval: longest time between two\n"
+    "calls of a function [s]. stop: an array of one C int; set by another, it stops the\n"
+    "run after the next call of a C function, as an exception would. guards: False, to\n"
+    "measure what they cost. Raises TypeError or ValueError naming the argument.");
 
 static PyType_Slot sim_slots[] = {
     {Py_tp_doc, (void *)sim_doc},   {Py_tp_new, sim_new},

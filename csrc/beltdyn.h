@@ -178,12 +178,14 @@ typedef struct bd_torque {
 
 typedef struct bd_options {
   const char *method; /* NULL or "auto", or a row of the table in methods.c */
-  double rtol;        /* adaptive: local error over the joint's stretch scale, max norm */
-  double step;        /* rk4: the step (0: from the spectral bound); lbdf2, lie: the step (0: they
-                       * are adaptive); the others: the first step (0: chosen) */
-  double max_step;    /* 0: none */
-  long max_steps;     /* 0: none */
-  double torque_interval; /* torque functions are called at least this often [s] */
+  double rtol;        /* adaptive: error asked for, of the joint forces over the mean tension; what
+                       * local errors it allows is in the table in methods.c */
+  double step;     /* rk4: the step (0: from all that is stiff, stiffness.c); lbdf2, lie: the step
+                    * (0: they are adaptive); the others: the first step (0: chosen) */
+  double max_step; /* 0: none */
+  long max_steps;  /* 0: none, but a run without progress ends in BD_ERR_STALLED */
+  double torque_interval; /* torque functions are called at least this often [s]; those that jump
+                           * all the time are followed in steps of a twenty-fifth of it */
   int ledger;             /* carry the energy ledger */
   int guards; /* 0: without what guards.c and twin.c watch, to measure what that costs */
 } bd_options;
@@ -192,7 +194,8 @@ void bd_options_default(bd_options *options);
 
 typedef struct bd_sim bd_sim;
 
-/* Ready to run from `initial` to t_end under `torque`. */
+/* Ready to run from `initial` to t_end under `torque`. A state whose joints gape or that does not
+ * run round every pulley is BD_ERR_STATE. */
 int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err);
 

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import beltdyn as bd
+from beltdyn import _core
 
-README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
@@ -50,3 +52,21 @@ def test_the_commands_are_there() -> None:
     lines = README.splitlines()
     assert 'python -m pip install ".[plot]" && beltdyn run kubas-case-1 --plot case1.png' in lines
     assert 'python -m pip install ".[test]" && python -m pytest' in lines
+
+
+def test_help_lists_every_warning_and_error() -> None:
+    """One table each, of what the core and the package can say; the README names the warnings."""
+    fields = (ROOT / "csrc" / "fields.h").read_text(encoding="utf-8")
+    of_core = re.findall(r"X\((\w+), [01], \"", fields)
+    sanity = (ROOT / "beltdyn" / "sanity.py").read_text(encoding="utf-8")
+    of_drive = [*re.findall(r'code="(\w+)"', sanity), "units"]
+    starred = dict(re.findall(r"X\((\w+), ([01]), \"", fields))
+    for code in {*of_core, *of_drive}:
+        row = re.search(rf"^ +{code}( \*)? +\S", bd.RunWarning.__doc__ or "", re.MULTILINE)
+        assert row, code
+        assert code not in starred or bool(row[1]) == (starred[code] == "1"), code
+        assert f"`{code}`" in README
+    symbols = [symbol for symbol, _, kind, _ in _core.ERRORS if kind == "RUN"]
+    assert symbols
+    for symbol in symbols:
+        assert re.search(rf"^ +{symbol} +\S", bd.SimulationError.__doc__ or "", re.MULTILINE)
