@@ -121,8 +121,10 @@ class RunWarning:
                       more tension, or more links
         growth *      small differences grow exponentially: from this time on no tolerance makes
                       single forces and positions right, but averages may be; more damping calms
+        chatter *     links come to the pulleys and leave them many times as often as the belt's
+                      travel brings them: small differences may grow; more damping calms
         torque *      the torque function changes faster than steps follow: ``breakpoints``, a
-                      smaller ``max_step``; jumps all the time: a smaller ``torque_interval``
+                      smaller ``max_step``; jumps all the time: let it change over a range
         fallback *    steps that the first order alone could make err by more than five times what
                       was asked: a jump, or a stiffness out of scale?
         fixed_step *  fixed steps err by more than half the tension: shorter ones, or ``rtol``

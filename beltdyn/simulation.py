@@ -186,7 +186,7 @@ def simulate(
         message = f"reached t_end = {end:g} s"
         if method == "auto":
             message += f"; {sim.choice}"
-        elif sim.stats["local_error"] >= 1.0:
+        elif step is not None and sim.stats["local_error"] >= 1.0 and sim.stats["rejected"]:
             message += (
                 f"; {sim.stats['rejected']} steps of the length asked erred by many times a "
                 "joint's stretch and were made again, shorter: take a shorter step"
@@ -209,7 +209,11 @@ def simulate(
         if raised is error:
             raise
         raise raised from None
-    issue(finished.warnings[len(of_drive) :], stacklevel=2)
+    try:
+        issue(finished.warnings[len(of_drive) :], stacklevel=2)
+    except Warning as error:  # made an error by a filter
+        _keep_result(error, finished)
+        raise
     return finished
 
 

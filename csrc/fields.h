@@ -122,6 +122,7 @@
   X(stretch, 0, "joints stretched further than belts are")                                         \
   X(no_contact, 1, "no link touches a pulley")                                                     \
   X(growth, 1, "histories part exponentially")                                                     \
+  X(chatter, 1, "links chatter on the pulleys")                                                    \
   X(torque, 1, "the torque function changes faster than steps follow")                             \
   X(fallback, 1, "steps that only the first order could make erred by more than was asked")        \
   X(fixed_step, 1, "the fixed step is too long")

@@ -284,7 +284,7 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
     *pulley = -1;
     snprintf(text, size, "max_step = %.3g s is far below what the drive asks for",
              sim->options.max_step);
-  } else if (sim->fixed) {
+  } else if (sim->fixed && sim->options.step > 0.0) {
     *pulley = -1;
     snprintf(text, size, "step = %.3g s is far below what the drive asks for", sim->options.step);
   } else if (*pulley >= 0) {

@@ -510,14 +510,17 @@ void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 
 /* What is known of torque functions, and scratch for asking them; arrays by pulley. */
 typedef struct bd_opaque {
-  double interval;             /* longest time between two calls [s] */
-  int left_out, next_left_out; /* linearisations without their derivatives: still, and next time */
-  long short_tries;            /* since its last jump */
-  double owed, t_owed;         /* short tries for its jumps, and when last counted */
-  double jump;                 /* the largest, as local error per second */
-  double rough_for;            /* how long errors of that size are let pass, */
-  double rough_until;          /* and until when */
-  double *last, *now;          /* torques at the ends of the step just made */
+  double interval;              /* longest time between two calls [s] */
+  int left_out, next_left_out;  /* linearisations without their derivatives: still, and next time */
+  long short_tries;             /* since its last jump */
+  double owed, t_owed;          /* short tries for its jumps, and when last counted */
+  double jump;                  /* the largest, as local error per second */
+  double rough_for;             /* how long errors of that size are let pass, */
+  double rough_until;           /* and until when */
+  double t_range;               /* start of the stretch whose range is being taken */
+  long ranges;                  /* stretches so far */
+  double *range, *least, *most; /* of the torques: over the last stretch; in this one */
+  double *last, *now;           /* torques at the ends of the step just made */
   double *begin, *middle, *end, *impulse, *theta, *omega;
 } bd_opaque;
 
@@ -531,15 +534,15 @@ typedef struct bd_guard {
 
 /* A run beside the run, for short stretches. */
 typedef struct bd_twin {
-  bd_sim *sim, *still;         /* displaced; not displaced, NULL: the run itself */
-  int active, grows;           /* a stretch is on; growth has been seen */
-  int chatters, has_chattered; /* links do; ever did */
-  int stiff, suspected;        /* friction is; this stretch is for one of them */
-  double next_begin;           /* of the next stretch, in rounds of a wave since the start */
-  double t_begin, next_look;   /* of this one; next look */
-  double apart, grown;         /* difference at first; growth that is one */
-  long steps, events;          /* that twins made; contacts changed at the last count */
-  double t_events, t_chatter;  /* of the last count; since when links chatter */
+  bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
+  int active, grows;             /* a stretch is on; growth has been seen */
+  int chatters, times_chattered; /* links do; counts in which they did */
+  int stiff, suspected;          /* friction is; this stretch is for one of them */
+  double next_begin;             /* of the next stretch, in rounds of a wave since the start */
+  double t_begin, next_look;     /* of this one; next look */
+  double apart, grown;           /* difference at first; growth that is one */
+  long steps, events;            /* that twins made; contacts changed at the last count */
+  double t_events, t_chatter;    /* of the last count; since when links chatter */
   uint64_t random;
   double seen_t[2], *seen; /* torques of the run at a step's ends */
   double *theta;           /* pulleys' angles at the last count */

@@ -32,7 +32,8 @@
 
 void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np) {
   double **const arrays[] = {&opaque->begin, &opaque->middle, &opaque->end,  &opaque->impulse,
-                             &opaque->theta, &opaque->omega,  &opaque->last, &opaque->now};
+                             &opaque->theta, &opaque->omega,  &opaque->last, &opaque->now,
+                             &opaque->range, &opaque->least,  &opaque->most};
   for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
     BD_CARVE(carver, *arrays[k], np);
   }
@@ -226,9 +227,11 @@ static int contradicted(bd_sim *sim, double h, double t_new, double tolerance, i
  */
 static const double OWED = 800.0, PAID = 100.0, ROUGH = 20.0, AGAIN = 4.0, NEARLY = 0.9;
 
-/* The shortest step for the sake of a torque that jumps all the time. */
+/* The shortest step for the sake of a torque that jumps all the time; never one in which a stretch
+ * wave runs through more than a sixtieth of the belt. */
 static double grain(const bd_sim *sim) {
-  return bd_sim_longest(sim, sim->opaque.interval / 25.0);
+  double most = fmin(sim->opaque.interval / 25.0, bd_round_time(sim->model) / 60.0);
+  return bd_sim_longest(sim, most);
 }
 
 /* The torque of pulley j has jumped: owed are the short tries since it did so last. */
@@ -250,16 +253,37 @@ static void count_jump(bd_sim *sim, int j, double change) {
       sim, BD_WARN_torque, sim->t, -1, j,
       "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
       "%.3g N m round t = %.6g s: it is followed in steps of %.2g s, each worth %.2g rad/s, "
-      "and no closer; a smaller torque_interval makes them shorter",
+      "and no closer; let it change over a range of time or speed, or name its jumps in "
+      "breakpoints",
       j, fabs(change), sim->t, least, fabs(change) * least / sim->model->inertia[j]);
 }
 
-/* Counts the torques that differ by what would matter over the shortest step. */
+/* The torques of a try into the range of the present stretch, as long as the shortest step; a
+ * smooth torque changes over a short step by a part of what it changes over such a stretch. */
+static void widen(bd_sim *sim, const double *low, const double *high) {
+  bd_opaque *opaque = &sim->opaque;
+  const int np = sim->model->lay.np;
+  int over = sim->t >= opaque->t_range + grain(sim);
+  for (int j = 0; j < np; ++j) {
+    if (over) {
+      opaque->range[j] = opaque->ranges > 0 ? opaque->most[j] - opaque->least[j] : 0.0;
+      opaque->least[j] = opaque->most[j] = low[j];
+    }
+    opaque->least[j] = fmin(opaque->least[j], low[j]);
+    opaque->most[j] = fmax(opaque->most[j], high[j]);
+  }
+  opaque->t_range = over ? sim->t : opaque->t_range;
+  opaque->ranges += over;
+}
+
+/* Counts the torques that jump, by what would matter over the shortest step. */
 static void count_changes(bd_sim *sim, const double *one, const double *other) {
+  const bd_opaque *opaque = &sim->opaque;
   const double tolerance = bd_method_tolerance(sim->method, sim->options.rtol), least = grain(sim);
-  for (int j = 0; j < sim->model->lay.np; ++j) {
+  for (int j = 0; opaque->ranges > 1 && j < sim->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
-    if (meaning(sim, j, change, least) > tolerance) {
+    double range = fmax(opaque->range[j], opaque->most[j] - opaque->least[j]);
+    if (meaning(sim, j, change, least) > tolerance && change > 0.5 * range) {
       count_jump(sim, j, change);
     }
   }
@@ -276,6 +300,9 @@ void bd_opaque_try(bd_sim *sim) {
 void bd_opaque_tried(bd_sim *sim, double h) {
   bd_load *load = &sim->plan.load;
   const double least = grain(sim);
+  if (load->watched) {
+    widen(sim, load->low, load->high);
+  }
   if (!load->watched || h > 1.1 * least) {
     load->watched = 0;
     return;

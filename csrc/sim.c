@@ -685,7 +685,8 @@ size_t bd_sim_samples(const bd_sim *sim) {
 static double estimated_error(const bd_sim *sim) {
   const double by_balance = 5.0, rounds = 780.0; /* a second of the paper's drive */
   if (sim->fixed || sim->warned[BD_WARN_growth].message[0] ||
-      sim->warned[BD_WARN_torque].message[0] || sim->stats.local_error == 0.0) {
+      sim->warned[BD_WARN_chatter].message[0] || sim->warned[BD_WARN_torque].message[0] ||
+      sim->stats.local_error == 0.0) {
     return 0.0;
   }
   double error = fmax(sim->stats.local_error, by_balance * fabs(sim->stats.balance));

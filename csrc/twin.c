@@ -11,7 +11,8 @@
  * few times, for links that come and go change it; of one that chatters it has grown a thousandfold
  * within ten rounds of a stretch wave. Every run has a few such stretches, ever further apart.
  * Where links are seen to come and go many times as often as the belt's travel brings them, or
- * friction is so stiff that each reversal is a jump, a quarter of the steps may go to twins.
+ * friction is so stiff that each reversal is a jump, stretches are longer, and one begins as soon
+ * as twins have made less than a fifth of the steps.
  *
  * A torque function is not to be called twice: where there is one, two twins run along, one of them
  * not displaced, under the torques that the run saw at the ends of its steps. Guarded by
@@ -24,19 +25,22 @@
 
 /* Displacement over the local error allowed (for fixed steps, over what they usually err by). Two
  * runs of one drive part by what each errs by, a few local errors, for a step sees a kink and the
- * other's does not; a difference beyond five of them, or 5 % of the tension, has grown. */
-static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 5.0, LARGE = 0.05;
+ * other's does not; a difference beyond two of them, or 5 % of the tension, has grown. */
+static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 2.0, LARGE = 0.05;
 /* A stretch, in rounds of a wave: between two looks, at least, usually, at most, which is what
  * growth may need to overtake what decays first; the growth below which it ends after the least and
  * after the usual, if nothing is suspected. */
 static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 60.0, QUIET = 2.0, CALM = 5.0;
 /* When the first begins, in rounds of a wave, and how much later every other. */
 static const double FIRST = 25.0, LATER = 4.0;
-/* Share of the steps up to which the next stretch begins at once where growth is suspected. */
-static const double SUSPECTED = 0.25;
+/* Shares of the steps up to which the next stretch begins at once where growth is suspected, and
+ * from which one ends. */
+static const double SUSPECTED = 0.2, ENOUGH = 0.5;
 /* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
  * slip in which friction saturates. */
 static const double CHATTER = 4.0, STIFF = 5.0;
+/* Counts, of four rounds each, that have to find links chattering before it is said. */
+enum { OFTEN = 3 };
 
 static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
   const bd_auto *c = &sim->choice;
@@ -47,6 +51,7 @@ static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
     twin->options = sim->options;
     twin->fixed = sim->fixed;
     twin->t_end = sim->t_end;
+    bd_sim_weights(twin);
     bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .powerless = 1});
   }
   return twin;
@@ -107,12 +112,21 @@ static void watch_contacts(bd_sim *sim) {
     twin->theta[j] = sim->y[lay->theta + j];
   }
   double expected = 2.0 * lay->np * (travel / sim->model->info.link_length + 2.0);
-  int chatters = (double)(sim->plan.contacts_changed - twin->events) > CHATTER * expected;
+  double changed = (double)(sim->plan.contacts_changed - twin->events);
+  int chatters = changed > CHATTER * expected;
   if (chatters && !twin->chatters) {
     twin->t_chatter = twin->t_events;
   }
   twin->chatters = chatters;
-  twin->has_chattered |= chatters;
+  twin->times_chattered += chatters;
+  if (twin->times_chattered >= OFTEN) {
+    bd_sim_warn(
+        sim, BD_WARN_chatter, twin->t_chatter, -1, -1,
+        "links come to the pulleys and leave them %.0f times as often as the belt's travel "
+        "brings them, from t = %.6g s on: small differences may grow, and what single links "
+        "do is not to be relied on; more damping of contact or joints calms them",
+        changed / expected, twin->t_chatter);
+  }
   twin->events = sim->plan.contacts_changed;
   twin->t_events = sim->t;
 }
@@ -233,7 +247,8 @@ static void follow(bd_sim *sim) {
   }
   int calm =
       !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
-  if (growth > t->grown || rounds > MOST || calm) {
+  int dear = rounds > USUAL && (double)t->steps > ENOUGH * (double)sim->stats.steps;
+  if (growth > t->grown || rounds > MOST || calm || dear) {
     t->active = 0;
   }
 }
@@ -249,7 +264,7 @@ void bd_twin_follow(bd_sim *sim) {
   }
   watch_contacts(sim);
   double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
-  int due = (t->has_chattered || t->stiff) && rounds > LEAST &&
+  int due = (t->times_chattered > 0 || t->stiff) && rounds > LEAST &&
             (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
   if (rounds > t->next_begin || due) {
     t->suspected = due;

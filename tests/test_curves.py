@@ -139,6 +139,7 @@ def legs_by_defaults(
     return {name: np.vstack(parts) for name, parts in shares.items()}
 
 
+@pytest.mark.filterwarnings("ignore:balance")  # Euler's method damps, and says so
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", rc.CASES)
 def test_defaults_against_the_curves(case: str, method: str) -> None:

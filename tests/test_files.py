@@ -151,12 +151,14 @@ def test_the_new_file_takes_the_place_of_the_old(
 # --- full disks ----------------------------------------------------------------------------------
 
 FULL = """
-import resource, sys
+import resource, sys, warnings
 from pathlib import Path
 import numpy as np
 import beltdyn as bd, drives
 from beltdyn import cli
 import matplotlib.font_manager
+
+warnings.simplefilter("ignore")
 
 scene = drives.plain_scene()
 result = bd.simulate(scene.params, scene.torque_fn, 1e-3, t_eval=np.linspace(0, 1e-3, 21))

@@ -22,6 +22,8 @@ from beltdyn import _core, cli, memory
 
 MANY = 400_000
 
+pytestmark = pytest.mark.filterwarnings("ignore:long_links")  # 12 links are enough here
+
 
 @pytest.fixture(scope="module")
 def scene() -> bd.Scene:
