@@ -199,11 +199,12 @@ class Stats:
         growth: Rate at which a small difference was seen to grow exponentially [1/s]; 0: none was.
         twin_steps: Steps made once more by a slightly displaced twin, to see whether it does.
         error: Estimated true error of the joint forces over the mean tension (root mean square over
-            joints and time): ``local_error`` or five times ``balance``, whichever is more; of
+            joints and time): ``local_error`` (five times that where a joint's stretch is more than
+            five times the slip mu_k / sigma) or five times ``balance``, whichever is more; of
             "lbdf2" and "lie", whose errors add up, times the root of the run's length beyond that
             of a second of the paper's drive. Right to within a factor of five in 98 of 100 random
             drives, mostly too large. None where nothing is known: fixed steps, histories that part
-            exponentially, torques that are not followed.
+            exponentially, links that chatter, torques that are not followed.
         local_error: Largest local error of a step, in the units of ``rtol``: what is held below it
             where errors are controlled. Of fixed steps, what they err by: from 0.5 on they are
             warned of; at least 1 where some were made again, shorter. None if none was estimated,
