@@ -1,6 +1,6 @@
 """Whether runs keep what they claim: random drives, each against a reference of its own.
 
-    python benchmarks/claims.py [--quick] [--seeds A:B] [--records FILE] [--write]
+    python benchmarks/claims.py [--quick] [--seeds A:B] [--short] [--records FILE] [--write]
 
 `tests/random_drives.py` draws the drives, `tests/judged.py` runs and judges them; every record goes
 to a file of JSON lines as it is made, with all of ``stats``, and seeds that are there already are
@@ -45,6 +45,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--records", type=Path, default=Path("build/claims.jsonl"), help="appended to, and read"
     )
+    parser.add_argument(
+        "--short", action="store_true", help="a quarter of the length, as the tests' (half an hour)"
+    )
     parser.add_argument("--table", action="store_true", help="only read the records")
     return parser.parse_args()
 
@@ -66,7 +69,7 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else str(value)
 
 
-def study(seeds: Iterable[int], path: Path) -> dict[int, Record]:
+def study(seeds: Iterable[int], path: Path, short: bool) -> dict[int, Record]:
     records = read(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a") as out:
@@ -74,7 +77,8 @@ def study(seeds: Iterable[int], path: Path) -> dict[int, Record]:
             if seed in records:
                 continue
             begun = time.process_time()
-            record = judged.judge(seed, "any" if seed % CALM_EVERY else "calm")
+            length = (30_000, 0.25 * judged.random_drives.RADIANS) if short else ()
+            record = judged.judge(seed, "any" if seed % CALM_EVERY else "calm", *length)
             record["cpu"] = time.process_time() - begun
             line = json.dumps(record, default=plain)
             records[seed] = json.loads(line)
@@ -211,7 +215,7 @@ def main() -> None:
     given = arguments()
     first, last = map(int, (given.seeds or ("0:30" if given.quick else "0:3000")).split(":"))
     seeds = range(first, last)
-    done = read(given.records) if given.table else study(seeds, given.records)
+    done = read(given.records) if given.table else study(seeds, given.records, given.short)
     records = [done[seed] for seed in seeds if seed in done]
     lines = [
         f"Claims of random drives, seeds {first} to {last - 1}: {len(records)} runs",

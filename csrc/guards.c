@@ -213,9 +213,10 @@ static void check_contact(bd_sim *sim) {
 
 void bd_guard_begin(bd_sim *sim) {
   bd_guard *guard = &sim->guard;
-  guard->t_look = guard->t_window = sim->t;
+  guard->t_look = guard->t_window = sim->twin.t_events = sim->t;
   for (int j = 0; j < sim->model->lay.np; ++j) {
     guard->touched[j] = sim->t;
+    sim->twin.theta[j] = sim->y[sim->model->lay.theta + j];
   }
 }
 
