@@ -123,6 +123,8 @@ class RunWarning:
                       single forces and positions right, but averages may be; more damping calms
         chatter *     links come to the pulleys and leave them many times as often as the belt's
                       travel brings them: small differences may grow; more damping calms
+        undamped *    vibrations along the belt live so long that errors of implicit steps add up
+                      unseen: compare with "tsit5", a tighter ``rtol``, more ``axial_damping``
         torque *      the torque function changes faster than steps follow: ``breakpoints``, a
                       smaller ``max_step``; jumps all the time: let it change over a range
         fallback *    steps that the first order alone could make err by more than five times what

@@ -305,7 +305,9 @@ class Params:
                 f"  tight belt line {info['path_length']:.6g} m: strain "
                 f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
                 f"straight links on the pulleys add up to {100 * info['mesh_strain']:.2g} %, "
-                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N",
+                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N, its sinking into them "
+                f"takes off {100 * info['contact_strain']:.2g} %, "
+                f"{info['contact_strain'] * self.belt.axial_stiffness:.3g} N",
                 *(f"  note  {noticed}" for noticed in sanity.check(self)),
             ]
         )

@@ -206,6 +206,7 @@ def simulate(
             raise interrupted() from raised
         why = f"the torque function raised {type(raised).__name__} after t = {sim.time:.6g} s"
         _keep_result(raised, result("failed", why))
+        raised.add_note(why)
         if raised is error:
             raise
         raise raised from None

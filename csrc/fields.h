@@ -60,6 +60,7 @@
   X(double, strain, "path_length / length - 1")                                                    \
   X(double, mean_tension, "axial_stiffness * strain, the scale of forces [N]")                     \
   X(double, mesh_strain, "what tangent links, longer than the arcs they span, add to the strain")  \
+  X(double, contact_strain, "what its sinking into the pulleys takes off the strain at rest")      \
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). */
@@ -123,6 +124,7 @@
   X(no_contact, 1, "no link touches a pulley")                                                     \
   X(growth, 1, "histories part exponentially")                                                     \
   X(chatter, 1, "links chatter on the pulleys")                                                    \
+  X(undamped, 1, "vibrations of the belt live for long, and so do errors")                         \
   X(torque, 1, "the torque function changes faster than steps follow")                             \
   X(fallback, 1, "steps that only the first order could make erred by more than was asked")        \
   X(fixed_step, 1, "the fixed step is too long")

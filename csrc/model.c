@@ -175,6 +175,28 @@ static double mesh_strain(const bd_model *model) {
   return longer / model->belt.length;
 }
 
+/* The belt lies on circles that the pressure T / R has made smaller, and is that much less
+ * strained: T = EA (strain - sum of wrap p(T) / L), c1' p^2 + c2' p = T / R, by bisection. */
+static double contact_strain(const bd_model *model) {
+  const bd_contact *contact = &model->contact;
+  double low = 0.0, high = model->info.strain;
+  for (int k = 0; k < 60; ++k) {
+    double left = 0.5 * (low + high), sunk = 0.0;
+    for (int j = 0; j < model->lay.np; ++j) {
+      double pressure = model->belt.axial_stiffness * left / model->radius[j];
+      double c1 = contact->quadratic, c2 = contact->linear;
+      double depth = 2.0 * pressure / (c2 + sqrt(c2 * c2 + 4.0 * c1 * pressure));
+      sunk += model->wraps[j].wrap * depth;
+    }
+    if (left > model->info.strain - sunk / model->belt.length) {
+      high = left;
+    } else {
+      low = left;
+    }
+  }
+  return model->info.strain - low;
+}
+
 static void check_line(bd_model *model) {
   bd_info *info = &model->info;
   bd_error *err = &model->geometry;
@@ -193,6 +215,7 @@ static void check_line(bd_model *model) {
     return;
   }
   info->mesh_strain = mesh_strain(model);
+  info->contact_strain = info->strain > 0.0 ? contact_strain(model) : 0.0;
   if (info->strain <= 0.0) {
     bd_fail_at(err, BD_ERR_GEOMETRY, "belt.length", (double)NAN, -1, -1, model->belt.length,
                "belt.length is too long for its pulleys: %g m, but the tight line round them is "

@@ -419,7 +419,7 @@ size_t bd_sim_samples(const bd_sim *sim) {
  * part or a torque is not followed. */
 static double estimated_error(const bd_sim *sim) {
   const double by_balance = 5.0, by_jumps = 5.0, rounds = 780.0; /* a second of the paper's drive */
-  const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_torque};
+  const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_undamped, BD_WARN_torque};
   for (size_t k = 0; k < sizeof unknown / sizeof unknown[0]; ++k) {
     if (sim->warned[unknown[k]].message[0]) {
       return 0.0;

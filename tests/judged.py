@@ -34,7 +34,16 @@ ASKED: tuple[tuple[str, float], ...] = (
 )
 FIXED = ("lbdf2", "lie", "rk4")
 #: Warnings that speak of the integration over time; those of mesh and contact excuse nothing here.
-IN_TIME = {"balance", "growth", "chatter", "torque", "fallback", "fixed_step", "no_contact"}
+IN_TIME = {
+    "balance",
+    "growth",
+    "chatter",
+    "undamped",
+    "torque",
+    "fallback",
+    "fixed_step",
+    "no_contact",
+}
 SAMPLES = 60
 #: A reference of more steps, or a run of more, is dear: seconds.
 REFERENCE_STEPS = 400_000

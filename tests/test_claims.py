@@ -51,7 +51,8 @@ def test_drives_that_were_off_unsaid(seed: int) -> None:
     """Found by the benchmark: at its length of run, quietly off by more than five claims once."""
     run = judged.judge(seed)
     claim = UNCLAIMED if run["claim"] is None else run["claim"]
-    assert run["outcome"] == "failed" or run["accuracy"] or run["error"] <= OFF * claim
+    said = run["outcome"] in ("failed", "settle") or run["accuracy"]
+    assert said or run["error"] <= OFF * claim
 
 
 @each

@@ -71,7 +71,7 @@ def at_rest(name: str, n: int, contact: float = 1.0) -> bd.State:
     state = belt_line(params)
     for _ in range(2):
         result = bd.simulate(
-            params, still, 0.02, initial=state, method="lie", rtol=0.1, t_eval=[0.02], ledger=False
+            params, still, 0.02, initial=state, method="lie", rtol=0.03, t_eval=[0.02], ledger=False
         )
         state = stopped(result.final_state)
     return state
