@@ -83,8 +83,8 @@ class BeltdynWarning(UserWarning):
     The message begins with the code of the :class:`RunWarning`, so that Python's filters silence or
     escalate one of them or all: ``warnings.filterwarnings("ignore", "mesh")``,
     ``warnings.filterwarnings("error", category=beltdyn.AccuracyWarning)``. As an error, what the
-    drive alone calls for comes before the run; the rest comes after it, and the result is lost:
-    to keep it, look at ``result.warnings`` instead.
+    drive alone calls for comes before the run; the rest comes after it, and has the result in its
+    attribute ``result``.
     """
 
 
@@ -108,7 +108,7 @@ class RunWarning:
 
         no_friction   a pulley is driven, but friction is off: set ``Params.friction``
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
-        slack_span    a span without tension: the same
+        slack_span *  a span without tension: the same; errors are unknown then
         units         a torque far beyond what the belt can carry over: N mm?
 
     Of its steps::
@@ -126,7 +126,9 @@ class RunWarning:
         undamped *    vibrations along the belt live so long that errors of implicit steps add up
                       unseen: compare with "tsit5", a tighter ``rtol``, more ``axial_damping``
         torque *      the torque function changes faster than steps follow: ``breakpoints``, a
-                      smaller ``max_step``; jumps all the time: let it change over a range
+                      smaller ``max_step``
+        rough_torque *  the torque function jumps all the time (noise, a relay) and is followed in
+                      short steps only: let it change over a range
         fallback *    steps that the first order alone could make err by more than five times what
                       was asked: a jump, or a stiffness out of scale?
         fixed_step *  fixed steps err by more than half the tension: shorter ones, or ``rtol``

@@ -54,7 +54,7 @@ class Escaped:
 
     def __enter__(self) -> Escaped:
         with _lock:
-            if not _watching:
+            if sys.unraisablehook is not _hook:  # somebody else may have put it back
                 _before[:] = [sys.unraisablehook]
                 sys.unraisablehook = _hook
             _watching.setdefault(threading.get_ident(), []).append(self)

@@ -320,9 +320,11 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             code="slack_span",
             text=f"span {k}, from pulley {k} to pulley {(k + 1) % n_p}, is slack, down to "
             f"{np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and {last:.4g} s; "
-            "raise the preload (a shorter belt.length) or lower the torque",
+            "raise the preload (a shorter belt.length) or lower the torque; how a slack span "
+            "comes back may hang on little, so errors are unknown",
             t=first,
             where=f"span {k}",
+            accuracy=True,
         )
 
 

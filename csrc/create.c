@@ -168,6 +168,14 @@ static int check_times(const bd_model *model, double t, double t_end, const bd_o
       bd_sim_check_time(model, "initial.t", t, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
+  const double finest = 1e-4 * bd_round_time(model);
+  if (options->torque_interval < finest) {
+    return bd_fail(
+        err, BD_ERR_OPTION, "torque_interval",
+        "torque_interval must be at least %.3g s, a ten thousandth of the time that a wave "
+        "takes round the belt, got %g s",
+        finest, options->torque_interval);
+  }
   const bd_method *method = automatic(options) ? NULL : bd_method_find(options->method);
   const double step = method && method->may_be_fixed ? options->step : 0.0;
   const double least = 16.0 * DBL_EPSILON * largest;
@@ -234,7 +242,7 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   sim->t_end = t_end;
   bd_plan_make(&sim->plan, model, &(bd_plan_options){.ledger = options->ledger, .friction = 1});
   bd_sim_weights(sim);
-  if (bd_twin_create(sim, torque) != BD_OK) {
+  if (options->guards && bd_twin_create(sim, torque) != BD_OK) {
     bd_sim_free(sim);
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }

@@ -126,6 +126,7 @@
   X(chatter, 1, "links chatter on the pulleys")                                                    \
   X(undamped, 1, "vibrations of the belt live for long, and so do errors")                         \
   X(torque, 1, "the torque function changes faster than steps follow")                             \
+  X(rough_torque, 1, "the torque function jumps all the time")                                     \
   X(fallback, 1, "steps that only the first order could make erred by more than was asked")        \
   X(fixed_step, 1, "the fixed step is too long")
 

@@ -175,9 +175,11 @@ static int check_balance(bd_sim *sim, double energy) {
   const double preload = 0.5 * sim->model->belt.axial_stiffness * sim->model->info.strain *
                          sim->model->info.strain * sim->model->belt.length;
   double share = residual / (guard->passed + 0.05 * preload + 1e-12 * fabs(sim->e0));
+  /* without a ledger power is summed by the trapezoidal rule, which is off by as much as 8 % */
+  const double most = sim->plan.ledger ? 0.02 : 0.15;
   sim->stats.balance = fabs(share) > fabs(sim->stats.balance) ? share : sim->stats.balance;
   /* the work of a torque that jumps all the time is known no better than the torque */
-  if (share > 0.5 && !sim->warned[BD_WARN_torque].message[0]) {
+  if (!(share <= 0.5) && !sim->warned[BD_WARN_rough_torque].message[0]) {
     return bd_fail_at(
         &sim->failure, BD_ERR_BALANCE, "energy", sim->t, -1, -1, residual,
         "%.3g J have come from nowhere by t = %.9g s, where %.3g J passed through the "
@@ -188,7 +190,7 @@ static int check_balance(bd_sim *sim, double energy) {
                    : "take a tighter rtol or another method");
   }
   /* and needs no second warning */
-  if (fabs(share) > 0.02 && !sim->warned[BD_WARN_torque].message[0]) {
+  if (fabs(share) > most && !sim->warned[BD_WARN_rough_torque].message[0]) {
     bd_sim_warn(sim, BD_WARN_balance, sim->t, -1, -1,
                 "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
                 "take %s, or compare with another method",

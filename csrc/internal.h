@@ -519,6 +519,7 @@ typedef struct bd_opaque {
   double rough_until;           /* and until when */
   double t_range;               /* start of the stretch whose range is being taken */
   long ranges;                  /* stretches so far */
+  double *look;                 /* torques of a look */
   double *range, *least, *most; /* of the torques: over the last stretch; in this one */
   double *last, *now;           /* torques at the ends of the step just made */
   double *begin, *middle, *end, *impulse, *theta, *omega;

@@ -33,7 +33,7 @@
 void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np) {
   double **const arrays[] = {&opaque->begin, &opaque->middle, &opaque->end,  &opaque->impulse,
                              &opaque->theta, &opaque->omega,  &opaque->last, &opaque->now,
-                             &opaque->range, &opaque->least,  &opaque->most};
+                             &opaque->range, &opaque->least,  &opaque->most, &opaque->look};
   for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
     BD_CARVE(carver, *arrays[k], np);
   }
@@ -64,7 +64,7 @@ static int look_along(bd_sim *sim, double h, double tolerance, double *until) {
   bd_opaque *opaque = &sim->opaque;
   const int np = sim->model->lay.np;
   const long n = 2 * (long)ceil(0.5 * h / opaque->interval);
-  double *torque = sim->plan.torque, parted = 0.0;
+  double *torque = opaque->look, parted = 0.0;
   int code = torque_along(sim, h, 0.0, opaque->begin);
   if (code == BD_OK) {
     code = torque_along(sim, h, 0.5, opaque->middle);
@@ -209,11 +209,11 @@ static int contradicted(bd_sim *sim, double h, double t_new, double tolerance, i
   }
   if (matters) {
     code = bd_load_eval(&sim->plan.load, t_new, sim->plan.t_piece, sim->y_new + lay->theta,
-                        sim->y_new + lay->omega, sim->plan.torque, &sim->failure);
+                        sim->y_new + lay->omega, opaque->look, &sim->failure);
   }
   for (int i = 0; matters && code == BD_OK && i < lay->np; ++i) {
     double promised = opaque->impulse[i];
-    double came = sim->plan.torque[i] - lin->torque[i] - h * lin->slope[i];
+    double came = opaque->look[i] - lin->torque[i] - h * lin->slope[i];
     *wrong |=
         meaning(sim, i, promised, h) > tolerance && fabs(came - promised) > 0.5 * fabs(promised);
   }
@@ -250,7 +250,7 @@ static void count_jump(bd_sim *sim, int j, double change) {
   opaque->t_owed = opaque->rough_until = sim->t + opaque->rough_for;
   opaque->owed = NEARLY * OWED;
   bd_sim_warn(
-      sim, BD_WARN_torque, sim->t, -1, j,
+      sim, BD_WARN_rough_torque, sim->t, -1, j,
       "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
       "%.3g N m round t = %.6g s: it is followed in steps of %.2g s, each worth %.2g rad/s, "
       "and no closer; let it change over a range of time or speed, or name its jumps in "
@@ -373,18 +373,19 @@ int bd_opaque_jumps(const bd_sim *sim) {
 
 void bd_opaque_sampled(bd_sim *sim, double t, double h) {
   const bd_layout *lay = &sim->model->lay;
+  const bd_load *load = &sim->plan.load;
   const bd_opaque *opaque = &sim->opaque;
-  double s = (t - sim->t) / h;
   for (int j = 0; j < lay->np; ++j) {
-    double seen = opaque->last[j] + s * (opaque->now[j] - opaque->last[j]);
-    double speed = fabs(sim->plan.torque[j] - seen) * h / sim->model->inertia[j];
+    double torque = sim->plan.torque[j];
+    double low = fmin(load->low[j], opaque->now[j]), high = fmax(load->high[j], opaque->now[j]);
+    double beyond = fmax(low - torque, torque - high);
     double scale = fmax(fabs(sim->y[lay->omega + j]), 1.0 / sim->weights[lay->omega + j]);
-    if (speed > 0.02 * scale) {
+    if (beyond * h / sim->model->inertia[j] > 0.02 * scale) {
       bd_sim_warn(sim, BD_WARN_torque, t, -1, j,
                   "the torque function gives %.4g N m on pulley %d at t = %.9g s, where the step "
-                  "round it saw %.4g N m: it changes faster than steps of %.3g s follow; name the "
-                  "times of its jumps in breakpoints, or take a smaller max_step",
-                  sim->plan.torque[j], j, t, seen, h);
+                  "round it saw %.4g to %.4g N m: it changes faster than steps of %.3g s follow; "
+                  "name the times of its jumps in breakpoints, or take a smaller max_step",
+                  torque, j, t, low, high, h);
     }
   }
 }

@@ -17,6 +17,7 @@ static int stand(bd_sim **out, const bd_model *model, const bd_state *state, con
   bd_options options;
   bd_options_default(&options);
   options.method = method;
+  options.guards = 0;
   double later = state->t + fmax(1.0, fabs(state->t));
   int code = bd_sim_anywhere(out, model, state, &given, later, &options, err);
   if (code == BD_OK) {

@@ -142,8 +142,12 @@ static double rung(double h) {
 /* An adaptive explicit step never nears the stability limit of the joints, which is known: there
  * the stiffest mode would live on rounding and rejected steps. */
 double bd_sim_longest(const bd_sim *sim, double h) {
+  const double MOST_LOOKS = 1000.0; /* in a step, between two answers to Ctrl-C */
   if (!sim->fixed && sim->method->stability > 0.0) {
     h = fmin(h, 0.93 * sim->method->stability / sim->model->info.spectral_bound);
+  }
+  if (!sim->plan.load.smooth && !sim->fixed) {
+    h = fmin(h, MOST_LOOKS * sim->opaque.interval);
   }
   return sim->options.max_step > 0.0 ? fmin(h, sim->options.max_step) : h;
 }
@@ -375,6 +379,8 @@ static int advance(bd_sim *sim, long max_steps) {
     }
     if (code == BD_OK && guarded) {
       code = bd_guard_progress(sim);
+    }
+    if (code == BD_OK && guarded) {
       bd_twin_follow(sim);
     }
     if (code == BD_OK && sim->choice.method[0]) {
@@ -419,7 +425,8 @@ size_t bd_sim_samples(const bd_sim *sim) {
  * part or a torque is not followed. */
 static double estimated_error(const bd_sim *sim) {
   const double by_balance = 5.0, by_jumps = 5.0, rounds = 780.0; /* a second of the paper's drive */
-  const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_undamped, BD_WARN_torque};
+  const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_undamped, BD_WARN_torque,
+                         BD_WARN_rough_torque};
   for (size_t k = 0; k < sizeof unknown / sizeof unknown[0]; ++k) {
     if (sim->warned[unknown[k]].message[0]) {
       return 0.0;
@@ -429,7 +436,9 @@ static double estimated_error(const bd_sim *sim) {
     return 0.0;
   }
   double error = sim->stats.local_error * (sim->twin.stiff ? by_jumps : 1.0);
-  error = fmax(error, by_balance * fabs(sim->stats.balance));
+  if (sim->plan.ledger) { /* else it is summed too coarsely to say so much */
+    error = fmax(error, by_balance * fabs(sim->stats.balance));
+  }
   double long_run = (sim->t - sim->t0) / bd_round_time(sim->model) / rounds;
   return sim->method->past > 0 ? error * sqrt(fmax(1.0, long_run)) : error;
 }

@@ -62,7 +62,8 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   const bd_model *model = sim->model;
   double slip = model->has_friction ? model->dahl.mu_k / model->dahl.sigma : INFINITY;
   t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * slip;
-  t->next_begin = FIRST;
+  double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
+  t->next_begin = fmin(FIRST, rounds / 3.0);
   if (sim->plan.load.smooth) {
     t->sim = make(sim, torque);
     return t->sim ? BD_OK : BD_ERR_MEMORY;
@@ -222,11 +223,13 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
     twin->rate_known = twin->linear_known = 0;
   }
   twin->now = sim->now;
-  ++t->steps;
+  const long before = twin->stats.steps;
   double tolerance = sim->fixed || sim->now != sim->method
                          ? INFINITY
                          : bd_method_tolerance(sim->method, sim->options.rtol);
-  return bd_sim_follow(twin, sim->t, sim->plan.t_piece, tolerance) == BD_OK;
+  int code = bd_sim_follow(twin, sim->t, sim->plan.t_piece, tolerance);
+  t->steps += twin->stats.steps - before;
+  return code == BD_OK;
 }
 
 static void follow(bd_sim *sim) {

@@ -40,6 +40,8 @@ IN_TIME = {
     "chatter",
     "undamped",
     "torque",
+    "rough_torque",
+    "slack_span",
     "fallback",
     "fixed_step",
     "no_contact",

@@ -429,3 +429,65 @@ def test_a_calm_run_is_not_warned_of(method: str, rest: bd.State) -> None:
     # twins: a stretch of at most forty rounds of a wave, of 1.43 ms, at 25 of 70, beyond which
     # none is due; and most end after four
     assert run.stats.twin_steps <= 0.4 * run.stats.steps
+
+
+@pytest.mark.parametrize("method", ["auto", "tsit5", "rodas4", "lbdf2"])
+def test_a_smooth_torque_function_is_no_rough_one(method: str, rest: bd.State) -> None:
+    """20 Hz at the samples, whatever steps are longer than the interval at which it is looked at."""
+
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        return [-60.0 * math.sin(40.0 * math.pi * t), -15.9 * omega[1]]
+
+    rtol = 1e-2 if method == "lbdf2" else 1e-3
+    run = bd.simulate(
+        drives.plain(), torque, 0.1, initial=rest, method=method, rtol=rtol, torque_interval=2e-5
+    )
+    assert codes(run) == set()
+    assert run.stats.error is not None
+
+
+def test_looks_have_a_least_interval(rest: bd.State) -> None:
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        return [0.0, 0.0]
+
+    with pytest.raises(ValueError, match="torque_interval must be at least"):
+        bd.simulate(drives.plain(), torque, 0.1, initial=rest, torque_interval=1e-12)
+
+
+def test_the_claim_does_not_hang_on_the_ledger() -> None:
+    """Without one the balance is summed too coarsely to be part of it."""
+    params, torque, _ = bd.scenes.flywheel_start()
+    state = bd.settle(params)
+    with pytest.warns(bd.BeltdynWarning, match="^full_slip"):
+        claims = [
+            bd.simulate(params, torque, 0.1, initial=state, ledger=ledger).stats.error
+            for ledger in (True, False)
+        ]
+    assert claims[0] is not None and claims[1] is not None
+    assert claims[1] == pytest.approx(claims[0], rel=0.1)
+
+
+def test_a_hook_that_was_put_back_does_not_call_itself(
+    rest: bd.State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody keeps the hook during a run and puts it back after it."""
+    import sys
+
+    reports: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", reports.append)
+    kept: list[object] = []
+
+    def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
+        kept[:] = [sys.unraisablehook]
+        return [0.0, 0.0]
+
+    bd.simulate(drives.plain(), torque, 1e-4, initial=rest)
+    sys.unraisablehook = kept[0]  # type: ignore[assignment]
+    bd.simulate(drives.plain(), torque, 1e-4, initial=rest)
+
+    class Failing:
+        def __del__(self) -> None:
+            raise ValueError("in a destructor")
+
+    Failing()
+    assert len(reports) == 1

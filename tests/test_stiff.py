@@ -19,7 +19,9 @@ import reference
 import beltdyn as bd
 
 # Fixed steps that damp, and say so: these tests judge what they leave by energies of their own.
-pytestmark = pytest.mark.filterwarnings("ignore:balance", "ignore:fixed_step", "ignore:growth")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:balance", "ignore:fixed_step", "ignore:growth", "ignore:undamped"
+)
 
 SCENES = ("kubas-case-1", "three-pulleys")
 METHODS = ("lbdf2", "lie")
