@@ -433,7 +433,7 @@ def test_a_calm_run_is_not_warned_of(method: str, rest: bd.State) -> None:
 
 @pytest.mark.parametrize("method", ["auto", "tsit5", "rodas4", "lbdf2"])
 def test_a_smooth_torque_function_is_no_rough_one(method: str, rest: bd.State) -> None:
-    """20 Hz at the samples, whatever steps are longer than the interval at which it is looked at."""
+    """20 Hz at the samples, in steps longer than the interval at which it is looked at."""
 
     def torque(t: float, theta: np.ndarray, omega: np.ndarray) -> list[float]:
         return [-60.0 * math.sin(40.0 * math.pi * t), -15.9 * omega[1]]
