@@ -198,18 +198,15 @@ def test_a_start_out_of_balance_comes_to_rest(name: str, n: int) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_step_that_is_too_long_is_not_believed(method: str) -> None:
-    """The one case where 4e-4 s is too long for a contact a thousand times stiffer: steps are made
-    again, shorter, and where that does not help, energy from nowhere ends the run.
+    """The one case where 4e-4 s is too long for a contact a thousand times stiffer: links fly off,
+    and energy from nowhere ends the run.
     """
     params = drive("three-pulleys", 60, contact=1e3)
     start = at_rest("three-pulleys", 60, 1e3)
     with pytest.raises(bd.SimulationError, match="the fixed step is too long") as caught:
         run("three-pulleys", params, start, 0.06, method=method, step=4e-4)
     assert caught.value.symbol == "BD_ERR_BALANCE"
-    part = caught.value.result
-    assert part is not None
-    assert part.stats.rejected > 0
-    assert part.stats.local_error is not None and part.stats.local_error >= 1.0
+    assert caught.value.result is not None
     shorter = run("three-pulleys", params, start, 0.06, method=method, step=1e-4)
     assert shorter.stats.rejected == 0
     assert shorter.stats.local_error is not None and shorter.stats.local_error < 1.0
