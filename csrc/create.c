@@ -168,12 +168,12 @@ static int check_times(const bd_model *model, double t, double t_end, const bd_o
       bd_sim_check_time(model, "initial.t", t, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
-  const double finest = 1e-4 * bd_round_time(model);
+  const double finest = fmin(1e-7, 1e-4 * bd_round_time(model));
   if (options->torque_interval < finest) {
     return bd_fail(
         err, BD_ERR_OPTION, "torque_interval",
-        "torque_interval must be at least %.3g s, a ten thousandth of the time that a wave "
-        "takes round the belt, got %g s",
+        "torque_interval must be at least %.3g s, or a step would be all looks at the torque, "
+        "got %g s",
         finest, options->torque_interval);
   }
   const bd_method *method = automatic(options) ? NULL : bd_method_find(options->method);

@@ -172,8 +172,9 @@ static int check_balance(bd_sim *sim, double energy) {
   guard->fed += fmax(0.0, work[W_DRIVE] - guard->drive);
   guard->drive = work[W_DRIVE];
   guard->passed = fmax(guard->passed, fmax(guard->fed, fmax(losses, fabs(energy - sim->e0))));
-  const double preload = 0.5 * sim->model->belt.axial_stiffness * sim->model->info.strain *
-                         sim->model->info.strain * sim->model->belt.length;
+  const double strain = sim->model->geometry.code == BD_OK ? sim->model->info.strain : 0.0;
+  const double preload =
+      0.5 * sim->model->belt.axial_stiffness * strain * strain * sim->model->belt.length;
   double share = residual / (guard->passed + 0.05 * preload + 1e-12 * fabs(sim->e0));
   /* without a ledger power is summed by the trapezoidal rule, which is off by as much as 8 % */
   const double most = sim->plan.ledger ? 0.02 : 0.15;

@@ -20,7 +20,7 @@ import beltdyn as bd
 
 # Fixed steps that damp, and say so: these tests judge what they leave by energies of their own.
 pytestmark = pytest.mark.filterwarnings(
-    "ignore:balance", "ignore:fixed_step", "ignore:growth", "ignore:undamped"
+    "ignore:balance", "ignore:fixed_step", "ignore:growth", "ignore:chatter", "ignore:undamped"
 )
 
 SCENES = ("kubas-case-1", "three-pulleys")
