@@ -200,7 +200,7 @@ class Stats:
         twin_steps: Steps made once more by a slightly displaced twin, to see whether it does.
         error: Estimated true error of the joint forces over the mean tension (root mean square over
             joints and time): ``local_error`` (five times that where a joint's stretch is more than
-            five times the slip mu_k / sigma) or five times ``balance``, whichever is more; of
+            three times the slip mu_k / sigma) or five times ``balance``, whichever is more; of
             "lbdf2" and "lie", whose errors add up, times the root of the run's length beyond that
             of a second of the paper's drive. Right to within a factor of five in 98 of 100 random
             drives, mostly too large. None where nothing is known: fixed steps, histories that part

@@ -38,7 +38,7 @@ static const double FIRST = 25.0, LATER = 4.0;
 static const double SUSPECTED = 0.2, ENOUGH = 0.5;
 /* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
  * slip in which friction saturates. */
-static const double CHATTER = 4.0, STIFF = 5.0;
+static const double CHATTER = 4.0, STIFF = 3.0;
 /* Counts, of four rounds each, that have to find links chattering before it is said. */
 enum { OFTEN = 3 };
 
