@@ -1,12 +1,24 @@
 """Tests run against the installed package, not the checkout that happens to lie beside them."""
 
+import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    """Let a test set signal handlers; SIGINT is Python's own, whatever the shell has set."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGUSR1)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 # Fixtures of the tests of the binding. They import late: not before sys.path is as above.

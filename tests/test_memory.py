@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -139,15 +138,7 @@ def test_a_control_group_may_leave_less(tmp_path: Path, monkeypatch: pytest.Monk
 # --- very many samples and Ctrl-C ----------------------------------------------------------------
 
 
-@pytest.fixture
-def interrupts() -> Iterator[None]:
-    """Answer SIGINT as Python does, whatever the shell has set."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("interrupts")
+@pytest.mark.usefixtures("handlers")
 def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) -> None:
     """They are filled without the GIL, so that the timer's thread can send the signal meanwhile."""
     sim = _core.Simulation(scene.params._model, start._to_core(True), [], 1.0)
@@ -164,7 +155,7 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
         assert not sim.advance(1e-3)
 
 
-@pytest.mark.usefixtures("interrupts")
+@pytest.mark.usefixtures("handlers")
 @pytest.mark.parametrize("after", [0.02, 1.0])
 def test_ctrl_c_with_very_many_samples(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch, after: float

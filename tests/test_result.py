@@ -502,6 +502,7 @@ def test_the_limit_on_steps(scene: bd.Scene, start: bd.State) -> None:
     assert caught.value.result is not None and caught.value.result.stats.steps <= 100
 
 
+@pytest.mark.usefixtures("handlers")
 def test_ctrl_c_keeps_what_was_computed(scene: bd.Scene, start: bd.State) -> None:
     def torque(t: float, theta: Any, omega: Any) -> list[float]:
         if t > 0.01:

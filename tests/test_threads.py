@@ -361,16 +361,6 @@ def test_a_torque_may_hand_its_arguments_back(model, rest):
 # --- signals -----------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def handlers():
-    """Let a test set signal handlers; SIGINT is Python's own, whatever the shell has set."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGUSR1)}
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
-
-
 def when_running(simulation, action):
     """Start a thread that acts once the simulation is running."""
 
