@@ -240,6 +240,8 @@ struct bd_model {
 
 /* Time that a stretch wave takes once round the belt: the measure of what is long. */
 double bd_round_time(const bd_model *model);
+/* In which the lowest stretch wave round the belt decays by e: at (eta A / EA) omega^2 / 2. */
+double bd_wave_life(const bd_model *model);
 
 /* Lays the belt line round pulleys at (cx, cy); returns BD_ERR_GEOMETRY with the reason if there is
  * none. direction: +1 counter-clockwise, -1 clockwise. */
@@ -538,10 +540,11 @@ typedef struct bd_twin {
   bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
   int active, grows;             /* a stretch is on; growth has been seen */
   int chatters, times_chattered; /* links do; counts in which they did */
-  int stiff, suspected;          /* friction is; this stretch is for one of them */
+  int stiff, light;              /* friction is; damping of the belt is */
+  int suspected, last;           /* this stretch is for one of these; the last has begun */
   double next_begin;             /* of the next stretch, in rounds of a wave since the start */
   double t_begin, next_look;     /* of this one; next look */
-  double apart, grown;           /* difference at first; growth that is one */
+  double apart, grown, most;     /* difference at first; growth that is one; largest seen */
   long steps, events;            /* that twins made; contacts changed at the last count */
   double t_events, t_chatter;    /* of the last count; since when links chatter */
   uint64_t random;
@@ -643,6 +646,8 @@ void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np);
 int bd_twin_create(bd_sim *sim, const bd_torque *torque);
 /* After a step. */
 void bd_twin_follow(bd_sim *sim);
+/* How many times differences have grown beyond what they do in any drive. */
+double bd_twin_magnifies(const bd_twin *twin);
 void bd_twin_free(bd_twin *twin);
 
 /* --- implicit.c ------------------------------------------------------------------------------ */

@@ -324,3 +324,8 @@ void bd_model_info(const bd_model *model, bd_info *info) {
 double bd_round_time(const bd_model *model) {
   return model->belt.length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
 }
+
+double bd_wave_life(const bd_model *model) {
+  const double omega = 2.0 * BD_PI / bd_round_time(model);
+  return 2.0 * model->belt.axial_stiffness / (model->belt.axial_damping * omega * omega);
+}

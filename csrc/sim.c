@@ -440,6 +440,7 @@ static double estimated_error(const bd_sim *sim) {
     error = fmax(error, by_balance * fabs(sim->stats.balance));
   }
   double long_run = (sim->t - sim->t0) / bd_round_time(sim->model) / rounds;
+  error *= bd_twin_magnifies(&sim->twin);
   return sim->method->past > 0 ? error * sqrt(fmax(1.0, long_run)) : error;
 }
 

@@ -11,8 +11,8 @@
  * few times, for links that come and go change it; of one that chatters it has grown a thousandfold
  * within ten rounds of a stretch wave. Every run has a few such stretches, ever further apart.
  * Where links are seen to come and go many times as often as the belt's travel brings them, or
- * friction is so stiff that each reversal is a jump, stretches are longer, and one begins as soon
- * as twins have made less than a fifth of the steps.
+ * friction is so stiff that each reversal is a jump, or the belt's vibrations live for long,
+ * stretches are longer, and one begins as soon as twins have made less than a fifth of the steps.
  *
  * A torque function is not to be called twice: where there is one, two twins run along, one of them
  * not displaced, under the torques that the run saw at the ends of its steps. Guarded by
@@ -31,14 +31,15 @@ static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 2.0, LARGE
  * growth may need to overtake what decays first; the growth below which it ends after the least and
  * after the usual, if nothing is suspected. */
 static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 60.0, QUIET = 2.0, CALM = 5.0;
-/* When the first begins, in rounds of a wave, and how much later every other. */
-static const double FIRST = 25.0, LATER = 4.0;
+/* When the first begins, in rounds of a wave, how much later every other, and how long before the
+ * end the last. */
+static const double FIRST = 25.0, LATER = 4.0, LAST = 6.5;
 /* Shares of the steps up to which the next stretch begins at once where growth is suspected, and
  * from which one ends. */
 static const double SUSPECTED = 0.2, ENOUGH = 0.5;
 /* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
- * slip in which friction saturates. */
-static const double CHATTER = 4.0, STIFF = 3.0;
+ * slip in which friction saturates; for how many rounds the lowest wave lives. */
+static const double CHATTER = 4.0, STIFF = 3.0, LIGHT = 30.0;
 /* Counts, of four rounds each, that have to find links chattering before it is said. */
 enum { OFTEN = 3 };
 
@@ -62,6 +63,7 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   const bd_model *model = sim->model;
   double slip = model->has_friction ? model->dahl.mu_k / model->dahl.sigma : INFINITY;
   t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * slip;
+  t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
   double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
   t->next_begin = fmin(FIRST, rounds / 3.0);
   if (sim->plan.load.smooth) {
@@ -245,6 +247,7 @@ static void follow(bd_sim *sim) {
   }
   t->next_look = rounds + LOOK;
   double growth = apart(still, t->sim) / t->apart;
+  t->most = fmax(t->most, growth);
   if (growth > t->grown) {
     conclude(sim, growth);
   }
@@ -267,13 +270,19 @@ void bd_twin_follow(bd_sim *sim) {
   }
   watch_contacts(sim);
   double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
-  int due = (t->times_chattered > 0 || t->stiff) && rounds > LEAST &&
+  int due = (t->times_chattered > 0 || t->stiff || t->light) && rounds > LEAST &&
             (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
-  if (rounds > t->next_begin || due) {
+  int last = !t->last && sim->t_end - sim->t < LAST * bd_round_time(sim->model) && rounds > LAST;
+  if (rounds > t->next_begin || due || last) {
     t->suspected = due;
+    t->last |= last;
     t->next_begin = rounds > t->next_begin ? LATER * rounds : t->next_begin;
     begin(sim);
   }
+}
+
+double bd_twin_magnifies(const bd_twin *twin) {
+  return fmax(1.0, twin->most / CALM);
 }
 
 void bd_twin_free(bd_twin *twin) {
