@@ -73,7 +73,7 @@ double PASTE(bench_load_, BD_LIMITS)(size_t n, const double *data) {
 #include <string.h>
 #include <time.h>
 
-#include "internal.h"
+#include "run/run.h"
 
 enum { STAGES = 7, MAX_ROUNDS = 999, N_VALUES = 512 * 1024 / 8 };
 static const char *const limit_names[] = {"multiply-add", "load from L1", "load from L2"};
