@@ -47,7 +47,7 @@ SPECIALISED pack shifted_back(pack here, pack next) {
 
 /* Keeps of the last evaluation, at y, what the joints' linearisation needs: later evaluations, at
  * other states, write over the links' directions. */
-static void keep_joints(const bd_links *links, const double *y, const bd_tangent *tangent) {
+static void linearise_joints(const bd_links *links, const double *y, const bd_tangent *tangent) {
   const bd_layout *lay = &links->lay;
   const int n = lay->n, n8 = lay->n8;
   const double half = links->half, inv_half = 1.0 / half;
@@ -96,7 +96,7 @@ static void diagonal(const bd_links *links, const bd_tangent *tangent, const bd_
                      const bd_blocks *blocks) {
   const int n8 = links->lay.n8;
   const double straight = FMA(2.0, blocks->k, stage->mass);
-  const double turning = stage->mass / 3.0 + 2.0 * (blocks->k + blocks->bend);
+  const double turning = stage->mass / 3.0 + 2.0 * (blocks->k + blocks->bending);
   const double g2 = stage->g * stage->g;
   const double along = g2 * links->stiffness * links->half,
                across = g2 * links->damping * links->half;
@@ -164,8 +164,8 @@ static void joints_product(const bd_links *links, const bd_tangent *tangent, con
           first[k] = splat(lane[0]);
         }
         if (i + BD_WIDTH > n) { /* after the last link comes the first */
-          const pack live = links_at(links->live, i);
-          next[k] = live * next[k] + (1.0 - live) * first[k];
+          const pack link_mask = links_at(links->link_mask, i);
+          next[k] = link_mask * next[k] + (1.0 - link_mask) * first[k];
         }
         last[k] = right[k];
       }
@@ -209,17 +209,17 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
         v[k] -= factor * links_at(column + (size_t)k * (size_t)stride, i);
       }
     }
-    const pack live = links_at(links->live, i);
+    const pack link_mask = links_at(links->link_mask, i);
     v[2] *= inv_half;
     for (int k = 0; k < 3; ++k) {
       const int at = k * stride + i;
-      v[k] *= live;
-      set_links(cx, at, live * g * links_at(cx, at) + g * v[k]);
+      v[k] *= link_mask;
+      set_links(cx, at, link_mask * g * links_at(cx, at) + g * v[k]);
       set_links(cvx, at, v[k]);
     }
     for (int k = 0; k < 2 * lay->slots; ++k) {
       const int at = (F_MU + k) * stride + i;
-      set_links(cx, at, live * g * links_at(cx, at));
+      set_links(cx, at, link_mask * g * links_at(cx, at));
     }
   }
 }
@@ -227,23 +227,25 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
 /* --- contact -----------------------------------------------------------------------------------
  */
 
-static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
-                         const double *y, const bd_touch *touch, int friction, double ahead) {
+static void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                              const bd_run *runs, const double *y,
+                              const bd_contact_tangent *contact, int friction, double h) {
   const bd_layout *lay = &links->lay;
-  const bd_drum d = *drum;
+  const bd_contact_pulley d = *pulley;
   const double *restrict x = ALIGNED(bd_cfield(lay, y, F_X));
   const double *restrict yy = ALIGNED(bd_cfield(lay, y, F_Y));
   const double *restrict vx = ALIGNED(bd_cfield(lay, y, F_VX));
   const double *restrict vy = ALIGNED(bd_cfield(lay, y, F_VY));
   const double *restrict mu = ALIGNED(bd_cfield(lay, y, friction ? F_MU + d.slot : F_X));
-  const double *restrict live = ALIGNED(links->live);
-  double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  double *restrict t_rho = ALIGNED(touch->rho), *restrict t_bend = ALIGNED(touch->bend);
-  double *restrict t_normal = ALIGNED(touch->normal), *restrict t_mu = ALIGNED(touch->mu);
-  double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
-  double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
-  double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
-  double *restrict t_ahead = ALIGNED(touch->ahead);
+  const double *restrict link_mask = ALIGNED(links->link_mask);
+  double *restrict t_nx = ALIGNED(contact->nx), *restrict t_ny = ALIGNED(contact->ny);
+  double *restrict t_rho = ALIGNED(contact->rho), *restrict t_normal_over_rho =
+                                                      ALIGNED(contact->normal_over_rho);
+  double *restrict t_normal = ALIGNED(contact->normal), *restrict t_mu = ALIGNED(contact->mu);
+  double *restrict t_stiff = ALIGNED(contact->stiff), *restrict t_damp = ALIGNED(contact->damp);
+  double *restrict t_cross = ALIGNED(contact->cross), *restrict t_apart = ALIGNED(contact->apart);
+  double *restrict t_gain = ALIGNED(contact->gain), *restrict t_decay = ALIGNED(contact->decay);
+  double *restrict t_normal_correction = ALIGNED(contact->normal_correction);
   const double sigma = friction ? d.sigma : 0.0, per_mu_k = friction ? 1.0 / d.mu_k : 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
@@ -251,28 +253,30 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs,
       const double dx = x[i] - d.x, dy = yy[i] - d.y;
       const double rho = sqrt(FMA(dx, dx, dy * dy));
       const double inv = 1.0 / rho, nx = dx * inv, ny = dy * inv;
-      const double p = live[i] * (d.radius - rho);
+      const double p = link_mask[i] * (d.radius - rho);
       const double ux = vx[i] - d.vx, uy = vy[i] - d.vy;
       const double apart = FMA(ux, nx, uy * ny), around = FMA(uy, nx, -(ux * ny));
       const double raw = FMA(FMA(d.quadratic, p, d.linear), p, -(d.damping * apart));
       /* a straight step leaves the rim by this much */
-      const double way_on = ahead * around, leave = 0.5 * way_on * way_on * inv;
+      const double arc_travel = h * around, leave = 0.5 * arc_travel * arc_travel * inv;
       const int touching = p > 0.0, pressed = touching & (raw > 0.0);
-      const int landing = !touching & (live[i] > 0.0) & (p - ahead * apart > leave);
+      const int landing = !touching & (link_mask[i] > 0.0) & (p - h * apart > leave);
       const int on = touching | landing, pushing = pressed | landing;
       const double slide = around - d.omega * rho;
-      const double m = friction ? mu[i] : 0.0, way = slide > 0.0 ? 1.0 : slide < 0.0 ? -1.0 : 0.0;
-      const double bend = raw * inv, deep = FMA(2.0 * d.quadratic, p, d.linear);
+      const double m = friction ? mu[i] : 0.0, slip_sign = slide > 0.0   ? 1.0
+                                                           : slide < 0.0 ? -1.0
+                                                                         : 0.0;
+      const double normal_over_rho = raw * inv, deep = FMA(2.0 * d.quadratic, p, d.linear);
       const double stiff = landing ? d.linear : deep,
                    lands = FMA(d.linear, p, -(d.damping * apart));
       const double cross = d.damping * around * inv, away = apart * inv;
-      const double gain = sigma * FMA(-way * m, per_mu_k, 1.0);
+      const double gain = sigma * FMA(-slip_sign * m, per_mu_k, 1.0);
       const double decay = sigma * per_mu_k * fabs(slide);
-      const double beyond = FMA(-stiff, leave, landing ? lands : 0.0);
+      const double normal_correction = FMA(-stiff, leave, landing ? lands : 0.0);
       t_nx[i] = on ? nx : 0.0;
       t_ny[i] = on ? ny : 0.0;
       t_rho[i] = on ? rho : 0.0;
-      t_bend[i] = pressed ? bend : 0.0;
+      t_normal_over_rho[i] = pressed ? normal_over_rho : 0.0;
       t_normal[i] = pressed ? raw : 0.0;
       t_mu[i] = touching ? m : 0.0;
       t_stiff[i] = pushing ? stiff : 0.0;
@@ -281,26 +285,26 @@ static void keep_contact(const bd_links *links, const bd_drum *drum, int n_runs,
       t_apart[i] = on ? away : 0.0;
       t_gain[i] = touching ? gain : 0.0;
       t_decay[i] = touching ? decay : 0.0;
-      t_ahead[i] = pushing ? beyond : 0.0;
+      t_normal_correction[i] = pushing ? normal_correction : 0.0;
     }
   }
 }
 
-/* Adds to a rate what N will be beyond its tangent; returns its torque on the pulley. */
-static double add_ahead(const bd_links *links, int n_runs, const bd_run *runs,
-                        const bd_touch *touch, double *c) {
+/* Adds to a rate what N will be normal_correction its tangent; returns its torque on the pulley. */
+static double add_normal_correction(const bd_links *links, int n_runs, const bd_run *runs,
+                                    const bd_contact_tangent *contact, double *c) {
   const bd_layout *lay = &links->lay;
   const double inv_mass = links->inv_mass;
-  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_mu = ALIGNED(touch->mu);
-  const double *restrict t_ahead = ALIGNED(touch->ahead);
+  const double *restrict t_nx = ALIGNED(contact->nx), *restrict t_ny = ALIGNED(contact->ny);
+  const double *restrict t_rho = ALIGNED(contact->rho), *restrict t_mu = ALIGNED(contact->mu);
+  const double *restrict t_normal_correction = ALIGNED(contact->normal_correction);
   double *restrict cvx = ALIGNED(bd_field(lay, c, F_VX));
   double *restrict cvy = ALIGNED(bd_field(lay, c, F_VY));
   double torque = 0.0;
   for (int r = 0; r < n_runs; ++r) {
     const int begin = runs[r].begin, end = runs[r].end;
     _Pragma("omp simd reduction(+ : torque)") for (int i = begin; i < end; ++i) {
-      const double more = t_ahead[i], drag = t_mu[i] * more;
+      const double more = t_normal_correction[i], drag = t_mu[i] * more;
       cvx[i] = FMA(inv_mass, FMA(more, t_nx[i], drag * t_ny[i]), cvx[i]);
       cvy[i] = FMA(inv_mass, FMA(more, t_ny[i], -(drag * t_nx[i])), cvy[i]);
       torque = FMA(drag, t_rho[i], torque);
@@ -321,26 +325,32 @@ static double add_ahead(const bd_links *links, int n_runs, const bd_run *runs,
 
 /* Adds one pulley's contact to the diagonal blocks, sets its border and what solves need for g;
  * returns what the pulley's own equation gets. */
-static double add_contact(const bd_drum *drum, int n_runs, const bd_run *runs,
-                          const bd_touch *touch, double g, const bd_blocks *blocks,
+static double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                          const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
                           double *restrict column_x, double *restrict column_y) {
-  const double omega = drum->omega, g2 = g * g;
-  const double *restrict t_nx = ALIGNED(touch->nx), *restrict t_ny = ALIGNED(touch->ny);
-  const double *restrict t_rho = ALIGNED(touch->rho), *restrict t_bend = ALIGNED(touch->bend);
-  const double *restrict t_normal = ALIGNED(touch->normal), *restrict t_mu = ALIGNED(touch->mu);
-  const double *restrict t_stiff = ALIGNED(touch->stiff), *restrict t_damp = ALIGNED(touch->damp);
-  const double *restrict t_cross = ALIGNED(touch->cross), *restrict t_apart = ALIGNED(touch->apart);
-  const double *restrict t_gain = ALIGNED(touch->gain), *restrict t_decay = ALIGNED(touch->decay);
+  const double omega = pulley->omega, g2 = g * g;
+  const double *restrict t_nx = ALIGNED(contact->nx), *restrict t_ny = ALIGNED(contact->ny);
+  const double *restrict t_rho = ALIGNED(contact->rho), *restrict t_normal_over_rho =
+                                                            ALIGNED(contact->normal_over_rho);
+  const double *restrict t_normal = ALIGNED(contact->normal), *restrict t_mu = ALIGNED(contact->mu);
+  const double *restrict t_stiff = ALIGNED(contact->stiff), *restrict t_damp =
+                                                                ALIGNED(contact->damp);
+  const double *restrict t_cross = ALIGNED(contact->cross), *restrict t_apart =
+                                                                ALIGNED(contact->apart);
+  const double *restrict t_gain = ALIGNED(contact->gain), *restrict t_decay =
+                                                              ALIGNED(contact->decay);
   double *restrict b_xx = ALIGNED(blocks->xx), *restrict b_xy = ALIGNED(blocks->xy);
   double *restrict b_yx = ALIGNED(blocks->yx), *restrict b_yy = ALIGNED(blocks->yy);
-  double *restrict row_x = ALIGNED(touch->row_x), *restrict row_y = ALIGNED(touch->row_y);
-  double *restrict f_xx = ALIGNED(touch->xx), *restrict f_xy = ALIGNED(touch->xy);
-  double *restrict f_yx = ALIGNED(touch->yx), *restrict f_yy = ALIGNED(touch->yy);
-  double *restrict f_mu = ALIGNED(touch->by_mu);
-  double *restrict torque_x = ALIGNED(touch->torque_x);
-  double *restrict torque_y = ALIGNED(touch->torque_y);
-  double *restrict slide_x = ALIGNED(touch->slide_x), *restrict slide_y = ALIGNED(touch->slide_y);
-  double *restrict f_rise = ALIGNED(touch->rise), *restrict f_keep = ALIGNED(touch->keep);
+  double *restrict row_x = ALIGNED(contact->row_x), *restrict row_y = ALIGNED(contact->row_y);
+  double *restrict f_xx = ALIGNED(contact->xx), *restrict f_xy = ALIGNED(contact->xy);
+  double *restrict f_yx = ALIGNED(contact->yx), *restrict f_yy = ALIGNED(contact->yy);
+  double *restrict f_mu = ALIGNED(contact->by_mu);
+  double *restrict torque_x = ALIGNED(contact->torque_x);
+  double *restrict torque_y = ALIGNED(contact->torque_y);
+  double *restrict slide_x = ALIGNED(contact->slide_x), *restrict slide_y =
+                                                            ALIGNED(contact->slide_y);
+  double *restrict f_dmu_dslip = ALIGNED(contact->dmu_dslip), *restrict f_mu_decay_factor =
+                                                                  ALIGNED(contact->mu_decay_factor);
   column_x = ALIGNED(column_x);
   column_y = ALIGNED(column_y);
   double own = 0.0;
@@ -348,14 +358,18 @@ static double add_contact(const bd_drum *drum, int n_runs, const bd_run *runs,
     const int begin = runs[r].begin, end = runs[r].end;
     _Pragma("omp simd reduction(+ : own)") for (int i = begin; i < end; ++i) {
       const double nx = t_nx[i], ny = t_ny[i], rho = t_rho[i], mu = t_mu[i], apart = t_apart[i];
-      const double keep = 1.0 / FMA(g, t_decay[i], 1.0), rise = g * t_gain[i] * keep;
-      const double normal = g2 * t_normal[i], bend = g2 * t_bend[i], cross = g2 * t_cross[i];
+      const double mu_decay_factor = 1.0 / FMA(g, t_decay[i], 1.0),
+                   dmu_dslip = g * t_gain[i] * mu_decay_factor;
+      const double normal = g2 * t_normal[i], normal_over_rho = g2 * t_normal_over_rho[i],
+                   cross = g2 * t_cross[i];
       const double stiff = g2 * t_stiff[i], press = FMA(g, t_damp[i], stiff);
-      const double grip = t_normal[i] * g * rise; /* of dv_T */
+      const double friction_tangent = t_normal[i] * g * dmu_dslip; /* of dv_T */
       double xx, xy, yx, yy;
       /* by velocities */
-      const double nt = FMA(-bend, mu, cross), tn = -FMA(mu, press, grip * g * omega);
-      const double tt = FMA(grip, FMA(-g, apart, 1.0), -FMA(mu, cross, bend));
+      const double nt = FMA(-normal_over_rho, mu, cross),
+                   tn = -FMA(mu, press, friction_tangent * g * omega);
+      const double tt =
+          FMA(friction_tangent, FMA(-g, apart, 1.0), -FMA(mu, cross, normal_over_rho));
       TURN_BACK(press, nt, tn, tt, xx, xy, yx, yy);
       b_xx[i] += xx;
       b_xy[i] += xy;
@@ -364,26 +378,26 @@ static double add_contact(const bd_drum *drum, int n_runs, const bd_run *runs,
       const double to_pulley_n = -FMA(rho, tn, normal * mu), to_pulley_t = -FMA(rho, tt, normal);
       row_x[i] = FMA(nx, to_pulley_n, -(ny * to_pulley_t));
       row_y[i] = FMA(ny, to_pulley_n, nx * to_pulley_t);
-      column_x[i] = ny * grip * rho;
-      column_y[i] = -nx * grip * rho;
-      own = FMA(grip * rho, rho, own);
+      column_x[i] = ny * friction_tangent * rho;
+      column_y[i] = -nx * friction_tangent * rho;
+      own = FMA(friction_tangent * rho, rho, own);
       /* by what a solve is given for positions and friction */
-      const double held_tn = FMA(mu, stiff, grip * g * omega);
-      const double held_tt = FMA(mu, cross, FMA(grip, g * apart, bend));
-      const double torque_n = FMA(-rho, held_tn, normal * mu);
-      const double torque_t = FMA(-rho, held_tt, normal);
-      TURN_BACK(-stiff, -nt, held_tn, held_tt, xx, xy, yx, yy);
+      const double given_tn = FMA(mu, stiff, friction_tangent * g * omega);
+      const double given_tt = FMA(mu, cross, FMA(friction_tangent, g * apart, normal_over_rho));
+      const double torque_n = FMA(-rho, given_tn, normal * mu);
+      const double torque_t = FMA(-rho, given_tt, normal);
+      TURN_BACK(-stiff, -nt, given_tn, given_tt, xx, xy, yx, yy);
       f_xx[i] = xx;
       f_xy[i] = xy;
       f_yx[i] = yx;
       f_yy[i] = yy;
-      f_mu[i] = normal * keep;
+      f_mu[i] = normal * mu_decay_factor;
       torque_x[i] = FMA(nx, torque_n, -(ny * torque_t));
       torque_y[i] = FMA(ny, torque_n, nx * torque_t);
       slide_x[i] = FMA(ny, apart, -(nx * omega));
       slide_y[i] = -FMA(nx, apart, ny * omega);
-      f_rise[i] = rise;
-      f_keep[i] = keep;
+      f_dmu_dslip[i] = dmu_dslip;
+      f_mu_decay_factor[i] = mu_decay_factor;
     }
   }
   return own;
@@ -401,12 +415,12 @@ SPECIALISED double total(pack sum) {
 }
 
 /* Adds one pulley's contact to g F_q b_q and g F_mu's part; returns the pulley's own. */
-static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_runs,
-                              const bd_run *runs, const bd_touch *touch, int friction,
+static double contact_product(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                              const bd_run *runs, const bd_contact_tangent *contact, int friction,
                               const double *c, double *x, double *y) {
-  const bd_touch t = *touch;
+  const bd_contact_tangent t = *contact;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
-  const double *cmu = friction ? bd_cfield(lay, c, F_MU + drum->slot) : NULL;
+  const double *cmu = friction ? bd_cfield(lay, c, F_MU + pulley->slot) : NULL;
   pack torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
@@ -432,15 +446,15 @@ static double contact_product(const bd_layout *lay, const bd_drum *drum, int n_r
 }
 
 /* The friction unknowns of one pulley's contact; everything else of c is solved. */
-static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs,
-                           const bd_run *runs, const bd_touch *touch, double g, double spin_up,
-                           double *c) {
-  const bd_touch t = *touch;
+static void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                           const bd_run *runs, const bd_contact_tangent *contact, double g,
+                           double angular_acceleration, double *c) {
+  const bd_contact_tangent t = *contact;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
   const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
-  double *cmu = bd_field(lay, c, F_MU + drum->slot);
-  double *cslip = bd_field(lay, c, bd_f_slip(lay) + drum->slot);
-  const pack spin = splat(spin_up), step = splat(g);
+  double *cmu = bd_field(lay, c, F_MU + pulley->slot);
+  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  const pack spin = splat(angular_acceleration), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
       pack slide = links_at(t.slide_x, i) * links_at(cx, i);
@@ -448,17 +462,17 @@ static void finish_contact(const bd_layout *lay, const bd_drum *drum, int n_runs
       slide += links_at(t.nx, i) * links_at(cvy, i);
       slide -= links_at(t.ny, i) * links_at(cvx, i);
       slide -= links_at(t.rho, i) * spin;
-      const pack kept = links_at(t.keep, i) * links_at(cmu, i);
-      set_links(cmu, i, kept + links_at(t.rise, i) * slide);
+      const pack kept = links_at(t.mu_decay_factor, i) * links_at(cmu, i);
+      set_links(cmu, i, kept + links_at(t.dmu_dslip, i) * slide);
       set_links(cslip, i, links_at(cslip, i) + step * slide);
     }
   }
 }
 
 /* The row of one pulley times a vector. */
-static double border_row(int n_runs, const bd_run *runs, const bd_touch *touch, const double *x,
-                         const double *y) {
-  const bd_touch t = *touch;
+static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
+                         const double *x, const double *y) {
+  const bd_contact_tangent t = *contact;
   pack along_x = splat(0.0), along_y = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += BD_WIDTH) {
@@ -469,18 +483,18 @@ static double border_row(int n_runs, const bd_run *runs, const bd_touch *touch, 
   return total(along_x + along_y);
 }
 
-const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL) = {
+const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = BD_WIDTH,
     .ring_row = sizeof(ring_row),
     .ring_ends = sizeof(ring_ends),
     .factor = ring_factor,
     .solve = ring_solve,
-    .keep_joints = keep_joints,
+    .linearise_joints = linearise_joints,
     .diagonal = diagonal,
     .joints_product = joints_product,
     .finish_links = finish_links,
-    .keep_contact = keep_contact,
-    .add_ahead = add_ahead,
+    .linearise_contact = linearise_contact,
+    .add_normal_correction = add_normal_correction,
     .add_contact = add_contact,
     .contact_product = contact_product,
     .finish_contact = finish_contact,

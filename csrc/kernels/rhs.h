@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inner loops, compiled once per instruction level (kernels_*.c include this file with their
+ * The inner loops, compiled once per instruction level (rhs_*.c include this file with their
  * own flags and BD_LEVEL), over structure-of-arrays blocks, a vector of links at a time. Lengths
  * are padded to BD_LANES: the padding is computed like the links and then left out.
  *
@@ -144,14 +144,14 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
     left = f;
   }
   /* the last vector: joint n is joint 0, and what lies past it stays at rest */
-  const mask inner = less(lane, splat(n - 1 - last)), live = less(lane, splat(n - last));
+  const mask inner = less(lane, splat(n - 1 - last)), link_mask = less(lane, splat(n - last));
   const forces right = {choose(inner, from_right(left.x, left.x), first.x),
                         choose(inner, from_right(left.y, left.y), first.y),
                         choose(inner, from_right(left.moment, left.moment), first.moment)};
   const rates a = accelerations(&before, &left, &right, arm, bending);
-  store(ovx + last, choose(live, a.x, (vec){0.0}));
-  store(ovy + last, choose(live, a.y, (vec){0.0}));
-  store(ovphi + last, choose(live, a.phi, (vec){0.0}));
+  store(ovx + last, choose(link_mask, a.x, (vec){0.0}));
+  store(ovy + last, choose(link_mask, a.y, (vec){0.0}));
+  store(ovphi + last, choose(link_mask, a.phi, (vec){0.0}));
   for (int f = F_X; f <= F_VPHI; ++f) {
     for (int i = last + WIDTH; i < lay->n8; i += WIDTH) {
       store(bd_field(lay, out, f) + i, (vec){0.0});
@@ -160,26 +160,28 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
     store(out + k, (vec){0.0});
   }
-  return ledger ? sum(loss + choose(live, lost, (vec){0.0})) : 0.0;
+  return ledger ? sum(loss + choose(link_mask, lost, (vec){0.0})) : 0.0;
 }
 
-/* A vector of links none of which lies within the rim costs a distance each. */
-INLINE void contact(const bd_links *links, const bd_drum *drum, int n_runs, const bd_run *runs,
-                    const double *y, double *dy, bd_sums *sums, const int friction,
-                    const int ledger) {
+/* Contact of the links with one pulley. A vector of links without contact costs one test of
+ * distance. */
+INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                    const bd_run *runs, const double *y, double *dy, bd_sums *sums,
+                    const int friction, const int ledger) {
   const bd_layout *lay = &links->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *mus = bd_cfield(lay, y, friction ? F_MU + drum->slot : F_X);
+  const double *mus = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
-  double *omu = bd_field(lay, dy, friction ? F_MU + drum->slot : F_X);
-  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + drum->slot : F_Y);
-  const vec cx = splat(drum->x), cy = splat(drum->y), cu = splat(drum->vx), cv = splat(drum->vy);
-  const vec radius = splat(drum->radius), rim2 = splat(drum->radius * drum->radius);
-  const vec quadratic = splat(drum->quadratic), linear = splat(drum->linear);
-  const vec damping = splat(drum->damping), inv_mass = splat(links->inv_mass);
-  const vec omega = splat(drum->omega), sigma = splat(drum->sigma), none = {0.0};
-  const vec per_mu_k = splat(friction ? 1.0 / drum->mu_k : 0.0);
+  double *omu = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
+  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx),
+            cv = splat(pulley->vy);
+  const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
+  const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
+  const vec damping = splat(pulley->damping), inv_mass = splat(links->inv_mass);
+  const vec omega = splat(pulley->omega), sigma = splat(pulley->sigma), none = {0.0};
+  const vec per_mu_k = splat(friction ? 1.0 / pulley->mu_k : 0.0);
   vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
 
   for (int r = 0; r < n_runs; ++r) {
@@ -188,7 +190,7 @@ INLINE void contact(const bd_links *links, const bd_drum *drum, int n_runs, cons
       const vec rho2 = fma_(dx, dx, dy_ * dy_);
       const mask touch = less(rho2, rim2);
       if (!any(touch)) {
-        continue; /* numbers gone show in the joints */
+        continue; /* positions that are not finite show in the joints' forces */
       }
       vec rho, inv;
       root_and_inverse(rho2, &rho, &inv);
@@ -229,10 +231,10 @@ INLINE void contact(const bd_links *links, const bd_drum *drum, int n_runs, cons
     return joints(links, y, dy, bending, ledger);                                                  \
   }
 #define CONTACT(friction, ledger)                                                                  \
-  static void contact_##friction##ledger(const bd_links *links, const bd_drum *drum, int n_runs,   \
-                                         const bd_run *runs, const double *y, double *dy,          \
-                                         bd_sums *sums) {                                          \
-    contact(links, drum, n_runs, runs, y, dy, sums, friction, ledger);                             \
+  static void contact_##friction##ledger(const bd_links *links, const bd_contact_pulley *pulley,   \
+                                         int n_runs, const bd_run *runs, const double *y,          \
+                                         double *dy, bd_sums *sums) {                              \
+    contact(links, pulley, n_runs, runs, y, dy, sums, friction, ledger);                           \
   }
 JOINTS(0, 0)
 JOINTS(0, 1)
@@ -244,14 +246,15 @@ CONTACT(1, 0)
 CONTACT(1, 1)
 
 /* The first block from `begin` on where something is to be done after a step; `end` if none. */
-INLINE int upset(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
-                 const double *y, int begin, int end, const int friction) {
+INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                              const double *owner, const double *y, int begin, int end,
+                              const int friction) {
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *mu = bd_cfield(lay, y, friction ? F_MU + drum->slot : F_X);
-  const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + drum->slot : F_Y);
-  const vec cx = splat(drum->x), cy = splat(drum->y), none = {0.0};
-  const vec rim2 = splat(drum->radius * drum->radius), deep2 = splat(0.25) * rim2;
-  const vec limit = splat(drum->mu_k), id = splat(pulley), free = splat(-0.5);
+  const double *mu = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y), none = {0.0};
+  const vec rim2 = splat(pulley->radius * pulley->radius), deep2 = splat(0.25) * rim2;
+  const vec limit = splat(pulley->mu_k), id = splat(index), free = splat(-0.5);
   for (int block = begin; block < end; block += BD_LANES) {
     mask found = less(none, none);
     for (int i = block; i < block + BD_LANES; i += WIDTH) {
@@ -260,9 +263,10 @@ INLINE int upset(const bd_layout *lay, const bd_drum *drum, int pulley, const do
       found |= less(rho2, deep2);
       if (friction) {
         const vec size = magnitude(load(mu + i)), holder = load(owner + i);
-        const mask held = less(rho2, rim2), mine = less(magnitude(holder - id), splat(0.5));
-        const mask remembers = less(none, size + magnitude(load(slip + i)));
-        found |= (held ^ mine) | (held & less(limit, size)) | (less(holder, free) & remembers);
+        const mask in_contact = less(rho2, rim2), mine = less(magnitude(holder - id), splat(0.5));
+        const mask not_reset = less(none, size + magnitude(load(slip + i)));
+        found |= (in_contact ^ mine) | (in_contact & less(limit, size)) |
+                 (less(holder, free) & not_reset);
       }
     }
     if (any(found)) {
@@ -272,14 +276,14 @@ INLINE int upset(const bd_layout *lay, const bd_drum *drum, int pulley, const do
   return end;
 }
 
-static int upset_0(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
-                   const double *y, int begin, int end) {
-  return upset(lay, drum, pulley, owner, y, begin, end, 0);
+static int find_contact_event_0(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                                const double *owner, const double *y, int begin, int end) {
+  return find_contact_event(lay, pulley, index, owner, y, begin, end, 0);
 }
 
-static int upset_1(const bd_layout *lay, const bd_drum *drum, int pulley, const double *owner,
-                   const double *y, int begin, int end) {
-  return upset(lay, drum, pulley, owner, y, begin, end, 1);
+static int find_contact_event_1(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                                const double *owner, const double *y, int begin, int end) {
+  return find_contact_event(lay, pulley, index, owner, y, begin, end, 1);
 }
 
 static double fastest(const bd_layout *lay, const double *y) {
@@ -392,16 +396,16 @@ static double error_norm(const bd_layout *lay, double h, int m, const double *e,
   }
 }
 
-extern const bd_linear_kernels PASTE(bd_linear_, BD_LEVEL);
+extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL);
 
 const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
 #define STRING2(a) #a
 #define STRING(a) STRING2(a)
     .level = STRING(BD_LEVEL),
-    .linear = &PASTE(bd_linear_, BD_LEVEL),
+    .newton = &PASTE(bd_newton_, BD_LEVEL),
     .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
     .contact = {{contact_00, contact_01}, {contact_10, contact_11}},
-    .upset = {upset_0, upset_1},
+    .find_contact_event = {find_contact_event_0, find_contact_event_1},
     .fastest = fastest,
     .combine = combine,
     .error_norm = error_norm,

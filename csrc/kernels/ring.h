@@ -12,8 +12,8 @@
  *
  * Blocks (jacobian.c derives them), e' = (-sin, cos) of a link, q = -k e' + spin w e:
  *   diagonal            diag(2 k + mass + contact, ..., k22)
- *   link i to i - 1     [-k 1 | q_{i-1} ; k e'_i | -e'_i.q_{i-1} - bend]
- *   link i - 1 to i     [-k 1 | -q_i ; -k e'_{i-1} | -e'_{i-1}.q_i - bend]
+ *   link i to i - 1     [-k 1 | q_{i-1} ; k e'_i | -e'_i.q_{i-1} - bending]
+ *   link i - 1 to i     [-k 1 | -q_i ; -k e'_{i-1} | -e'_{i-1}.q_i - bending]
  * The diagonal blocks are those of an inertia plus stiffness and damping, positive definite but for
  * friction and links in compression, which is why no pivot is sought; a solve that went wrong shows
  * in numbers that are not finite or in the step's error. Guarded by tests/test_jacobian.py.
@@ -31,11 +31,11 @@ enum { REDUCTIONS = BD_WIDTH == 8 ? 3 : BD_WIDTH == 4 ? 2 : BD_WIDTH == 2 ? 1 : 
 
 /* What a row keeps for the solves, in packs. */
 typedef struct ring_row {
-  pack inverse[9]; /* D^-1, D the diagonal block */
-  pack back[5];    /* coupling to the link behind: q, k e', corner */
-  pack rise[9];    /* E: coupling of the separator before the arc to this row */
-  pack next[9];    /* D^-1 U: what the link ahead is worth here */
-  pack left[9];    /* D^-1 F: the same of the separator before the arc */
+  pack inverse[9];      /* D^-1, D the diagonal block */
+  pack back[5];         /* coupling to the link behind: q, k e', corner */
+  pack to_separator[9]; /* E: coupling of the separator before the arc to this row */
+  pack next[9];         /* D^-1 U: what the link forward is worth here */
+  pack left[9];         /* D^-1 F: the same of the separator before the arc */
 } ring_row;
 
 /* What the separators keep: times what stands 1, 2, 4 arcs before and after, and D^-1. */
@@ -317,14 +317,15 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
   const int m = ring->n_rows;
   ptrdiff_t at[BD_WIDTH];
   places_of(ring, at);
-  const pack k = splat(b->k), bend = splat(b->bend), spin = splat(b->damping), zero = splat(0.0);
+  const pack k = splat(b->k), bending = splat(b->bending), spin = splat(b->damping),
+             zero = splat(0.0);
   pack shorter;
   memcpy(&shorter, ring->shorter, sizeof shorter);
   const pack whole = 1.0 - shorter;
   ring_link behind = link_of(b, at, -1, k, spin);
-  pack d[9], lu[9], left[9], rise[9], own[9];
+  pack d[9], lu[9], left[9], to_separator[9], own[9];
   for (int i = 0; i < 9; ++i) {
-    left[i] = rise[i] = own[i] = lu[i] = zero;
+    left[i] = to_separator[i] = own[i] = lu[i] = zero;
   }
   for (int j = 0; j < m; ++j) {
     pack *const back = row[j].back;
@@ -339,45 +340,45 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
     back[1] = behind.qy;
     back[2] = k * here.ex;
     back[3] = k * here.ey;
-    back[4] = -(here.ex * behind.qx + here.ey * behind.qy) - bend;
-    const pack ahead[9] = {-k,
-                           zero,
-                           -here.qx,
-                           zero,
-                           -k,
-                           -here.qy,
-                           -k * behind.ex,
-                           -k * behind.ey,
-                           -(behind.ex * here.qx + behind.ey * here.qy) - bend};
+    back[4] = -(here.ex * behind.qx + here.ey * behind.qy) - bending;
+    const pack forward[9] = {-k,
+                             zero,
+                             -here.qx,
+                             zero,
+                             -k,
+                             -here.qy,
+                             -k * behind.ex,
+                             -k * behind.ey,
+                             -(behind.ex * here.qx + behind.ey * here.qy) - bending};
     if (j > 0) {
       ring_row *const last = &row[j - 1];
       pack masked[9];
       for (int i = 0; i < 9; ++i) {
-        masked[i] = ahead[i];
+        masked[i] = forward[i];
         if (j == 1) {
           masked[i] *= whole;
         }
       }
-      pack next[9], over[9], new_left[9], new_rise[9];
+      pack next[9], over[9], new_left[9], new_to_separator[9];
       for (int c = 0; c < 3; ++c) {
         substitute(lu, masked + c, next + c, 3);
         substitute(lu, left + c, over + c, 3);
       }
       for (int i = 0; i < 9; ++i) {
-        new_left[i] = new_rise[i] = zero;
+        new_left[i] = new_to_separator[i] = zero;
         last->next[i] = next[i];
         last->left[i] = over[i];
-        last->rise[i] = rise[i];
+        last->to_separator[i] = to_separator[i];
       }
       for (int c = 0; c < 3; ++c) {
         take_behind(back, k, next + c, d + c, 3);
         take_behind(back, k, over + c, new_left + c, 3);
       }
-      take_product(rise, next, new_rise);
-      take_product(rise, over, own);
+      take_product(to_separator, next, new_to_separator);
+      take_product(to_separator, over, own);
       for (int i = 0; i < 9; ++i) {
         left[i] = new_left[i];
-        rise[i] = new_rise[i];
+        to_separator[i] = new_to_separator[i];
       }
     }
     /* where an arc begins, its first link meets the separator before it */
@@ -387,7 +388,7 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
                                     back[1], back[2], back[3], back[4]};
       for (int i = 0; i < 9; ++i) {
         left[i] += begins * behind_block[i];
-        rise[i] += begins * ahead[i];
+        to_separator[i] += begins * forward[i];
       }
     }
     if (j == 0) {
@@ -405,7 +406,7 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
   pack right[9];
   for (int i = 0; i < 9; ++i) {
     d[i] += from_after(own[i], 1);
-    right[i] = from_after(rise[i], 1);
+    right[i] = from_after(to_separator[i], 1);
   }
   separators_factor(ring->ends, d, left, right);
 }
@@ -442,7 +443,7 @@ static void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y
         v[i] = inverse[0] * r[0] + inverse[1] * r[1] + inverse[2] * r[2];
         z[3 * j + i] = v[i];
       }
-      take_column(row[j].rise, v, own);
+      take_column(row[j].to_separator, v, own);
     }
   }
   pack u[3], before[3], separator[3];

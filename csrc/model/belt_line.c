@@ -30,8 +30,8 @@ static double tangent_normal(const double *cx, const double *cy, const double *r
   return atan2(along * uy + across * ux, along * ux - across * uy);
 }
 
-int bd_path_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
-                    int *j) {
+int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
+                         int *j) {
   for (int a = 0; a < np; ++a) {
     for (int b = a + 1; b < np; ++b) {
       if (hypot(cx[b] - cx[a], cy[b] - cy[a]) < radius[a] + radius[b]) {
@@ -44,8 +44,8 @@ int bd_path_overlap(int np, const double *cx, const double *cy, const double *ra
   return 0;
 }
 
-int bd_path_lay(int np, const double *cx, const double *cy, const double *radius, bd_wrap *wraps,
-                int *direction, double *length, bd_error *err) {
+int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *radius,
+                     bd_wrap *wraps, int *direction, double *length, bd_error *err) {
   double area = 0.0;
   for (int k = 0; k < np; ++k) {
     int l = (k + 1) % np;
@@ -54,7 +54,7 @@ int bd_path_lay(int np, const double *cx, const double *cy, const double *radius
   *direction = np > 2 && area > 0.0 ? 1 : -1;
 
   int a, b;
-  if (bd_path_overlap(np, cx, cy, radius, &a, &b)) {
+  if (bd_belt_line_overlap(np, cx, cy, radius, &a, &b)) {
     return bd_fail(err, BD_ERR_GEOMETRY, "pulleys",
                    "pulleys[%d] and pulleys[%d] overlap: their centres are %g m apart, their radii "
                    "add up to %g m",
@@ -96,9 +96,9 @@ int bd_path_lay(int np, const double *cx, const double *cy, const double *radius
   return BD_OK;
 }
 
-void bd_path_point(int np, const double *cx, const double *cy, const double *radius,
-                   const bd_wrap *wraps, int direction, double s, double *x, double *y,
-                   double *phi) {
+void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
+                        const bd_wrap *wraps, int direction, double s, double *x, double *y,
+                        double *phi) {
   double quarter = 0.5 * BD_PI * direction;
   double normal = wraps[0].arrive + direction * wraps[0].wrap;
   double angle = remainder(normal + quarter, 2.0 * BD_PI);

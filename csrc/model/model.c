@@ -202,8 +202,8 @@ static void check_line(bd_model *model) {
   bd_error *err = &model->geometry;
   int np = model->lay.np;
   double path = (double)NAN;
-  int code = bd_path_lay(np, model->cx, model->cy, model->radius, model->wraps, &info->winding,
-                         &path, err);
+  int code = bd_belt_line_lay(np, model->cx, model->cy, model->radius, model->wraps, &info->winding,
+                              &path, err);
   info->path_length = code == BD_OK ? path : (double)NAN;
   info->strain = info->path_length / model->belt.length - 1.0;
   info->mean_tension = model->belt.axial_stiffness * info->strain;
@@ -218,12 +218,12 @@ static void check_line(bd_model *model) {
   info->contact_strain = info->strain > 0.0 ? contact_strain(model) : 0.0;
   if (info->strain <= 0.0) {
     bd_fail_at(err, BD_ERR_GEOMETRY, "belt.length", (double)NAN, -1, -1, model->belt.length,
-               "belt.length is too long for its pulleys: %g m, but the tight line round them is "
+               "belt.length is too long for its pulleys: %g m, but the belt line round them is "
                "%g m, so the belt would be slack",
                model->belt.length, path);
   } else if (info->strain > BD_MAX_STRAIN) {
     bd_fail_at(err, BD_ERR_GEOMETRY, "belt.length", (double)NAN, -1, -1, model->belt.length,
-               "belt.length is too short for its pulleys: %g m round a tight line of %g m is a "
+               "belt.length is too short for its pulleys: %g m round a belt line of %g m is a "
                "strain of %.3g, at most %g is allowed",
                model->belt.length, path, info->strain, BD_MAX_STRAIN);
   } else if (info->mesh_strain > BD_MAX_STRAIN) {
@@ -279,8 +279,8 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   if (scene->friction) {
     model->dahl = *scene->friction;
   }
-  model->bends = scene->belt.bending_stiffness > 0.0 || scene->belt.bending_damping > 0.0;
-  model->heavy = scene->gravity[0] != 0.0 || scene->gravity[1] != 0.0;
+  model->has_bending = scene->belt.bending_stiffness > 0.0 || scene->belt.bending_damping > 0.0;
+  model->has_gravity = scene->gravity[0] != 0.0 || scene->gravity[1] != 0.0;
   for (int k = 0; k < 2; ++k) {
     model->gravity[k] = scene->gravity[k];
     model->origin[k] = origin_along(scene, k);

@@ -20,7 +20,7 @@ struct bd_model {
   bd_belt belt;
   bd_contact contact;
   bd_dahl dahl;
-  int has_friction, bends, heavy;
+  int has_friction, has_bending, has_gravity;
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
@@ -40,15 +40,15 @@ double bd_wave_life(const bd_model *model);
 
 /* Lays the belt line round pulleys at (cx, cy); returns BD_ERR_GEOMETRY with the reason if there is
  * none. direction: +1 counter-clockwise, -1 clockwise. */
-int bd_path_lay(int np, const double *cx, const double *cy, const double *radius, bd_wrap *wraps,
-                int *direction, double *length, bd_error *err);
+int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *radius,
+                     bd_wrap *wraps, int *direction, double *length, bd_error *err);
 /* Point and tangent angle at distance s along the line from where the belt leaves pulley 0; the
  * angle runs on continuously. */
-void bd_path_point(int np, const double *cx, const double *cy, const double *radius,
-                   const bd_wrap *wraps, int direction, double s, double *x, double *y,
-                   double *phi);
-int bd_path_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
-                    int *j);
+void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
+                        const bd_wrap *wraps, int direction, double s, double *x, double *y,
+                        double *phi);
+int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
+                         int *j);
 
 /* --- state.c -----------------------------------------------------------------------------------
  */

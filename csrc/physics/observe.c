@@ -14,7 +14,7 @@ typedef struct touch {
 
 static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_drum *d = &plan->drums[j];
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
   double dx = bd_cfield(lay, y, F_X)[i] - d->x, dy = bd_cfield(lay, y, F_Y)[i] - d->y;
   double rho = hypot(dx, dy), p = d->radius - rho;
   if (!(p > 0.0)) {
@@ -86,7 +86,7 @@ double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]) {
              model->gravity[1] * (bd_cfield(lay, y, F_Y)[i] + model->origin[1]));
   }
   for (int j = 0; j < lay->np; ++j) {
-    const bd_drum *d = &plan->drums[j];
+    const bd_contact_pulley *d = &plan->contact_pulleys[j];
     double omega = y[lay->omega + j];
     terms[BD_ENERGY_kinetic] += 0.5 * model->inertia[j] * omega * omega;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;

@@ -11,7 +11,7 @@
 /* --- torque.c ----------------------------------------------------------------------------------
  */
 
-typedef struct bd_load {
+typedef struct bd_torque_set {
   int np;
   size_t n_terms, n_breaks;
   bd_torque_term *terms;
@@ -23,20 +23,21 @@ typedef struct bd_load {
   int watched;              /* functions: their least and largest torques are kept, by pulley */
   double *low, *high;
   int smooth; /* every term is one whose derivatives are known */
-} bd_load;
+} bd_torque_set;
 
-void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *torque);
-int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err);
+void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque);
+int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *err);
 /* t_piece: a time inside the present piece, which decides the side at a jump. BD_OK,
  * BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. */
-int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, const double *omega,
-                 double *torque, bd_error *err);
+int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const double *theta,
+                       const double *omega, double *torque, bd_error *err);
 /* Derivatives at the same point, where the torque is `torque`: over one another, by row, (np, np)
  * to theta and omega; and to time, as the difference over dt (which stays inside the piece). */
-int bd_load_derive(bd_load *load, double t, double t_piece, double *theta, double *omega,
-                   const double *torque, double *by_theta, double *by_omega, bd_error *err);
-int bd_load_slope(bd_load *load, double t, double dt, double t_piece, const double *theta,
-                  const double *omega, const double *torque, double *slope, bd_error *err);
+int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *theta, double *omega,
+                         const double *torque, double *by_theta, double *by_omega, bd_error *err);
+int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piece,
+                          const double *theta, const double *omega, const double *torque,
+                          double *slope, bd_error *err);
 
 /* --- search.c ----------------------------------------------------------------------------------
  */
@@ -66,19 +67,20 @@ struct bd_plan {
   const bd_model *model;
   const bd_kernels *kernels;
   bd_links links;
-  bd_drum *drums;
+  bd_contact_pulley *contact_pulleys;
   double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
-  bd_load load;
+  bd_torque_set torques;
   double *torque;   /* M_d of the last evaluation */
   double *friction; /* friction torque on each pulley */
   double *best;     /* scratch of the output, per link */
   double t_piece;
   int ledger, friction_on, bending_on;
-  int powerless;                 /* power is not evaluated: settling, stages that do not need it */
-  int held;                      /* settling: pulleys stand still */
-  double bath;                   /* settling: drag per unit mass [1/s] */
-  double round_drag, round_gain; /* the same on circulation, and what divides its inertia */
+  int skip_power;      /* power is not evaluated: settling, stages that do not need it */
+  int pulleys_locked;  /* settling: pulleys stand still */
+  double mass_damping; /* settling: mass-proportional damping [1/s] */
+  double circulation_damping,
+      circulation_inertia_scale; /* the same of circulation, and what multiplies its inertia */
   const double *offset;          /* settling: the centres' displacement at the start */
   double move_from, move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
@@ -88,8 +90,8 @@ struct bd_plan {
 };
 
 typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys, powerless;
-  double bath;
+  int ledger, friction, hold_pulleys, skip_power;
+  double mass_damping;
   const double *offset;
   double move_from, move_time;
 } bd_plan_options;
@@ -98,12 +100,12 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 double bd_plan_circulation(const bd_plan *plan, const double *y);
-/* Centres at time t into the drums (they stand still unless settling moves them). */
+/* Centres at time t into the contact_pulleys (they stand still unless settling moves them). */
 void bd_plan_place(bd_plan *plan, double t);
-/* Which pulley holds each friction slot, from positions alone, at the start of a run; memory that
- * no pulley holds is cleared. */
-void bd_plan_own(bd_plan *plan, double *y);
-/* MODEL section 4 after a step: friction memory of a link off its pulley goes to 0, |mu| <= mu_k.
+/* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
+ * states of links on no pulley are reset. */
+void bd_plan_assign_contacts(bd_plan *plan, double *y);
+/* MODEL section 4 after a step: the friction state of a link off its pulley is reset, |mu| <= mu_k.
  * *changed: by more than `tolerance`, so that the rates must be taken anew. Fails when a link has
  * sunk past half a pulley's radius. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,

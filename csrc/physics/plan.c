@@ -19,7 +19,7 @@ static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
-  double loss = plan->kernels->joints[plan->bending_on][!plan->powerless](&plan->links, y, dy);
+  double loss = plan->kernels->joints[plan->bending_on][!plan->skip_power](&plan->links, y, dy);
   dy[plan->model->lay.work + W_JOINT] = loss;
   return BD_OK;
 }
@@ -42,9 +42,9 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   double contact_loss = 0.0, friction_loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
-    plan->drums[j].omega = y[lay->omega + j];
-    plan->kernels->contact[plan->friction_on][!plan->powerless](
-        &plan->links, &plan->drums[j], plan->search.n_runs[j],
+    plan->contact_pulleys[j].omega = y[lay->omega + j];
+    plan->kernels->contact[plan->friction_on][!plan->skip_power](
+        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;
     contact_loss += sums.contact_loss;
@@ -59,7 +59,8 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
 static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   const double *omega = y + lay->omega;
-  int code = bd_load_eval(&plan->load, t, plan->t_piece, y + lay->theta, omega, plan->torque, err);
+  int code = bd_torque_set_eval(&plan->torques, t, plan->t_piece, y + lay->theta, omega,
+                                plan->torque, err);
   if (code != BD_OK) {
     return code;
   }
@@ -73,8 +74,8 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
-/* Settling only. How fast all runs round together, belt and the pulleys that it grips, of the
- * velocities in y; or of the accelerations, if y is a rate. */
+/* Settling only. Speed of circulation: of the belt along itself and of the pulleys that friction
+ * turns with it; from the velocities in y, or from the accelerations if y is a rate. */
 double bd_plan_circulation(const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
@@ -83,7 +84,7 @@ double bd_plan_circulation(const bd_plan *plan, const double *y) {
   for (int i = 0; i < lay->n; ++i) {
     sum += vx[i] * co[i] + vy[i] * si[i];
   }
-  for (int j = 0; plan->friction_on && !plan->held && j < lay->np; ++j) {
+  for (int j = 0; plan->friction_on && !plan->pulleys_locked && j < lay->np; ++j) {
     double r = plan->model->radius[j];
     double rim = plan->model->inertia[j] / (r * r * plan->model->info.link_mass);
     sum += rim * y[lay->omega + j] * r * plan->model->info.winding;
@@ -92,9 +93,10 @@ double bd_plan_circulation(const bd_plan *plan, const double *y) {
   return sum / mass;
 }
 
-/* Settling only: a bath that drags on every mass but lets all run round together, speed v along the
- * links, with the turning kappa v that goes with it; that has a drag and an inertia of its own. */
-static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+/* Settling only (dynamic relaxation): mass-proportional damping of every motion but circulation, in
+ * which all links run along the belt at one speed v and turn at kappa v; circulation has a damping
+ * and an inertia of its own. */
+static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
   const int n = lay->n;
@@ -103,19 +105,20 @@ static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *e
   const double *co = plan->links.cos, *si = plan->links.sin, wind = plan->links.wind;
   double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
   double *aphi = bd_field(lay, dy, F_VPHI);
-  const double bath = plan->bath, pitch = 4.0 * plan->links.half;
-  const double spared = (bath - plan->round_drag) * bd_plan_circulation(plan, y) +
-                        (plan->round_gain - 1.0) * bd_plan_circulation(plan, dy);
+  const double mass_damping = plan->mass_damping, pitch = 4.0 * plan->links.half;
+  const double circulation_correction =
+      (mass_damping - plan->circulation_damping) * bd_plan_circulation(plan, y) +
+      (plan->circulation_inertia_scale - 1.0) * bd_plan_circulation(plan, dy);
   for (int i = 0; i < n; ++i) {
     double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
                   (i == 0 || i + 1 == n ? wind : 0.0);
-    ax[i] -= bath * vx[i] - spared * co[i];
-    ay[i] -= bath * vy[i] - spared * si[i];
-    aphi[i] -= bath * vphi[i] - spared * turn / pitch;
+    ax[i] -= mass_damping * vx[i] - circulation_correction * co[i];
+    ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
+    aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
   }
-  for (int j = 0; !plan->held && j < lay->np; ++j) {
+  for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
     double round = plan->friction_on ? plan->model->info.winding / plan->model->radius[j] : 0.0;
-    dy[lay->omega + j] -= bath * y[lay->omega + j] - spared * round;
+    dy[lay->omega + j] -= mass_damping * y[lay->omega + j] - circulation_correction * round;
   }
   return BD_OK;
 }
@@ -124,9 +127,9 @@ static int pass_bath(bd_plan *plan, double t, double *y, double *dy, bd_error *e
 
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
   bd_links *links = &plan->links;
-  double *live;
-  BD_CARVE(carver, live, lay->stride);
-  links->live = live;
+  double *link_mask;
+  BD_CARVE(carver, link_mask, lay->stride);
+  links->link_mask = link_mask;
   double **const scratch[] = {&links->cos, &links->sin, &links->rx, &links->ry,
                               &links->fx,  &links->fy,  &plan->best};
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
@@ -136,9 +139,9 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
     }
   }
   for (int i = 0; carver->base && i < lay->n; ++i) {
-    live[i] = 1.0;
+    link_mask[i] = 1.0;
   }
-  BD_CARVE(carver, plan->drums, lay->np);
+  BD_CARVE(carver, plan->contact_pulleys, lay->np);
   BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);
   BD_CARVE(carver, plan->torque, lay->np);
   BD_CARVE(carver, plan->friction, lay->np);
@@ -156,12 +159,12 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   plan->model = model;
   plan->kernels = model->kernels;
   plan->ledger = options->ledger != 0;
-  plan->bending_on = model->bends;
+  plan->bending_on = model->has_bending;
   plan->friction_on = options->friction && model->has_friction;
-  plan->bath = options->bath;
-  plan->round_gain = 1.0;
-  plan->held = options->hold_pulleys;
-  plan->powerless = options->powerless;
+  plan->mass_damping = options->mass_damping;
+  plan->circulation_inertia_scale = 1.0;
+  plan->pulleys_locked = options->hold_pulleys;
+  plan->skip_power = options->skip_power;
   plan->offset = options->offset;
   plan->move_from = options->move_from;
   plan->move_time = options->move_time;
@@ -176,15 +179,15 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   links->inv_inertia = 1.0 / info->link_inertia;
   links->wind = 2.0 * BD_PI * info->winding;
   for (int j = 0; j < model->lay.np; ++j) {
-    plan->drums[j] = (bd_drum){.x = model->cx[j],
-                               .y = model->cy[j],
-                               .radius = model->radius[j],
-                               .quadratic = info->contact_quadratic,
-                               .linear = info->contact_linear,
-                               .damping = info->contact_damping,
-                               .mu_k = model->dahl.mu_k,
-                               .sigma = model->dahl.sigma,
-                               .slot = model->slot[j]};
+    plan->contact_pulleys[j] = (bd_contact_pulley){.x = model->cx[j],
+                                                   .y = model->cy[j],
+                                                   .radius = model->radius[j],
+                                                   .quadratic = info->contact_quadratic,
+                                                   .linear = info->contact_linear,
+                                                   .damping = info->contact_damping,
+                                                   .mu_k = model->dahl.mu_k,
+                                                   .sigma = model->dahl.sigma,
+                                                   .slot = model->slot[j]};
   }
 
   if (plan->offset) {
@@ -193,7 +196,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   add_pass(plan, pass_joints,
            plan->bending_on ? "joints: axial and bending spring-dampers"
                             : "joints: axial spring-dampers");
-  if (model->heavy) {
+  if (model->has_gravity) {
     add_pass(plan, pass_gravity, "gravity");
   }
   add_pass(plan, pass_contact,
@@ -201,8 +204,8 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   if (!options->hold_pulleys) {
     add_pass(plan, pass_pulleys, "pulleys: set torques");
   }
-  if (plan->bath > 0.0) {
-    add_pass(plan, pass_bath, "bath");
+  if (plan->mass_damping > 0.0) {
+    add_pass(plan, pass_mass_damping, "mass-proportional damping");
   }
 }
 
@@ -224,11 +227,11 @@ void bd_plan_place(bd_plan *plan, double t) {
   double speed =
       plan->move_time > 0.0 ? -30.0 * s * s * (1.0 - s) * (1.0 - s) / plan->move_time : 0.0;
   for (int j = 0; plan->offset && j < plan->model->lay.np; ++j) {
-    bd_drum *drum = &plan->drums[j];
-    drum->x = plan->model->cx[j] + left * plan->offset[2 * j];
-    drum->y = plan->model->cy[j] + left * plan->offset[2 * j + 1];
-    drum->vx = speed * plan->offset[2 * j];
-    drum->vy = speed * plan->offset[2 * j + 1];
+    bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+    pulley->x = plan->model->cx[j] + left * plan->offset[2 * j];
+    pulley->y = plan->model->cy[j] + left * plan->offset[2 * j + 1];
+    pulley->vx = speed * plan->offset[2 * j];
+    pulley->vy = speed * plan->offset[2 * j + 1];
   }
 }
 
@@ -237,8 +240,9 @@ void bd_plan_place(bd_plan *plan, double t) {
 /* Who holds a friction slot: a pulley, none, or none any more since this step. */
 enum { FREE = -1, RELEASED = -2 };
 
-/* MODEL section 4: what touches no pulley remembers no friction. */
-static void forget(const bd_layout *lay, double *y, int slot, double *owner, int begin, int end) {
+/* MODEL section 4: a link that touches no pulley has no friction state. */
+static void reset_friction_state(const bd_layout *lay, double *y, int slot, double *owner,
+                                 int begin, int end) {
   double *mu = bd_field(lay, y, F_MU + slot), *slip = bd_field(lay, y, bd_f_slip(lay) + slot);
   for (int i = begin; i < end; ++i) {
     mu[i] = owner[i] < 0 ? 0.0 : mu[i];
@@ -247,38 +251,38 @@ static void forget(const bd_layout *lay, double *y, int slot, double *owner, int
   }
 }
 
-void bd_plan_own(bd_plan *plan, double *y) {
+void bd_plan_assign_contacts(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   for (int k = 0; k < lay->n8 * lay->slots; ++k) {
     plan->owner[k] = FREE;
   }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
-    const bd_drum *drum = &plan->drums[j];
+    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     for (int i = 0; i < lay->n; ++i) {
-      double dx = x[i] - drum->x, dy = yy[i] - drum->y;
-      if (dx * dx + dy * dy < drum->radius * drum->radius) {
-        plan->owner[drum->slot * lay->n8 + i] = j;
+      double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
+      if (dx * dx + dy * dy < pulley->radius * pulley->radius) {
+        plan->owner[pulley->slot * lay->n8 + i] = j;
       }
     }
   }
   for (int s = 0; s < lay->slots; ++s) {
-    forget(lay, y, s, plan->owner + s * lay->n8, 0, lay->n);
+    reset_friction_state(lay, y, s, plan->owner + s * lay->n8, 0, lay->n);
   }
 }
 
 /* One block of links at pulley j where something has happened. */
-static int put_right(bd_plan *plan, double t, double *y, int j, int begin, double tolerance,
-                     int *changed, bd_error *err) {
+static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int begin,
+                                  double tolerance, int *changed, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const bd_drum *drum = &plan->drums[j];
-  const double limit = drum->mu_k, rim2 = drum->radius * drum->radius;
-  double *mu = plan->friction_on ? bd_field(lay, y, F_MU + drum->slot) : NULL;
-  double *slip = plan->friction_on ? bd_field(lay, y, bd_f_slip(lay) + drum->slot) : NULL;
-  double *owner = plan->owner + drum->slot * lay->n8;
+  const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+  const double limit = pulley->mu_k, rim2 = pulley->radius * pulley->radius;
+  double *mu = plan->friction_on ? bd_field(lay, y, F_MU + pulley->slot) : NULL;
+  double *slip = plan->friction_on ? bd_field(lay, y, bd_f_slip(lay) + pulley->slot) : NULL;
+  double *owner = plan->owner + pulley->slot * lay->n8;
   for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
-    double dx = x[i] - drum->x, dy = yy[i] - drum->y;
+    double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
     double rho2 = dx * dx + dy * dy;
     if (rho2 < 0.25 * rim2) {
       return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
@@ -289,14 +293,14 @@ static int put_right(bd_plan *plan, double t, double *y, int j, int begin, doubl
     if (!mu) {
       continue;
     }
-    int held = rho2 < rim2;
-    if (held && owner[i] != j && owner[i] != FREE) {
+    int in_contact = rho2 < rim2;
+    if (in_contact && owner[i] != j && owner[i] != FREE) {
       mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
       *changed = 1;
     }
-    plan->contacts_changed += held != (owner[i] == j);
-    owner[i] = held ? j : owner[i] == j ? RELEASED : owner[i];
-    if (held && fabs(mu[i]) > limit) {
+    plan->contacts_changed += in_contact != (owner[i] == j);
+    owner[i] = in_contact ? j : owner[i] == j ? RELEASED : owner[i];
+    if (in_contact && fabs(mu[i]) > limit) {
       *changed |= fabs(mu[i]) > limit * (1.0 + tolerance);
       mu[i] = copysign(limit, mu[i]);
     }
@@ -307,32 +311,33 @@ static int put_right(bd_plan *plan, double t, double *y, int j, int begin, doubl
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  int upset = 0;
+  int found = 0;
   *changed = 0;
   for (int j = 0; j < lay->np; ++j) {
-    const bd_drum *drum = &plan->drums[j];
-    const double *owner = plan->owner + drum->slot * lay->n8;
+    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+    const double *owner = plan->owner + pulley->slot * lay->n8;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
-        begin = plan->kernels->upset[plan->friction_on](lay, drum, j, owner, y, begin, runs[r].end);
+        begin = plan->kernels->find_contact_event[plan->friction_on](lay, pulley, j, owner, y,
+                                                                     begin, runs[r].end);
         if (begin == runs[r].end) {
           break;
         }
-        upset = 1;
-        int code = put_right(plan, t, y, j, begin, tolerance, changed, err);
+        found = 1;
+        int code = resolve_contact_events(plan, t, y, j, begin, tolerance, changed, err);
         if (code != BD_OK) {
           return code;
         }
       }
     }
   }
-  for (int j = 0; upset && plan->friction_on && j < lay->np; ++j) {
-    const int slot = plan->drums[j].slot;
+  for (int j = 0; found && plan->friction_on && j < lay->np; ++j) {
+    const int slot = plan->contact_pulleys[j].slot;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      forget(lay, y, slot, plan->owner + slot * lay->n8, runs[r].begin,
-             runs[r].end < lay->n ? runs[r].end : lay->n);
+      reset_friction_state(lay, y, slot, plan->owner + slot * lay->n8, runs[r].begin,
+                           runs[r].end < lay->n ? runs[r].end : lay->n);
     }
   }
   return BD_OK;

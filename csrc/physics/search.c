@@ -21,14 +21,14 @@ static void list_links(bd_plan *plan, const double *y) {
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   ++search->rebuilds;
   for (int j = 0; j < lay->np; ++j) {
-    const bd_drum *drum = &plan->drums[j];
+    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     bd_run *runs = search->runs + j * search->max_runs;
-    double reach = drum->radius + search->margin;
+    double reach = pulley->radius + search->margin;
     int n_runs = 0;
     for (int begin = 0; begin < lay->n; begin += BD_LANES) {
       int near = 0;
       for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
-        double dx = x[i] - drum->x, dy = yy[i] - drum->y;
+        double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
         near |= !(dx * dx + dy * dy > reach * reach);
       }
       if (near && n_runs > 0 && runs[n_runs - 1].end == begin) {

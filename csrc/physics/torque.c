@@ -9,13 +9,13 @@
 
 #include "physics/physics.h"
 
-void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *torque) {
+void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque) {
   size_t n_terms = torque ? torque->n_terms : 0, n_breaks = torque ? torque->n_breakpoints : 0;
-  BD_CARVE(carver, load->terms, n_terms);
-  BD_CARVE(carver, load->part, np);
-  BD_CARVE(carver, load->moved, np);
-  BD_CARVE(carver, load->low, np);
-  BD_CARVE(carver, load->high, np);
+  BD_CARVE(carver, set->terms, n_terms);
+  BD_CARVE(carver, set->part, np);
+  BD_CARVE(carver, set->moved, np);
+  BD_CARVE(carver, set->low, np);
+  BD_CARVE(carver, set->high, np);
   for (size_t k = 0; k < n_terms; ++k) {
     const bd_torque_term *term = &torque->terms[k];
     double *piece = NULL;
@@ -26,10 +26,10 @@ void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *to
       BD_CARVE(carver, piece, np);
     }
     if (carver->base) {
-      load->terms[k] = *term;
-      load->terms[k].t = piece;
-      load->terms[k].values = piece ? piece + term->n_t : NULL;
-      load->terms[k].coefficients = piece;
+      set->terms[k] = *term;
+      set->terms[k].t = piece;
+      set->terms[k].values = piece ? piece + term->n_t : NULL;
+      set->terms[k].coefficients = piece;
       if (term->kind == BD_TORQUE_PIECEWISE && term->n_t > 0) {
         memcpy(piece, term->t, term->n_t * sizeof *piece);
         memcpy(piece + term->n_t, term->values, term->n_t * (size_t)np * sizeof *piece);
@@ -38,9 +38,9 @@ void bd_load_carve(bd_carver *carver, bd_load *load, int np, const bd_torque *to
       }
     }
   }
-  BD_CARVE(carver, load->breaks, n_breaks);
-  load->np = np;
-  load->n_terms = n_terms;
+  BD_CARVE(carver, set->breaks, n_breaks);
+  set->np = np;
+  set->n_terms = n_terms;
 }
 
 static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *err) {
@@ -92,18 +92,18 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err) {
+int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *err) {
   size_t n = 0;
-  load->smooth = 1;
-  load->stop = torque ? torque->stop : NULL;
-  for (size_t k = 0; k < load->n_terms; ++k) {
-    const bd_torque_term *term = &load->terms[k];
-    load->smooth &= term->kind == BD_TORQUE_PIECEWISE || term->kind == BD_TORQUE_VISCOUS;
-    if (check_term(term, k, load->np, err) != BD_OK) {
+  set->smooth = 1;
+  set->stop = torque ? torque->stop : NULL;
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    set->smooth &= term->kind == BD_TORQUE_PIECEWISE || term->kind == BD_TORQUE_VISCOUS;
+    if (check_term(term, k, set->np, err) != BD_OK) {
       return BD_ERR_TORQUE_DATA;
     }
     if (term->kind == BD_TORQUE_PIECEWISE) {
-      memcpy(load->breaks + n, term->t, term->n_t * sizeof *term->t);
+      memcpy(set->breaks + n, term->t, term->n_t * sizeof *term->t);
       n += term->n_t;
     }
   }
@@ -113,15 +113,15 @@ int bd_load_fill(bd_load *load, const bd_torque *torque, bd_error *err) {
                      "breakpoints must be finite, breakpoints[%zu] is %g", k,
                      torque->breakpoints[k]);
     }
-    load->breaks[n++] = torque->breakpoints[k];
+    set->breaks[n++] = torque->breakpoints[k];
   }
-  qsort(load->breaks, n, sizeof *load->breaks, ascending);
-  load->n_breaks = 0;
-  load->after = -(double)INFINITY;
-  load->before = (double)INFINITY;
+  qsort(set->breaks, n, sizeof *set->breaks, ascending);
+  set->n_breaks = 0;
+  set->after = -(double)INFINITY;
+  set->before = (double)INFINITY;
   for (size_t k = 0; k < n; ++k) {
-    if (load->n_breaks == 0 || load->breaks[k] > load->breaks[load->n_breaks - 1]) {
-      load->breaks[load->n_breaks++] = load->breaks[k];
+    if (set->n_breaks == 0 || set->breaks[k] > set->breaks[set->n_breaks - 1]) {
+      set->breaks[set->n_breaks++] = set->breaks[k];
     }
   }
   return BD_OK;
@@ -148,9 +148,9 @@ static void piecewise(const bd_torque_term *term, int np, double t, double t_pie
   }
 }
 
-int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, const double *omega,
-                 double *torque, bd_error *err) {
-  int np = load->np;
+int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const double *theta,
+                       const double *omega, double *torque, bd_error *err) {
+  int np = set->np;
   memset(torque, 0, (size_t)np * sizeof *torque);
   for (int j = 0; j < np; ++j) {
     if (!isfinite(theta[j]) || !isfinite(omega[j])) {
@@ -163,11 +163,11 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
   }
   /* A function cannot know which side of its jump is meant: show it a time just inside the piece.
    */
-  double t_inside = t <= load->after    ? nextafter(load->after, (double)INFINITY)
-                    : t >= load->before ? nextafter(load->before, -(double)INFINITY)
-                                        : t;
-  for (size_t k = 0; k < load->n_terms; ++k) {
-    const bd_torque_term *term = &load->terms[k];
+  double t_inside = t <= set->after    ? nextafter(set->after, (double)INFINITY)
+                    : t >= set->before ? nextafter(set->before, -(double)INFINITY)
+                                       : t;
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
     int code = 0;
     switch (term->kind) {
     case BD_TORQUE_PIECEWISE:
@@ -179,13 +179,13 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
       }
       continue;
     case BD_TORQUE_FUNCTION:
-      memset(load->part, 0, (size_t)np * sizeof *load->part);
-      term->function(t_inside, theta, omega, load->part, term->user);
-      code = load->stop && *load->stop;
+      memset(set->part, 0, (size_t)np * sizeof *set->part);
+      term->function(t_inside, theta, omega, set->part, term->user);
+      code = set->stop && *set->stop;
       break;
     default:
-      memset(load->part, 0, (size_t)np * sizeof *load->part);
-      code = term->call(t_inside, theta, omega, load->part, term->user);
+      memset(set->part, 0, (size_t)np * sizeof *set->part);
+      code = term->call(t_inside, theta, omega, set->part, term->user);
       break;
     }
     if (code != 0) {
@@ -193,7 +193,7 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
                         "the torque function asked to stop at t = %.9g s", t);
     }
     for (int j = 0; j < np; ++j) {
-      torque[j] += load->part[j];
+      torque[j] += set->part[j];
     }
   }
   for (int j = 0; j < np; ++j) {
@@ -203,45 +203,45 @@ int bd_load_eval(bd_load *load, double t, double t_piece, const double *theta, c
                         "return finite values",
                         j, torque[j], t);
     }
-    if (load->watched) {
-      load->low[j] = fmin(load->low[j], torque[j]);
-      load->high[j] = fmax(load->high[j], torque[j]);
+    if (set->watched) {
+      set->low[j] = fmin(set->low[j], torque[j]);
+      set->high[j] = fmax(set->high[j], torque[j]);
     }
   }
   return BD_OK;
 }
 
 /* One column by a difference, the step small against what a torque could mean to notice. */
-static int derive_by(bd_load *load, double t, double t_piece, double *theta, double *omega,
+static int derive_by(bd_torque_set *set, double t, double t_piece, double *theta, double *omega,
                      double *moving, const double *torque, double *by, int j, bd_error *err) {
   double kept = *moving;
   *moving = kept + 1e-7 * fmax(1.0, fabs(kept));
   double step = *moving - kept;
-  int code = bd_load_eval(load, t, t_piece, theta, omega, load->moved, err);
+  int code = bd_torque_set_eval(set, t, t_piece, theta, omega, set->moved, err);
   *moving = kept;
-  for (int i = 0; code == BD_OK && i < load->np; ++i) {
-    by[i * load->np + j] = (load->moved[i] - torque[i]) / step;
+  for (int i = 0; code == BD_OK && i < set->np; ++i) {
+    by[i * set->np + j] = (set->moved[i] - torque[i]) / step;
   }
   return code;
 }
 
-int bd_load_derive(bd_load *load, double t, double t_piece, double *theta, double *omega,
-                   const double *torque, double *by_theta, double *by_omega, bd_error *err) {
-  int np = load->np;
+int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *theta, double *omega,
+                         const double *torque, double *by_theta, double *by_omega, bd_error *err) {
+  int np = set->np;
   memset(by_theta, 0, (size_t)(np * np) * sizeof *by_theta);
   memset(by_omega, 0, (size_t)(np * np) * sizeof *by_omega);
-  if (load->smooth) {
-    for (size_t k = 0; k < load->n_terms; ++k) {
-      for (int j = 0; load->terms[k].kind == BD_TORQUE_VISCOUS && j < np; ++j) {
-        by_omega[j * np + j] -= load->terms[k].coefficients[j];
+  if (set->smooth) {
+    for (size_t k = 0; k < set->n_terms; ++k) {
+      for (int j = 0; set->terms[k].kind == BD_TORQUE_VISCOUS && j < np; ++j) {
+        by_omega[j * np + j] -= set->terms[k].coefficients[j];
       }
     }
     return BD_OK;
   }
   for (int j = 0; j < np; ++j) {
-    int code = derive_by(load, t, t_piece, theta, omega, &theta[j], torque, by_theta, j, err);
+    int code = derive_by(set, t, t_piece, theta, omega, &theta[j], torque, by_theta, j, err);
     if (code == BD_OK) {
-      code = derive_by(load, t, t_piece, theta, omega, &omega[j], torque, by_omega, j, err);
+      code = derive_by(set, t, t_piece, theta, omega, &omega[j], torque, by_omega, j, err);
     }
     if (code != BD_OK) {
       return code;
@@ -250,11 +250,12 @@ int bd_load_derive(bd_load *load, double t, double t_piece, double *theta, doubl
   return BD_OK;
 }
 
-int bd_load_slope(bd_load *load, double t, double dt, double t_piece, const double *theta,
-                  const double *omega, const double *torque, double *slope, bd_error *err) {
-  int code = bd_load_eval(load, t + dt, t_piece, theta, omega, load->moved, err);
-  for (int j = 0; code == BD_OK && j < load->np; ++j) {
-    slope[j] = (load->moved[j] - torque[j]) / dt;
+int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piece,
+                          const double *theta, const double *omega, const double *torque,
+                          double *slope, bd_error *err) {
+  int code = bd_torque_set_eval(set, t + dt, t_piece, theta, omega, set->moved, err);
+  for (int j = 0; code == BD_OK && j < set->np; ++j) {
+    slope[j] = (set->moved[j] - torque[j]) / dt;
   }
   return code;
 }

@@ -31,11 +31,11 @@ static const double COARSE = 0.02, JUMPS = 100.0;
 static const double CALL = 1.0;
 
 static double cost_of(const bd_sim *sim, const bd_method *m) {
-  const bd_load *load = &sim->plan.load;
+  const bd_torque_set *set = &sim->plan.torques;
   double cost = m->cost[0] + m->cost[1] * sim->model->lay.n;
-  for (size_t k = 0; k < load->n_terms; ++k) {
-    if (load->terms[k].kind == BD_TORQUE_CALL) {
-      double calls = m->vectors - 1 + (m->implicit ? 2 * load->np + 2 : 0);
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    if (set->terms[k].kind == BD_TORQUE_CALL) {
+      double calls = m->vectors - 1 + (m->implicit ? 2 * set->np + 2 : 0);
       cost += CALL * calls;
     }
   }
@@ -94,12 +94,12 @@ static void change(bd_sim *sim) {
   ++sim->stats.changes;
   sim->method = c->method[c->now];
   /* a multistep method begins with its first order */
-  sim->h = bd_sim_longest(sim, c->now == AUTO_EXPLICIT ? (double)INFINITY
-                               : sim->method->past > 0 ? 0.0625 * kept
-                                                       : kept);
+  sim->h = bd_sim_longest(sim, c->now == AUTO_EXPLICIT    ? (double)INFINITY
+                               : sim->method->history > 0 ? 0.0625 * kept
+                                                          : kept);
   sim->error_before = 1.0;
-  sim->n_past = 0;
-  sim->rate_known = sim->linear_known = 0;
+  sim->n_history = 0;
+  sim->rate_known = sim->jacobian_known = 0;
   begin_stretch(sim);
 }
 

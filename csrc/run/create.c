@@ -18,10 +18,10 @@ void bd_options_default(bd_options *options) {
 static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_method *method,
                   const bd_method *other, const bd_torque *torque, int settling) {
   const bd_layout *lay = &model->lay;
-  int vectors = method->vectors, past = method->past, implicit = method->implicit;
+  int vectors = method->vectors, history = method->history, implicit = method->implicit;
   if (other) {
     vectors = other->vectors > vectors ? other->vectors : vectors;
-    past = other->past > past ? other->past : past;
+    history = other->history > history ? other->history : history;
     implicit |= other->implicit;
   }
   BD_CARVE(carver, sim->y, lay->size);
@@ -31,11 +31,11 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
   for (int k = 0; k < vectors; ++k) {
     BD_CARVE(carver, sim->stage[k], lay->size);
   }
-  for (int k = 0; k < past; ++k) {
-    BD_CARVE(carver, sim->past[k], lay->size);
+  for (int k = 0; k < history; ++k) {
+    BD_CARVE(carver, sim->history[k], lay->size);
   }
   if (implicit) {
-    bd_linear_carve(carver, &sim->linear, model);
+    bd_newton_carve(carver, &sim->newton, model);
   }
   if (settling) {
     BD_CARVE(carver, sim->settle_start, lay->size);
@@ -47,7 +47,7 @@ static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const b
   bd_opaque_carve(carver, &sim->opaque, lay->np);
   bd_guard_carve(carver, &sim->guard, lay->np);
   bd_twin_carve(carver, &sim->twin, lay->np);
-  bd_load_carve(carver, &sim->plan.load, lay->np, torque);
+  bd_torque_set_carve(carver, &sim->plan.torques, lay->np, torque);
 }
 
 bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
@@ -224,7 +224,7 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
-  int code = bd_load_fill(&sim->plan.load, torque, err);
+  int code = bd_torque_set_fill(&sim->plan.torques, torque, err);
   if (code == BD_OK) {
     code = bd_state_import(model, initial, sim->y, &sim->turns, err);
   }

@@ -21,7 +21,7 @@ int bd_sim_rate(bd_sim *sim, double t, double *y, double *dy) {
   return bd_plan_rate(&sim->plan, t, y, dy, &sim->failure);
 }
 
-int bd_sim_know_rate(bd_sim *sim) {
+int bd_sim_ensure_rate(bd_sim *sim) {
   if (sim->rate_known) {
     return BD_OK;
   }
@@ -33,8 +33,8 @@ int bd_sim_know_rate(bd_sim *sim) {
 
 static int sample(bd_sim *sim, double t, double *y) {
   const bd_layout *lay = &sim->model->lay;
-  int code = bd_load_eval(&sim->plan.load, t, sim->plan.t_piece, y + lay->theta, y + lay->omega,
-                          sim->plan.torque, &sim->failure);
+  int code = bd_torque_set_eval(&sim->plan.torques, t, sim->plan.t_piece, y + lay->theta,
+                                y + lay->omega, sim->plan.torque, &sim->failure);
   if (code == BD_OK) {
     bd_observe(&sim->plan, y, sim->turns, sim->plan.torque, sim->e0, &sim->output,
                sim->next_sample++);
@@ -54,7 +54,7 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
     if (code != BD_OK) {
       return code;
     }
-    if (t < t_new && !sim->plan.load.smooth) {
+    if (t < t_new && !sim->plan.torques.smooth) {
       bd_opaque_sampled(sim, t, h);
     }
   }
@@ -78,13 +78,13 @@ static int accept(bd_sim *sim, double h, double t_new) {
   }
   double *first = sim->stage[0];
   int last = sim->now->vectors - 1;
-  bd_past_turn(sim, h);
+  bd_history_push(sim, h);
   sim->stage[0] = sim->stage[last];
   sim->stage[last] = first;
   sim->t = t_new;
   sim->rate_known = sim->now->implicit || !changed; /* theirs was taken after the change */
-  sim->linear_known = 0;
-  bd_past_follow(sim);
+  sim->jacobian_known = 0;
+  bd_history_rebase(sim);
   ++sim->stats.steps;
   sim->stats.largest_step = fmax(sim->stats.largest_step, h);
   sim->stats.smallest_step = sim->stats.steps == 1 ? h : fmin(sim->stats.smallest_step, h);
@@ -92,16 +92,15 @@ static int accept(bd_sim *sim, double h, double t_new) {
 }
 
 static double next_stop(bd_sim *sim) {
-  bd_load *load = &sim->plan.load;
-  while (sim->next_break < load->n_breaks && load->breaks[sim->next_break] <= sim->t) {
+  bd_torque_set *set = &sim->plan.torques;
+  while (sim->next_break < set->n_breaks && set->breaks[sim->next_break] <= sim->t) {
     ++sim->next_break;
   }
   if (sim->next_break > 0) {
-    load->after = load->breaks[sim->next_break - 1];
+    set->after = set->breaks[sim->next_break - 1];
   }
-  load->before =
-      sim->next_break < load->n_breaks ? load->breaks[sim->next_break] : (double)INFINITY;
-  return fmin(load->before, sim->t_end);
+  set->before = sim->next_break < set->n_breaks ? set->breaks[sim->next_break] : (double)INFINITY;
+  return fmin(set->before, sim->t_end);
 }
 
 int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance) {
@@ -146,7 +145,7 @@ double bd_sim_longest(const bd_sim *sim, double h) {
   if (!sim->fixed && sim->method->stability > 0.0) {
     h = fmin(h, 0.93 * sim->method->stability / sim->model->info.spectral_bound);
   }
-  if (!sim->plan.load.smooth && !sim->fixed) {
+  if (!sim->plan.torques.smooth && !sim->fixed) {
     h = fmin(h, MOST_LOOKS * sim->opaque.interval);
   }
   return sim->options.max_step > 0.0 ? fmin(h, sim->options.max_step) : h;
@@ -165,13 +164,13 @@ static double shortest(const bd_sim *sim) {
 static int start(bd_sim *sim) {
   double h = sim->options.step > 0.0 ? sim->options.step
              : sim->fixed            ? 0.75 * sim->method->stability /
-                                bd_stiffness_of(sim->model, &sim->plan.load).bound
+                                bd_stiffness_of(sim->model, &sim->plan.torques).bound
                           : first_step(sim);
   sim->h = bd_sim_longest(sim, fmax(h, shortest(sim)));
   sim->error_before = 1.0;
   sim->started = 1;
   bd_plan_place(&sim->plan, sim->t);
-  bd_plan_own(&sim->plan, sim->y);
+  bd_plan_assign_contacts(&sim->plan, sim->y);
   sim->plan.search.margin = 0.0;
   sim->plan.search.travelled = INFINITY;
   bd_search_ready(&sim->plan, sim->y, sim->h);
@@ -211,10 +210,10 @@ static int torque_jumps(bd_sim *sim, int *jumps) {
   const bd_layout *lay = &sim->model->lay;
   double *y = sim->y, *torque = sim->plan.torque;
   double piece = 0.5 * (sim->t + fmin(next_stop(sim), sim->t_end + 1.0));
-  int code = bd_load_eval(&sim->plan.load, sim->t, piece, y + lay->theta, y + lay->omega, torque,
-                          &sim->failure);
+  int code = bd_torque_set_eval(&sim->plan.torques, sim->t, piece, y + lay->theta, y + lay->omega,
+                                torque, &sim->failure);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    double before = sim->linear.torque[j];
+    double before = sim->newton.torque[j];
     *jumps |= fabs(torque[j] - before) > 1e-9 * (fabs(torque[j]) + fabs(before));
   }
   return code;
@@ -225,12 +224,12 @@ static int torque_jumps(bd_sim *sim, int *jumps) {
  * steps are not looked at. */
 static int pass_stop(bd_sim *sim) {
   int jumps = 0, code = BD_OK;
-  sim->rate_known = sim->linear_known = 0;
-  if (sim->method->past > 0 && !sim->plan.held && sim->t < sim->t_end) {
+  sim->rate_known = sim->jacobian_known = 0;
+  if (sim->method->history > 0 && !sim->plan.pulleys_locked && sim->t < sim->t_end) {
     code = torque_jumps(sim, &jumps);
   }
   if (jumps) {
-    sim->n_past = 0;
+    sim->n_history = 0;
     if (!sim->fixed) {
       sim->h = fmin(sim->h, first_step(sim));
     }
@@ -248,20 +247,20 @@ static int shortened(const bd_sim *sim) {
  * steps are as long as asked; an explicit one ends the run. What is left to the first order is
  * taken as it comes. */
 static double limit(const bd_sim *sim) {
-  enum { ABSURD = 20, LOOSE = 2 };
+  enum { MAX_FIXED_STEP_ERROR = 20, LOOSE = 2 };
   if (sim->now != sim->method || sim->watch) {
     return DBL_MAX;
   }
   return !sim->fixed      ? bd_method_tolerance(sim->method, sim->options.rtol)
          : shortened(sim) ? (double)LOOSE
-                          : (double)ABSURD;
+                          : (double)MAX_FIXED_STEP_ERROR;
 }
 
 /* One accepted step, or an error. */
 static int step(bd_sim *sim) {
   const bd_method *m = sim->method;
   const double step_floor = shortest(sim);
-  enum { PATIENCE = 12, LOST = 200 };
+  enum { MAX_RETRIES = 12, MAX_FALLBACKS = 200 };
   sim->now = m;
   for (int failed = 0;; ++failed) {
     double stop = next_stop(sim), left = stop - sim->t;
@@ -309,8 +308,8 @@ static int step(bd_sim *sim) {
         choose_next(sim, h, error / tolerance);
         sim->h = fmin(sim->h, sim->options.step);
       }
-      sim->fallen = sim->now != m ? sim->fallen + 1 : 0;
-      if (sim->fallen > LOST) {
+      sim->fallbacks_in_a_row = sim->now != m ? sim->fallbacks_in_a_row + 1 : 0;
+      if (sim->fallbacks_in_a_row > MAX_FALLBACKS) {
         return bd_sim_fail_floor(sim, h);
       }
       return hit ? pass_stop(sim) : BD_OK;
@@ -332,7 +331,7 @@ static int step(bd_sim *sim) {
       if (!m->implicit || h <= 1.01 * step_floor) {
         return sim->fixed ? bd_sim_fail_unstable(sim, code, h) : code;
       }
-      bd_plan_own(&sim->plan, sim->y);
+      bd_plan_assign_contacts(&sim->plan, sim->y);
     }
     if (h <= 1.01 * step_floor && (!m->implicit || sim->now->order == 1)) {
       return isfinite(error) ? bd_sim_fail_floor(sim, h)
@@ -347,7 +346,7 @@ static int step(bd_sim *sim) {
     sim->h = fmax(step_floor, rung(h * shrink));
     sim->h = h > 1.1 * least ? fmax(least, sim->h) : sim->h;
     /* what even short steps of a higher order cannot follow is left to the first order */
-    if (m->implicit && (failed >= PATIENCE || h <= 1.01 * step_floor)) {
+    if (m->implicit && (failed >= MAX_RETRIES || h <= 1.01 * step_floor)) {
       sim->now = bd_method_find("lie");
     }
   }
@@ -441,7 +440,7 @@ static double estimated_error(const bd_sim *sim) {
   }
   double long_run = (sim->t - sim->t0) / bd_round_time(sim->model) / rounds;
   error *= bd_twin_magnifies(&sim->twin);
-  return sim->method->past > 0 ? error * sqrt(fmax(1.0, long_run)) : error;
+  return sim->method->history > 0 ? error * sqrt(fmax(1.0, long_run)) : error;
 }
 
 void bd_sim_stats(const bd_sim *sim, bd_stats *out) {

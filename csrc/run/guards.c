@@ -42,7 +42,7 @@ static int winding(const bd_layout *lay, const double *y, double cx, double cy) 
 int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double t) {
   const bd_model *model = plan->model;
   for (int j = 0; j < model->lay.np; ++j) {
-    int turns = winding(&model->lay, y, plan->drums[j].x, plan->drums[j].y);
+    int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
     if (turns != model->info.winding) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "contact", t, -1, j, turns,
                         "the belt no longer runs round pulley %d at t = %.9g s: %s", j, t,
@@ -122,7 +122,7 @@ static double survey(bd_sim *sim, double *gap, int *link) {
                          m * moving + model->info.link_inertia * spin) -
                   m * height;
   for (int j = 0; j < lay->np; ++j) {
-    const bd_drum *d = &plan->drums[j];
+    const bd_contact_pulley *d = &plan->contact_pulleys[j];
     double omega = sim->y[lay->omega + j];
     energy += 0.5 * model->inertia[j] * omega * omega;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
@@ -302,7 +302,7 @@ static double explicit_round(const bd_sim *sim) {
 
 /* What asks for such steps, and what to try. */
 static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, int *pulley) {
-  bd_stiffness stiff = bd_stiffness_of(sim->model, &sim->plan.load);
+  bd_stiffness stiff = bd_stiffness_of(sim->model, &sim->plan.torques);
   const double joints = sim->model->info.spectral_bound;
   const char *what = NULL;
   *pulley = bd_opaque_jumps(sim);
@@ -323,7 +323,7 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
   } else if (stiff.bound > 3.0 * joints) {
     *pulley = stiff.pulley;
     what = stiff.what;
-  } else if (!sim->plan.load.smooth && mean_step * joints < 0.3) {
+  } else if (!sim->plan.torques.smooth && mean_step * joints < 0.3) {
     what = "the torque function, which depends on angle or speed";
   } else {
     what = sim->now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";

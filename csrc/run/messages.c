@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is said of a run that cannot go on, or that is not to be believed without a word.
+ * Messages of failed runs, and warnings.
  */
 #include <math.h>
 #include <stdarg.h>
@@ -8,7 +8,8 @@
 
 #include "run/run.h"
 
-/* A fixed step beyond the stability limit shows as links thrown about or as numbers gone. */
+/* A fixed step beyond the stability limit shows as links that sank into a pulley or as numbers that
+ * are not finite. */
 int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
   const bd_method *m = sim->now;
   int body = sim->failure.body, pulley = sim->failure.pulley;
@@ -36,7 +37,7 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
   }
   double longest = 0.25 * h;
   if (!m->implicit) {
-    longest = fmin(0.5 * h, m->stability / bd_stiffness_of(sim->model, &sim->plan.load).bound);
+    longest = fmin(0.5 * h, m->stability / bd_stiffness_of(sim->model, &sim->plan.torques).bound);
   }
   return bd_fail_at(&sim->failure, code, name, sim->t, body, pulley, h,
                     "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
@@ -73,7 +74,7 @@ int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {
       "most in %s of %s %d: take a shorter step than %.3g s or an adaptive method",
       h, sim->t, error, name, pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body,
       fmin(0.5 * h,
-           0.75 * sim->now->stability / bd_stiffness_of(sim->model, &sim->plan.load).bound));
+           0.75 * sim->now->stability / bd_stiffness_of(sim->model, &sim->plan.torques).bound));
 }
 
 void bd_sim_warn(bd_sim *sim, int code, double t, int body, int pulley, const char *format, ...) {

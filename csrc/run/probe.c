@@ -7,8 +7,8 @@
 #include "run/run.h"
 
 /* A simulation that stands at the state, with the links near the pulleys listed. */
-static int stand(bd_sim **out, const bd_model *model, const bd_state *state, const double *torque,
-                 const char *method, bd_error *err) {
+static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *state,
+                        const double *torque, const char *method, bd_error *err) {
   double moment = 0.0;
   const bd_torque given = {
       .n_terms = torque ? 1 : 0,
@@ -40,7 +40,7 @@ static void export_rate(const bd_model *model, const double *dy, bd_state *out) 
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque, bd_state *out,
                   bd_error *err) {
   bd_sim *sim = NULL;
-  int code = stand(&sim, model, state, torque, "tsit5", err);
+  int code = sim_at_state(&sim, model, state, torque, "tsit5", err);
   if (code == BD_OK) {
     out->t = 1.0;
     export_rate(model, sim->stage[0], out);
@@ -55,15 +55,15 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
     return bd_fail(err, BD_ERR_OPTION, "g", "g must be finite and > 0, got %g", g);
   }
   bd_sim *sim = NULL;
-  int code = stand(&sim, model, state, NULL, "lie", err);
+  int code = sim_at_state(&sim, model, state, NULL, "lie", err);
   if (code == BD_OK) {
-    bd_linearise(&sim->linear, &sim->plan, sim->y);
+    bd_newton_linearise(&sim->newton, &sim->plan, sim->y);
   }
   if (code == BD_OK) {
-    bd_linear_look_ahead(&sim->linear, &sim->plan, sim->y, 0.0);
+    bd_newton_linearise_contact(&sim->newton, &sim->plan, sim->y, 0.0);
     bd_state_put(&model->lay, c, 0.0, 0.0, sim->stage[1]);
-    bd_linear_factor(&sim->linear, &sim->plan, g);
-    bd_linear_solve(&sim->linear, &sim->plan, sim->stage[1]);
+    bd_newton_factor(&sim->newton, &sim->plan, g);
+    bd_newton_solve(&sim->newton, &sim->plan, sim->stage[1]);
     k->t = g;
     export_rate(model, sim->stage[1], k);
   }

@@ -85,21 +85,22 @@ struct bd_sim {
   bd_auto choice;                /* of "auto"; choice.method[0] NULL: the method was named */
   bd_options options;
   bd_plan plan;
-  bd_linear linear;
+  bd_newton_system newton;
   bd_opaque opaque;
   bd_guard guard;
   bd_twin twin;
   double t, t0, t_end, h, turns, e0, error_before;
   double *y, *y_new, *y_mid;
-  double *stage[MAX_VECTORS];               /* stage[0]: the rate at y */
-  double *past[MAX_PAST], past_h[MAX_PAST]; /* states before y, and the steps that led from them */
-  int n_past;
+  double *stage[MAX_VECTORS]; /* stage[0]: the rate at y */
+  double *history[MAX_HISTORY],
+      history_h[MAX_HISTORY]; /* states before y, and the steps that led from them */
+  int n_history;
   double *weights;
   size_t next_break, next_sample, n_samples;
   double *t_sample;
   bd_output output;
-  int started, rate_known, linear_known, fixed, status;
-  int fallen;                 /* steps left to the first order one after the other */
+  int started, rate_known, jacobian_known, fixed, status;
+  int fallbacks_in_a_row;     /* steps left to the first order one after the other */
   double work_middle[N_WORK]; /* power in the middle of the step just made */
   atomic_flag running;
   /* Settling only (settle.c): looks at every step, or its failure; may end the run or restart it.
@@ -125,7 +126,7 @@ void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np);
 int bd_opaque_derive(bd_sim *sim);
 /* The change with time at the start of a step of length h is in linear.slope; puts that over half
  * the step in its place where the two have nothing to do with each other. */
-int bd_opaque_slope(bd_sim *sim, double h);
+int bd_opaque_by_time(bd_sim *sim, double h);
 /* Before a step of length h is accepted: *shrink < 1 if it is to be made again, so much shorter,
  * for what a torque function does within it. */
 int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, double *shrink);
@@ -172,7 +173,7 @@ void bd_twin_free(bd_twin *twin);
 /* --- messages.c --------------------------------------------------------------------------------
  */
 
-/* Numbers are no longer finite, or links were thrown about, in a trial of length h; a step that is
+/* Numbers are no longer finite, or links sank into a pulley, in a trial of length h; a step that is
  * as short as steps can be does not meet the tolerance. Both return the error's code. */
 int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
 int bd_sim_fail_floor(bd_sim *sim, double h);
@@ -198,7 +199,7 @@ double bd_sim_longest(const bd_sim *sim, double h);
 /* Rate at any time and state; counted. */
 int bd_sim_rate(bd_sim *sim, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */
-int bd_sim_know_rate(bd_sim *sim);
+int bd_sim_ensure_rate(bd_sim *sim);
 
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */
 bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,

@@ -2,13 +2,14 @@
  *
  * The belt at rest under preload: what the paper calls stabilisation.
  *
- * The model itself, in a still bath that drags on every mass, is integrated until the unbalanced
- * force is gone. The bath is critical for the lowest transverse mode of the longest span. Coarse
- * belts take the classical Runge-Kutta method; their joints' damping, which has no say in an
- * equilibrium, is set to what lets the explicit step be longest. Fine belts, whose explicit steps
- * would be too many, take the linearly implicit Euler method, with steps that the bath sets.
- * Centres may move in from a slack position meanwhile, as a belt is really tensioned, with friction
- * acting: the tension then depends on the way, which is why it can be chosen.
+ * The model itself, with damping proportional to every mass (dynamic relaxation), is integrated
+ * until the unbalanced force is gone. That damping is critical for the lowest transverse mode of
+ * the longest span. Coarse belts take the classical Runge-Kutta method; their joints' damping,
+ * which has no say in an equilibrium, is set to what lets the explicit step be longest. Fine belts,
+ * whose explicit steps would be too many, take the linearly implicit Euler method, with steps that
+ * this damping sets. Centres may move in from a slack position meanwhile, as a belt is really
+ * tensioned, with friction acting: the tension then depends on the way, which is why it can be
+ * chosen.
  */
 #include <math.h>
 #include <string.h>
@@ -20,7 +21,7 @@ void bd_settle_options_default(bd_settle_options *options) {
 }
 
 /* Critical for the lowest transverse mode of the longest span [1/s]; and that mode's frequency. */
-static double bath_of(const bd_model *model, double *lowest) {
+static double critical_mass_damping(const bd_model *model, double *lowest) {
   double span = fmax(model->longest_span, 0.25 * model->belt.length);
   *lowest = BD_PI * sqrt(model->info.mean_tension / model->belt.linear_density) / span;
   return 2.0 * *lowest;
@@ -47,7 +48,7 @@ static double fastest_mode(const bd_model *model, int friction) {
   double m = info->link_mass;
   double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
              (contact + grip) / m;
-  double d = info->contact_damping / m + bath_of(model, &lowest) +
+  double d = info->contact_damping / m + critical_mass_damping(model, &lowest) +
              12.0 * easiest_damping(model) / m + 4.0 * info->bending_damping / info->link_inertia;
   return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
 }
@@ -58,7 +59,7 @@ static const double IMPLICIT_STEP = 0.25, WORTH = 15.0;
 
 static const bd_method *method_for(const bd_model *model, int friction, double *step) {
   const bd_method *explicit = bd_method_find("rk4");
-  double lowest, most = IMPLICIT_STEP / bath_of(model, &lowest);
+  double lowest, most = IMPLICIT_STEP / critical_mass_damping(model, &lowest);
   *step = 0.8 * explicit->stability / fastest_mode(model, friction);
   if (WORTH * *step >= most) {
     return explicit;
@@ -68,7 +69,7 @@ static const bd_method *method_for(const bd_model *model, int friction, double *
 }
 
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
- * friction would remember it. */
+ * friction would keep a trace of it. */
 static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const bd_wrap *wraps,
                           int direction, double length, bd_state *state) {
   const bd_model *model = sim->model;
@@ -76,8 +77,8 @@ static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const
   double inward = 1e-3 * model->info.strain * model->info.link_length * direction;
   for (int i = 0; i < n; ++i) {
     double s = length * (i + 0.5) / n + sim->settle.shift, round = floor(s / length);
-    bd_path_point(model->lay.np, cx, cy, model->radius, wraps, direction, s - round * length,
-                  &state->x[i], &state->y[i], &state->phi[i]);
+    bd_belt_line_point(model->lay.np, cx, cy, model->radius, wraps, direction, s - round * length,
+                       &state->x[i], &state->y[i], &state->phi[i]);
     state->phi[i] += round * direction * 2.0 * BD_PI;
     state->x[i] += model->origin[0] - inward * sin(state->phi[i]);
     state->y[i] += model->origin[1] + inward * cos(state->phi[i]);
@@ -96,7 +97,7 @@ static int lay_belt(bd_sim *sim, bd_error *err) {
     cx[j] = model->cx[j] + (sim->plan.offset ? sim->plan.offset[2 * j] : 0.0);
     cy[j] = model->cy[j] + (sim->plan.offset ? sim->plan.offset[2 * j + 1] : 0.0);
   }
-  int code = bd_path_lay(np, cx, cy, model->radius, wraps, &direction, &length, err);
+  int code = bd_belt_line_lay(np, cx, cy, model->radius, wraps, &direction, &length, err);
   if (code != BD_OK) {
     if (err && sim->plan.offset) {
       memmove(err->field, "offset", sizeof "offset");
@@ -150,7 +151,7 @@ static int check_options(const bd_model *model, const bd_settle_options *options
 static void set_up(bd_sim *sim, double step) {
   const bd_model *model = sim->model;
   const bd_settle_options *given = &sim->settle;
-  double lowest, bath = bath_of(model, &lowest);
+  double lowest, mass_damping = critical_mass_damping(model, &lowest);
   double move_time = !given->offset           ? 0.0
                      : given->move_time > 0.0 ? given->move_time
                                               : 100.0 / lowest;
@@ -161,8 +162,8 @@ static void set_up(bd_sim *sim, double step) {
   bd_plan_make(&sim->plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
-                                  .powerless = 1,
-                                  .bath = bath,
+                                  .skip_power = 1,
+                                  .mass_damping = mass_damping,
                                   .offset = given->offset,
                                   .move_time = move_time});
   if (!sim->method->implicit) {
@@ -175,25 +176,26 @@ static void set_up(bd_sim *sim, double step) {
   sim->fixed = 1;
 }
 
-/* Without friction the belt slides round its path almost freely, and with it a drive whose pulleys
- * are free turns so, against a stiffness that is the polygon's alone and thousands of times below
- * all others. It is measured, from how the push round the path changes with the way gone since the
- * last check, and running round is given the inertia and drag that bring it to rest as fast as the
- * slowest of the rest will bear. */
+/* Without friction the belt slides round its pulleys almost freely, and with friction a drive whose
+ * pulleys are free circulates so, against a stiffness that comes from the polygon of links alone
+ * and is thousands of times below all others. It is measured, from how the force along the belt
+ * changes with the distance travelled since the last check, and circulation is given the inertia
+ * and damping that bring it to rest as fast as the slowest of the other motions allows. */
 static void tune_circulation(bd_sim *sim, const double *dy) {
   bd_plan *plan = &sim->plan;
-  double push = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->y);
-  double way = 0.5 * (speed + sim->settle_speed) * (sim->t - sim->settle_time);
+  double force = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->y);
+  double travel = 0.5 * (speed + sim->settle_speed) * (sim->t - sim->settle_time);
   /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
-  if (sim->t > plan->move_time + 30.0 / plan->bath &&
-      fabs(way) > 1e-9 * sim->model->info.link_length) {
+  if (sim->t > plan->move_time + 30.0 / plan->mass_damping &&
+      fabs(travel) > 1e-9 * sim->model->info.link_length) {
     /* a stiffness once seen is let go slowly: a gain that followed it round the path would pump */
-    double seen = fabs(push - sim->settle_push) / fabs(way), pace = plan->bath / 16.0;
+    double seen = fabs(force - sim->settle_push) / fabs(travel), pace = plan->mass_damping / 16.0;
     sim->settle_stiffness = fmax(seen, 0.9 * sim->settle_stiffness);
-    plan->round_gain = fmin(1e4, fmax(1.0, pace * pace / sim->settle_stiffness));
-    plan->round_drag = fmin(plan->bath, 2.0 * fmax(pace, sqrt(sim->settle_stiffness)));
+    plan->circulation_inertia_scale = fmin(1e4, fmax(1.0, pace * pace / sim->settle_stiffness));
+    plan->circulation_damping =
+        fmin(plan->mass_damping, 2.0 * fmax(pace, sqrt(sim->settle_stiffness)));
   }
-  sim->settle_push = push;
+  sim->settle_push = force;
   sim->settle_speed = speed;
   sim->settle_time = sim->t;
 }
@@ -223,7 +225,7 @@ static int check_laid(bd_sim *sim, bd_error *err) {
   const double *x = bd_cfield(lay, sim->y, F_X), *y = bd_cfield(lay, sim->y, F_Y);
   int code = bd_guard_winding(&sim->plan, sim->y, err, sim->t);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    const bd_drum *d = &sim->plan.drums[j];
+    const bd_contact_pulley *d = &sim->plan.contact_pulleys[j];
     int touches = 0;
     for (int i = 0; i < lay->n; ++i) {
       touches |= hypot(x[i] - d->x, y[i] - d->y) < d->radius;
@@ -258,10 +260,10 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
         "the start is too far from rest or the contact too stiff for it",
         fastest);
   }
-  double gain = sim->plan.round_gain;
-  sim->plan.round_gain = 1.0; /* the true forces */
+  double gain = sim->plan.circulation_inertia_scale;
+  sim->plan.circulation_inertia_scale = 1.0; /* the true forces */
   int code = bd_plan_rate(&sim->plan, sim->t, y, dy, err);
-  sim->plan.round_gain = gain;
+  sim->plan.circulation_inertia_scale = gain;
   if (code != BD_OK) {
     return code;
   }
@@ -324,12 +326,12 @@ static int retry(bd_sim *sim) {
   sim->t = sim->t0;
   sim->turns = sim->settle_turns;
   sim->options.step *= 0.5;
-  sim->started = sim->rate_known = sim->linear_known = 0;
+  sim->started = sim->rate_known = sim->jacobian_known = 0;
   sim->settle_best = INFINITY;
   sim->settle_best_time = sim->t;
   sim->settle_push = sim->settle_speed = sim->settle_time = sim->settle_stiffness = 0.0;
-  sim->plan.round_drag = 0.0;
-  sim->plan.round_gain = 1.0;
+  sim->plan.circulation_damping = 0.0;
+  sim->plan.circulation_inertia_scale = 1.0;
   return 1;
 }
 
@@ -339,7 +341,7 @@ static int watch(bd_sim *sim, int code, int *finished) {
   if (code == BD_OK && (sim->stats.steps % every == 0 || sim->t >= sim->t_end)) {
     code = check_rest(sim, finished, &sim->failure);
     if (sim->method->implicit) {
-      sim->rate_known = sim->linear_known = 0; /* the look has used the scratch of the rate */
+      sim->rate_known = sim->jacobian_known = 0; /* the look has used the scratch of the rate */
     }
   }
   return code != BD_OK && retry(sim) ? BD_OK : code;

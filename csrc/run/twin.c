@@ -48,12 +48,12 @@ static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
   bd_sim *twin =
       bd_sim_new(sim->model, c->method[0] ? c->method[0] : sim->method, c->method[1], torque, 0);
   if (twin) {
-    bd_load_fill(&twin->plan.load, torque, NULL);
+    bd_torque_set_fill(&twin->plan.torques, torque, NULL);
     twin->options = sim->options;
     twin->fixed = sim->fixed;
     twin->t_end = sim->t_end;
     bd_sim_weights(twin);
-    bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .powerless = 1});
+    bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .skip_power = 1});
   }
   return twin;
 }
@@ -66,7 +66,7 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
   double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
   t->next_begin = fmin(FIRST, rounds / 3.0);
-  if (sim->plan.load.smooth) {
+  if (sim->plan.torques.smooth) {
     t->sim = make(sim, torque);
     return t->sim ? BD_OK : BD_ERR_MEMORY;
   }
@@ -138,18 +138,18 @@ static void watch_contacts(bd_sim *sim) {
 static void copy(const bd_sim *sim, bd_sim *twin) {
   const bd_layout *lay = &sim->model->lay;
   memcpy(twin->y, sim->y, lay->size * sizeof *twin->y);
-  for (int k = 0; k < sim->n_past; ++k) {
-    memcpy(twin->past[k], sim->past[k], lay->size * sizeof *twin->y);
-    twin->past_h[k] = sim->past_h[k];
+  for (int k = 0; k < sim->n_history; ++k) {
+    memcpy(twin->history[k], sim->history[k], lay->size * sizeof *twin->y);
+    twin->history_h[k] = sim->history_h[k];
   }
   memcpy(twin->plan.owner, sim->plan.owner,
          (size_t)(lay->n8 * lay->slots) * sizeof *twin->plan.owner);
-  twin->n_past = sim->n_past;
+  twin->n_history = sim->n_history;
   twin->method = twin->now = sim->method;
   twin->t = sim->t;
   twin->turns = sim->turns;
   twin->started = 1;
-  twin->rate_known = twin->linear_known = 0;
+  twin->rate_known = twin->jacobian_known = 0;
   twin->next_break = 0;
   bd_plan_place(&twin->plan, sim->t);
   twin->plan.search.margin = 0.0;
@@ -172,8 +172,8 @@ static void displace(bd_sim *sim) {
       t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
       double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
       bd_field(lay, t->sim->y, f)[i] += shift;
-      for (int k = 0; k < t->sim->n_past; ++k) {
-        bd_field(lay, t->sim->past[k], f)[i] += shift;
+      for (int k = 0; k < t->sim->n_history; ++k) {
+        bd_field(lay, t->sim->history[k], f)[i] += shift;
       }
     }
   }
@@ -210,8 +210,8 @@ static void conclude(bd_sim *sim, double growth) {
 static int repeat(const bd_sim *sim, bd_sim *twin) {
   bd_twin *const t = (bd_twin *)&sim->twin;
   const int np = sim->model->lay.np;
-  if (!sim->plan.load.smooth) {
-    bd_torque_term *seen = &twin->plan.load.terms[0];
+  if (!sim->plan.torques.smooth) {
+    bd_torque_term *seen = &twin->plan.torques.terms[0];
     memcpy(t->seen, sim->opaque.last, (size_t)np * sizeof *t->seen);
     memcpy(t->seen + np, sim->opaque.now, (size_t)np * sizeof *t->seen);
     t->seen_t[0] = twin->t;
@@ -221,8 +221,8 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
   }
   if (twin->method != sim->method) { /* "auto" has gone over to the other, which begins anew */
     twin->method = sim->method;
-    twin->n_past = 0;
-    twin->rate_known = twin->linear_known = 0;
+    twin->n_history = 0;
+    twin->rate_known = twin->jacobian_known = 0;
   }
   twin->now = sim->now;
   const long before = twin->stats.steps;

@@ -87,11 +87,11 @@ int bd_erk_attempt(bd_sim *sim, double h, double *error) {
   const bd_layout *lay = &sim->model->lay;
   const bd_kernels *kernels = sim->plan.kernels;
   const double *row = m->a;
-  int code = bd_sim_know_rate(sim);
+  int code = bd_sim_ensure_rate(sim);
   for (int s = 1; code == BD_OK && s < m->stages; ++s) {
     double *y = s == m->stages - 1 ? sim->y_new : sim->y_mid;
     kernels->combine(lay->size, y, sim->y, h, s, row, sim->stage);
-    sim->plan.powerless = sim->watch || (!sim->plan.ledger && s < m->stages - 1);
+    sim->plan.skip_power = sim->watch || (!sim->plan.ledger && s < m->stages - 1);
     code = bd_sim_rate(sim, sim->t + m->c[s] * h, y, sim->stage[s]);
     row += s;
   }

@@ -9,8 +9,8 @@ static void wind(bd_sim *sim) {
   double before = sim->turns;
   bd_state_wind(&sim->model->lay, sim->y, &sim->turns);
   double taken = (sim->turns - before) * 2.0 * BD_PI;
-  for (int k = 0; taken != 0.0 && k < sim->n_past; ++k) {
-    double *phi = bd_field(&sim->model->lay, sim->past[k], F_PHI);
+  for (int k = 0; taken != 0.0 && k < sim->n_history; ++k) {
+    double *phi = bd_field(&sim->model->lay, sim->history[k], F_PHI);
     for (int i = 0; i < sim->model->lay.n; ++i) {
       phi[i] -= taken;
     }
@@ -19,39 +19,39 @@ static void wind(bd_sim *sim) {
 
 /* What a link that has left its pulley forgot was never there: a multistep method would go on with
  * it, and take it for an error. */
-static void forget(bd_sim *sim) {
+static void reset_friction(bd_sim *sim) {
   const bd_layout *lay = &sim->model->lay;
   for (int s = 0; s < lay->slots; ++s) {
     const double *mu = bd_cfield(lay, sim->y, F_MU + s);
-    for (int k = 0; k < sim->n_past; ++k) {
-      double *mu_past = bd_field(lay, sim->past[k], F_MU + s);
-      double *slip_past = bd_field(lay, sim->past[k], bd_f_slip(lay) + s);
+    for (int k = 0; k < sim->n_history; ++k) {
+      double *mu_before = bd_field(lay, sim->history[k], F_MU + s);
+      double *slip_before = bd_field(lay, sim->history[k], bd_f_slip(lay) + s);
       for (int i = 0; i < lay->n; ++i) {
-        mu_past[i] = mu[i] == 0.0 ? 0.0 : mu_past[i];
-        slip_past[i] = mu[i] == 0.0 ? 0.0 : slip_past[i];
+        mu_before[i] = mu[i] == 0.0 ? 0.0 : mu_before[i];
+        slip_before[i] = mu[i] == 0.0 ? 0.0 : slip_before[i];
       }
     }
   }
 }
 
 /* y_new becomes y, y the first of the past, and the oldest makes room for the next y_new. */
-void bd_past_turn(bd_sim *sim, double h) {
-  const int most = sim->method->past;
-  double *spare = most > 0 ? sim->past[most - 1] : sim->y;
+void bd_history_push(bd_sim *sim, double h) {
+  const int most = sim->method->history;
+  double *spare = most > 0 ? sim->history[most - 1] : sim->y;
   for (int k = most - 1; k > 0; --k) {
-    sim->past[k] = sim->past[k - 1];
-    sim->past_h[k] = sim->past_h[k - 1];
+    sim->history[k] = sim->history[k - 1];
+    sim->history_h[k] = sim->history_h[k - 1];
   }
   if (most > 0) {
-    sim->past[0] = sim->y;
-    sim->past_h[0] = h;
-    sim->n_past = sim->n_past < most ? sim->n_past + 1 : most;
+    sim->history[0] = sim->y;
+    sim->history_h[0] = h;
+    sim->n_history = sim->n_history < most ? sim->n_history + 1 : most;
   }
   sim->y = sim->y_new;
   sim->y_new = spare;
 }
 
-void bd_past_follow(bd_sim *sim) {
+void bd_history_rebase(bd_sim *sim) {
   wind(sim);
-  forget(sim);
+  reset_friction(sim);
 }

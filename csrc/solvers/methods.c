@@ -44,7 +44,7 @@ const bd_method *bd_method_find(const char *name) {
 
 /* Differences of states say nothing below what rounding leaves of a joint's stretch. */
 double bd_method_tolerance(const bd_method *method, double rtol) {
-  double least = method->past > 0 ? 1e-10 : 0.0;
+  double least = method->history > 0 ? 1e-10 : 0.0;
   return fmax(least, fmin(1.0, method->aim[0] * pow(rtol, method->aim[1])));
 }
 

@@ -34,9 +34,9 @@
 
 /* A ring too short for the level's arcs is solved with two: the cyclic reduction of separators that
  * few links hold apart would cost digits where links weigh little against their joints. */
-static const bd_linear_kernels *ring_kernels(const bd_model *model) {
-  const bd_linear_kernels *best = model->kernels->linear;
-  return model->lay.n >= 4 * best->width ? best : &bd_linear_baseline;
+static const bd_newton_kernels *ring_kernels(const bd_model *model) {
+  const bd_newton_kernels *best = model->kernels->newton;
+  return model->lay.n >= 4 * best->width ? best : &bd_newton_baseline;
 }
 
 /* A block of `count` links' places with room for the halo. */
@@ -47,60 +47,79 @@ static void carve_links(bd_carver *carver, const bd_layout *lay, double **block)
   }
 }
 
-void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
+void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
-  const bd_linear_kernels *ring = ring_kernels(model);
+  const bd_newton_kernels *ring = ring_kernels(model);
   const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
-  bd_tangent *t = &lin->tangent;
-  bd_blocks *b = &lin->blocks;
-  double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin, &t->pull, &b->xx,
-                        &b->xy,    &b->yx,    &b->yy,  &b->pp,  &lin->x,  &lin->y,  &lin->p};
+  bd_tangent *t = &system->tangent;
+  bd_blocks *b = &system->blocks;
+  double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin,   &t->pull,   &b->xx,
+                        &b->xy,    &b->yx,    &b->yy,  &b->pp,  &system->x, &system->y, &system->p};
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
     carve_links(carver, lay, by_link[k]);
   }
-  BD_CARVE(carver, lin->touch, np);
+  BD_CARVE(carver, system->contact, np);
   for (int j = 0; j < np; ++j) {
-    bd_touch none, *touch = carver->base ? &lin->touch[j] : &none;
-    double **fields[] = {&touch->nx,    &touch->ny,       &touch->rho,      &touch->normal,
-                         &touch->bend,  &touch->mu,       &touch->stiff,    &touch->damp,
-                         &touch->cross, &touch->apart,    &touch->gain,     &touch->decay,
-                         &touch->xx,    &touch->xy,       &touch->yx,       &touch->yy,
-                         &touch->by_mu, &touch->torque_x, &touch->torque_y, &touch->row_x,
-                         &touch->row_y, &touch->slide_x,  &touch->slide_y,  &touch->rise,
-                         &touch->keep,  &touch->ahead};
+    bd_contact_tangent none, *contact = carver->base ? &system->contact[j] : &none;
+    double **fields[] = {&contact->nx,
+                         &contact->ny,
+                         &contact->rho,
+                         &contact->normal,
+                         &contact->normal_over_rho,
+                         &contact->mu,
+                         &contact->stiff,
+                         &contact->damp,
+                         &contact->cross,
+                         &contact->apart,
+                         &contact->gain,
+                         &contact->decay,
+                         &contact->xx,
+                         &contact->xy,
+                         &contact->yx,
+                         &contact->yy,
+                         &contact->by_mu,
+                         &contact->torque_x,
+                         &contact->torque_y,
+                         &contact->row_x,
+                         &contact->row_y,
+                         &contact->slide_x,
+                         &contact->slide_y,
+                         &contact->dmu_dslip,
+                         &contact->mu_decay_factor,
+                         &contact->normal_correction};
     for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
       carve_links(carver, lay, fields[k]);
     }
   }
-  BD_CARVE(carver, lin->ring.base, width);
-  BD_CARVE(carver, lin->ring.shorter, width);
-  lin->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
-  lin->ring.ends = bd_carve(carver, 1, ring->ring_ends);
+  BD_CARVE(carver, system->ring.base, width);
+  BD_CARVE(carver, system->ring.shorter, width);
+  system->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
+  system->ring.ends = bd_carve(carver, 1, ring->ring_ends);
   double *scratch;
   BD_CARVE(carver, scratch, 3 * width * rows);
-  lin->ring.scratch = scratch;
-  BD_CARVE(carver, lin->border, 3 * np * lay->stride);
-  BD_CARVE(carver, lin->drums, np);
-  BD_CARVE(carver, lin->n_runs, np);
-  BD_CARVE(carver, lin->runs, np * (lay->n8 / BD_LANES));
-  BD_CARVE(carver, lin->own, np);
-  BD_CARVE(carver, lin->rhs, np);
-  BD_CARVE(carver, lin->matrix, np * np);
-  BD_CARVE(carver, lin->pivots, np);
-  BD_CARVE(carver, lin->by_theta, np * np);
-  BD_CARVE(carver, lin->by_omega, np * np);
-  BD_CARVE(carver, lin->slope, np);
-  BD_CARVE(carver, lin->torque, np);
+  system->ring.scratch = scratch;
+  BD_CARVE(carver, system->border, 3 * np * lay->stride);
+  BD_CARVE(carver, system->contact_pulleys, np);
+  BD_CARVE(carver, system->n_runs, np);
+  BD_CARVE(carver, system->runs, np * (lay->n8 / BD_LANES));
+  BD_CARVE(carver, system->own, np);
+  BD_CARVE(carver, system->rhs, np);
+  BD_CARVE(carver, system->matrix, np * np);
+  BD_CARVE(carver, system->pivots, np);
+  BD_CARVE(carver, system->by_theta, np * np);
+  BD_CARVE(carver, system->by_omega, np * np);
+  BD_CARVE(carver, system->by_time, np);
+  BD_CARVE(carver, system->torque, np);
   if (!carver->base) {
     return;
   }
-  lin->ring.n_rows = rows;
-  lin->ring_kernels = ring;
+  system->ring.n_rows = rows;
+  system->ring_kernels = ring;
   const int whole = lay->n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
   for (int a = 0, first = 0; a < width; ++a) {
     int shorter = a >= whole;
-    lin->ring.base[a] = first - shorter;
-    lin->ring.shorter[a] = shorter;
+    system->ring.base[a] = first - shorter;
+    system->ring.shorter[a] = shorter;
     first += rows - shorter;
   }
   b->cos = t->cos;
@@ -110,39 +129,41 @@ void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model) {
 
 /* --- linearisation --------------------------------------------------------------------------- */
 
-/* The links that could touch a pulley when the model was linearised: a later list may be another.
+/* The links that could contact a pulley when the model was linearised: a later list may be another.
  */
-static bd_run *runs_of(const bd_linear *lin, const bd_layout *lay, int j) {
-  return lin->runs + j * (lay->n8 / BD_LANES);
+static bd_run *runs_of(const bd_newton_system *system, const bd_layout *lay, int j) {
+  return system->runs + j * (lay->n8 / BD_LANES);
 }
 
-void bd_linear_look_ahead(bd_linear *lin, bd_plan *plan, const double *y, double h) {
+void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const double *y,
+                                 double h) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
-    plan->kernels->linear->keep_contact(&plan->links, &lin->drums[j], lin->n_runs[j],
-                                        runs_of(lin, lay, j), y, &lin->touch[j], plan->friction_on,
-                                        h);
+    plan->kernels->newton->linearise_contact(&plan->links, &system->contact_pulleys[j],
+                                             system->n_runs[j], runs_of(system, lay, j), y,
+                                             &system->contact[j], plan->friction_on, h);
   }
 }
 
-void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c) {
+void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
+                                     double *c) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
-    double torque = plan->kernels->linear->add_ahead(&plan->links, lin->n_runs[j],
-                                                     runs_of(lin, lay, j), &lin->touch[j], c);
-    c[lay->omega + j] += plan->held ? 0.0 : torque / plan->model->inertia[j];
+    double torque = plan->kernels->newton->add_normal_correction(
+        &plan->links, system->n_runs[j], runs_of(system, lay, j), &system->contact[j], c);
+    c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
   }
 }
 
-void bd_linearise(bd_linear *lin, const bd_plan *plan, const double *y) {
+void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
-  plan->kernels->linear->keep_joints(&plan->links, y, &lin->tangent);
+  plan->kernels->newton->linearise_joints(&plan->links, y, &system->tangent);
   for (int j = 0; j < lay->np; ++j) {
-    lin->drums[j] = plan->drums[j];
-    lin->drums[j].omega = y[lay->omega + j];
-    lin->n_runs[j] = plan->search.n_runs[j];
-    memcpy(runs_of(lin, lay, j), plan->search.runs + j * plan->search.max_runs,
-           (size_t)lin->n_runs[j] * sizeof *lin->runs);
+    system->contact_pulleys[j] = plan->contact_pulleys[j];
+    system->contact_pulleys[j].omega = y[lay->omega + j];
+    system->n_runs[j] = plan->search.n_runs[j];
+    memcpy(runs_of(system, lay, j), plan->search.runs + j * plan->search.max_runs,
+           (size_t)system->n_runs[j] * sizeof *system->runs);
   }
 }
 
@@ -191,77 +212,82 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
 }
 
 /* The part of a pulley's column that the ring takes: T^-1 B, three blocks. */
-static double *border_of(const bd_linear *lin, const bd_layout *lay, int j) {
-  return lin->border + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
+static double *border_of(const bd_newton_system *system, const bd_layout *lay, int j) {
+  return system->border + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
 }
 
-void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g) {
+void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
-  const bd_linear_kernels *kernels = plan->kernels->linear;
-  bd_blocks *b = &lin->blocks;
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  bd_blocks *b = &system->blocks;
   double inv_half = 1.0 / links->half;
-  lin->stage.g = g;
-  lin->stage.mass = model->info.link_mass * (1.0 + g * plan->bath);
+  system->stage.g = g;
+  system->stage.mass = model->info.link_mass * (1.0 + g * plan->mass_damping);
   b->k = g * (g * links->stiffness + links->damping);
   b->damping = g * g * links->damping;
-  b->bend = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  kernels->diagonal(links, &lin->tangent, &lin->stage, b);
+  b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
+  kernels->diagonal(links, &system->tangent, &system->stage, b);
   for (int j = 0; j < lay->np; ++j) {
-    double *z = border_of(lin, lay, j);
+    double *z = border_of(system, lay, j);
     memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
-    lin->own[j] = kernels->add_contact(&lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j),
-                                       &lin->touch[j], g, b, z, z + lay->stride);
+    system->own[j] = kernels->add_contact(&system->contact_pulleys[j], system->n_runs[j],
+                                          runs_of(system, lay, j), &system->contact[j], g, b, z,
+                                          z + lay->stride);
   }
-  lin->ring_kernels->factor(&lin->ring, b);
-  const int np = plan->held ? 0 : lay->np;
+  system->ring_kernels->factor(&system->ring, b);
+  const int np = plan->pulleys_locked ? 0 : lay->np;
   for (int j = 0; j < np; ++j) {
-    double *z = border_of(lin, lay, j);
-    lin->ring_kernels->solve(&lin->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
+    double *z = border_of(system, lay, j);
+    system->ring_kernels->solve(&system->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
     for (int i = 0; i < np; ++i) {
-      double inertia = i == j ? model->inertia[i] * (1.0 + g * plan->bath) + lin->own[i] : 0.0;
-      double torque = lin->by_omega[i * np + j] + g * lin->by_theta[i * np + j];
-      lin->matrix[i * np + j] = inertia - g * torque -
-                                kernels->border_row(lin->n_runs[i], runs_of(lin, lay, i),
-                                                    &lin->touch[i], z, z + lay->stride);
+      double inertia =
+          i == j ? model->inertia[i] * (1.0 + g * plan->mass_damping) + system->own[i] : 0.0;
+      double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
+      system->matrix[i * np + j] = inertia - g * torque -
+                                   kernels->border_row(system->n_runs[i], runs_of(system, lay, i),
+                                                       &system->contact[i], z, z + lay->stride);
     }
   }
-  decompose(np, lin->matrix, lin->pivots);
+  decompose(np, system->matrix, system->pivots);
 }
 
 /* --- solve ----------------------------------------------------------------------------------- */
 
-void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c) {
+void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
-  const bd_linear_kernels *kernels = plan->kernels->linear;
-  const double g = lin->stage.g;
-  const int np = plan->held ? 0 : lay->np;
-  double *x = lin->x, *y = lin->y, *p = lin->p, *rhs = lin->rhs;
-  kernels->joints_product(links, &lin->tangent, &lin->stage, c, x, y, p);
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const double g = system->stage.g;
+  const int np = plan->pulleys_locked ? 0 : lay->np;
+  double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
+  kernels->joints_product(links, &system->tangent, &system->stage, c, x, y, p);
   for (int j = 0; j < lay->np; ++j) {
-    rhs[j] = kernels->contact_product(lay, &lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j),
-                                      &lin->touch[j], plan->friction_on, c, x, y);
+    rhs[j] = kernels->contact_product(lay, &system->contact_pulleys[j], system->n_runs[j],
+                                      runs_of(system, lay, j), &system->contact[j],
+                                      plan->friction_on, c, x, y);
   }
-  lin->ring_kernels->solve(&lin->ring, lin->blocks.k, x, y, p);
+  system->ring_kernels->solve(&system->ring, system->blocks.k, x, y, p);
   for (int j = 0; j < np; ++j) {
     rhs[j] += g * model->inertia[j] * c[lay->omega + j];
     for (int k = 0; k < np; ++k) {
-      rhs[j] += g * g * lin->by_theta[j * np + k] * c[lay->theta + k];
+      rhs[j] += g * g * system->by_theta[j * np + k] * c[lay->theta + k];
     }
-    rhs[j] -= kernels->border_row(lin->n_runs[j], runs_of(lin, lay, j), &lin->touch[j], x, y);
+    rhs[j] -=
+        kernels->border_row(system->n_runs[j], runs_of(system, lay, j), &system->contact[j], x, y);
   }
-  substitute(np, lin->matrix, lin->pivots, rhs);
-  kernels->finish_links(links, &lin->stage, np, border_of(lin, lay, 0), rhs, x, y, p, c);
+  substitute(np, system->matrix, system->pivots, rhs);
+  kernels->finish_links(links, &system->stage, np, border_of(system, lay, 0), rhs, x, y, p, c);
   for (int j = 0; j < lay->np; ++j) {
-    double spin_up = plan->held ? 0.0 : rhs[j];
-    c[lay->theta + j] = plan->held ? 0.0 : g * (c[lay->theta + j] + spin_up);
-    c[lay->omega + j] = spin_up;
+    double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
+    c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
+    c[lay->omega + j] = angular_acceleration;
     if (plan->friction_on) {
-      kernels->finish_contact(lay, &lin->drums[j], lin->n_runs[j], runs_of(lin, lay, j),
-                              &lin->touch[j], g, spin_up, c);
+      kernels->finish_contact(lay, &system->contact_pulleys[j], system->n_runs[j],
+                              runs_of(system, lay, j), &system->contact[j], g, angular_acceleration,
+                              c);
     }
   }
   for (int k = 0; k < N_WORK; ++k) {

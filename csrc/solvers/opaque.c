@@ -50,8 +50,8 @@ static int torque_along(bd_sim *sim, double h, double s, double *torque) {
     opaque->theta[j] = theta + s * (sim->y_new[lay->theta + j] - theta);
     opaque->omega[j] = omega + s * (sim->y_new[lay->omega + j] - omega);
   }
-  return bd_load_eval(&sim->plan.load, sim->t + s * h, sim->plan.t_piece, opaque->theta,
-                      opaque->omega, torque, &sim->failure);
+  return bd_torque_set_eval(&sim->plan.torques, sim->t + s * h, sim->plan.t_piece, opaque->theta,
+                            opaque->omega, torque, &sim->failure);
 }
 
 /* What a torque acting for a time means for the speed of pulley j, in the units of local errors. */
@@ -106,11 +106,11 @@ static int change_by(bd_sim *sim, double *moving, double step) {
   const bd_layout *lay = &sim->model->lay;
   double kept = *moving, *by = sim->opaque.begin;
   *moving = kept + step;
-  int code = bd_load_eval(&sim->plan.load, sim->t, sim->plan.t_piece, sim->y + lay->theta,
-                          sim->y + lay->omega, by, &sim->failure);
+  int code = bd_torque_set_eval(&sim->plan.torques, sim->t, sim->plan.t_piece, sim->y + lay->theta,
+                                sim->y + lay->omega, by, &sim->failure);
   *moving = kept;
   for (int i = 0; code == BD_OK && i < lay->np; ++i) {
-    by[i] -= sim->linear.torque[i];
+    by[i] -= sim->newton.torque[i];
   }
   return code;
 }
@@ -147,44 +147,45 @@ static int verify(bd_sim *sim, double *moving, double wide, double reach, double
 }
 
 int bd_opaque_derive(bd_sim *sim) {
-  bd_linear *lin = &sim->linear;
+  bd_newton_system *system = &sim->newton;
   const bd_layout *lay = &sim->model->lay;
   bd_opaque *opaque = &sim->opaque;
-  bd_load *load = &sim->plan.load;
+  bd_torque_set *set = &sim->plan.torques;
   double *theta = sim->y + lay->theta, *omega = sim->y + lay->omega;
-  int code = bd_load_derive(load, sim->t, sim->plan.t_piece, theta, omega, lin->torque,
-                            lin->by_theta, lin->by_omega, &sim->failure);
-  if (load->smooth || code != BD_OK) {
+  int code = bd_torque_set_derive(set, sim->t, sim->plan.t_piece, theta, omega, system->torque,
+                                  system->by_theta, system->by_omega, &sim->failure);
+  if (set->smooth || code != BD_OK) {
     return code;
   }
   if (opaque->left_out > 0) {
     --opaque->left_out;
-    memset(lin->by_theta, 0, (size_t)(lay->np * lay->np) * sizeof *lin->by_theta);
-    memset(lin->by_omega, 0, (size_t)(lay->np * lay->np) * sizeof *lin->by_omega);
+    memset(system->by_theta, 0, (size_t)(lay->np * lay->np) * sizeof *system->by_theta);
+    memset(system->by_omega, 0, (size_t)(lay->np * lay->np) * sizeof *system->by_omega);
     return BD_OK;
   }
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double wide = 0.01 * fmax(fabs(omega[j]), 1.0 / sim->weights[lay->omega + j]);
-    code = verify(sim, &omega[j], wide, sim->h, lin->by_omega + j);
+    code = verify(sim, &omega[j], wide, sim->h, system->by_omega + j);
     if (code == BD_OK) {
       wide = 0.01 / sim->weights[lay->theta + j];
-      code = verify(sim, &theta[j], wide, sim->h * sim->h, lin->by_theta + j);
+      code = verify(sim, &theta[j], wide, sim->h * sim->h, system->by_theta + j);
     }
   }
   return code;
 }
 
-int bd_opaque_slope(bd_sim *sim, double h) {
+int bd_opaque_by_time(bd_sim *sim, double h) {
   const bd_layout *lay = &sim->model->lay;
-  bd_linear *lin = &sim->linear;
+  bd_newton_system *system = &sim->newton;
   double *over = sim->opaque.begin;
-  int code = bd_load_slope(&sim->plan.load, sim->t, 0.5 * h, sim->plan.t_piece, sim->y + lay->theta,
-                           sim->y + lay->omega, lin->torque, over, &sim->failure);
+  int code = bd_torque_set_by_time(&sim->plan.torques, sim->t, 0.5 * h, sim->plan.t_piece,
+                                   sim->y + lay->theta, sim->y + lay->omega, system->torque, over,
+                                   &sim->failure);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    double apart = fabs(lin->slope[j] - over[j]);
-    if (apart > 0.5 * fmax(fabs(lin->slope[j]), fabs(over[j])) &&
+    double apart = fabs(system->by_time[j] - over[j]);
+    if (apart > 0.5 * fmax(fabs(system->by_time[j]), fabs(over[j])) &&
         meaning(sim, j, apart * h, h) > bd_method_tolerance(sim->now, sim->options.rtol)) {
-      lin->slope[j] = over[j];
+      system->by_time[j] = over[j];
     }
   }
   return code;
@@ -193,27 +194,27 @@ int bd_opaque_slope(bd_sim *sim, double h) {
 /* Whether the torque at the step's end is not what the derivatives that shaped the step said. */
 static int contradicted(bd_sim *sim, double h, double t_new, double tolerance, int *wrong) {
   const bd_layout *lay = &sim->model->lay;
-  const bd_linear *lin = &sim->linear;
+  const bd_newton_system *system = &sim->newton;
   bd_opaque *opaque = &sim->opaque;
   int matters = 0, code = BD_OK;
   for (int i = 0; i < lay->np; ++i) {
     double promised = 0.0;
     for (int j = 0; j < lay->np; ++j) {
       promised +=
-          lin->by_theta[i * lay->np + j] * (sim->y_new[lay->theta + j] - sim->y[lay->theta + j]);
+          system->by_theta[i * lay->np + j] * (sim->y_new[lay->theta + j] - sim->y[lay->theta + j]);
       promised +=
-          lin->by_omega[i * lay->np + j] * (sim->y_new[lay->omega + j] - sim->y[lay->omega + j]);
+          system->by_omega[i * lay->np + j] * (sim->y_new[lay->omega + j] - sim->y[lay->omega + j]);
     }
     opaque->impulse[i] = promised;
     matters |= meaning(sim, i, promised, h) > tolerance;
   }
   if (matters) {
-    code = bd_load_eval(&sim->plan.load, t_new, sim->plan.t_piece, sim->y_new + lay->theta,
-                        sim->y_new + lay->omega, opaque->look, &sim->failure);
+    code = bd_torque_set_eval(&sim->plan.torques, t_new, sim->plan.t_piece, sim->y_new + lay->theta,
+                              sim->y_new + lay->omega, opaque->look, &sim->failure);
   }
   for (int i = 0; matters && code == BD_OK && i < lay->np; ++i) {
     double promised = opaque->impulse[i];
-    double came = opaque->look[i] - lin->torque[i] - h * lin->slope[i];
+    double came = opaque->look[i] - system->torque[i] - h * system->by_time[i];
     *wrong |=
         meaning(sim, i, promised, h) > tolerance && fabs(came - promised) > 0.5 * fabs(promised);
   }
@@ -290,26 +291,26 @@ static void count_changes(bd_sim *sim, const double *one, const double *other) {
 }
 
 void bd_opaque_try(bd_sim *sim) {
-  bd_load *load = &sim->plan.load;
-  load->watched = !load->smooth && !sim->plan.held;
-  for (int j = 0; load->watched && j < sim->model->lay.np; ++j) {
-    load->low[j] = load->high[j] = sim->opaque.now[j];
+  bd_torque_set *set = &sim->plan.torques;
+  set->watched = !set->smooth && !sim->plan.pulleys_locked;
+  for (int j = 0; set->watched && j < sim->model->lay.np; ++j) {
+    set->low[j] = set->high[j] = sim->opaque.now[j];
   }
 }
 
 void bd_opaque_tried(bd_sim *sim, double h) {
-  bd_load *load = &sim->plan.load;
+  bd_torque_set *set = &sim->plan.torques;
   const double least = grain(sim);
-  if (load->watched) {
-    widen(sim, load->low, load->high);
+  if (set->watched) {
+    widen(sim, set->low, set->high);
   }
-  if (!load->watched || h > 1.1 * least) {
-    load->watched = 0;
+  if (!set->watched || h > 1.1 * least) {
+    set->watched = 0;
     return;
   }
-  load->watched = 0;
+  set->watched = 0;
   sim->opaque.short_tries += h < 0.5 * least;
-  count_changes(sim, load->low, load->high);
+  count_changes(sim, set->low, set->high);
 }
 
 double bd_opaque_least(const bd_sim *sim) {
@@ -328,7 +329,7 @@ int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, doubl
   bd_opaque *opaque = &sim->opaque;
   int code = BD_OK, wrong = 0;
   *shrink = 1.0;
-  if (sim->plan.load.smooth || sim->plan.held) {
+  if (sim->plan.torques.smooth || sim->plan.pulleys_locked) {
     return BD_OK;
   }
   if (sim->now->implicit) {
@@ -338,7 +339,7 @@ int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, doubl
     opaque->next_left_out = opaque->next_left_out ? 2 * opaque->next_left_out : FIRST;
     opaque->next_left_out = opaque->next_left_out < MOST ? opaque->next_left_out : MOST;
     opaque->left_out = opaque->next_left_out;
-    sim->linear_known = 0;
+    sim->jacobian_known = 0;
     *shrink = 0.5;
   } else if (code == BD_OK && h > opaque->interval) {
     code = look_along(sim, h, fmin(tolerance, 1.0), shrink);
@@ -355,7 +356,7 @@ void bd_opaque_keep(bd_sim *sim, double h) {
   sim->opaque.last = sim->opaque.now;
   sim->opaque.now = spare;
   bd_opaque_began(sim);
-  if (!sim->plan.load.smooth && h <= 1.1 * grain(sim)) {
+  if (!sim->plan.torques.smooth && h <= 1.1 * grain(sim)) {
     count_changes(sim, sim->opaque.last, sim->opaque.now);
   }
 }
@@ -363,7 +364,7 @@ void bd_opaque_keep(bd_sim *sim, double h) {
 int bd_opaque_jumps(const bd_sim *sim) {
   const bd_opaque *opaque = &sim->opaque;
   double tolerance = bd_method_tolerance(sim->method, sim->options.rtol);
-  for (int j = 0; !sim->plan.load.smooth && j < sim->model->lay.np; ++j) {
+  for (int j = 0; !sim->plan.torques.smooth && j < sim->model->lay.np; ++j) {
     if (meaning(sim, j, opaque->now[j] - opaque->last[j], sim->h) > 0.1 * tolerance) {
       return j;
     }
@@ -373,11 +374,11 @@ int bd_opaque_jumps(const bd_sim *sim) {
 
 void bd_opaque_sampled(bd_sim *sim, double t, double h) {
   const bd_layout *lay = &sim->model->lay;
-  const bd_load *load = &sim->plan.load;
+  const bd_torque_set *set = &sim->plan.torques;
   const bd_opaque *opaque = &sim->opaque;
   for (int j = 0; j < lay->np; ++j) {
     double torque = sim->plan.torque[j];
-    double low = fmin(load->low[j], opaque->now[j]), high = fmax(load->high[j], opaque->now[j]);
+    double low = fmin(set->low[j], opaque->now[j]), high = fmax(set->high[j], opaque->now[j]);
     double beyond = fmax(low - torque, torque - high);
     double scale = fmax(fabs(sim->y[lay->omega + j]), 1.0 / sim->weights[lay->omega + j]);
     if (beyond * h / sim->model->inertia[j] > 0.02 * scale) {

@@ -64,15 +64,15 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
   const double *a = m->a, *c = m->c, one = 1.0;
   int code = bd_sim_linearise(sim);
   if (code == BD_OK) {
-    code = bd_sim_take_slope(sim, h, 1);
+    code = bd_sim_torque_by_time(sim, h, 1);
   }
   if (code != BD_OK) {
     return code;
   }
-  bd_linear_look_ahead(&sim->linear, &sim->plan, sim->y, 0.0);
-  bd_linear_factor(&sim->linear, &sim->plan, m->gamma * h);
+  bd_newton_linearise_contact(&sim->newton, &sim->plan, sim->y, 0.0);
+  bd_newton_factor(&sim->newton, &sim->plan, m->gamma * h);
   ++sim->stats.nlu;
-  sim->plan.powerless = 1;
+  sim->plan.skip_power = 1;
   for (int s = 0; s < m->stages; ++s) {
     if (s == 0) {
       memcpy(u[0], sim->stage[0], size * sizeof *u[0]);
@@ -90,10 +90,10 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
       a += s;
       c += s;
     }
-    bd_sim_add_slope(sim, u[s], h * m->slope[s]);
-    bd_linear_solve(&sim->linear, &sim->plan, u[s]);
+    bd_sim_add_torque_by_time(sim, u[s], h * m->slope[s]);
+    bd_newton_solve(&sim->newton, &sim->plan, u[s]);
   }
-  sim->plan.powerless = 0;
+  sim->plan.skip_power = 0;
   if (code == BD_OK) {
     double *last = u[m->stages - 1];
     kernels->combine(size, sim->y_new, sim->y_mid, 1.0, 1, &one, &last);
@@ -115,5 +115,5 @@ void bd_rosenbrock_inside(bd_sim *sim, double h, double s, double *y) {
 }
 
 int bd_rosenbrock_finish(bd_sim *sim, double h, double t_new) {
-  return bd_sim_arrive(sim, h, t_new, 1);
+  return bd_sim_finish_step(sim, h, t_new, 1);
 }

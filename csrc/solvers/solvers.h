@@ -10,41 +10,43 @@
 /* --- newton_system.c ---------------------------------------------------------------------------
  */
 
-typedef struct bd_linear {
-  const bd_linear_kernels *ring_kernels;
+typedef struct bd_newton_system {
+  const bd_newton_kernels *ring_kernels;
   bd_ring ring;
   bd_tangent tangent;
-  bd_touch *touch; /* per pulley */
+  bd_contact_tangent *contact; /* per pulley */
   bd_blocks blocks;
   bd_stage stage;
   double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
   double *border;    /* per pulley: its column, solved by the ring */
-  bd_drum *drums;
+  bd_contact_pulley *contact_pulleys;
   int *n_runs;
   bd_run *runs;
   double *own, *rhs, *matrix;
   int *pivots;
-  double *by_theta, *by_omega, *slope, *torque; /* of the set torques */
-} bd_linear;
+  double *by_theta, *by_omega, *by_time, *torque; /* of the set torques */
+} bd_newton_system;
 
-void bd_linear_carve(bd_carver *carver, bd_linear *lin, const bd_model *model);
+void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
 /* Keeps the Jacobian at a state whose rate was the last to be evaluated, but for the set torques.
  */
-void bd_linearise(bd_linear *lin, const bd_plan *plan, const double *y);
-void bd_linear_factor(bd_linear *lin, bd_plan *plan, double g);
-/* Contact, between bd_linearise and bd_linear_factor: at the state (h = 0), or as a step of length
- * h finds it at its end. Then links that land within the step are in contact, and links on a pulley
- * go round it: by (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a stiff
- * contact more than N itself. The second adds what that is worth to a rate. */
-void bd_linear_look_ahead(bd_linear *lin, bd_plan *plan, const double *y, double h);
-void bd_linear_add_ahead(const bd_linear *lin, const bd_plan *plan, double *c);
+void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y);
+void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g);
+/* Contact, between bd_newton_linearise and bd_newton_factor: at the state (h = 0), or as a step of
+ * length h finds it at its end. Then links that land within the step are in contact, and links on a
+ * pulley go round it: by (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a
+ * stiff contact more than N itself. The second adds what that is worth to a rate. */
+void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const double *y,
+                                 double h);
+void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
+                                     double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
-void bd_linear_solve(bd_linear *lin, bd_plan *plan, double *c);
+void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
 /* --- methods.c ---------------------------------------------------------------------------------
  */
 
-enum { MAX_PAST = 2 }; /* earlier states that a multistep method may look back on */
+enum { MAX_HISTORY = 2 }; /* earlier states that a multistep method may look back on */
 
 /* A row of the table in methods.c: another method is another row, and the functions it names. */
 typedef struct bd_method {
@@ -53,7 +55,7 @@ typedef struct bd_method {
   int order;
   int error_order;  /* local errors go with this power of the step */
   int vectors;      /* of the size of the state, in bd_sim.stage */
-  int past;         /* earlier states it looks back on */
+  int history;      /* earlier states it looks back on */
   int adaptive;     /* its errors can set its step */
   int may_be_fixed; /* bd_options.step is the step, not the first one */
   double stability; /* limit of h |lambda|; 0: none */
@@ -117,10 +119,10 @@ void bd_lbdf_inside(bd_sim *sim, double h, double s, double *y);
 int bd_sim_linearise(bd_sim *sim);
 /* The set torques' change with time: over the step of length h, or at its start; and factor times
  * what it means for the pulleys, added to c. */
-int bd_sim_take_slope(bd_sim *sim, double h, int at_start);
-void bd_sim_add_slope(const bd_sim *sim, double *c, double factor);
+int bd_sim_torque_by_time(bd_sim *sim, double h, int at_start);
+void bd_sim_add_torque_by_time(const bd_sim *sim, double *c, double factor);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
-int bd_sim_arrive(bd_sim *sim, double h, double t_new, int middle);
+int bd_sim_finish_step(bd_sim *sim, double h, double t_new, int middle);
 /* The ledger's part of a state inside the step just made. */
 void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
 
@@ -128,10 +130,10 @@ void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
  */
 
 /* y_new becomes y, y the first of the past. */
-void bd_past_turn(bd_sim *sim, double h);
+void bd_history_push(bd_sim *sim, double h);
 /* What happens to y after a step, whole turns taken off and friction forgotten, to the past, too.
  */
-void bd_past_follow(bd_sim *sim);
+void bd_history_rebase(bd_sim *sim);
 
 /* --- stiffness.c -------------------------------------------------------------------------------
  */
@@ -143,6 +145,6 @@ typedef struct bd_stiffness {
 } bd_stiffness;
 
 /* load: may be NULL. */
-bd_stiffness bd_stiffness_of(const bd_model *model, const bd_load *load);
+bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
 
 #endif

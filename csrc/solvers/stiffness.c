@@ -15,7 +15,7 @@ static double lambda(double stiffness, double damping) {
   return d2 > k4 ? 0.5 * (damping + sqrt(d2 - k4)) : sqrt(stiffness);
 }
 
-bd_stiffness bd_stiffness_of(const bd_model *model, const bd_load *load) {
+bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
   const bd_info *info = &model->info;
   const double m = info->link_mass, sigma = model->has_friction ? model->dahl.sigma : 0.0;
   double strain = model->geometry.code == BD_OK ? info->strain + info->mesh_strain : 0.01;
@@ -32,9 +32,9 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_load *load) {
         sqrt(info->contact_linear * info->contact_linear + 4.0 * info->contact_quadratic * normal);
     double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
     double grip = sigma * normal, viscous = 0.0;
-    for (size_t k = 0; load && k < load->n_terms; ++k) {
+    for (size_t k = 0; set && k < set->n_terms; ++k) {
       viscous +=
-          load->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(load->terms[k].coefficients[j]) : 0.0;
+          set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
     }
     const struct {
       double k, d;
