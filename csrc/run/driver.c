@@ -209,8 +209,8 @@ static int pass_stop(bd_sim *sim) {
 
 /* Whether an implicit fixed step goes on with shorter ones after a failure. */
 static int shortened(const bd_sim *sim) {
-  return sim->stepper.fixed && sim->stepper.method->implicit &&
-         sim->stepper.h < 0.99 * sim->options.step;
+  const bd_stepper *stepper = &sim->stepper;
+  return stepper->fixed && stepper->method->implicit && stepper->h < 0.99 * sim->options.step;
 }
 
 /* What the error of a trial may be. A fixed step is not believed when it errs by many times the
@@ -219,108 +219,150 @@ static int shortened(const bd_sim *sim) {
  * taken as it comes. */
 static double limit(const bd_sim *sim) {
   enum { MAX_FIXED_STEP_ERROR = 20, LOOSE = 2 };
-  if (sim->stepper.now != sim->stepper.method || sim->settling) {
+  const bd_stepper *stepper = &sim->stepper;
+  if (stepper->now != stepper->method || sim->settling) {
     return DBL_MAX;
   }
-  return !sim->stepper.fixed ? bd_method_tolerance(sim->stepper.method, sim->stepper.rtol)
-         : shortened(sim)    ? (double)LOOSE
-                             : (double)MAX_FIXED_STEP_ERROR;
+  return !stepper->fixed  ? bd_method_tolerance(stepper->method, stepper->rtol)
+         : shortened(sim) ? (double)LOOSE
+                          : (double)MAX_FIXED_STEP_ERROR;
+}
+
+/* A step being tried. */
+typedef struct trial {
+  double h, t_new;
+  int hits_stop; /* t_new is a kink of the torque, or the end */
+  double error, tolerance;
+  double least;        /* for a torque that jumps all the time: steps need not be shorter */
+  int rough;           /* errs by more than the tolerance because of such a torque */
+  double shortened_by; /* < 1: by which factor a torque function asks for a shorter step */
+} trial;
+
+static trial next_trial(bd_sim *sim) {
+  const bd_stepper *stepper = &sim->stepper;
+  const double stop = next_stop(sim), left = stop - stepper->t;
+  const double h = bd_stepper_longest(stepper, stepper->h);
+  /* equal parts rather than a sliver before the stop */
+  const double parts = ceil(left / h * (1.0 - 1e-12));
+  trial t = {.hits_stop = parts <= 1.0, .error = INFINITY, .shortened_by = 1.0};
+  t.h = t.hits_stop ? left : !stepper->fixed && parts > 2.0 ? h : left / parts;
+  t.t_new = t.hits_stop ? stop : stepper->t + t.h;
+  t.tolerance = limit(sim);
+  return t;
+}
+
+/* Makes the step and adopts it if it is good: BD_OK. BD_MORE: it errs too much. */
+static int try_step(bd_sim *sim, trial *t) {
+  bd_stepper *stepper = &sim->stepper;
+  stepper->plan.t_piece = stepper->t + 0.5 * t->h;
+  bd_search_ready(&stepper->plan, stepper->y, t->h);
+  bd_opaque_try(stepper);
+  int code = stepper->now->attempt(stepper, t->h, &t->error);
+  bd_opaque_tried(stepper, t->h);
+  int within = isfinite(t->error) && t->error <= t->tolerance;
+  t->least = stepper->fixed ? 0.0 : bd_opaque_least(stepper);
+  t->rough = !within && !stepper->fixed && isfinite(t->error) &&
+             t->error <= t->tolerance + bd_opaque_allowance(stepper, t->h);
+  if (code == BD_OK && within) {
+    code = bd_opaque_check(stepper, t->h, t->t_new, t->tolerance, &t->shortened_by);
+    within = t->shortened_by >= 1.0;
+  }
+  if (code != BD_OK) {
+    return code;
+  }
+  if (!within && !t->rough) {
+    return isfinite(t->error) ? BD_MORE : BD_ERR_NOT_FINITE;
+  }
+  if (stepper->fixed && bd_state_bad(&stepper->model->lay, stepper->y_new, &(int){0}, &(int){0})) {
+    return BD_ERR_NOT_FINITE;
+  }
+  return accept(sim, t->h, t->t_new);
+}
+
+/* After an accepted step: errors, the length of the next. */
+static int go_on(bd_sim *sim, const trial *t) {
+  enum { MAX_FALLBACKS = 200 };
+  bd_stepper *stepper = &sim->stepper;
+  const int fallback = stepper->now != stepper->method;
+  if (!t->rough) {
+    sim->stats.local_error = fmax(sim->stats.local_error, bd_method_error(stepper->now, t->error));
+  }
+  if (fallback) {
+    ++sim->stats.fallbacks;
+  } else if (!stepper->fixed) {
+    choose_next(sim, t->h, t->error / t->tolerance);
+    stepper->h = fmax(stepper->h, t->least);
+  } else if (shortened(sim)) {
+    choose_next(sim, t->h, t->error / t->tolerance);
+    stepper->h = fmin(stepper->h, sim->options.step);
+  }
+  sim->fallbacks_in_a_row = fallback ? sim->fallbacks_in_a_row + 1 : 0;
+  if (sim->fallbacks_in_a_row > MAX_FALLBACKS) {
+    return bd_sim_fail_floor(sim, t->h);
+  }
+  return t->hits_stop ? pass_stop(sim) : BD_OK;
+}
+
+/* After a rejected step: BD_OK, and stepper.h is what to try next, or the error that ends the run.
+ * code: BD_MORE where the step erred too much. */
+static int reject(bd_sim *sim, const trial *t, int code, int retries) {
+  enum { MAX_RETRIES = 12 };
+  bd_stepper *stepper = &sim->stepper;
+  const bd_method *m = stepper->method;
+  const double step_floor = shortest(sim), h = t->h;
+  const int at_floor = h <= 1.01 * step_floor;
+  if (code == BD_MORE && stepper->fixed && !m->implicit) {
+    return bd_sim_fail_fixed(sim, h, t->error);
+  }
+  if (code != BD_MORE && !may_be_mended(code)) {
+    return code;
+  }
+  if (stepper->fixed && !m->implicit) {
+    return bd_sim_fail_unstable(sim, code, h);
+  }
+  ++sim->stats.rejected;
+  if (stepper->fixed) {
+    /* the step asked for is not to be trusted */
+    double guess = isfinite(t->error) ? bd_method_error(stepper->now, t->error) : 1.0;
+    sim->stats.local_error = fmax(sim->stats.local_error, fmax(1.0, guess));
+  }
+  if (code == BD_ERR_PASSED_THROUGH) {
+    if (!m->implicit || at_floor) {
+      return stepper->fixed ? bd_sim_fail_unstable(sim, code, h) : code;
+    }
+    bd_plan_assign_contacts(&stepper->plan, stepper->y);
+  }
+  if (at_floor && (!m->implicit || stepper->now->order == 1)) {
+    return isfinite(t->error) ? bd_sim_fail_floor(sim, h)
+                              : bd_sim_fail_unstable(sim, BD_ERR_NOT_FINITE, h);
+  }
+  double shrink = 0.1;
+  if (t->shortened_by < 1.0) {
+    shrink = t->shortened_by;
+  } else if (code == BD_MORE) {
+    shrink = fmin(0.9, fmax(0.1, 0.9 * pow(t->error / t->tolerance, -1.0 / m->error_order)));
+  }
+  stepper->h = fmax(step_floor, rung(h * shrink));
+  stepper->h = h > 1.1 * t->least ? fmax(t->least, stepper->h) : stepper->h;
+  /* what even short steps of a higher order cannot follow is left to the first order */
+  if (m->implicit && (retries >= MAX_RETRIES || at_floor)) {
+    stepper->now = bd_method_find("lie");
+  }
+  return BD_OK;
 }
 
 /* One accepted step, or an error. */
 static int step(bd_sim *sim) {
-  const bd_method *m = sim->stepper.method;
-  const double step_floor = shortest(sim);
-  enum { MAX_RETRIES = 12, MAX_FALLBACKS = 200 };
-  sim->stepper.now = m;
-  for (int failed = 0;; ++failed) {
-    double stop = next_stop(sim), left = stop - sim->stepper.t;
-    double h = bd_stepper_longest(&sim->stepper, sim->stepper.h);
-    /* equal parts rather than a sliver before the stop */
-    double parts = ceil(left / h * (1.0 - 1e-12));
-    int hit = parts <= 1.0;
-    h = hit ? left : !sim->stepper.fixed && parts > 2.0 ? h : left / parts;
-    double t_new = hit ? stop : sim->stepper.t + h, error = INFINITY, tolerance = limit(sim);
-    sim->stepper.plan.t_piece = sim->stepper.t + 0.5 * h;
-    bd_search_ready(&sim->stepper.plan, sim->stepper.y, h);
-    bd_opaque_try(&sim->stepper);
-    int code = sim->stepper.now->attempt(&sim->stepper, h, &error);
-    bd_opaque_tried(&sim->stepper, h);
-    int within = isfinite(error) && error <= tolerance;
-    const double least = sim->stepper.fixed ? 0.0 : bd_opaque_least(&sim->stepper);
-    const int rough = !within && !sim->stepper.fixed && isfinite(error) &&
-                      error <= tolerance + bd_opaque_allowance(&sim->stepper, h);
-    double shortened_by = 1.0;
-    if (rough) {
-      within = 1;
-    } else if (code == BD_OK && within) {
-      code = bd_opaque_check(&sim->stepper, h, t_new, tolerance, &shortened_by);
-      within = shortened_by >= 1.0;
-    }
-    if (code == BD_OK && within) {
-      if (sim->stepper.fixed &&
-          bd_state_bad(&sim->stepper.model->lay, sim->stepper.y_new, &(int){0}, &(int){0})) {
-        code = BD_ERR_NOT_FINITE;
-      } else {
-        code = accept(sim, h, t_new);
-      }
-    } else if (code == BD_OK) {
-      code = isfinite(error) ? BD_MORE : BD_ERR_NOT_FINITE;
-    }
+  sim->stepper.now = sim->stepper.method;
+  for (int retries = 0;; ++retries) {
+    trial t = next_trial(sim);
+    int code = try_step(sim, &t);
     if (code == BD_OK) {
-      if (!rough) {
-        sim->stats.local_error =
-            fmax(sim->stats.local_error, bd_method_error(sim->stepper.now, error));
-      }
-      if (sim->stepper.now != m) {
-        ++sim->stats.fallbacks;
-      } else if (!sim->stepper.fixed) {
-        choose_next(sim, h, error / tolerance);
-        sim->stepper.h = fmax(sim->stepper.h, least);
-      } else if (shortened(sim)) {
-        choose_next(sim, h, error / tolerance);
-        sim->stepper.h = fmin(sim->stepper.h, sim->options.step);
-      }
-      sim->fallbacks_in_a_row = sim->stepper.now != m ? sim->fallbacks_in_a_row + 1 : 0;
-      if (sim->fallbacks_in_a_row > MAX_FALLBACKS) {
-        return bd_sim_fail_floor(sim, h);
-      }
-      return hit ? pass_stop(sim) : BD_OK;
+      return go_on(sim, &t);
     }
-    int mendable = code == BD_MORE || may_be_mended(code);
-    if (code == BD_MORE && sim->stepper.fixed && !m->implicit) {
-      return bd_sim_fail_fixed(sim, h, error);
-    }
-    if (!mendable || (sim->stepper.fixed && !m->implicit)) {
-      return mendable ? bd_sim_fail_unstable(sim, code, h) : code;
-    }
-    ++sim->stats.rejected;
-    if (sim->stepper.fixed) {
-      /* the step asked for is not to be trusted */
-      double guess = isfinite(error) ? bd_method_error(sim->stepper.now, error) : 1.0;
-      sim->stats.local_error = fmax(sim->stats.local_error, fmax(1.0, guess));
-    }
-    if (code == BD_ERR_PASSED_THROUGH) {
-      if (!m->implicit || h <= 1.01 * step_floor) {
-        return sim->stepper.fixed ? bd_sim_fail_unstable(sim, code, h) : code;
-      }
-      bd_plan_assign_contacts(&sim->stepper.plan, sim->stepper.y);
-    }
-    if (h <= 1.01 * step_floor && (!m->implicit || sim->stepper.now->order == 1)) {
-      return isfinite(error) ? bd_sim_fail_floor(sim, h)
-                             : bd_sim_fail_unstable(sim, BD_ERR_NOT_FINITE, h);
-    }
-    double shrink = 0.1;
-    if (shortened_by < 1.0) {
-      shrink = shortened_by;
-    } else if (code == BD_MORE) {
-      shrink = fmin(0.9, fmax(0.1, 0.9 * pow(error / tolerance, -1.0 / m->error_order)));
-    }
-    sim->stepper.h = fmax(step_floor, rung(h * shrink));
-    sim->stepper.h = h > 1.1 * least ? fmax(least, sim->stepper.h) : sim->stepper.h;
-    /* what even short steps of a higher order cannot follow is left to the first order */
-    if (m->implicit && (failed >= MAX_RETRIES || h <= 1.01 * step_floor)) {
-      sim->stepper.now = bd_method_find("lie");
+    code = reject(sim, &t, code, retries);
+    if (code != BD_OK) {
+      return code;
     }
   }
 }
