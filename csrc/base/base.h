@@ -45,8 +45,7 @@ static inline int bd_f_slip(const bd_layout *lay) {
   return F_MU + lay->slots;
 }
 
-/* --- base.c ------------------------------------------------------------------------------------
- */
+/* --- base.c ---------------------------------------------------------------------------------- */
 
 /* Objects are one block each: the same carving code runs twice, first with base NULL to add up the
  * size, then to hand out the pieces. */

@@ -8,8 +8,7 @@
 
 #include "model/model.h"
 
-/* --- torque.c ----------------------------------------------------------------------------------
- */
+/* --- torque.c -------------------------------------------------------------------------------- */
 
 typedef struct bd_torque_set {
   int np;
@@ -39,8 +38,7 @@ int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piec
                           const double *theta, const double *omega, const double *torque,
                           double *slope, bd_error *err);
 
-/* --- search.c ----------------------------------------------------------------------------------
- */
+/* --- search.c -------------------------------------------------------------------------------- */
 
 typedef struct bd_search {
   double margin;    /* how far outside a pulley links are still listed [m] */
@@ -53,8 +51,7 @@ typedef struct bd_search {
 
 void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay);
 
-/* --- plan.c ------------------------------------------------------------------------------------
- */
+/* --- plan.c ---------------------------------------------------------------------------------- */
 
 typedef struct bd_plan bd_plan;
 typedef int (*bd_pass)(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
@@ -112,15 +109,13 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y);
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);
 
-/* --- search.c, on a plan -----------------------------------------------------------------------
- */
+/* --- search.c, on a plan --------------------------------------------------------------------- */
 
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
  * within the step is listed. */
 void bd_search_ready(bd_plan *plan, const double *y, double h);
 
-/* --- observe.c ---------------------------------------------------------------------------------
- */
+/* --- observe.c ------------------------------------------------------------------------------- */
 
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,

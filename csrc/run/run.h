@@ -9,7 +9,7 @@
 
 #include "solvers/solvers.h"
 
-/* --- auto.c ----------------------------------------------------------------------------------- */
+/* --- auto.c ---------------------------------------------------------------------------------- */
 
 enum { AUTO_EXPLICIT, AUTO_IMPLICIT, N_AUTO };
 
@@ -33,7 +33,7 @@ void bd_auto_watch(bd_sim *sim);
 /* What was chosen and why, in a sentence. */
 void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 
-/* --- driver.c --------------------------------------------------------------------------------- */
+/* --- driver.c -------------------------------------------------------------------------------- */
 
 /* What the guards remember. */
 typedef struct bd_guard {
@@ -77,7 +77,7 @@ struct bd_sim {
   bd_stats stats;
 };
 
-/* --- guards.c --------------------------------------------------------------------------------- */
+/* --- guards.c -------------------------------------------------------------------------------- */
 
 void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np);
 /* Fails where the belt does not run round a pulley; where the state cannot be one of this drive. */
@@ -88,7 +88,7 @@ void bd_guard_begin(bd_sim *sim);
 int bd_guard_look(bd_sim *sim, int now);
 int bd_guard_progress(bd_sim *sim);
 
-/* --- twin.c ----------------------------------------------------------------------------------- */
+/* --- twin.c ---------------------------------------------------------------------------------- */
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np);
 int bd_twin_create(bd_sim *sim, const bd_torque *torque);
@@ -98,7 +98,7 @@ void bd_twin_follow(bd_sim *sim);
 double bd_twin_magnifies(const bd_twin *twin);
 void bd_twin_free(bd_twin *twin);
 
-/* --- messages.c ------------------------------------------------------------------------------- */
+/* --- messages.c ------------------------------------------------------------------------------ */
 
 /* Numbers are no longer finite, or links sank into a pulley, in a trial of length h; a step that is
  * as short as steps can be does not meet the tolerance. Both return the error's code. */
@@ -106,7 +106,7 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
 int bd_sim_fail_floor(bd_sim *sim, double h);
 /* A fixed explicit step erred by so much. */
 int bd_sim_fail_fixed(bd_sim *sim, double h, double error);
-/* --- create.c, driver.c ---------------------------------------------------------------- */
+/* --- create.c, driver.c ---------------------------------------------------------------------- */
 
 /* Refuses times that rounding would blur. */
 int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err);

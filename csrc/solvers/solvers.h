@@ -7,7 +7,7 @@
 
 #include "physics/physics.h"
 
-/* --- newton_system.c -------------------------------------------------------------------------- */
+/* --- newton_system.c ------------------------------------------------------------------------- */
 
 typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
@@ -44,7 +44,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
 typedef struct bd_stepper bd_stepper;
 
-/* --- methods.c -------------------------------------------------------------------------------- */
+/* --- methods.c ------------------------------------------------------------------------------- */
 
 enum { MAX_HISTORY = 2 }; /* earlier states that a multistep method may look back on */
 
@@ -114,8 +114,7 @@ int bd_lbdf_attempt(bd_stepper *stepper, double h, double *error);
 int bd_lbdf_finish(bd_stepper *stepper, double h, double t_new);
 void bd_lbdf_inside(bd_stepper *stepper, double h, double s, double *y);
 
-/* --- stepper.c ---------------------------------------------------------------------------------
- */
+/* --- stepper.c ------------------------------------------------------------------------------- */
 
 /* What is known of torque functions, and scratch for asking them; arrays by pulley. */
 typedef struct bd_opaque {
@@ -177,7 +176,7 @@ void bd_stepper_reset(bd_stepper *stepper);
 /* Makes one stepper stand where another stands. */
 void bd_stepper_copy(bd_stepper *to, const bd_stepper *from);
 
-/* --- implicit.c ------------------------------------------------------------------------------- */
+/* --- implicit.c ------------------------------------------------------------------------------ */
 
 /* Sees that the Jacobian at y, and the rate, are there. */
 int bd_implicit_linearise(bd_stepper *stepper);
@@ -190,7 +189,7 @@ int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
 /* The ledger's part of a state inside the step just made. */
 void bd_implicit_work_inside(const bd_stepper *stepper, double h, double s, double *y);
 
-/* --- history.c -------------------------------------------------------------------------------- */
+/* --- history.c ------------------------------------------------------------------------------- */
 
 /* y_new becomes y, y the first of the past. */
 void bd_history_push(bd_stepper *stepper, double h);
@@ -198,7 +197,7 @@ void bd_history_push(bd_stepper *stepper, double h);
  */
 void bd_history_rebase(bd_stepper *stepper);
 
-/* --- opaque.c --------------------------------------------------------------------------------- */
+/* --- opaque.c -------------------------------------------------------------------------------- */
 
 void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np);
 /* The set torques' derivatives to angles and speeds, as far as they can be believed. */
@@ -226,7 +225,7 @@ void bd_opaque_sampled(bd_stepper *stepper, double t, double h);
  * next; -1: none. */
 int bd_opaque_jumps(const bd_stepper *stepper);
 
-/* --- stiffness.c ------------------------------------------------------------------------------ */
+/* --- stiffness.c ----------------------------------------------------------------------------- */
 
 typedef struct bd_stiffness {
   double bound;     /* of |lambda| [1/s], everything together */
