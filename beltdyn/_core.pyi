@@ -105,3 +105,7 @@ class Simulation:
     @property
     def warnings(self) -> list[dict[str, Any]]: ...  # fields of beltdyn.RunWarning
     def state(self) -> dict[str, Any]: ...
+    def export_record(self) -> bytes:
+        """Everything that the run needs to go on bit for bit, in another process too."""
+    def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
+        """Go on from a record, in a new simulation of the same model, torque and options."""

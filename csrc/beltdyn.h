@@ -254,6 +254,16 @@ double bd_sim_time(const bd_sim *sim);
 size_t bd_sim_samples(const bd_sim *sim); /* finished rows */
 int bd_sim_state(const bd_sim *sim, bd_state *out);
 
+/* The restart record: with it a simulation made of the same model, torques, t_end and options, in
+ * another process too, goes on as this one would have, bit for bit; a state alone does not know the
+ * step, the history and what was last evaluated. Returns its size; record NULL: only that. Not
+ * while the simulation runs. */
+size_t bd_sim_export(const bd_sim *sim, void *record);
+/* Into a simulation that has not begun, whatever its initial state; its sample times are set
+ * before, and those up to the time of the record are left out. Refuses by name what is no record,
+ * is damaged, or belongs to another run or other kernels, and then changes nothing. */
+int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err);
+
 typedef struct bd_stats {
 #define X(type, name, text) type name;
   BD_STATS(X)

@@ -487,6 +487,61 @@ static PyObject *sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
   return dict;
 }
 
+PyDoc_STRVAR(
+    export_doc,
+    "export_record($self, /)\n--\n\n"
+    "Everything that the run needs to go on bit for bit, as bytes.\n\n"
+    "state() has no step size, history, choice of method and the like. Raises RuntimeError\n"
+    "while the simulation is running or if it settles.");
+
+static PyObject *sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *bytes = NULL;
+  if (self->settling) {
+    PyErr_SetString(PyExc_RuntimeError, "settling has no restart record: begin it anew");
+  } else {
+    bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)bd_sim_export(self->sim, NULL));
+  }
+  if (bytes) {
+    bd_sim_export(self->sim, PyBytes_AS_STRING(bytes));
+  }
+  leave(self);
+  return bytes;
+}
+
+PyDoc_STRVAR(
+    import_doc,
+    "import_record($self, record, /)\n--\n\n"
+    "Go on from a record of export_record(), of this or of another process.\n\n"
+    "The simulation must be new, made with the same model, torque, t_end and options; its\n"
+    "state is replaced. Sample times are set before; those up to the record's time are\n"
+    "left out. Raises TypeError for what is no bytes-like object, ValueError for a record\n"
+    "that is damaged, or of another run or other kernels, RuntimeError if it is too late.");
+
+static PyObject *sim_import(PyObject *object, PyObject *record) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  Py_buffer view;
+  if (PyObject_GetBuffer(record, &view, PyBUF_SIMPLE) < 0) {
+    return NULL;
+  }
+  int code = -1;
+  bd_error err = {0};
+  if (enter(self) == 0) {
+    code = bd_sim_import(self->sim, view.buf, (size_t)view.len, &err);
+    leave(self);
+    if (code < 0) {
+      bd_core_raise(code, &err);
+    } else {
+      self->started = 1;
+    }
+  }
+  PyBuffer_Release(&view);
+  return code < 0 ? NULL : Py_NewRef(Py_None);
+}
+
 static PyObject *sim_time(PyObject *object, void *Py_UNUSED(closure)) {
   bd_core_sim *self = (bd_core_sim *)object;
   if (enter(self) < 0) {
@@ -596,6 +651,8 @@ static PyMethodDef sim_methods[] = {
     {"advance", (PyCFunction)(void (*)(void))sim_advance, METH_VARARGS | METH_KEYWORDS,
      advance_doc},
     {"state", sim_state, METH_NOARGS, state_doc},
+    {"export_record", sim_export, METH_NOARGS, export_doc},
+    {"import_record", sim_import, METH_O, import_doc},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,0 +1,329 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The restart record: everything that a run needs to go on bit for bit, where a state alone has
+ * positions, velocities and friction but not the step and its controller, the states a multistep
+ * method looks back on, the rate and directions last evaluated, which links are listed near the
+ * pulleys, what "auto" has chosen, and what guards, torque functions and twins remember.
+ *
+ * One function visits every such field in order; it adds up sizes, writes or reads, so what is
+ * written and what is read cannot differ. Pointers are never part of it: a method is its row in the
+ * table. A head of the record names format and kernels and holds check sums of the scene and of
+ * what follows; a record of another scene, and one that was damaged, is refused. Guarded by
+ * tests/test_record.py.
+ */
+#include <string.h>
+
+#include "run/run.h"
+
+enum { FORMAT = 1 };
+
+typedef struct head {
+  char magic[8];
+  uint32_t format, kernels; /* kernels: of the level's name */
+  uint64_t size;            /* of what follows */
+  uint64_t scene, content;  /* check sums */
+} head;
+
+static const char MAGIC[8] = {'b', 'e', 'l', 't', 'd', 'y', 'n', 'R'};
+
+/* FNV-1a (Fowler, Noll, Vo), 64 bits. */
+static uint64_t hash(uint64_t sum, const void *data, size_t size) {
+  const unsigned char *byte = data;
+  for (size_t k = 0; k < size; ++k) {
+    sum = (sum ^ byte[k]) * 0x100000001b3u;
+  }
+  return sum;
+}
+
+static const uint64_t EMPTY = 0xcbf29ce484222325u;
+
+/* --- visiting -------------------------------------------------------------------------------- */
+
+typedef struct visitor {
+  enum { MEASURE, WRITE, READ } does;
+  char *out;
+  const char *in;
+  size_t used;
+} visitor;
+
+static void visit(visitor *v, void *data, size_t size) {
+  if (v->does == WRITE) {
+    memcpy(v->out + v->used, data, size);
+  } else if (v->does == READ) {
+    memcpy(data, v->in + v->used, size);
+  }
+  v->used += size;
+}
+
+#define ONE(v, field) visit((v), &(field), sizeof(field))
+#define MANY(v, array, count) visit((v), (array), (size_t)(count) * sizeof *(array))
+
+static void visit_method(visitor *v, const bd_method **method) {
+  const bd_method *row;
+  int32_t index = -1;
+  for (size_t k = 0; (row = bd_method_at(k)); ++k) {
+    index = row == *method ? (int32_t)k : index;
+  }
+  ONE(v, index);
+  if (v->does == READ) {
+    *method = index < 0 ? NULL : bd_method_at((size_t)index);
+  }
+}
+
+static void visit_torque(visitor *v, bd_opaque *opaque, int np) {
+  ONE(v, opaque->left_out);
+  ONE(v, opaque->next_left_out);
+  ONE(v, opaque->short_tries);
+  ONE(v, opaque->owed);
+  ONE(v, opaque->t_owed);
+  ONE(v, opaque->jump);
+  ONE(v, opaque->rough_for);
+  ONE(v, opaque->rough_until);
+  ONE(v, opaque->t_range);
+  ONE(v, opaque->ranges);
+  MANY(v, opaque->range, np);
+  MANY(v, opaque->least, np);
+  MANY(v, opaque->most, np);
+  MANY(v, opaque->last, np);
+  MANY(v, opaque->now, np);
+}
+
+static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
+  bd_search *search = &plan->search;
+  MANY(v, plan->owner, lay->n8 * lay->slots);
+  MANY(v, plan->torque, lay->np);
+  MANY(v, plan->friction, lay->np);
+  MANY(v, plan->links.cos - BD_HALO, lay->stride);
+  MANY(v, plan->links.sin - BD_HALO, lay->stride);
+  ONE(v, plan->t_piece);
+  ONE(v, plan->skip_power);
+  ONE(v, plan->contacts_changed);
+  ONE(v, search->margin);
+  ONE(v, search->travelled);
+  ONE(v, search->rebuilds);
+  MANY(v, search->n_runs, lay->np);
+  MANY(v, search->runs, lay->np * search->max_runs);
+}
+
+/* Between two steps: y_new, y_mid, the Jacobian and all stages but the first are made anew. */
+static void visit_stepper(visitor *v, bd_stepper *stepper) {
+  const bd_layout *lay = &stepper->model->lay;
+  visit_method(v, &stepper->method);
+  visit_method(v, &stepper->now);
+  ONE(v, stepper->fixed);
+  ONE(v, stepper->t);
+  ONE(v, stepper->h);
+  ONE(v, stepper->turns);
+  MANY(v, stepper->y, lay->size);
+  MANY(v, stepper->stage[0], lay->size);
+  ONE(v, stepper->rate_known);
+  ONE(v, stepper->n_history);
+  ONE(v, stepper->history_h);
+  for (int k = 0; k < MAX_HISTORY; ++k) {
+    if (stepper->history[k]) {
+      MANY(v, stepper->history[k], lay->size);
+    }
+  }
+  if (stepper->newton.torque) {
+    MANY(v, stepper->newton.torque, lay->np);
+  }
+  ONE(v, stepper->nfev);
+  ONE(v, stepper->njev);
+  ONE(v, stepper->nlu);
+  ONE(v, stepper->report);
+  visit_plan(v, &stepper->plan, lay);
+  visit_torque(v, &stepper->opaque, lay->np);
+}
+
+static void visit_choice(visitor *v, bd_auto *choice) {
+  ONE(v, choice->per_second);
+  ONE(v, choice->time);
+  ONE(v, choice->steps);
+  ONE(v, choice->now);
+  ONE(v, choice->doubtful);
+  ONE(v, choice->h_kept);
+  ONE(v, choice->t_before);
+  ONE(v, choice->t_judge);
+  ONE(v, choice->tries_begin);
+  ONE(v, choice->tries_judge);
+  ONE(v, choice->look_after);
+}
+
+static void visit_guard(visitor *v, bd_guard *guard, int np) {
+  ONE(v, guard->t_look);
+  ONE(v, guard->t_window);
+  ONE(v, guard->steps_look);
+  ONE(v, guard->tries_window);
+  ONE(v, guard->fed);
+  ONE(v, guard->drive);
+  ONE(v, guard->passed);
+  MANY(v, guard->touched, np);
+}
+
+static void visit_sim(visitor *v, bd_sim *sim);
+
+static void visit_twin(visitor *v, bd_twin *twin, int np) {
+  ONE(v, twin->active);
+  ONE(v, twin->grows);
+  ONE(v, twin->chatters);
+  ONE(v, twin->times_chattered);
+  ONE(v, twin->suspected);
+  ONE(v, twin->last);
+  ONE(v, twin->next_begin);
+  ONE(v, twin->t_begin);
+  ONE(v, twin->next_look);
+  ONE(v, twin->apart);
+  ONE(v, twin->grown);
+  ONE(v, twin->most);
+  ONE(v, twin->steps);
+  ONE(v, twin->events);
+  ONE(v, twin->t_events);
+  ONE(v, twin->t_chatter);
+  ONE(v, twin->random);
+  ONE(v, twin->seen_t);
+  MANY(v, twin->seen, 2 * np);
+  MANY(v, twin->theta, np);
+  if (twin->sim) {
+    visit_sim(v, twin->sim);
+  }
+  if (twin->still) {
+    visit_sim(v, twin->still);
+  }
+}
+
+static void visit_sim(visitor *v, bd_sim *sim) {
+  const int np = sim->stepper.model->lay.np;
+  visit_stepper(v, &sim->stepper);
+  visit_choice(v, &sim->choice);
+  visit_guard(v, &sim->guard, np);
+  visit_twin(v, &sim->twin, np);
+  ONE(v, sim->t0);
+  ONE(v, sim->e0);
+  ONE(v, sim->error_before);
+  ONE(v, sim->started);
+  ONE(v, sim->status);
+  ONE(v, sim->fallbacks_in_a_row);
+  ONE(v, sim->stats);
+}
+
+/* --- the scene ------------------------------------------------------------------------------- */
+
+/* Of everything that was given when the simulation was made, but the state and the sample times:
+ * of a torque function, that there is one. */
+static uint64_t scene_of(const bd_sim *sim) {
+  const bd_model *model = sim->stepper.model;
+  const bd_torque_set *set = &sim->stepper.plan.torques;
+  const bd_options *options = &sim->options;
+  const size_t np = (size_t)model->lay.np;
+  uint64_t sum = EMPTY;
+#define ADD(field) sum = hash(sum, &(field), sizeof(field))
+  const double belt[] = {model->belt.length,
+                         model->belt.n_bodies,
+                         model->belt.linear_density,
+                         model->belt.axial_stiffness,
+                         model->belt.axial_damping,
+                         model->belt.bending_stiffness,
+                         model->belt.bending_damping,
+                         model->contact.quadratic,
+                         model->contact.linear,
+                         model->contact.damping,
+                         model->has_friction,
+                         model->dahl.mu_k,
+                         model->dahl.sigma,
+                         model->gravity[0],
+                         model->gravity[1],
+                         model->origin[0],
+                         model->origin[1]};
+  ADD(belt);
+  const double *const arrays[] = {model->cx, model->cy, model->radius, model->inertia};
+  for (int k = 0; k < 4; ++k) {
+    sum = hash(sum, arrays[k], np * sizeof(double));
+  }
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    ADD(term->kind);
+    if (term->kind == BD_TORQUE_PIECEWISE) {
+      sum = hash(sum, term->t, term->n_t * sizeof(double));
+      sum = hash(sum, term->values, term->n_t * np * sizeof(double));
+    } else if (term->kind == BD_TORQUE_VISCOUS) {
+      sum = hash(sum, term->coefficients, np * sizeof(double));
+    }
+  }
+  sum = hash(sum, set->breaks, set->n_breaks * sizeof(double));
+  const char *method = sim->choice.method[0] ? "auto" : sim->stepper.method->name;
+  sum = hash(sum, method, strlen(method));
+  ADD(options->rtol);
+  ADD(options->step);
+  ADD(options->max_step);
+  ADD(options->torque_interval);
+  ADD(options->ledger);
+  ADD(options->guards);
+  ADD(sim->t_end);
+#undef ADD
+  return sum;
+}
+
+/* --- out and in ------------------------------------------------------------------------------ */
+
+size_t bd_sim_export(const bd_sim *sim, void *record) {
+  /* nothing is written to the simulation when measuring or writing */
+  bd_sim *const visited = (bd_sim *)(uintptr_t)sim;
+  visitor v = {.does = MEASURE};
+  visit_sim(&v, visited);
+  head first = {.format = FORMAT, .size = v.used};
+  if (!record) {
+    return sizeof first + v.used;
+  }
+  v = (visitor){.does = WRITE, .out = (char *)record + sizeof first};
+  visit_sim(&v, visited);
+  const char *level = sim->stepper.plan.kernels->level;
+  memcpy(first.magic, MAGIC, sizeof first.magic);
+  first.kernels = (uint32_t)hash(EMPTY, level, strlen(level));
+  first.scene = scene_of(sim);
+  first.content = hash(EMPTY, v.out, v.used);
+  memcpy(record, &first, sizeof first);
+  return sizeof first + v.used;
+}
+
+int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
+  if (sim->settling || sim->started) {
+    return bd_fail(err, BD_ERR_BUSY, "record",
+                   "a record is taken by a simulation that has not begun, and not by settling");
+  }
+  head first;
+  visitor v = {.does = MEASURE};
+  visit_sim(&v, sim);
+  memset(&first, 0, sizeof first);
+  memcpy(&first, record, size < sizeof first ? size : sizeof first);
+  if (memcmp(first.magic, MAGIC, sizeof first.magic) != 0 || first.format != FORMAT) {
+    return bd_fail(err, BD_ERR_OPTION, "record",
+                   "not a restart record of this version of the core (format %d)", (int)FORMAT);
+  }
+  const char *level = sim->stepper.plan.kernels->level;
+  if (first.kernels != (uint32_t)hash(EMPTY, level, strlen(level))) {
+    return bd_fail(err, BD_ERR_OPTION, "record",
+                   "the record was made with other kernels than \"%s\", which do not give the same "
+                   "bits: choose its own by BELTDYN_KERNELS",
+                   level);
+  }
+  if (first.scene != scene_of(sim) || first.size != v.used) {
+    return bd_fail(err, BD_ERR_OPTION, "record",
+                   "the record is of another run: drive, torques, t_end and options must be those "
+                   "it was made with");
+  }
+  const char *content = (const char *)record + sizeof first;
+  if (size != sizeof first + v.used || first.content != hash(EMPTY, content, v.used)) {
+    return bd_fail(err, BD_ERR_OPTION, "record", "the record is damaged: its check sum is wrong");
+  }
+  v = (visitor){.does = READ, .in = content};
+  visit_sim(&v, sim);
+  /* made anew: what follows from the time reached */
+  sim->next_break = sim->next_sample = 0;
+  while (sim->started && sim->next_sample < sim->n_samples &&
+         sim->t_sample[sim->next_sample] <= sim->stepper.t) {
+    ++sim->next_sample;
+  }
+  sim->stepper.jacobian_known = 0;
+  bd_plan_place(&sim->stepper.plan, sim->stepper.t);
+  return BD_OK;
+}

@@ -1,0 +1,178 @@
+"""A run stopped anywhere goes on from its record as if it had not been stopped, bit for bit, in
+another process, too."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from module_common import INF, TORQUE, make_model, refused, same_bits
+
+from beltdyn import _core
+
+N_T = 33
+#: Every method, adaptive and, where it may be, with a fixed step; options of Simulation.
+METHODS: list[dict[str, Any]] = [
+    {"method": "auto"},
+    {"method": "auto", "rtol": 1e-2},
+    {"method": "tsit5"},
+    {"method": "rodas4"},
+    {"method": "lbdf2", "rtol": 1e-3},
+    {"method": "lie", "rtol": 1e-2},
+    {"method": "rk4"},
+    {"method": "lbdf2", "step": 2e-5},
+    {"method": "lie", "step": 2e-5},
+]
+
+
+def driven(t: float, _theta: Any, omega: Any) -> list[float]:
+    """A torque function with a jump that nobody names, so that twins and looks have something."""
+    return [-60.0 if 0.004 < t < 0.006 else -30.0 * t / 0.02, -16.0 * float(omega[1])]
+
+
+def relay(_t: float, _theta: Any, omega: Any) -> list[float]:
+    """It jumps all the time, and that is remembered."""
+    return [-60.0 if omega[0] > -1.0 else 0.0, 0.0]
+
+
+FUNCTIONS = {"driven": driven, "relay": relay}
+#: Changes of the model, kind of torque, t_end: lightly damped, so that a twin runs from early on;
+#: two pulleys that stick; torque functions.
+DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
+    "plain": ({}, "terms", 0.02),
+    "lightly damped": (
+        {"belt": (1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), "contact": (0.0, 2.5e7, 100.0)},
+        "terms",
+        0.02,
+    ),
+    "frictionless": ({"dahl": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
+    "function": ({}, "driven", 0.012),
+    "relay": ({}, "relay", 0.006),
+}
+
+
+def model_of(drive: str) -> Any:
+    return make_model(**DRIVES[drive][0])
+
+
+def make(drive: str, state: dict[str, Any], options: dict[str, Any]) -> tuple[Any, Any]:
+    _, kind, t_end = DRIVES[drive]
+    torque = TORQUE if kind == "terms" else [("call", FUNCTIONS[kind])]
+    simulation = _core.Simulation(model_of(drive), state, torque, t_end, **options)
+    return simulation, simulation.sample(np.linspace(0.0, t_end, N_T))
+
+
+def end_of(simulation: Any) -> dict[str, Any]:
+    assert simulation.advance(INF) is True
+    said = pickle.dumps([simulation.warnings, simulation.stats, simulation.choice])
+    return {**simulation.state(), "said": np.frombuffer(said, np.uint8)}
+
+
+def go_on(drive: str, state: dict[str, Any], options: dict[str, Any], record: bytes) -> Any:
+    """What the process that goes on does: the samples from there on, and the end."""
+    simulation, samples = make(drive, state, options)
+    simulation.import_record(record)
+    first = simulation.samples
+    return first, {name: rows[first:] for name, rows in samples.items()}, end_of(simulation)
+
+
+def elsewhere(cases: list[tuple[Any, ...]]) -> list[Any]:
+    """`go_on` of each, in a process of its own."""
+    program = (
+        "import pickle, sys, test_record\n"
+        "cases = pickle.load(sys.stdin.buffer)\n"
+        "pickle.dump([test_record.go_on(*case) for case in cases], sys.stdout.buffer)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        input=pickle.dumps(cases), stdout=subprocess.PIPE, check=True, cwd=Path(__file__).parent,
+    )  # fmt: skip
+    return list(pickle.loads(done.stdout))
+
+
+@pytest.fixture(scope="module")
+def states() -> dict[str, dict[str, Any]]:
+    found = {}
+    for drive in DRIVES:
+        settling = _core.Simulation.settle(model_of(drive), tolerance=1e-5)
+        assert settling.advance(INF) is True
+        found[drive] = settling.state()
+    return found
+
+
+@pytest.mark.parametrize("options", METHODS, ids=lambda o: " ".join(str(v) for v in o.values()))
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_run_goes_on_in_another_process(
+    drive: str, options: dict[str, Any], states: dict[str, dict[str, Any]]
+) -> None:
+    """Stopped after 8, 16, 48, 144 ... steps (a chunk of the binding is eight at least)."""
+    simulation, expected = make(drive, states[drive], options)
+    end = end_of(simulation)
+    stopped, samples = make(drive, states[drive], options)
+    cases = [(drive, states[drive], options, stopped.export_record())]  # not yet begun
+    pause, finished = 1, False
+    while not finished:
+        for _ in range(pause):
+            finished = finished or stopped.advance(0.0)
+        cases.append((drive, states[drive], options, stopped.export_record()))
+        pause *= 3
+    assert same_bits(samples, expected)
+    assert len(cases) >= 3
+    for first, later, final in elsewhere(cases):
+        assert same_bits(later, {name: rows[first:] for name, rows in expected.items()})
+        assert same_bits(final, end)
+
+
+def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None:
+    state, options = states["plain"], {"method": "rodas4"}
+    simulation, _ = make("plain", state, options)
+    simulation.advance(0.0)
+    record = simulation.export_record()
+
+    def new(drive: str = "plain", **others: Any) -> Any:
+        return make(drive, state, {**options, **others})[0]
+
+    fresh = new()
+    untouched = pickle.dumps(fresh.state())
+    other = "the record is of another run: drive, torques, t_end and options must be those it was "
+    for one in (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("lightly damped")):
+        with refused(ValueError, other + "made with"):
+            one.import_record(record)
+    for size in (0, 7, 40, len(record) - 1):
+        with pytest.raises(ValueError, match=r"^(not a restart record|the record is damaged)"):
+            fresh.import_record(record[:size])
+    rng = np.random.default_rng(3)
+    for at in rng.integers(0, len(record), 200):
+        damaged = bytearray(record)
+        damaged[at] ^= 1 << int(rng.integers(8))
+        with pytest.raises(ValueError, match="record"):
+            fresh.import_record(damaged)
+    with pytest.raises(TypeError):
+        fresh.import_record("text")
+    assert pickle.dumps(fresh.state()) == untouched
+    fresh.import_record(record)
+    with refused(RuntimeError, "a record is taken by a simulation that has not begun, and not by "
+                 "settling"):  # fmt: skip
+        simulation.import_record(record)
+    with pytest.raises(RuntimeError, match="settling has no restart record"):
+        _core.Simulation.settle(model_of("plain")).export_record()
+
+
+def test_kernels_of_another_level_are_refused(
+    states: dict[str, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BELTDYN_KERNELS", "baseline")
+    simulation, _ = make("plain", states["plain"], {})
+    simulation.advance(0.0)
+    monkeypatch.delenv("BELTDYN_KERNELS")
+    other, _ = make("plain", states["plain"], {})
+    if _core.kernel_level() == "baseline":
+        other.import_record(simulation.export_record())  # the same: nothing else is there
+    else:
+        with pytest.raises(ValueError, match="made with other kernels"):
+            other.import_record(simulation.export_record())
