@@ -11,12 +11,14 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, memory, sanity
+from . import _core, memory, observed, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
-from .errors import Interrupted, RunWarning, SimulationError, annotate, issue
+from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
+from .histories import Stats
 from .params import Params
-from .result import Result, Stats
+from .result import Result
+from .run_warnings import RunWarning, issue
 from .state import State
 from .torques import TorqueLike, as_terms
 
@@ -171,10 +173,10 @@ def simulate(
             final_state=State._from_core(sim.state()),
         )
         of_core = (RunWarning(**one) for one in sim.warnings)
-        observed = sanity.observe(seen)
-        if any(one.code == "slack_span" for one in observed):
+        of_samples = observed.observe(seen)
+        if any(one.code == "slack_span" for one in of_samples):
             seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))
-        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *observed))
+        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples))
 
     def interrupted() -> Interrupted:
         message = f"interrupted at t = {sim.time:.6g} s"

@@ -11,8 +11,8 @@ import attrs
 import numpy as np
 
 from ..checks import Array, flag, integer, pair, real
-from ..errors import distinct, issue
 from ..params import Params
+from ..run_warnings import distinct, issue
 from . import linear
 from .experiment import Target
 from .free import Free, Parameter, resolve
@@ -121,7 +121,7 @@ def identify(
             stopped = f"interrupted after {search.rig.runs} runs"
             raise IdentificationInterrupted(stopped, search.report(False, stopped)) from error
         found = search.report(success, message)
-    issue(distinct(found.results.values()), stacklevel=2)
+    issue(distinct(run.warnings for run in found.results.values()), stacklevel=2)
     return found
 
 
