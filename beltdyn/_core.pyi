@@ -65,7 +65,6 @@ class Simulation:
         ledger: bool = True,
         breakpoints: ArrayLike = (),
         torque_interval: float = ...,
-        stop: NDArray[np.intc] = ...,
         guards: bool = True,
     ) -> None: ...
     @classmethod
@@ -88,8 +87,10 @@ class Simulation:
         """
     def advance(self, seconds: float) -> bool:
         """Run for about this much wall time, without the GIL where no Python callback is needed,
-        answering signals; True at the end of the run.
+        answering signals; True at the end of the run. KeyboardInterrupt after stop().
         """
+    def stop(self) -> None:
+        """End the run soon, from any thread: advance() raises KeyboardInterrupt, now or later."""
     @property
     def time(self) -> float: ...
     @property

@@ -20,6 +20,7 @@ from .params import Params
 from .result import Result
 from .run_warnings import RunWarning, issue
 from .state import State
+from .stopping import stoppable
 from .torques import TorqueLike, as_terms
 
 __all__ = ["METHODS", "settle", "simulate"]
@@ -132,13 +133,11 @@ def simulate(
     state = settle(params, progress=progress) if initial is None else initial
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
-    escaped = Escaped()
     sim = _core.Simulation(
         params._model,
         state._to_core(params.friction is not None),
         terms,
         end,
-        stop=escaped.flag,
         **options,
     )
     try:
@@ -183,8 +182,9 @@ def simulate(
         return Interrupted(message, result("interrupted", message))
 
     finishing = False
+    escaped = Escaped(sim.stop)
     try:
-        with escaped, _progress(progress, "simulating", start, end) as show:
+        with escaped, stoppable(sim), _progress(progress, "simulating", start, end) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
         finishing = True
@@ -201,14 +201,12 @@ def simulate(
         error.result = result("failed", str(error))
         annotate(error, error.result.warnings)
         raise
-    except KeyboardInterrupt as error:
-        raise interrupted() from error
-    except Exception as error:
-        if finishing:
-            raise
+    except (KeyboardInterrupt, Exception) as error:
         raised = escaped.error or error
         if isinstance(raised, KeyboardInterrupt):
             raise interrupted() from raised
+        if finishing:
+            raise
         why = f"the torque function raised {type(raised).__name__} after t = {sim.time:.6g} s"
         _keep_result(raised, result("failed", why))
         raised.add_note(why)
@@ -284,7 +282,7 @@ def settle(
     state = None if initial is None else initial._to_core(has_friction)
     sim = _core.Simulation.settle(params._model, state, **options)
     try:
-        with _progress(progress, "settling", 0.0, None) as show:
+        with stoppable(sim), _progress(progress, "settling", 0.0, None) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
     except SimulationError as error:

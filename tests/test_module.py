@@ -116,7 +116,7 @@ def test_signatures_can_be_read():
     ]
     assert keyword == [
         "method", "rtol", "step", "max_step", "max_steps", "ledger", "breakpoints",
-        "torque_interval", "stop", "guards",
+        "torque_interval", "guards",
     ]  # fmt: skip
     settle = inspect.signature(_core.Simulation.settle).parameters
     assert list(settle)[:2] == ["model", "state"] and settle["state"].default is None
