@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 
 #: Rows of the tables in ``csrc/fields.h``.
+RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, above it, most
 PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
 STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text

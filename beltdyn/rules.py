@@ -15,6 +15,9 @@ from . import _core, checks
 
 __all__ = ["Printable", "Rule", "from_table", "lines", "rules_of"]
 
+#: By name: wording, least, whether above that, most.
+_RULES = {row[0]: row[1:] for row in _core.RULES}
+
 
 class Rule(NamedTuple):
     """What a field must be: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
@@ -33,14 +36,16 @@ class Rule(NamedTuple):
             ValueError: Rule broken.
         """
         label = f"{self.group}.{self.name}".lstrip(".")
-        if self.rule == "LINKS":
-            return checks.integer(label, value, 3, _core.MAX_LINKS)
         if self.rule == "PAIR":
             return checks.pair(label, value, self.unit)
+        wording, least, above, most = _RULES[self.rule]
+        if self.rule == "LINKS":
+            return checks.integer(label, value, int(least), int(most))
         number = checks.real(label, value, self.unit)
-        bound = {"POSITIVE": "> 0", "NONNEGATIVE": ">= 0"}.get(self.rule)
-        if bound and (number < 0.0 or (number == 0.0 and bound == "> 0")):
-            raise ValueError(f"{label} must be {bound} ({self.text}), got {self.quantity(number)}")
+        if number < least or number > most or (above and number == least):
+            raise ValueError(
+                f"{label} must be {wording} ({self.text}), got {self.quantity(number)}"
+            )
         return number
 
     def quantity(self, value: Any) -> str:
