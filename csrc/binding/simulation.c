@@ -21,6 +21,7 @@
 
 typedef struct {
   PyObject_HEAD bd_sim *sim; /* NULL only after the garbage collector cleared a cycle */
+  bd_settling *settling;     /* what owns it, if it settles; else NULL */
   bd_core_model *model;
   bd_core_call *calls; /* the core's `user` pointers point here */
   Py_ssize_t n_calls;
@@ -69,20 +70,29 @@ static PyObject *passes_of(const bd_sim *sim) {
   return passes;
 }
 
-/* The Python object around a ready simulation, which it takes over, as it does the flag and the
- * callables of the torque (if any); on failure the first two are freed. The object comes last, so
- * it is always whole. */
-static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_core_model *model, volatile int *stop,
-                      bd_core_torque *torque) {
+static void free_core(bd_sim *sim, bd_settling *settling, volatile int *stop) {
+  if (settling) {
+    bd_settle_free(settling);
+  } else {
+    bd_sim_free(sim);
+  }
+  PyMem_Free((void *)stop);
+}
+
+/* The Python object around a ready simulation (and the settling that owns it, if any), which it
+ * takes over with its flag, as it does the callables of the torque (if any); on failure all are
+ * freed. The object comes last, so it is always whole. */
+static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_settling *settling, volatile int *stop,
+                      bd_core_model *model, bd_core_torque *torque) {
   PyObject *passes = passes_of(sim);
   bd_core_sim *self = passes ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
   if (!self) {
     Py_XDECREF(passes);
-    bd_sim_free(sim);
-    PyMem_Free((void *)stop);
+    free_core(sim, settling, stop);
     return NULL;
   }
   self->sim = sim;
+  self->settling = settling;
   self->stop = stop;
   self->model = (bd_core_model *)Py_NewRef(model);
   self->passes = passes;
@@ -180,7 +190,7 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     PyMem_Free((void *)stop);
     goto out;
   }
-  self = wrap(type, sim, model, stop, &torque);
+  self = wrap(type, sim, NULL, stop, model, &torque);
   if (self) {
     ((bd_core_sim *)self)->ledger = options.ledger;
   }
@@ -242,16 +252,16 @@ static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) 
     options.offset = PyArray_DATA(offsets);
   }
   bd_error err = {0};
-  bd_sim *sim = NULL;
-  int code = bd_settle_create(&sim, model->model, mapping == Py_None ? NULL : &state.state,
+  bd_settling *settling = NULL;
+  int code = bd_settle_create(&settling, model->model, mapping == Py_None ? NULL : &state.state,
                               &options, &err);
   volatile int *stop = code < 0 ? NULL : new_stop();
   if (code < 0) {
     bd_core_raise(code, &err);
   } else if (!stop) {
-    bd_sim_free(sim);
+    bd_settle_free(settling);
   } else {
-    self = wrap((PyTypeObject *)type, sim, model, stop, NULL);
+    self = wrap((PyTypeObject *)type, bd_settle_sim(settling), settling, stop, model, NULL);
   }
 out:
   Py_XDECREF(offsets);
@@ -277,9 +287,9 @@ static int sim_clear(PyObject *object) {
   bd_core_sim *self = (bd_core_sim *)object;
   bd_core_call *calls = self->calls;
   Py_ssize_t n_calls = self->n_calls;
-  bd_sim_free(self->sim);
-  PyMem_Free((void *)self->stop);
+  free_core(self->sim, self->settling, self->stop);
   self->sim = NULL;
+  self->settling = NULL;
   self->stop = NULL;
   self->calls = NULL;
   self->n_calls = 0;
@@ -394,7 +404,8 @@ static int advance_chunk(bd_core_sim *self, double left, bd_error *err) {
   const long steps = chunk_steps(self->rate, left);
   PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
   const double begin = clock_seconds();
-  int code = bd_sim_advance(self->sim, steps, err);
+  int code = self->settling ? bd_settle_advance(self->settling, steps, err)
+                            : bd_sim_advance(self->sim, steps, err);
   self->rate = next_rate(self->rate, steps, clock_seconds() - begin);
   if (thread) {
     PyEval_RestoreThread(thread);

@@ -76,13 +76,14 @@ struct bd_plan {
   double *best;     /* scratch of the output, per link */
   double t_piece;
   int ledger, friction_on, bending_on;
-  int skip_power;      /* power is not evaluated: settling, stages that do not need it */
-  int pulleys_locked;  /* settling: pulleys stand still */
-  double mass_damping; /* settling: mass-proportional damping [1/s] */
-  double circulation_damping,
-      circulation_inertia_scale; /* the same of circulation, and what multiplies its inertia */
-  const double *offset;          /* settling: the centres' displacement at the start */
-  double move_from, move_time;
+  int no_power;                     /* power is never evaluated: settling, runs beside the run */
+  int skip_power;                   /* nor now: stages that do not need it */
+  int pulleys_locked;               /* settling: pulleys stand still */
+  double mass_damping;              /* settling: mass-proportional damping [1/s] */
+  double circulation_damping;       /* settling: the same of circulation */
+  double circulation_inertia_scale; /* settling: what multiplies the inertia of circulation */
+  const double *offset;             /* settling: the centres' displacement at the start */
+  double move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
   int n_passes;
   bd_pass passes[BD_MAX_PASSES];
@@ -90,10 +91,10 @@ struct bd_plan {
 };
 
 typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys, skip_power;
+  int ledger, friction, hold_pulleys, no_power;
   double mass_damping;
   const double *offset;
-  double move_from, move_time;
+  double move_time;
 } bd_plan_options;
 
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
