@@ -7,6 +7,7 @@ Dahl friction model". SI units throughout; angles in rad, counter-clockwise posi
 
 from __future__ import annotations
 
+from importlib import import_module
 from pkgutil import extend_path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,8 @@ if _core_version != __version__:
     )
 
 from . import scenes
-from .errors import AccuracyWarning, BeltdynWarning, Interrupted, RunWarning, SimulationError
+from .errors import Interrupted, SimulationError
+from .histories import Stats
 from .identification import (
     Experiment,
     Free,
@@ -40,8 +42,10 @@ from .identification import (
     Target,
     identify,
 )
-from .params import Belt, Contact, Dahl, Params, Pulley
-from .result import Result, Stats
+from .params import Params
+from .parts import Belt, Contact, Dahl, Pulley
+from .result import Result
+from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scenes import Scene
 from .simulation import METHODS, settle, simulate
 from .state import State
@@ -88,7 +92,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import ``bd.plot`` when it is first asked for: it needs matplotlib."""
     if name == "plot":
-        from importlib import import_module
-
         return import_module(f"{__name__}.plot")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

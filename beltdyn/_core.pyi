@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 
 #: Rows of the tables in ``csrc/fields.h``.
+RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, above it, most
 PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
 STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
@@ -65,7 +66,6 @@ class Simulation:
         ledger: bool = True,
         breakpoints: ArrayLike = (),
         torque_interval: float = ...,
-        stop: NDArray[np.intc] = ...,
         guards: bool = True,
     ) -> None: ...
     @classmethod
@@ -88,8 +88,10 @@ class Simulation:
         """
     def advance(self, seconds: float) -> bool:
         """Run for about this much wall time, without the GIL where no Python callback is needed,
-        answering signals; True at the end of the run.
+        answering signals; True at the end of the run. KeyboardInterrupt after stop().
         """
+    def stop(self) -> None:
+        """End the run soon, from any thread: advance() raises KeyboardInterrupt, now or later."""
     @property
     def time(self) -> float: ...
     @property

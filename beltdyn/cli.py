@@ -21,8 +21,9 @@ from typing import Any, NamedTuple, NoReturn
 import click
 
 from . import __version__, files, sanity, scenes
-from .errors import Interrupted, RunWarning, SimulationError, distinct, silenced
+from .errors import Interrupted, SimulationError
 from .result import Result
+from .run_warnings import RunWarning, distinct, silenced
 from .simulation import METHODS, simulate
 
 __all__ = ["main"]
@@ -248,7 +249,7 @@ def _write_figures(
                 picture = io.BytesIO()
                 drawn.savefig(picture, format=kind)
                 write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
-    return comparison, distinct(runs)
+    return comparison, distinct(run.warnings for run in runs)
 
 
 def _check_folder(folder: Path) -> None:

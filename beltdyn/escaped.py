@@ -2,18 +2,17 @@
 
 Python code called back through ctypes, cffi or Numba has no way to hand an exception on: they
 report it to ``sys.unraisablehook`` and return, and the torque is whatever was left in the array. So
-while a run with such a function goes on, the hook takes the exception, and sets the flag that stops
-the core at that very call.
+while a run with such a function goes on, the hook takes the exception, and stops the core at that
+very call.
 """
 
 from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any
-
-import numpy as np
 
 __all__ = ["Escaped"]
 
@@ -37,12 +36,11 @@ class Escaped:
     """Within it, the first exception of this thread that a callback could not raise.
 
     Attributes:
-        flag: One C int, not 0 once there is an exception; for ``_core.Simulation(stop=...)``.
         error: The exception, or None.
     """
 
-    def __init__(self) -> None:
-        self.flag = np.zeros(1, np.intc)
+    def __init__(self, stop: Callable[[], None]) -> None:
+        self._stop = stop
         self.error: BaseException | None = None
 
     def take(self, report: Any) -> None:
@@ -50,7 +48,7 @@ class Escaped:
         if self.error is None:
             error = report.exc_value if report.exc_value is not None else report.exc_type()
             self.error = error.with_traceback(report.exc_traceback)
-            self.flag[0] = 1
+            self._stop()
 
     def __enter__(self) -> Escaped:
         with _lock:

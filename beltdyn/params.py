@@ -1,12 +1,4 @@
-"""What a belt drive is made of: parameter objects that check themselves and print themselves.
-
-The rule, unit and meaning of every number stand in one table, ``csrc/fields.h``, which the C core
-and these classes share. Data of the belt are per unit length, so ``n_bodies`` refines the mesh of
-one and the same belt.
-
-Source of the model: K. Kubas, "A model for the dynamic analysis of a belt transmission using the
-Dahl friction model", equations (2.1)-(2.13).
-"""
+"""A belt drive as a whole: everything but its loads."""
 
 from __future__ import annotations
 
@@ -14,177 +6,18 @@ import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import attrs
 
-from . import _core, checks, sanity
+from . import _core, sanity, toml
+from .parts import Belt, Contact, Dahl, Pulley
+from .rules import Printable, Rule, lines, rules_of
 from .tensioning import Tensioning
 
-__all__ = ["Belt", "Contact", "Dahl", "Params", "Pulley"]
+__all__ = ["Params"]
 
-
-class Rule(NamedTuple):
-    """What a field must be: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
-
-    group: str
-    name: str
-    rule: str
-    unit: str
-    text: str
-
-    def check(self, value: object) -> Any:
-        """Check a value; give it as plain numbers.
-
-        Raises:
-            TypeError: Wrong kind.
-            ValueError: Rule broken.
-        """
-        label = f"{self.group}.{self.name}".lstrip(".")
-        if self.rule == "LINKS":
-            return checks.integer(label, value, 3, _core.MAX_LINKS)
-        if self.rule == "PAIR":
-            return checks.pair(label, value, self.unit)
-        number = checks.real(label, value, self.unit)
-        bound = {"POSITIVE": "> 0", "NONNEGATIVE": ">= 0"}.get(self.rule)
-        if bound and (number < 0.0 or (number == 0.0 and bound == "> 0")):
-            raise ValueError(f"{label} must be {bound} ({self.text}), got {self.quantity(number)}")
-        return number
-
-    def quantity(self, value: Any) -> str:
-        """Write a value with its unit."""
-        number = f"({value[0]:.10g}, {value[1]:.10g})" if self.rule == "PAIR" else f"{value:.10g}"
-        return number if self.unit == "1" else f"{number} {self.unit}"
-
-
-_CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 _GRAVITY = Rule("", "gravity", "PAIR", "m/s^2", "acceleration (x, y)")
-
-
-def _rules(group: str) -> dict[str, Rule]:
-    return {row[1]: Rule(*row) for row in _core.PARAMETERS if row[0] == group}
-
-
-def _from_table(
-    group: str, *others: Rule
-) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Give every field of a class its rule; a field without one is an error."""
-    rules = _rules(group) | {rule.name: rule for rule in others}
-
-    def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-        return [
-            field.evolve(converter=rule.check, metadata={"rule": rule})
-            for field in fields
-            for rule in [rules[field.name]]
-        ]
-
-    return transform
-
-
-class _Printable:
-    __slots__ = ()
-
-    def _rows(self) -> list[tuple[str, str, str]]:
-        """Name, quantity and meaning of each field."""
-        rules: list[Rule] = [
-            field.metadata["rule"]
-            for field in attrs.fields(type(self))  # type: ignore[arg-type]
-        ]
-        return [(rule.name, rule.quantity(getattr(self, rule.name)), rule.text) for rule in rules]
-
-    def __str__(self) -> str:
-        return "\n".join([type(self).__name__, *_lines(self._rows(), indent="  ")])
-
-
-def _lines(rows: Sequence[tuple[str, str, str]], indent: str = "") -> list[str]:
-    name_width = max((len(name) for name, _, _ in rows), default=0)
-    value_width = max((len(value) for _, value, _ in rows), default=0)
-    return [
-        f"{indent}{name:<{name_width}}  {value:<{value_width}}  {text}".rstrip()
-        for name, value, text in rows
-    ]
-
-
-@attrs.frozen(kw_only=True, field_transformer=_from_table("belt"))
-class Belt(_Printable):
-    """A closed belt, per metre of its stress-free length.
-
-    Attributes:
-        length: Stress-free length of the closed belt, L [m], > 0.
-        n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
-            L / n_b are joined by the springs and dampers of (2.2).
-        linear_density: Mass per length, rho A [kg/m], > 0.
-        axial_stiffness: EA [N], > 0.
-        axial_damping: eta A [N s], >= 0.
-        bending_stiffness: EI [N m^2], >= 0.
-        bending_damping: eta I [N m^2 s], >= 0; the paper has none.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
-    """
-
-    length: float
-    n_bodies: int
-    linear_density: float
-    axial_stiffness: float
-    axial_damping: float = 0.0
-    bending_stiffness: float = 0.0
-    bending_damping: float = 0.0
-
-
-@attrs.frozen(kw_only=True, field_transformer=_from_table("pulley", _CENTER))
-class Pulley(_Printable):
-    """A pulley that turns about a fixed axis (2.12).
-
-    Attributes:
-        center: Position of the axis (x, y) [m].
-        radius: Radius on which the mass centres of the links run, r_p [m], > 0.
-        inertia: Moment of inertia about the axis [kg m^2], > 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
-    """
-
-    center: tuple[float, float]
-    radius: float
-    inertia: float
-
-
-@attrs.frozen(kw_only=True, field_transformer=_from_table("contact"))
-class Contact(_Printable):
-    """Normal force between belt and pulley (2.8), per metre of belt.
-
-    A link of length l0 that penetrates by p is pushed out by
-    ``max(0, (quadratic p^2 + linear p + damping dp/dt) l0)``.
-
-    Attributes:
-        quadratic: c1' [N/m^3], >= 0.
-        linear: c2' [N/m^2], >= 0.
-        damping: b' [N s/m^2], >= 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
-    """
-
-    quadratic: float = 0.0
-    linear: float
-    damping: float = 0.0
-
-
-@attrs.frozen(kw_only=True, field_transformer=_from_table("dahl"))
-class Dahl(_Printable):
-    """Dahl friction between belt and pulley (2.9), (2.10).
-
-    Attributes:
-        mu_k: Kinetic friction coefficient [1], > 0.
-        sigma: Stiffness of the friction joint at rest [1/m], > 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
-    """
-
-    mu_k: float
-    sigma: float
 
 
 def _instance(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
@@ -251,7 +84,7 @@ class Params:
 
     def __attrs_post_init__(self) -> None:
         def numbers(group: str, source: object) -> Any:
-            return tuple(getattr(source, name) for name in _rules(group))
+            return tuple(getattr(source, name) for name in rules_of(group))
 
         model = _core.Model(
             numbers("belt", self.belt),
@@ -281,7 +114,7 @@ class Params:
         return MappingProxyType(self._model.info)
 
     def __str__(self) -> str:
-        parts: list[tuple[str, _Printable]] = [
+        parts: list[tuple[str, Printable]] = [
             ("belt", self.belt),
             *((f"pulleys[{k}]", pulley) for k, pulley in enumerate(self.pulleys)),
             ("contact", self.contact),
@@ -300,7 +133,7 @@ class Params:
         return "\n".join(
             [
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
-                *_lines(rows, indent="  "),
+                *lines(rows, indent="  "),
                 f"  tensioned {self.tensioning}",
                 f"  tight belt line {info['path_length']:.6g} m: strain "
                 f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
@@ -324,9 +157,7 @@ class Params:
             ValueError: Bad TOML, an unknown or missing field, a broken rule; one line that names
                 the path of the field, such as ``pulleys[1].radius``.
         """
-        from . import toml
-
-        return toml.read_params(source)
+        return toml.read(source, cls._from_document)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Give the parameters as TOML text, also written to ``path``; exact both ways.
@@ -334,9 +165,25 @@ class Params:
         Raises:
             OSError: The file cannot be written; what was there before is as it was.
         """
-        from . import toml
+        return toml.write(self._document(), path)
 
-        return toml.write(toml.params_document(self), path)
+    @classmethod
+    def _from_document(cls, document: dict[str, Any]) -> Params:
+        if any(field in document for field in toml.SCENE_ONLY):
+            raise ValueError("this is a scene, with torque and t_end: read it with Scene.from_toml")
+        params: Params = toml.structure(document, cls)
+        return params
+
+    def _document(self) -> dict[str, Any]:
+        """Give the tables of TOML; what is at its default may be left out."""
+        document: dict[str, Any] = {"gravity": None, **toml.unstructure(self)}
+        tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
+        if self.tensioning != Tensioning():
+            document["tensioning"] = tensioning
+        del document["friction"]
+        if self.friction is not None:
+            document["friction"] = toml.unstructure(self.friction)
+        return document
 
 
 _FIELDS = tuple(field.name for field in attrs.fields(Params) if field.init)

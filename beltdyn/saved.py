@@ -6,24 +6,25 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import attrs
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core, npz
-from .errors import RunWarning
+from .histories import GROUPS, Stats
 from .params import Params
-from .result import Result, Stats
+from .run_warnings import RunWarning
 from .state import State
 
 __all__ = ["read", "write"]
 
+_T = TypeVar("_T")
+
 #: Counts up whenever a file of before could be misread.
 _FORMAT = 2
 _STATUS = ("finished", "failed", "interrupted")
-_GROUPS = Result._GROUPS
 _FINAL = {f"final_state.{name}": size for name, size in _core.STATE_FIELDS}
 #: A step counts only if the state after it is finite, but before a run fails the forces and
 #: energies of such a state may be beyond the range of floats. What is the state itself is finite.
@@ -37,49 +38,39 @@ _MAY_OVERFLOW = {
 }
 
 
-def _names(group: str) -> list[str]:
-    return [
-        field.name
-        for field in attrs.fields(_GROUPS[group])  # type: ignore[arg-type]
-    ]
-
-
 _ALL = {
     "t",
     "meta.json",
     "params.toml",
     *_FINAL,
-    *(f"{group}.{name}" for group in _GROUPS for name in _names(group)),
+    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.names()),
 }
 
 
-def write(result: Result, path: str | os.PathLike[str]) -> None:
-    """See :meth:`beltdyn.Result.save`."""
-    final = result.final_state
+def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """Write the fields of a :class:`beltdyn.Result`; see its ``save``."""
+    final = result["final_state"]
     meta = {
         "format": _FORMAT,
         "version": _core.__version__,
         "final_t": final.t,
-        "effects": result.effects,
-        "success": result.success,
-        "status": result.status,
-        "message": result.message,
-        "stats": attrs.asdict(result.stats),
-        "warnings": [attrs.asdict(one) for one in result.warnings],
+        **{name: result[name] for name in ("effects", "success", "status", "message")},
+        "stats": attrs.asdict(result["stats"]),
+        "warnings": [attrs.asdict(one) for one in result["warnings"]],
     }
-    values: dict[str, Any] = {"t": result.t}
-    for group in _GROUPS:
-        history = getattr(result, group)
-        if history is not None:
-            values |= {f"{group}.{name}": getattr(history, name) for name in _names(group)}
+    values: dict[str, Any] = {"t": result["t"]}
+    for group in GROUPS:
+        if result[group] is not None:
+            arrays = result[group].arrays()
+            values |= {f"{group}.{name}": array for name, array in arrays.items()}
     values |= {f"final_state.{name}": getattr(final, name) for name, _ in _core.STATE_FIELDS}
-    values |= {"meta.json": json.dumps(meta), "params.toml": result.params.to_toml()}
+    values |= {"meta.json": json.dumps(meta), "params.toml": result["params"].to_toml()}
     npz.write(path, values)
 
 
-def read(path: str | os.PathLike[str]) -> Result:
-    """See :meth:`beltdyn.Result.load`."""
-    return npz.read(path, "Result", _ALL, _build)
+def read(path: str | os.PathLike[str], build: Callable[[dict[str, Any]], _T]) -> _T:
+    """Build a :class:`beltdyn.Result` from its checked fields; see its ``load``."""
+    return npz.read(path, "Result", _ALL, lambda values: build(_fields(values)))
 
 
 # --- what describes the run ----------------------------------------------------------------------
@@ -191,7 +182,7 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
 # --- all of it -----------------------------------------------------------------------------------
 
 
-def _build(values: dict[str, NDArray[Any]]) -> Result:
+def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     meta = _meta(values["meta.json"])
     try:
         # The line break makes it text, whatever it holds: never the path of another file.
@@ -208,7 +199,7 @@ def _build(values: dict[str, NDArray[Any]]) -> Result:
     def history(group: str) -> dict[str, NDArray[Any]]:
         shape = {"pulleys": (t.size, n_p), "energy": (t.size,)}.get(group, (t.size, n_b))
         arrays = {}
-        for field in _names(group):
+        for field in GROUPS[group].names():
             name = f"{group}.{field}"
             kind = np.int32 if name == "contact.pulley" else np.float64
             arrays[field] = npz.number_array(name, values[name], kind, shape)
@@ -217,7 +208,7 @@ def _build(values: dict[str, NDArray[Any]]) -> Result:
                 raise ValueError(f"{name} must be finite")
         return arrays
 
-    arrays = {name: history(name) for name in _GROUPS if name != "energy" or with_energy}
+    arrays = {name: history(name) for name in GROUPS if name != "energy" or with_energy}
     touched = arrays["contact"]["pulley"]
     if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
         raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
@@ -228,12 +219,6 @@ def _build(values: dict[str, NDArray[Any]]) -> Result:
             name, values[name], np.float64, shape
         )
     groups: dict[str, Any] = {
-        name: kind(**arrays[name]) if name in arrays else None for name, kind in _GROUPS.items()
+        name: kind(**arrays[name]) if name in arrays else None for name, kind in GROUPS.items()
     }
-    return Result(
-        t=t,
-        **groups,
-        params=params,
-        final_state=State(**final),
-        **meta,
-    )
+    return {"t": t, **groups, "params": params, "final_state": State(**final), **meta}

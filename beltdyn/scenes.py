@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from . import toml
 from .checks import positive
-from .params import Belt, Contact, Dahl, Params, Pulley
+from .params import Params
+from .parts import Belt, Contact, Dahl, Pulley
 from .tensioning import Tensioning
-from .torques import PiecewiseLinear, TorqueLike, Viscous, as_terms
+from .torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Viscous, as_terms
 
 __all__ = [
     "Scene",
@@ -61,9 +63,7 @@ class Scene(NamedTuple):
             ValueError: Bad TOML, an unknown or missing field, a broken rule; one line that names
                 the path of the field.
         """
-        from . import toml
-
-        return toml.read_scene(source)
+        return toml.read(source, cls._from_document)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Give the scene as TOML text, also written to ``path``; exact both ways.
@@ -73,11 +73,38 @@ class Scene(NamedTuple):
             ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
             OSError: The file cannot be written; what was there before is as it was.
         """
-        from . import toml
-
         self.check()
+        return toml.write(self._document(), path)
 
-        return toml.write(toml.scene_document(self), path)
+    @classmethod
+    def _from_document(cls, document: dict[str, Any]) -> Scene:
+        for field in toml.SCENE_ONLY:
+            if field not in document:
+                raise ValueError(f"{field}: missing")
+        t_end, torque = (document.pop(field) for field in toml.SCENE_ONLY)
+        parts = toml.structure(torque, tuple[Torque, ...], "torque")
+        params = toml.structure(document, Params)
+        scene = cls(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end)
+        scene.check()
+        return scene
+
+    def _document(self) -> dict[str, Any]:
+        """Give the tables of TOML.
+
+        Raises:
+            TypeError: The torque is a function, which TOML cannot hold.
+        """
+        torque = self.torque_fn
+        if not isinstance(torque, Torque):
+            raise TypeError(
+                f"torque_fn must be made of torque objects to be written as TOML, got {torque!r}"
+            )
+        parts = torque.parts if isinstance(torque, TorqueSum) else [torque]
+        return {
+            "t_end": self.t_end,
+            **self.params._document(),
+            "torque": [toml.unstructure(part) for part in parts],
+        }
 
 
 def _kubas_drive(sigma: float) -> Params:

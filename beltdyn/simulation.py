@@ -11,13 +11,16 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, memory, sanity
+from . import _core, memory, observed, sanity
 from .checks import Array, flag, integer, positive, real, real_array, sample_times
-from .errors import Interrupted, RunWarning, SimulationError, annotate, issue
+from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
+from .histories import Stats
 from .params import Params
-from .result import Result, Stats
+from .result import Result
+from .run_warnings import RunWarning, issue
 from .state import State
+from .stopping import stoppable
 from .torques import TorqueLike, as_terms
 
 __all__ = ["METHODS", "settle", "simulate"]
@@ -130,13 +133,11 @@ def simulate(
     state = settle(params, progress=progress) if initial is None else initial
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
-    escaped = Escaped()
     sim = _core.Simulation(
         params._model,
         state._to_core(params.friction is not None),
         terms,
         end,
-        stop=escaped.flag,
         **options,
     )
     try:
@@ -171,18 +172,19 @@ def simulate(
             final_state=State._from_core(sim.state()),
         )
         of_core = (RunWarning(**one) for one in sim.warnings)
-        observed = sanity.observe(seen)
-        if any(one.code == "slack_span" for one in observed):
+        of_samples = observed.observe(seen)
+        if any(one.code == "slack_span" for one in of_samples):
             seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))
-        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *observed))
+        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples))
 
     def interrupted() -> Interrupted:
         message = f"interrupted at t = {sim.time:.6g} s"
         return Interrupted(message, result("interrupted", message))
 
     finishing = False
+    escaped = Escaped(sim.stop)
     try:
-        with escaped, _progress(progress, "simulating", start, end) as show:
+        with escaped, stoppable(sim), _progress(progress, "simulating", start, end) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
         finishing = True
@@ -199,14 +201,12 @@ def simulate(
         error.result = result("failed", str(error))
         annotate(error, error.result.warnings)
         raise
-    except KeyboardInterrupt as error:
-        raise interrupted() from error
-    except Exception as error:
-        if finishing:
-            raise
+    except (KeyboardInterrupt, Exception) as error:
         raised = escaped.error or error
         if isinstance(raised, KeyboardInterrupt):
             raise interrupted() from raised
+        if finishing:
+            raise
         why = f"the torque function raised {type(raised).__name__} after t = {sim.time:.6g} s"
         _keep_result(raised, result("failed", why))
         raised.add_note(why)
@@ -282,7 +282,7 @@ def settle(
     state = None if initial is None else initial._to_core(has_friction)
     sim = _core.Simulation.settle(params._model, state, **options)
     try:
-        with _progress(progress, "settling", 0.0, None) as show:
+        with stoppable(sim), _progress(progress, "settling", 0.0, None) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
     except SimulationError as error:

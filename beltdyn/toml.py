@@ -1,4 +1,9 @@
-"""Parameters and scenes as TOML, with errors that name the path of the field."""
+"""Reading and writing TOML: tables and the classes they stand for.
+
+Errors name the path of the field. What a drive and a scene are as a whole is not known here but in
+:mod:`beltdyn.params` and :mod:`beltdyn.scenes`, which use this. The libraries that do the work
+are imported when there is some: ``import beltdyn`` stays light.
+"""
 
 from __future__ import annotations
 
@@ -8,33 +13,26 @@ import tomllib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
+from typing import Any, TypeVar, cast, get_args, get_origin
 
 import attrs
-import cattrs
 import numpy as np
-import tomli_w
-from cattrs.errors import (
-    ClassValidationError,
-    ForbiddenExtraKeysError,
-    IterableValidationError,
-)
-from cattrs.gen import make_dict_structure_fn
 
 from . import files
 from .checks import Array, close_to, shown
-from .params import Dahl, Params
-from .tensioning import Offsets, Tensioning
-from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
+from .parts import Dahl
+from .tensioning import Offsets
+from .torques import PiecewiseLinear, Torque, Viscous
 
-if TYPE_CHECKING:
-    from .scenes import Scene
+__all__ = ["SCENE_ONLY", "read", "structure", "unstructure", "write"]
 
-__all__ = ["params_document", "read_params", "read_scene", "scene_document", "write"]
+_T = TypeVar("_T")
 
 _FRICTION: dict[str, type] = {"dahl": Dahl}
 _TORQUES: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "viscous": Viscous}
-_SCENE_ONLY = ("t_end", "torque")
+_KIND_OF = {cls: kind for kinds in (_FRICTION, _TORQUES) for kind, cls in kinds.items()}
+#: What a scene has beside the tables of its drive.
+SCENE_ONLY = ("t_end", "torque")
 
 Source = str | os.PathLike[str]
 
@@ -52,7 +50,10 @@ def _is_list_of_tables(kind: Any) -> bool:
 
 
 @cache
-def _converter() -> cattrs.Converter:
+def _converter() -> Any:
+    import cattrs
+    from cattrs.gen import make_dict_structure_fn
+
     converter = cattrs.Converter(forbid_extra_keys=True)
 
     def by_kind(kinds: dict[str, type], default: str | None) -> Callable[[Any, Any], Any]:
@@ -98,6 +99,12 @@ def _join(path: str, field: str) -> str:
 
 def _explain(error: BaseException, path: str) -> str:
     """Say the first thing wrong, in one line that names its path."""
+    from cattrs.errors import (
+        ClassValidationError,
+        ForbiddenExtraKeysError,
+        IterableValidationError,
+    )
+
     if isinstance(error, (ClassValidationError, IterableValidationError)):
         noted, others = error.group_exceptions()
         # Unknown fields first: a misspelt field is also a missing one.
@@ -121,10 +128,17 @@ def _explain(error: BaseException, path: str) -> str:
     return _join(path, message[own.end() :]) if own else f"{path}: {message}"
 
 
-def _structure(value: Any, kind: Any, path: str = "") -> Any:
+def structure(value: Any, kind: Any, path: str = "") -> Any:
+    """Build a class, or a tuple of them, from plain tables.
+
+    Raises:
+        ValueError: What is wrong, in one line that begins with the path of the field.
+    """
+    from cattrs import BaseValidationError
+
     try:
         return _converter().structure(value, kind)
-    except (cattrs.BaseValidationError, KeyError, TypeError, ValueError) as error:
+    except (BaseValidationError, KeyError, TypeError, ValueError) as error:
         raise ValueError(_explain(error, path)) from None
     except RecursionError:
         raise ValueError("nested too deeply") from None
@@ -149,68 +163,31 @@ def _document(source: Source) -> tuple[dict[str, Any], str]:
         raise ValueError(f"{prefix}not valid TOML: {error}") from None
 
 
-def read_params(source: Source) -> Params:
-    """See :meth:`beltdyn.Params.from_toml`."""
-    document, prefix = _document(source)
-    try:
-        if any(field in document for field in _SCENE_ONLY):
-            raise ValueError("this is a scene, with torque and t_end: read it with Scene.from_toml")
-        params: Params = _structure(document, Params)
-    except ValueError as error:
-        raise ValueError(f"{prefix}{error}") from None
-    return params
-
-
-def read_scene(source: Source) -> Scene:
-    """See :meth:`beltdyn.scenes.Scene.from_toml`."""
-    from .scenes import Scene
-
-    document, prefix = _document(source)
-    try:
-        for field in _SCENE_ONLY:
-            if field not in document:
-                raise ValueError(f"{field}: missing")
-        t_end, torque = (document.pop(field) for field in _SCENE_ONLY)
-        parts = _structure(torque, tuple[Torque, ...], "torque")
-        params = _structure(document, Params)
-        scene = Scene(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end)
-        scene.check()
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{prefix}{error}") from None
-    return scene
-
-
-def params_document(params: Params) -> dict[str, Any]:
-    """Turn parameters into plain tables."""
-    document: dict[str, Any] = {"gravity": None, **_converter().unstructure(params)}
-    tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
-    if params.tensioning != Tensioning():
-        document["tensioning"] = tensioning
-    friction = document.pop("friction")
-    if friction is not None:
-        document["friction"] = {"kind": "dahl", **friction}
-    return document
-
-
-def scene_document(scene: Scene) -> dict[str, Any]:
-    """Turn a scene into plain tables.
+def read(source: Source, build: Callable[[dict[str, Any]], _T]) -> _T:
+    """Read a document and build from it; errors begin with the file's name, if there is one.
 
     Raises:
-        TypeError: Its torque is a function, which TOML cannot hold.
+        OSError: The file cannot be read.
+        ValueError: Bad TOML, or what ``build`` finds wrong.
     """
-    if not isinstance(scene.torque_fn, Torque):
-        raise TypeError(
-            "torque_fn must be made of torque objects to be written as TOML, "
-            f"got {scene.torque_fn!r}"
-        )
-    parts = scene.torque_fn.parts if isinstance(scene.torque_fn, TorqueSum) else [scene.torque_fn]
-    names = {cls: name for name, cls in _TORQUES.items()}
-    torque = [{"kind": names[type(part)], **_converter().unstructure(part)} for part in parts]
-    return {"t_end": scene.t_end, **params_document(scene.params), "torque": torque}
+    document, prefix = _document(source)
+    try:
+        return build(document)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{prefix}{error}") from None
+
+
+def unstructure(value: Any) -> Any:
+    """Turn an object of these classes into plain tables; a torque with its kind."""
+    document = _converter().unstructure(value)
+    kind = _KIND_OF.get(type(value))
+    return document if kind is None else {"kind": kind, **document}
 
 
 def write(document: dict[str, Any], path: Source | None) -> str:
     """Give the document as text, also written to ``path`` if given."""
+    import tomli_w
+
     text = tomli_w.dumps(document)
     # tomli-w writes one number a line; rows of numbers read better.
     text = re.sub(

@@ -18,7 +18,7 @@ import common
 import numpy as np
 
 import beltdyn as bd
-from beltdyn import _core, sanity
+from beltdyn import _core, observed, sanity
 from beltdyn.torques import as_terms
 
 SETTINGS = (("auto", 1e-4), ("rodas4", 1e-3), ("lbdf2", 1e-2))
@@ -97,7 +97,7 @@ def main() -> None:
     lines += [
         "",
         f"checks of the drive   {milliseconds_of(lambda: sanity.check(scene.params)):.3f} ms",
-        f"checks of the result  {milliseconds_of(lambda: sanity.observe(result)):.3f} ms",
+        f"checks of the result  {milliseconds_of(lambda: observed.observe(result)):.3f} ms",
         f"calls of a torque function, rodas4 at 1e-2: {calls}, and {without_looks} without looks",
     ]
     common.publish("guards", lines, arguments.write)

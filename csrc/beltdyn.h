@@ -170,7 +170,8 @@ typedef struct bd_torque {
   size_t n_breakpoints; /* more times at which to stop exactly (piecewise times are known) */
   const double *breakpoints;
   /* Looked at after every call of a FUNCTION: not 0 stops the run (BD_ERR_CALLBACK), for functions
-   * that cannot say so themselves. May be NULL; must outlive the simulation. */
+   * that cannot say so themselves, and for other threads. May be NULL; must outlive the
+   * simulation. */
   const volatile int *stop;
 } bd_torque;
 

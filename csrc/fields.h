@@ -7,9 +7,19 @@
 #ifndef BELTDYN_FIELDS_H
 #define BELTDYN_FIELDS_H
 
-/* Scene parameters: X(group, name, rule, unit, text). Rules: POSITIVE (> 0), NONNEGATIVE (>= 0),
- * FINITE, LINKS (integer from 3 to BD_MAX_LINKS). Groups are the structs of beltdyn.h and the
- * Python classes. */
+#define BD_TEXT_OF(value) #value
+#define BD_TEXT(macro) BD_TEXT_OF(macro)
+
+/* What a finite number must be: X(rule, wording, least, above, most). From `least` on, or above it,
+ * to `most`. */
+#define BD_RULES(X)                                                                                \
+  X(POSITIVE, "> 0", 0.0, 1, (double)INFINITY)                                                     \
+  X(NONNEGATIVE, ">= 0", 0.0, 0, (double)INFINITY)                                                 \
+  X(FINITE, "finite", -(double)INFINITY, 0, (double)INFINITY)                                      \
+  X(LINKS, "an integer from 3 to " BD_TEXT(BD_MAX_LINKS), 3.0, 0, BD_MAX_LINKS)
+
+/* Scene parameters: X(group, name, rule, unit, text), with a rule of BD_RULES. Groups are the
+ * structs of beltdyn.h and the Python classes. */
 #define BD_PARAMETERS(X)                                                                           \
   X(belt, length, POSITIVE, "m", "stress-free length of the closed belt, L")                       \
   X(belt, n_bodies, LINKS, "1", "number of rigid links, n_b")                                      \

@@ -42,7 +42,8 @@ def test_tables_are_what_the_objects_use(model, rest):
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
     assert {size for _, size in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS"}
     assert {row[2] for row in _core.OUTPUTS} == {"LINKS", "PULLEYS", "ENERGY"}
-    assert {row[2] for row in _core.PARAMETERS} <= {"POSITIVE", "NONNEGATIVE", "FINITE", "LINKS"}
+    assert [row[0] for row in _core.RULES] == ["POSITIVE", "NONNEGATIVE", "FINITE", "LINKS"]
+    assert {row[2] for row in _core.PARAMETERS} <= {row[0] for row in _core.RULES}
 
 
 def test_tables_hold_their_columns():
@@ -116,7 +117,7 @@ def test_signatures_can_be_read():
     ]
     assert keyword == [
         "method", "rtol", "step", "max_step", "max_steps", "ledger", "breakpoints",
-        "torque_interval", "stop", "guards",
+        "torque_interval", "guards",
     ]  # fmt: skip
     settle = inspect.signature(_core.Simulation.settle).parameters
     assert list(settle)[:2] == ["model", "state"] and settle["state"].default is None

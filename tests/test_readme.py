@@ -58,10 +58,15 @@ def test_help_lists_every_warning_and_error() -> None:
     """One table each, of what the core and the package can say; the README names the warnings."""
     fields = (ROOT / "csrc" / "fields.h").read_text(encoding="utf-8")
     of_core = re.findall(r"X\((\w+), [01], \"", fields)
-    sanity = (ROOT / "beltdyn" / "sanity.py").read_text(encoding="utf-8")
-    of_drive = [*re.findall(r'code="(\w+)"', sanity), "units"]
+    of_package = {
+        code
+        for module in ("sanity.py", "observed.py")
+        for code in re.findall(
+            r'code="(\w+)"', (ROOT / "beltdyn" / module).read_text(encoding="utf-8")
+        )
+    }
     starred = dict(re.findall(r"X\((\w+), ([01]), \"", fields))
-    for code in {*of_core, *of_drive}:
+    for code in {*of_core, *of_package}:
         row = re.search(rf"^ +{code}( \*)? +\S", bd.RunWarning.__doc__ or "", re.MULTILINE)
         assert row, code
         assert code not in starred or bool(row[1]) == (starred[code] == "1"), code

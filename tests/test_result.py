@@ -16,7 +16,7 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.result import EnergyLedger
+from beltdyn.histories import EnergyLedger, histories
 
 T_END = 0.02
 N_T = 41
@@ -120,7 +120,27 @@ def test_groups_are_those_of_the_table(result: bd.Result) -> None:
         fields = {field.name for field in attrs.fields(type(getattr(result, group)))}
         assert fields - {"pulley", "passed"} == set(names), group
     counters = {name for name, _ in _core.STATS} - {"residual"}
-    assert counters <= {field.name for field in attrs.fields(bd.Stats)}
+    fields = {field.name for field in attrs.fields(bd.Stats)}
+    of_package = {"method", "choice", "kernels", "cpu_time", "wall_time", "settle_time"}
+    assert counters <= fields and fields - counters == of_package
+
+
+def test_no_output_or_counter_of_the_core_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.zeros(1)
+    arrays = {name: np.zeros((1, 1)) for name, *_ in _core.OUTPUTS} | {"pulley": np.zeros((1, 1))}
+    arrays["energy"] = np.zeros((1, len(_core.ENERGY_TERMS)))
+    histories(t, arrays)
+    table = _core.OUTPUTS
+    for group, error in (("belt", TypeError), ("tensioner", KeyError)):
+        new = ("heat", group, "LINKS", "K", "temperature")
+        monkeypatch.setattr(_core, "OUTPUTS", (*table, new))
+        with pytest.raises(error, match=r"heat|tensioner"):
+            histories(t, arrays | {"heat": np.zeros((1, 1))})
+    counters = dict.fromkeys([name for name, _ in _core.STATS], 0)
+    others = {"method": "", "kernels": "", "cpu_time": 0.0, "wall_time": 0.0}
+    assert bd.Stats._from_core(counters, **others).steps == 0
+    with pytest.raises(TypeError, match="heat"):
+        bd.Stats._from_core(counters | {"heat": 1}, **others)
 
 
 def test_time_is_the_first_axis(result: bd.Result) -> None:

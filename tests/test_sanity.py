@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import beltdyn as bd
-from beltdyn import cli, errors, sanity
+from beltdyn import cli, observed, run_warnings, sanity
 
 
 def drive(
@@ -60,7 +60,7 @@ def codes(params: bd.Params) -> list[str]:
 
 def run(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:
     """Run without Python's warnings: those of the result are looked at."""
-    with errors.silenced():
+    with run_warnings.silenced():
         return bd.simulate(params, torque, t_end, **options)
 
 
@@ -282,7 +282,7 @@ def test_units_of_torques() -> None:
 
 def test_lengths_in_millimetres_fail_with_the_word() -> None:
     params = at_scale(drive(links=60, contact=bd.Contact(linear=2.5e7, damping=1e3)), 1e3)
-    with pytest.raises(bd.SimulationError) as failed, errors.silenced():
+    with pytest.raises(bd.SimulationError) as failed, run_warnings.silenced():
         bd.simulate(params, steady(-100.0), 1.0)
     assert any("noticed before: units" in note for note in failed.value.__notes__)
 
@@ -366,13 +366,13 @@ def test_observing_costs_a_few_passes_over_the_arrays(monkeypatch: pytest.Monkey
     result = run(drive(links=60), steady(-10.0, 10.0), 0.05)
     asked: list[Any] = []
     monkeypatch.setattr(bd.Result, "_span_tension", lambda _self, rows: asked.append(rows))
-    sanity.observe(result)
+    observed.observe(result)
     assert asked == []
 
 
 def test_a_result_without_samples() -> None:
     result = run(drive(), steady(-1.0), 0.01, t_eval=[])
-    assert sanity.observe(result) == ()
+    assert observed.observe(result) == ()
 
 
 # --- where it is shown ---
@@ -396,7 +396,7 @@ def test_silence_is_of_one_thread_and_ends() -> None:
     params = drive(links=60)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with errors.silenced():
+        with run_warnings.silenced():
             assert found(bd.simulate(params, steady(-1.0), 0.001), "mesh")
         with pytest.raises(bd.AccuracyWarning):
             bd.simulate(params, steady(-1.0), 0.001)

@@ -1,6 +1,7 @@
 """Who may run when: threads, a torque that calls back, its arrays and exceptions, signals."""
 
 import contextlib
+import ctypes
 import gc
 import math
 import os
@@ -18,7 +19,8 @@ import numpy as np
 import pytest
 from module_common import INF, TORQUE, Token, drive, make_model, run, same_bits
 
-from beltdyn import _core
+import beltdyn as bd
+from beltdyn import _core, stopping
 from beltdyn.errors import SimulationError
 
 LONG = 2000.0  # simulated seconds, more than any test gets to see
@@ -99,6 +101,88 @@ def test_one_simulation_two_threads_in_python(model, rest):
     outside.set()
     thread.join()
     assert done == [True] and simulation.time == 0.02
+
+
+STOP = "^the simulation was stopped by stop"
+
+
+@pytest.mark.parametrize("kind", ["C", "Python", "function", "settling"])
+def test_stop_from_another_thread(model, rest, kind):
+    numbers = ctypes.POINTER(ctypes.c_double)
+    signature = ctypes.CFUNCTYPE(None, ctypes.c_double, numbers, numbers, numbers, ctypes.c_void_p)
+    function = signature(lambda *_: None)
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    terms = {"C": TORQUE, "Python": [("call", drive)], "function": [("function", address, 0)]}
+    if kind == "settling":  # never at rest to that degree
+        simulation = _core.Simulation.settle(model, rest, tolerance=1e-300, max_time=LONG)
+    else:
+        simulation = _core.Simulation(model, rest, terms[kind], LONG)
+    raised = []
+
+    def work():
+        try:
+            simulation.advance(INF)
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    assert wait_until_running(simulation)
+    simulation.stop()
+    thread.join(PATIENCE)
+    assert not thread.is_alive()
+    assert type(raised[0]) is KeyboardInterrupt and re.match(STOP, str(raised[0]))
+    assert 0.0 <= simulation.time == simulation.state()["t"]
+    with pytest.raises(KeyboardInterrupt, match=STOP):
+        simulation.advance(0.0)
+
+
+def test_stop_before_the_run_and_in_its_torque(model, rest):
+    stopped = _core.Simulation(model, rest, TORQUE, LONG)
+    stopped.stop()
+    with pytest.raises(KeyboardInterrupt, match=STOP):
+        stopped.advance(INF)
+    assert stopped.time == 0.0
+
+    def torque(t, theta, omega):
+        calls.append(t)
+        if len(calls) == 50:
+            simulation.stop()
+        return [0.0, 0.0]
+
+    calls = []
+    simulation = _core.Simulation(model, rest, [("call", torque)], LONG)
+    with pytest.raises(KeyboardInterrupt, match=STOP):
+        simulation.advance(INF)
+    assert len(calls) == 50
+
+
+def test_a_stopper_ends_the_runs_of_its_threads_alone():
+    scene = bd.scenes.kubas_case_1()
+    rest = bd.settle(scene.params)
+    stopper = stopping.Stopper()
+    ended = []
+
+    def work():
+        with stopper.watch():
+            for begin in (lambda: bd.simulate(*scene[:2], LONG, initial=rest), settle):
+                try:
+                    begin()
+                except bd.Interrupted as error:
+                    ended.append(error)
+
+    def settle():
+        bd.settle(scene.params)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    time.sleep(0.2)
+    stopper.stop()
+    thread.join(PATIENCE)
+    assert not thread.is_alive()
+    run, settling = ended
+    assert run.result.status == "interrupted" and settling.result is None
+    assert bd.simulate(*scene[:2], 1e-3, initial=rest).success
 
 
 @pytest.mark.parametrize("torque", [TORQUE, [("call", drive)]], ids=["C", "Python"])

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import Array, close_to, positive, real_array, refuse_masked, sample_times
+from ..histories import GROUPS, EnergyLedger
 from ..params import Params
-from ..result import EnergyLedger, Result
+from ..result import Result
 from ..simulation import settle, simulate
 from ..state import State
 from ..torques import TorqueLike
@@ -38,7 +39,7 @@ def _keywords(function: Callable[..., Any], *others: str) -> set[str]:
 _SETTLING = _keywords(settle, "initial", "progress")
 _OPTIONS = _keywords(simulate, "t_eval", "initial", "progress")
 _QUANTITIES = [
-    *(f"{group}.{name}" for group, kind in Result._GROUPS.items() for name in names.fields(kind)),
+    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in names.fields(kind)),
     *(f"energy.{name}" for name, kind in vars(EnergyLedger).items() if isinstance(kind, property)),
     "span_tension",
     "slip",

@@ -11,27 +11,18 @@ import attrs
 import numpy as np
 
 from ..checks import Array, flag, integer, pair, real
-from ..errors import distinct, issue
 from ..params import Params
+from ..run_warnings import distinct, issue
 from . import linear
 from .experiment import Target
 from .free import Free, Parameter, resolve
+from .losses import LOSSES, cost_and_weights
 from .report import Identification, IdentificationInterrupted, confidence_of
 from .threads import Workers
 from .trials import Rig, Trial
 
 __all__ = ["identify"]
 
-#: SciPy's losses of a squared residual, and their derivatives: its weight once linearised.
-_LOSSES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
-    "linear": (lambda z: z, np.ones_like),
-    "soft_l1": (lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: (1.0 + z) ** -0.5),
-    "huber": (
-        lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
-        lambda z: np.maximum(z, 1.0) ** -0.5,
-    ),
-    "cauchy": (np.log1p, lambda z: 1.0 / (1.0 + z)),
-}
 #: Unknown standard deviations: first guess and least value, in parts of the target's rms, and the
 #: relative change at which they count as found.
 _GUESS, _LEAST, _SETTLED, _PASSES = 0.05, 1e-6, 0.05, 8
@@ -105,7 +96,7 @@ def identify(
         limit=_above("limit", limit, 1.0),
         central=_one_of("jac", jac, ("3-point", "2-point")) == "3-point",
         step=_step(diff_step),
-        loss=_one_of("loss", loss, tuple(_LOSSES)),
+        loss=_one_of("loss", loss, LOSSES),
         prior=_prior(parameters, prior),
     )
     tol = _above("tol", tol, 0.0)
@@ -121,7 +112,7 @@ def identify(
             stopped = f"interrupted after {search.rig.runs} runs"
             raise IdentificationInterrupted(stopped, search.report(False, stopped)) from error
         found = search.report(success, message)
-    issue(distinct(found.results.values()), stacklevel=2)
+    issue(distinct(run.warnings for run in found.results.values()), stacklevel=2)
     return found
 
 
@@ -251,8 +242,7 @@ class _Search:
         return np.concatenate([(trial.y - self._measured) / self._sigma, known])
 
     def _cost(self, trial: Trial) -> float:
-        loss, _ = _LOSSES[self.options.loss]
-        return 0.5 * float(np.sum(loss(self._residuals_of(trial) ** 2)))
+        return cost_and_weights(self._residuals_of(trial), self.options.loss)[0]
 
     def _jacobian(self, u: Array) -> Array:
         return self._scaled(self._slopes_at(u))
@@ -329,8 +319,8 @@ class _Search:
             else self._slopes[1]
         )
         residuals, scaled = self._residuals_of(best), self._scaled(slopes)
-        _, weight = _LOSSES[options.loss]
-        weighted = scaled * np.sqrt(weight(residuals**2))[:, None]
+        cost, weights = cost_and_weights(residuals, options.loss)
+        weighted = scaled * np.sqrt(weights)[:, None]
         dof = np.inf
         if self._unknown and np.isfinite(weighted).all():
             freedom = 1.0 - linear.leverage(weighted)
@@ -357,7 +347,7 @@ class _Search:
             labels=rig.labels,
             computed=best.y,
             weighted=weighted,
-            cost=self._cost(best),
+            cost=cost,
             dof=dof,
             nfev=self._nfev,
             failed=self._failed,

@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 import attrs
 
 from ..checks import close_to
-from ..params import Params, Rule
+from ..params import Params
+from ..rules import Rule
 
 __all__ = ["Path", "assign", "fields", "numbers", "overlap", "parse", "read", "rule_of"]
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import TypeVar
 
 from ..checks import integer
+from ..stopping import Stopper
 
 __all__ = ["Workers"]
 
@@ -31,8 +30,6 @@ class Workers:
     def __init__(self, workers: int | None) -> None:
         self.count = _available() if workers is None else integer("workers", workers, 1)
         self._pool = ThreadPoolExecutor(self.count) if self.count > 1 else None
-        self._busy: set[int] = set()
-        self._lock = threading.Lock()
 
     def __enter__(self) -> Workers:
         return self
@@ -53,33 +50,18 @@ class Workers:
         """
         if self._pool is None:
             return [work(job) for job in jobs]
-        futures = [self._pool.submit(self._run, work, job) for job in jobs]
+        stopper = Stopper()
+
+        def run(job: _Job) -> _Out:
+            with stopper.watch():
+                return work(job)
+
+        futures = [self._pool.submit(run, job) for job in jobs]
         try:
             return [future.result() for future in futures]
         except BaseException:
             for future in futures:
                 future.cancel()
-            self._stop()
+            stopper.stop()
             wait(futures)
             raise
-
-    def _run(self, work: Callable[[_Job], _Out], job: _Job) -> _Out:
-        me = threading.get_ident()
-        with self._lock:
-            self._busy.add(me)
-        try:
-            return work(job)
-        finally:
-            with self._lock:
-                self._busy.discard(me)
-
-    def _stop(self) -> None:
-        """Raise KeyboardInterrupt in the busy threads; a run answers within a tenth of a second.
-
-        Signals reach the main thread alone, and a run has no other ear.
-        """
-        with self._lock:
-            for ident in self._busy:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                    ctypes.c_ulong(ident), ctypes.py_object(KeyboardInterrupt)
-                )

@@ -9,9 +9,11 @@ import attrs
 import numpy as np
 
 from ..checks import Array
-from ..errors import SimulationError, silenced
+from ..errors import SimulationError
+from ..histories import GROUPS
 from ..params import Params
 from ..result import Result
+from ..run_warnings import silenced
 from ..simulation import simulate
 from ..state import State
 from . import names
@@ -55,8 +57,8 @@ class _Run:
 def _rows(result: Result, rows: Any) -> Result:
     """Give a result at some of its samples."""
     groups = {
-        name: attrs.evolve(group, **{k: values[rows] for k, values in group._arrays().items()})
-        for name in Result._GROUPS
+        name: attrs.evolve(group, **{k: values[rows] for k, values in group.arrays().items()})
+        for name in GROUPS
         if (group := getattr(result, name)) is not None
     }
     return attrs.evolve(result, t=result.t[rows], **groups)

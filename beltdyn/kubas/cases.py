@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import scenes
-from ..errors import distinct, issue, silenced
 from ..result import Result
+from ..run_warnings import distinct, issue, silenced
 from ..simulation import simulate
 from .rows import Links
 
@@ -61,5 +61,5 @@ def runs(*, progress: bool = False) -> Runs:
             run(scenes.kubas_case_2()),
             run(scenes.kubas_case_2(sigma=SOFT_SIGMA)),
         )
-    issue(distinct(all_three), stacklevel=2)
+    issue(distinct(run.warnings for run in all_three), stacklevel=2)
     return all_three

@@ -19,12 +19,14 @@ import numpy as np
 
 from .. import scenes
 from ..checks import Array
-from ..errors import SimulationError, silenced
+from ..errors import SimulationError
 from ..identification.experiment import Experiment, Target
 from ..identification.free import Free, place, resolve
 from ..identification.report import Identification
-from ..params import Belt, Contact, Dahl, Params, Pulley
+from ..params import Params
+from ..parts import Belt, Contact, Dahl, Pulley
 from ..result import Result
+from ..run_warnings import silenced
 from ..simulation import settle, simulate
 from ..tensioning import Tensioning
 from .rows import QUANTITIES, Links, best_links, candidates, cost, demands, misfit, read, residuals

@@ -83,6 +83,7 @@ typedef struct {
   PyObject *callable;
   PyArrayObject *theta, *omega; /* given to the callable, and again if it has kept neither */
   npy_intp n_pulleys;
+  const volatile int *stop; /* the simulation's flag: looked at before each call */
 } bd_core_call;
 
 typedef struct {
@@ -93,10 +94,13 @@ typedef struct {
   Py_ssize_t n_calls;
 } bd_core_torque;
 
-/* From a sequence of terms and an array of breakpoints, checked. Release it in either case; set
- * `calls` NULL first where a simulation has taken them over. */
+/* From a sequence of terms and an array of breakpoints, checked, and the flag by which the
+ * simulation is stopped. Release it in either case; set `calls` NULL first where a simulation has
+ * taken them over. */
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        npy_intp n_pulleys);
+                        npy_intp n_pulleys, const volatile int *stop);
+/* -1 with KeyboardInterrupt if the flag is set. */
+int bd_core_check_stop(const volatile int *stop);
 void bd_core_torque_release(bd_core_torque *torque);
 void bd_core_calls_free(bd_core_call *calls, Py_ssize_t n);
 

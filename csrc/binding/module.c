@@ -7,6 +7,7 @@
 #define BD_CORE_IMPORTS_NUMPY
 #include "binding/binding.h"
 
+#include <math.h>
 #include <string.h>
 
 /* --- errors ---------------------------------------------------------------------------------- */
@@ -243,6 +244,31 @@ static PyObject *error_table(void) {
   return table;
 }
 
+static PyObject *rule_table(void) {
+  static const struct {
+    const char *name, *wording;
+    double least;
+    int above;
+    double most;
+  } rows[] = {
+#define X(rule, wording, least, above, most) {#rule, wording, least, above, most},
+      BD_RULES(X)
+#undef X
+  };
+  const size_t n = sizeof rows / sizeof rows[0];
+  PyObject *table = PyTuple_New((Py_ssize_t)n);
+  for (size_t i = 0; table && i < n; i++) {
+    PyObject *row = Py_BuildValue("(ssdOd)", rows[i].name, rows[i].wording, rows[i].least,
+                                  rows[i].above ? Py_True : Py_False, rows[i].most);
+    if (row) {
+      PyTuple_SET_ITEM(table, (Py_ssize_t)i, row);
+    } else {
+      Py_CLEAR(table);
+    }
+  }
+  return table;
+}
+
 static int add_tables(PyObject *module) {
   static const char *const parameters[][5] = {
 #define X(group, name, rule, unit, text) {#group, #name, #rule, unit, text},
@@ -269,7 +295,8 @@ static int add_tables(PyObject *module) {
       BD_STATS(X)
 #undef X
   };
-  return add(module, "PARAMETERS", TABLE(parameters)) < 0 ||
+  return add(module, "RULES", rule_table()) < 0 ||
+                 add(module, "PARAMETERS", TABLE(parameters)) < 0 ||
                  add(module, "STATE_FIELDS", TABLE(state_fields)) < 0 ||
                  add(module, "OUTPUTS", TABLE(outputs)) < 0 ||
                  add(module, "ENERGY_TERMS", TABLE(energy_terms)) < 0 ||

@@ -6,7 +6,8 @@
  * atomic flag, so a second thread or a torque function that calls back gets a RuntimeError; the
  * arrays the core writes to are held by the Simulation, their users only get views, so they cannot
  * be freed or resized under a run; signals are answered between chunks, where the state is that of
- * a finished step. Guarded by tests/test_module_run.py and tests/test_threads.py.
+ * a finished step; stop() sets a flag and touches nothing else. Guarded by tests/test_module_run.py
+ * and tests/test_threads.py.
  */
 #include "binding/binding.h"
 
@@ -26,8 +27,8 @@ typedef struct {
   Py_ssize_t n_calls;
   PyObject *outputs; /* list of the arrays the core writes to; NULL: no sample times */
   PyObject *passes;
-  PyArrayObject *stop; /* the flag that the core looks at; NULL: none */
-  double rate;         /* steps per second of wall time, 0: not known yet */
+  volatile int *stop; /* set by stop(), in any thread; looked at here and in the core */
+  double rate;        /* steps per second of wall time, 0: not known yet */
   int ledger, started;
   atomic_bool busy;
 } bd_core_sim;
@@ -69,28 +70,30 @@ static PyObject *passes_of(const bd_sim *sim) {
   return passes;
 }
 
-static void free_core(bd_sim *sim, bd_settling *settling) {
+static void free_core(bd_sim *sim, bd_settling *settling, volatile int *stop) {
   if (settling) {
     bd_settle_free(settling);
   } else {
     bd_sim_free(sim);
   }
+  PyMem_Free((void *)stop);
 }
 
 /* The Python object around a ready simulation (and the settling that owns it, if any), which it
- * takes over, as it does the callables of the torque (if any); on failure all are freed. The object
- * comes last, so it is always whole. */
-static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_settling *settling, bd_core_model *model,
-                      bd_core_torque *torque) {
+ * takes over with its flag, as it does the callables of the torque (if any); on failure all are
+ * freed. The object comes last, so it is always whole. */
+static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_settling *settling, volatile int *stop,
+                      bd_core_model *model, bd_core_torque *torque) {
   PyObject *passes = passes_of(sim);
   bd_core_sim *self = passes ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
   if (!self) {
     Py_XDECREF(passes);
-    free_core(sim, settling);
+    free_core(sim, settling, stop);
     return NULL;
   }
   self->sim = sim;
   self->settling = settling;
+  self->stop = stop;
   self->model = (bd_core_model *)Py_NewRef(model);
   self->passes = passes;
   atomic_init(&self->busy, false);
@@ -137,30 +140,27 @@ static int read_options(bd_options *out, const option_objects *in) {
              : 0;
 }
 
-/* The core reads it as an int while it runs. */
-static int read_stop(PyObject *stop) {
-  if (!stop ||
-      (PyArray_Check(stop) && PyArray_TYPE((PyArrayObject *)stop) == NPY_INT &&
-       PyArray_SIZE((PyArrayObject *)stop) == 1 && PyArray_ISCARRAY_RO((PyArrayObject *)stop))) {
-    return 0;
+/* A flag of its own, for the core keeps its address while the simulation lives. */
+static volatile int *new_stop(void) {
+  volatile int *stop = PyMem_Calloc(1, sizeof *stop);
+  if (!stop) {
+    PyErr_NoMemory();
   }
-  PyErr_SetString(PyExc_TypeError, "stop must be an array of one C int");
-  return -1;
+  return stop;
 }
 
 static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"model", "state",    "torque",    "t_end",  "method",      "rtol",
-                   "step",  "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
-                   "stop",  "guards",   NULL};
+  char *names[] = {"model",  "state",    "torque",    "t_end",  "method",      "rtol",
+                   "step",   "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
+                   "guards", NULL};
   bd_core_module *module = PyType_GetModuleState(type);
-  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL, *stop = NULL;
+  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL;
   option_objects in = {0};
   if (!module ||
-      !PyArg_ParseTupleAndKeywords(
-          args, keywords, "O!OOO|$OOOOOOOOOO:Simulation", names, module->model_type, &model_object,
-          &mapping, &terms, &end, &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
-          &in.ledger, &breakpoints, &in.torque_interval, &stop, &in.guards) ||
-      read_stop(stop) < 0) {
+      !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOOOO:Simulation", names,
+                                   module->model_type, &model_object, &mapping, &terms, &end,
+                                   &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
+                                   &in.ledger, &breakpoints, &in.torque_interval, &in.guards)) {
     return NULL;
   }
   bd_core_model *model = (bd_core_model *)model_object;
@@ -177,21 +177,22 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
   if (bd_core_state_read(&state, mapping, &model->info) < 0) {
     return NULL;
   }
-  if (bd_core_torque_read(&torque, terms, breakpoints, model->info.n_pulleys) < 0) {
+  volatile int *stop = new_stop();
+  if (!stop || bd_core_torque_read(&torque, terms, breakpoints, model->info.n_pulleys, stop) < 0) {
+    PyMem_Free((void *)stop);
     goto out;
   }
-  torque.torque.stop = stop ? PyArray_DATA((PyArrayObject *)stop) : NULL;
   bd_error err = {0};
   bd_sim *sim = NULL;
   int code = bd_sim_create(&sim, model->model, &state.state, &torque.torque, t_end, &options, &err);
   if (code < 0) {
     bd_core_raise(code, &err);
+    PyMem_Free((void *)stop);
     goto out;
   }
-  self = wrap(type, sim, NULL, model, &torque);
+  self = wrap(type, sim, NULL, stop, model, &torque);
   if (self) {
     ((bd_core_sim *)self)->ledger = options.ledger;
-    ((bd_core_sim *)self)->stop = (PyArrayObject *)Py_XNewRef(stop);
   }
 out:
   bd_core_state_release(&state);
@@ -254,10 +255,13 @@ static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) 
   bd_settling *settling = NULL;
   int code = bd_settle_create(&settling, model->model, mapping == Py_None ? NULL : &state.state,
                               &options, &err);
+  volatile int *stop = code < 0 ? NULL : new_stop();
   if (code < 0) {
     bd_core_raise(code, &err);
+  } else if (!stop) {
+    bd_settle_free(settling);
   } else {
-    self = wrap((PyTypeObject *)type, bd_settle_sim(settling), settling, model, NULL);
+    self = wrap((PyTypeObject *)type, bd_settle_sim(settling), settling, stop, model, NULL);
   }
 out:
   Py_XDECREF(offsets);
@@ -283,14 +287,14 @@ static int sim_clear(PyObject *object) {
   bd_core_sim *self = (bd_core_sim *)object;
   bd_core_call *calls = self->calls;
   Py_ssize_t n_calls = self->n_calls;
-  free_core(self->sim, self->settling);
+  free_core(self->sim, self->settling, self->stop);
   self->sim = NULL;
   self->settling = NULL;
+  self->stop = NULL;
   self->calls = NULL;
   self->n_calls = 0;
   bd_core_calls_free(calls, n_calls);
   Py_CLEAR(self->outputs);
-  Py_CLEAR(self->stop);
   Py_CLEAR(self->model);
   return 0;
 }
@@ -415,9 +419,10 @@ PyDoc_STRVAR(advance_doc,
              "seconds: >= 0, may be inf; at least one step is made. Runs without the GIL unless a\n"
              "torque is a Python callable, and answers signals every few milliseconds: after\n"
              "KeyboardInterrupt the state is that of a finished step and the run can go on. An\n"
-             "exception of a torque callable comes out unchanged and ends the run. Raises\n"
-             "SimulationError if the run cannot go on, again whenever called again, and\n"
-             "RuntimeError if the simulation is running in another call.");
+             "exception of a torque callable comes out unchanged and ends the run. After stop()\n"
+             "it raises KeyboardInterrupt, whenever called. Raises SimulationError if the run\n"
+             "cannot go on, again whenever called again, and RuntimeError if the simulation is\n"
+             "running in another call.");
 
 static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keywords) {
   char *names[] = {"seconds", NULL};
@@ -441,6 +446,11 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
   double now = clock_seconds();
   const double end = now + seconds;
   do {
+    if (bd_core_check_stop(self->stop) < 0) {
+      code = BD_MORE;
+      interrupted = 1;
+      break;
+    }
     code = advance_chunk(self, end - now, &err);
     now = clock_seconds();
     if (code == BD_MORE && self->n_calls) {
@@ -450,10 +460,26 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
     interrupted = code == BD_MORE && PyErr_CheckSignals() < 0;
   } while (code == BD_MORE && !interrupted && now < end);
   leave(self);
-  if (interrupted) {
+  if (interrupted || (code < 0 && bd_error_kind(code) == BD_KIND_CALL && !PyErr_Occurred() &&
+                      bd_core_check_stop(self->stop) < 0)) {
     return NULL;
   }
   return code < 0 ? bd_core_raise(code, &err) : PyBool_FromLong(code == BD_OK);
+}
+
+PyDoc_STRVAR(stop_doc,
+             "stop($self, /)\n--\n\n"
+             "End the run soon: for other threads, and for callbacks that cannot raise.\n\n"
+             "advance() then raises KeyboardInterrupt: after the steps of some milliseconds that\n"
+             "it is at, or after the next call of a torque function. It cannot be taken back.\n"
+             "The state is that of a finished step. Never waits, and may be called at any time.");
+
+static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (self->stop) { /* not cleared by the garbage collector */
+    *self->stop = 1;
+  }
+  Py_RETURN_NONE;
 }
 
 /* --- looking --------------------------------------------------------------------------------- */
@@ -650,6 +676,7 @@ static PyMethodDef sim_methods[] = {
     {"sample", (PyCFunction)(void (*)(void))sim_sample, METH_VARARGS | METH_KEYWORDS, sample_doc},
     {"advance", (PyCFunction)(void (*)(void))sim_advance, METH_VARARGS | METH_KEYWORDS,
      advance_doc},
+    {"stop", sim_stop, METH_NOARGS, stop_doc},
     {"state", sim_state, METH_NOARGS, state_doc},
     {"export_record", sim_export, METH_NOARGS, export_doc},
     {"import_record", sim_import, METH_O, import_doc},
@@ -675,7 +702,7 @@ PyDoc_STRVAR(
     sim_doc,
     "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
     "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
-    "           torque_interval=..., stop=..., guards=True)\n--\n\n"
+    "           torque_interval=..., guards=True)\n--\n\n"
     "One run; not to be used by two threads at once (RuntimeError).\n\n"
     "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
     "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
@@ -685,9 +712,8 @@ PyDoc_STRVAR(
     "(adaptive methods). step: of \"rk4\", \"lbdf2\", \"lie\", or the first step [s], 0: chosen.\n"
     "max_step [s] and max_steps: 0: none. ledger: carry the energy ledger. breakpoints:\n"
     "more times [s] at which to stop exactly. torque_interval: longest time between two\n"
-    "calls of a function [s]. stop: an array of one C int; set by another, it stops the\n"
-    "run after the next call of a C function, as an exception would. guards: False, to\n"
-    "measure what they cost. Raises TypeError or ValueError naming the argument.");
+    "calls of a function [s]. guards: False, to measure what they cost.\n"
+    "Raises TypeError or ValueError naming the argument.");
 
 static PyType_Slot sim_slots[] = {
     {Py_tp_doc, (void *)sim_doc},   {Py_tp_new, sim_new},

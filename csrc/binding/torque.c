@@ -125,11 +125,22 @@ static PyObject *argument(PyArrayObject **slot, npy_intp n, const double *values
   return (PyObject *)array;
 }
 
+int bd_core_check_stop(const volatile int *stop) {
+  if (*stop) {
+    PyErr_SetString(PyExc_KeyboardInterrupt, "the simulation was stopped by stop()");
+    return -1;
+  }
+  return 0;
+}
+
 /* A bd_torque_call; runs with the GIL held. */
 static int call_python(double t, const double *theta, const double *omega, double *torque,
                        void *user) {
   bd_core_call *call = user;
   const npy_intp n = call->n_pulleys;
+  if (bd_core_check_stop(call->stop) < 0) {
+    return -1;
+  }
   int failed = -1;
   PyObject *result = NULL;
   /* One slot before the arguments is the callee's to use (vectorcall's offset flag). */
@@ -228,6 +239,7 @@ static int read_call(const reader *in) {
   bd_core_call *call = &in->out->calls[in->out->n_calls++];
   call->callable = Py_NewRef(callable);
   call->n_pulleys = in->n_pulleys;
+  call->stop = in->out->torque.stop;
   in->term->call = call_python;
   in->term->user = call;
   return 0;
@@ -286,8 +298,8 @@ static int read_breakpoints(bd_core_torque *out, PyObject *breakpoints) {
 }
 
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        npy_intp n_pulleys) {
-  *out = (bd_core_torque){0};
+                        npy_intp n_pulleys, const volatile int *stop) {
+  *out = (bd_core_torque){.torque.stop = stop};
   /* A tuple of our own: converting runs Python code, which could change a list under us. */
   PyObject *items = PySequence_Tuple(terms);
   if (!items) {

@@ -14,27 +14,35 @@
 
 #include "model/model.h"
 
-#define TEXT_OF(value) #value
-#define TEXT(macro) TEXT_OF(macro)
-#define LINKS_RULE "an integer from 3 to " TEXT(BD_MAX_LINKS)
+enum {
+#define X(rule, wording, least, above, most) RULE_##rule,
+  BD_RULES(X)
+#undef X
+};
 
-enum { RULE_POSITIVE, RULE_NONNEGATIVE, RULE_FINITE, RULE_LINKS };
+static const struct {
+  const char *wording;
+  double least;
+  int above;
+  double most;
+} rules[] = {
+#define X(rule, wording, least, above, most) {wording, least, above, most},
+    BD_RULES(X)
+#undef X
+};
 
 static int check(bd_error *err, const char *where, const char *name, int rule, double value,
                  const char *unit, const char *text) {
-  static const char *const wording[] = {"> 0", ">= 0", "finite", LINKS_RULE};
-  int good = isfinite(value) && (rule == RULE_POSITIVE      ? value > 0.0
-                                 : rule == RULE_NONNEGATIVE ? value >= 0.0
-                                 : rule == RULE_LINKS       ? value >= 3.0 && value <= BD_MAX_LINKS
-                                                            : 1);
-  if (good) {
+  double least = rules[rule].least;
+  if (isfinite(value) && (rules[rule].above ? value > least : value >= least) &&
+      value <= rules[rule].most) {
     return BD_OK;
   }
   char field[64];
   snprintf(field, sizeof field, "%s.%s", where, name);
   return bd_fail_at(err, BD_ERR_PARAMETER, field, (double)NAN, -1, -1, value,
                     "%s must be %s%s (%s), got %.10g%s%s", field,
-                    isfinite(value) ? "" : "finite and ", wording[rule], text, value,
+                    isfinite(value) ? "" : "finite and ", rules[rule].wording, text, value,
                     strcmp(unit, "1") ? " " : "", strcmp(unit, "1") ? unit : "");
 }
 

@@ -1,0 +1,168 @@
+"""What the samples of a run show that is hardly meant, told after it.
+
+Every limit below stands with the argument for it. These are warnings: nothing is changed by them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import Array
+from .result import Result
+from .run_warnings import RunWarning
+from .sanity import units
+
+__all__ = ["observe"]
+
+#: A torque this many times 2 T R, what is carried when all tension has gone to one side.
+TORQUE = 10.0
+#: Friction over the most there could be, |sum mu N| / sum mu_k N, from which on all of the wrap
+#: slips; a link just landed has yet to slip some mu_k/sigma. A steady drive stays below: 0.88 in
+#: case 1 of the paper, which is loaded almost to its limit.
+SATURATED = 0.98
+#: Slip, in units of the bristles' mu_k/sigma, below which a pulley only jerked.
+SLIPPED = 10.0
+#: Friction below this part of the belt's tension is nobody's loss.
+FAINT = 0.01
+
+
+def observe(result: Result) -> tuple[RunWarning, ...]:
+    """Give what a run shows at its samples: no_friction, full_slip, slack_span, units (of torque).
+
+    Args:
+        result: A run, finished or not.
+    """
+    if result.t.size == 0:
+        return ()
+    with np.errstate(all="ignore"):  # a failed run may end in huge numbers
+        return (
+            *_torques(result),
+            *_full_slip(result),
+            *_slack_spans(result),
+        )
+
+
+def _torques(result: Result) -> Iterator[RunWarning]:
+    params, pulleys = result.params, result.pulleys
+    if params.friction is None:
+        fed = pulleys.torque * pulleys.omega
+        first, driven = np.unravel_index(int(np.argmax(fed > 0.0)), fed.shape)
+        if fed[first, driven] > 0.0:
+            yield RunWarning(
+                code="no_friction",
+                text=f"pulley {driven} is driven, with up to {np.nanmax(fed[:, driven]):.3g} W, "
+                "but friction is off: the belt takes nothing over; set Params.friction",
+                t=float(result.t[first]),
+                where=f"pulley {driven}",
+            )
+    info = params.info
+    tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
+    carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
+    size = np.abs(pulleys.torque)
+    # in a twentieth of the samples, for a controller may ask for anything for a moment
+    over = np.quantile(size, 0.95, axis=0) / carried
+    worst = int(np.argmax(over))
+    if over[worst] > TORQUE:
+        most = size[:, worst].max()
+        yield units(
+            f"a torque of {most:.3g} N m acts on pulley {worst}, but a belt of {tension:.3g} N "
+            f"carries {carried[worst]:.3g} N m over at most: is it in N mm?",
+            f"pulley {worst}",
+            t=float(result.t[np.argmax(size[:, worst] > TORQUE * carried[worst])]),
+        )
+
+
+def _full_slip(result: Result) -> Iterator[RunWarning]:
+    params, contact = result.params, result.contact
+    if params.friction is None:
+        return
+    n_t, n_p = result.t.size, len(params.pulleys)
+    bins = _bins(contact.pulley, n_p)
+    friction = _per_pulley(contact.friction, bins, n_p)
+    most = params.friction.mu_k * _per_pulley(contact.normal, bins, n_p)
+    tension = params.info["mean_tension"]
+    saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
+    rows = np.flatnonzero(saturated.any(axis=1))
+    if rows.size == 0:
+        return
+    lost = np.zeros((n_t, n_p))
+    lost[rows] = _per_pulley(
+        contact.friction[rows] * contact.velocity[rows], _bins(contact.pulley[rows], n_p), n_p
+    )
+    lasts = _durations(result.t)
+    least = SLIPPED * params.friction.mu_k / params.friction.sigma
+    for k, pulley in enumerate(params.pulleys):
+        speed = np.where(saturated[:, k], lost[:, k] / np.abs(friction[:, k]), 0.0)
+        # Where a wrap is locked by what it was laid with, nothing slips.
+        slips = speed > 0.01 * speed.max()
+        slip = float(np.sum(lasts * speed, where=slips))
+        if not slip > least:
+            continue
+        first, last, whole = _when(result.t, lasts, slips)
+        carried = float(np.max(np.abs(friction[slips, k]))) * pulley.radius
+        given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
+        of_set = f", {given:.3g} N m are set" if given > carried else ""
+        yield RunWarning(
+            code="full_slip",
+            text=f"pulley {k} slips over its whole wrap, by {slip:.2g} m, {whole} between "
+            f"t = {first:.4g} and {last:.4g} s, which takes "
+            f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction carries "
+            f"{carried:.3g} N m at most{of_set}; raise the preload (a shorter belt.length) or "
+            "lower the torque",
+            t=first,
+            where=f"pulley {k}",
+        )
+
+
+def _slack_spans(result: Result) -> Iterator[RunWarning]:
+    # Spans are told apart only where any joint is without tension at all: seldom, and dear.
+    rows = np.flatnonzero(result.joints.force.min(axis=1) <= 0.0)
+    if rows.size == 0:
+        return
+    n_p = len(result.params.pulleys)
+    tension = result._span_tension(rows)
+    lasts = _durations(result.t)
+    for k in range(n_p):
+        slack = np.zeros(result.t.size, dtype=bool)
+        slack[rows] = tension[:, k] <= 0.0
+        if not slack.any():
+            continue
+        first, last, whole = _when(result.t, lasts, slack)
+        yield RunWarning(
+            code="slack_span",
+            text=f"span {k}, from pulley {k} to pulley {(k + 1) % n_p}, is slack, down to "
+            f"{np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and {last:.4g} s; "
+            "raise the preload (a shorter belt.length) or lower the torque; how a slack span "
+            "comes back may hang on little, so errors are unknown",
+            t=first,
+            where=f"span {k}",
+            accuracy=True,
+        )
+
+
+def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
+    """Give each (sample, pulley) a number; pulley -1, none, comes first in a sample."""
+    rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
+    return (touched + (rows * (n_p + 1) + 1)).ravel()
+
+
+def _per_pulley(values: Array, bins: NDArray[np.intp], n_p: int) -> Array:
+    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
+    n_t = values.shape[0]
+    total = np.bincount(bins, weights=values.ravel(), minlength=n_t * (n_p + 1))
+    return np.asarray(total.reshape(n_t, n_p + 1)[:, 1:], dtype=float)
+
+
+def _durations(t: Array) -> Array:
+    """Time that each sample stands for [s]."""
+    half = np.diff(t) / 2.0
+    return np.asarray(np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half]))
+
+
+def _when(t: Array, lasts: Array, during: NDArray[np.bool_]) -> tuple[float, float, str]:
+    """First and last time, and how long in all, in words."""
+    seen = np.flatnonzero(during)
+    return float(t[seen[0]]), float(t[seen[-1]]), f"for {np.sum(lasts[seen]):.3g} s"

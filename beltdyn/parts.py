@@ -1,0 +1,100 @@
+"""The parts of a belt drive: parameter objects that check themselves and print themselves.
+
+Rules, units and meanings of the numbers are those of :mod:`beltdyn.rules`. Data of the belt are per
+unit length, so ``n_bodies`` refines the mesh of one and the same belt.
+
+Source of the model: K. Kubas, "A model for the dynamic analysis of a belt transmission using the
+Dahl friction model", equations (2.1)-(2.13).
+"""
+
+from __future__ import annotations
+
+import attrs
+
+from .rules import Printable, Rule, from_table
+
+__all__ = ["Belt", "Contact", "Dahl", "Pulley"]
+
+_CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("belt"))
+class Belt(Printable):
+    """A closed belt, per metre of its stress-free length.
+
+    Attributes:
+        length: Stress-free length of the closed belt, L [m], > 0.
+        n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
+            L / n_b are joined by the springs and dampers of (2.2).
+        linear_density: Mass per length, rho A [kg/m], > 0.
+        axial_stiffness: EA [N], > 0.
+        axial_damping: eta A [N s], >= 0.
+        bending_stiffness: EI [N m^2], >= 0.
+        bending_damping: eta I [N m^2 s], >= 0; the paper has none.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    length: float
+    n_bodies: int
+    linear_density: float
+    axial_stiffness: float
+    axial_damping: float = 0.0
+    bending_stiffness: float = 0.0
+    bending_damping: float = 0.0
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("pulley", _CENTER))
+class Pulley(Printable):
+    """A pulley that turns about a fixed axis (2.12).
+
+    Attributes:
+        center: Position of the axis (x, y) [m].
+        radius: Radius on which the mass centres of the links run, r_p [m], > 0.
+        inertia: Moment of inertia about the axis [kg m^2], > 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    center: tuple[float, float]
+    radius: float
+    inertia: float
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("contact"))
+class Contact(Printable):
+    """Normal force between belt and pulley (2.8), per metre of belt.
+
+    A link of length l0 that penetrates by p is pushed out by
+    ``max(0, (quadratic p^2 + linear p + damping dp/dt) l0)``.
+
+    Attributes:
+        quadratic: c1' [N/m^3], >= 0.
+        linear: c2' [N/m^2], >= 0.
+        damping: b' [N s/m^2], >= 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    quadratic: float = 0.0
+    linear: float
+    damping: float = 0.0
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("dahl"))
+class Dahl(Printable):
+    """Dahl friction between belt and pulley (2.9), (2.10).
+
+    Attributes:
+        mu_k: Kinetic friction coefficient [1], > 0.
+        sigma: Stiffness of the friction joint at rest [1/m], > 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    mu_k: float
+    sigma: float

@@ -1,0 +1,102 @@
+"""Rules of parameters: what a number must be, its unit and meaning, from ``csrc/fields.h``.
+
+The table there is shared by the C core, which checks it once more, and by the classes of
+:mod:`beltdyn.parts`, whose fields are checked and printed by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import attrs
+
+from . import _core, checks
+
+__all__ = ["Printable", "Rule", "from_table", "lines", "rules_of"]
+
+#: By name: wording, least, whether above that, most.
+_RULES = {row[0]: row[1:] for row in _core.RULES}
+
+
+class Rule(NamedTuple):
+    """What a field must be: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
+
+    group: str
+    name: str
+    rule: str
+    unit: str
+    text: str
+
+    def check(self, value: object) -> Any:
+        """Check a value; give it as plain numbers.
+
+        Raises:
+            TypeError: Wrong kind.
+            ValueError: Rule broken.
+        """
+        label = f"{self.group}.{self.name}".lstrip(".")
+        if self.rule == "PAIR":
+            return checks.pair(label, value, self.unit)
+        wording, least, above, most = _RULES[self.rule]
+        if self.rule == "LINKS":
+            return checks.integer(label, value, int(least), int(most))
+        number = checks.real(label, value, self.unit)
+        if number < least or number > most or (above and number == least):
+            raise ValueError(
+                f"{label} must be {wording} ({self.text}), got {self.quantity(number)}"
+            )
+        return number
+
+    def quantity(self, value: Any) -> str:
+        """Write a value with its unit."""
+        number = f"({value[0]:.10g}, {value[1]:.10g})" if self.rule == "PAIR" else f"{value:.10g}"
+        return number if self.unit == "1" else f"{number} {self.unit}"
+
+
+def rules_of(group: str) -> dict[str, Rule]:
+    """Give the rules of a group of parameters, by name, in the order of the core's struct."""
+    return {row[1]: Rule(*row) for row in _core.PARAMETERS if row[0] == group}
+
+
+def from_table(
+    group: str, *others: Rule
+) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
+    """Give every field of a class its rule; a field without one is an error."""
+    rules = rules_of(group) | {rule.name: rule for rule in others}
+
+    def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+        return [
+            field.evolve(converter=rule.check, metadata={"rule": rule})
+            for field in fields
+            for rule in [rules[field.name]]
+        ]
+
+    return transform
+
+
+class Printable:
+    """Base of classes whose fields all have a rule: prints them with units and meaning."""
+
+    __slots__ = ()
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """Name, quantity and meaning of each field."""
+        rules: list[Rule] = [
+            field.metadata["rule"]
+            for field in attrs.fields(type(self))  # type: ignore[arg-type]
+        ]
+        return [(rule.name, rule.quantity(getattr(self, rule.name)), rule.text) for rule in rules]
+
+    def __str__(self) -> str:
+        return "\n".join([type(self).__name__, *lines(self._rows(), indent="  ")])
+
+
+def lines(rows: Sequence[tuple[str, str, str]], indent: str = "") -> list[str]:
+    """Align names, values and texts in columns."""
+    name_width = max((len(name) for name, _, _ in rows), default=0)
+    value_width = max((len(value) for _, value, _ in rows), default=0)
+    return [
+        f"{indent}{name:<{name_width}}  {value:<{value_width}}  {text}".rstrip()
+        for name, value, text in rows
+    ]
