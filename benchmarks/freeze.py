@@ -132,7 +132,7 @@ def drives() -> dict[str, Callable[[], tuple[Any, ...]]]:
 
 def arrays_of(result: Any) -> dict[str, np.ndarray]:
     found = {}
-    for group in ("belt", "joints", "contacts", "pulleys", "energy", "final_state"):
+    for group in ("belt", "joints", "contact", "pulleys", "energy", "final_state"):
         part = getattr(result, group, None)
         for name in dir(part):
             value = getattr(part, name) if not name.startswith("_") else None

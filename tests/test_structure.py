@@ -6,6 +6,7 @@ A graph gives, by the name of each file or module, the names of those it depends
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -117,3 +118,45 @@ def test_functions_import_only_what_is_heavy_or_may_be_missing() -> None:
         for name, target in late
         if not any(in_room(target, allowed) for allowed in heavy)
     } == set()
+
+
+# --- C: includes ----------------------------------------------------------------------------------
+
+#: Folders of csrc/; each may include those after it. CONTRIBUTING.md says so, too.
+FOLDERS = ("binding", "run", "solvers", "physics", "model", "kernels", "base")
+PUBLIC = {"beltdyn.h", "fields.h"}
+
+
+def include_graph() -> Graph:
+    """Give the arrows between the files of the core, by their paths below csrc/."""
+    core = ROOT / "csrc"
+    return {
+        str(file.relative_to(core)): set(
+            re.findall(r'^#include "(.+?)"', file.read_text("utf-8"), re.MULTILINE)
+        )
+        for file in core.rglob("*.[ch]")
+    }
+
+
+def test_every_file_of_the_core_stands_in_a_folder() -> None:
+    files = set(include_graph())
+    assert {file.partition("/")[0] for file in files} == {*FOLDERS, "examples", *PUBLIC}
+
+
+def test_includes_go_one_way() -> None:
+    graph = include_graph()
+    assert circle(graph) == []
+    for file, targets in graph.items():
+        folder = file.partition("/")[0]
+        for target in targets - PUBLIC:
+            assert folder in FOLDERS, f"{file} includes {target}"
+            there = target.partition("/")[0]
+            assert FOLDERS.index(folder) <= FOLDERS.index(there), f"{file} includes {target}"
+
+
+def test_other_folders_see_one_header() -> None:
+    for file, targets in include_graph().items():
+        folder = file.partition("/")[0]
+        for target in targets - PUBLIC:
+            there = target.partition("/")[0]
+            assert there == folder or target == f"{there}/{there}.h", f"{file} includes {target}"
