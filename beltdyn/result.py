@@ -1,4 +1,4 @@
-"""What a run gives: histories by group, the energy ledger, and what the run cost."""
+"""Results of a run: histories by group, the energy ledger, and counters."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class ContactHistory(_Group):
 
 @attrs.frozen(eq=False, repr=False)
 class EnergyLedger(_Group):
-    """Where the energy is and where it went, each (n_t,) [J].
+    """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
     Attributes:
         kinetic: Of links and pulleys.
@@ -130,10 +130,11 @@ class EnergyLedger(_Group):
         joint_loss: Lost in the dampers of the joints since the start.
         contact_loss: Lost in the dampers of the contact since the start.
         friction_loss: Work of friction against slip since the start.
-        residual: E(t) - E(0) - (drive - losses): 0 but for the error of integration. It needs no
-            reference solution.
-        passed: Energy that passed through the drive so far, the scale to judge the residual by:
-            the energy fed in at the samples, or what was lost or stored, whichever is more.
+        residual: E(t) - E(0) - (drive - losses): zero but for the error of integration. It needs
+            no reference solution.
+        passed: Energy transmitted so far, the scale to judge the residual by: the largest of the
+            energy put in (summed over the samples), the net work, the losses and the change of
+            the stored energy.
     """
 
     kinetic: Array
@@ -155,7 +156,7 @@ class EnergyLedger(_Group):
 
     @property
     def losses(self) -> Array:
-        """What the dampers and friction took since the start (n_t,) [J]."""
+        """Energy dissipated by dampers and friction since the start (n_t,) [J]."""
         return self.joint_loss + self.contact_loss + self.friction_loss
 
     @classmethod
@@ -173,19 +174,19 @@ class EnergyLedger(_Group):
 
 @attrs.frozen(kw_only=True)
 class Stats:
-    """What a run cost.
+    """Counters, times and error estimates of a run.
 
     Attributes:
-        method: Integrator used; "auto" if it went to and fro between two.
+        method: Integration method used; "auto" if the run changed between two.
         choice: Why that one, or what share each of the two had.
-        kernels: Kernel level of the C core.
+        kernels: Instruction level of the C core's inner loops: "baseline", "avx2" or "avx512".
         steps: Accepted steps.
         rejected: Rejected steps.
         nfev: Evaluations of the right-hand side.
         njev: Evaluations of the Jacobian; explicit methods need none.
         nlu: Factorisations; explicit methods need none.
         changes: Changes of method, by "auto".
-        fallbacks: Steps that only the linearly implicit Euler method could make.
+        fallbacks: Steps in which only the linearly implicit Euler method succeeded.
         searches: Rebuilds of the list of links that can touch a pulley.
         smallest_step: Smallest accepted step [s].
         largest_step: Largest accepted step [s].
@@ -193,22 +194,26 @@ class Stats:
         cpu_time: CPU time of the run [s], without settling.
         wall_time: Wall time of the run [s], without settling.
         settle_time: Wall time of settling before the run [s], 0 if there was none.
-        balance: Largest residual of the balance of energy, over the energy that passed: 0 but for
+        balance: Largest residual of the energy balance, over the energy transmitted: zero but for
             the error of integration, whatever the method; negative where energy was lost. It is
-            watched with ``ledger=False`` as well.
-        growth: Rate at which a small difference was seen to grow exponentially [1/s]; 0: none was.
-        twin_steps: Steps made once more by a slightly displaced twin, to see whether it does.
-        error: Estimated true error of the joint forces over the mean tension (root mean square over
-            joints and time): ``local_error`` (five times that where a joint's stretch is more than
-            three times the slip mu_k / sigma) or five times ``balance``, whichever is more; of
-            "lbdf2" and "lie", whose errors add up, times the root of the run's length beyond that
-            of a second of the paper's drive. Right to within a factor of five in 98 of 100 random
-            drives, mostly too large. None where nothing is known: fixed steps, histories that part
-            exponentially, links that chatter, torques that are not followed.
-        local_error: Largest local error of a step, in the units of ``rtol``: what is held below it
-            where errors are controlled. Of fixed steps, what they err by: from 0.5 on they are
-            warned of; at least 1 where some were made again, shorter. None if none was estimated,
-            as in the first steps of "lbdf2" and "lie".
+            checked with ``ledger=False`` as well.
+        growth: Exponential growth rate of a small difference between two runs [1/s]; 0: none was
+            seen. Slow growth may go undetected, because it is measured over short intervals only.
+        twin_steps: Steps repeated from a slightly displaced state to measure this growth.
+        error: Estimated error in time of the joint forces over the mean tension (root mean square
+            over joints and time): the larger of ``local_error`` (five times that where a joint's
+            stretch is more than three times the slip mu_k / sigma) and, with the ledger, five times
+            ``balance``, multiplied by the growth of small differences where some was seen. Errors
+            of "lbdf2" and "lie" accumulate: theirs is also multiplied by sqrt(k), where the run is
+            k > 1 times as long as 780 round trips of a stretch wave along the belt, a second of
+            the paper's drive. Within a factor of five of the true error, mostly above it, in 98 of
+            100 random drives. It does not include the error of the mesh. None where no estimate
+            holds: fixed steps, belts almost without damping, histories that diverge exponentially,
+            links that chatter, torque functions that change faster than the steps, slack spans.
+        local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
+            errors are controlled. With fixed steps, their error: from 0.5 on there is a warning,
+            and it is at least 1 if some had to be repeated with shorter ones. None if none was
+            estimated, as in the first steps of "lbdf2" and "lie".
     """
 
     method: str
@@ -247,7 +252,7 @@ _G = TypeVar("_G", bound=_Group)
 
 
 def _mean(values: Array) -> Array:
-    """Mean over time of what is there; NaN where nothing ever is."""
+    """Mean over time, without NaN; NaN where there is nothing else."""
     there = ~np.isnan(values)
     count = there.sum(axis=0)
     total = np.where(there, values, 0.0).sum(axis=0)
@@ -256,26 +261,36 @@ def _mean(values: Array) -> Array:
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Result:
-    """A run, finished or not: time is the first axis of every array.
+    """A run, finished or not.
+
+    Time is the first axis of every array, of n_t samples; n_b links, joints, and n_p pulleys::
+
+        pulleys   theta, omega, torque                             (n_t, n_p)
+        belt      x, y, phi, vx, vy, vphi                          (n_t, n_b)
+        joints    deformation, force                               (n_t, n_b)
+        contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
+        span_tension, slip                                         (n_t, n_p)
+        energy    kinetic, ..., residual, passed                   (n_t,)
 
     Attributes:
         t: Sample times (n_t,) [s]; those reached, if the run did not finish.
         pulleys: Angles, speeds and set torques of the pulleys.
         belt: Coordinates and velocities of the links.
         joints: Deformation and force of the joints.
-        contact: Contact and friction of the links; a link on two pulleys shows the one that
-            presses harder.
-        energy: The energy ledger, None if it was not carried along.
-        stats: What the run cost.
-        effects: Names of the effects that were simulated.
+        contact: Contact and friction of the links; for a link on two pulleys those of the one with
+            the larger normal force.
+        energy: The energy ledger, None for ``ledger=False``.
+        stats: Counters, times and error estimates.
+        effects: Names of the effects that were simulated; one that the drive does not have
+            (bending, gravity, friction, the ledger) is not computed either.
         success: Whether the run reached its end.
         status: "finished", "failed" or "interrupted".
         message: How the run ended, in words.
         params: The drive.
-        final_state: State at the end of the run or, if it did not finish, where it got to; may be
-            passed as ``initial`` to go on.
-        warnings: What was noticed that may make the results other than expected; each was also
-            issued as a :class:`beltdyn.BeltdynWarning`.
+        final_state: State at the end of the run or, if it did not finish, at the last step; pass
+            it as ``initial`` to continue.
+        warnings: Everything found that a user may not expect, or that may make the results less
+            accurate; each was also issued as a :class:`beltdyn.BeltdynWarning`.
     """
 
     t: Array
@@ -335,7 +350,7 @@ class Result:
         return self._span_tension(slice(None))
 
     def _span_tension(self, rows: Any) -> Array:
-        """Do the same at some of the samples."""
+        """Compute :attr:`span_tension` at some of the samples."""
         touched, force = self.contact.pulley[rows], self.joints.force[rows]
         n_t, n_p = touched.shape[0], len(self.params.pulleys)
         before = _last_touched(touched)
@@ -357,7 +372,7 @@ class Result:
     def slip(self) -> Array:
         """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
 
-        NaN while pulley 0 all but stands, below a thousandth of its highest speed.
+        NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
         """
         return self._slip(self.pulleys.omega)
 
@@ -381,10 +396,10 @@ class Result:
         return "\n".join([repr(self), *(f"  {label:<{width}}  {value}" for label, value in rows)])
 
     def summary(self) -> list[tuple[str, str]]:
-        """List what one looks at first: label and value.
+        """List the most important results as pairs of label and value.
 
-        Speeds, tensions and slip are means over the last tenth of the run, for a link that comes
-        or goes shakes them from sample to sample.
+        Speeds, tensions and slip are means over the last tenth of the run, because links that
+        arrive at a pulley or leave it make them fluctuate from sample to sample.
         """
 
         def per_pulley(values: Array, form: str, unit: str) -> str:
@@ -393,8 +408,7 @@ class Result:
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
         if self.warnings:
-            codes = dict.fromkeys(one.code for one in self.warnings)
-            rows.append(("warnings", f"{len(self.warnings)}: {', '.join(codes)}"))
+            rows.append(("warnings", f"{len(self.warnings)}: {', '.join(_named(self.warnings))}"))
         if self.t.size:
             late = self.t >= self.t[-1] - 0.1 * (self.t[-1] - self.t[0])
             speeds = self.pulleys.omega[late].mean(axis=0)
@@ -404,7 +418,7 @@ class Result:
                 ("  pulley speeds", per_pulley(speeds, ".5g", " rad/s")),
                 ("  span tensions", per_pulley(_mean(self.span_tension[late]), ".5g", " N")),
             ]
-            # Beyond 100 % the pulleys turn against each other and slip says nothing.
+            # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
                 rows.append(("  slip against pulley 0", per_pulley(100 * slip, ".3g", " %")))
         if self.t.size and self.energy is not None:
@@ -419,14 +433,14 @@ class Result:
             ("local error", "-" if stats.local_error is None else f"{stats.local_error:.2g}"),
             ("evaluations", f"{stats.nfev}"),
             ("CPU time", f"{stats.cpu_time:.3g} s"),
-            ("kernels", stats.kernels),
+            ("instruction level", stats.kernels),
         ]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x".
 
         Raises:
-            OSError: It cannot be written; what was there before is as it was.
+            OSError: It cannot be written; a file that was there before is unchanged.
         """
         from . import saved
 
@@ -434,7 +448,7 @@ class Result:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:
-        """Read what :meth:`save` wrote; everything is checked against the parameters in it.
+        """Read a file of :meth:`save`; nothing in it is executed, everything is checked.
 
         Raises:
             OSError: The file cannot be read.
@@ -447,8 +461,17 @@ class Result:
         return saved.read(path)
 
 
+def _named(warnings: tuple[RunWarning, ...]) -> list[str]:
+    """Name each warning, with the pulley or span if several have the same code."""
+    codes = [one.code for one in warnings]
+    return [
+        f"{one.code} ({one.where})" if codes.count(one.code) > 1 and one.where else one.code
+        for one in warnings
+    ]
+
+
 def _last_touched(touched: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Along the ring, the pulley each link or the nearest one before it touches, else -1."""
+    """Give the pulley touched by each link, or else by the nearest one before it; -1: none."""
     n_b = touched.shape[1]
     twice = np.concatenate([touched, touched], axis=1)
     index = np.where(twice >= 0, np.arange(2 * n_b), 0)
