@@ -1,8 +1,8 @@
-"""What a belt drive is made of: parameter objects that check themselves and print themselves.
+"""Parameters of a belt drive: objects that check their values and print themselves.
 
-The rule, unit and meaning of every number stand in one table, ``csrc/fields.h``, which the C core
+The rule, unit and meaning of every number are in one table, ``csrc/fields.h``, which the C core
 and these classes share. Data of the belt are per unit length, so ``n_bodies`` refines the mesh of
-one and the same belt.
+the same belt.
 
 Source of the model: K. Kubas, "A model for the dynamic analysis of a belt transmission using the
 Dahl friction model", equations (2.1)-(2.13).
@@ -25,7 +25,7 @@ __all__ = ["Belt", "Contact", "Dahl", "Params", "Pulley"]
 
 
 class Rule(NamedTuple):
-    """What a field must be: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
+    """The rule of a field: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
 
     group: str
     name: str
@@ -138,7 +138,7 @@ class Pulley(_Printable):
 
     Attributes:
         center: Position of the axis (x, y) [m].
-        radius: Radius on which the mass centres of the links run, r_p [m], > 0.
+        radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
         inertia: Moment of inertia about the axis [kg m^2], > 0.
 
     Raises:
@@ -220,8 +220,9 @@ class Params:
     """A belt drive: everything but its loads.
 
     The belt visits the pulleys in the order of the list, all inside its loop, and its links are
-    numbered along it; two pulleys: clockwise, the upper span first. Change a field with
-    ``attrs.evolve(params, gravity=(0, -9.81))``.
+    numbered along it; with two pulleys they run clockwise, the upper span first. Change a field
+    with ``attrs.evolve(params, gravity=(0, -9.81))``. ``print(params)`` shows the strain and
+    tension at rest, how much of it is an error of the mesh, and the warnings of the drive.
 
     Attributes:
         belt: The belt.
@@ -273,10 +274,11 @@ class Params:
 
     @property
     def info(self) -> Mapping[str, float | int]:
-        """What follows from the parameters, ``bd_info`` of the C core, SI units.
+        """Quantities derived from the parameters (MODEL section 6), SI units.
 
-        Among others ``link_length`` [m], ``path_length`` of the tight belt line [m], ``strain``,
-        ``mean_tension`` [N] and ``spectral_bound``, the highest joint frequency [1/s].
+        Among others ``link_length`` [m], ``path_length`` of the belt line [m], ``strain`` of the
+        belt on it, ``mean_tension`` [N], ``mesh_strain`` and ``contact_strain``, which the mesh
+        adds and the contact takes off, and ``spectral_bound``, the highest joint frequency [1/s].
         """
         return MappingProxyType(self._model.info)
 
@@ -302,13 +304,13 @@ class Params:
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
                 *_lines(rows, indent="  "),
                 f"  tensioned {self.tensioning}",
-                f"  tight belt line {info['path_length']:.6g} m: strain "
-                f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
-                f"straight links on the pulleys add up to {100 * info['mesh_strain']:.2g} %, "
-                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N, its sinking into them "
-                f"takes off {100 * info['contact_strain']:.2g} %, "
+                f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
+                f"tension {info['mean_tension']:.4g} N; straight links add up to "
+                f"{100 * info['mesh_strain']:.2g} %, "
+                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N; sinking into the "
+                f"pulleys takes off {100 * info['contact_strain']:.2g} %, "
                 f"{info['contact_strain'] * self.belt.axial_stiffness:.3g} N",
-                *(f"  note  {noticed}" for noticed in sanity.check(self)),
+                *(f"  note  {warning}" for warning in sanity.check(self)),
             ]
         )
 
@@ -332,7 +334,7 @@ class Params:
         """Give the parameters as TOML text, also written to ``path``; exact both ways.
 
         Raises:
-            OSError: The file cannot be written; what was there before is as it was.
+            OSError: The file cannot be written; a file that was there before is unchanged.
         """
         from . import toml
 
