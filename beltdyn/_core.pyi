@@ -1,4 +1,4 @@
-"""The C core as Python sees it: thin, positional, unforgiving. Users want :mod:`beltdyn`."""
+"""The C core's interface to Python: low level, strict. Users should use :mod:`beltdyn`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -87,8 +87,8 @@ class Simulation:
         run fills row by row.
         """
     def advance(self, seconds: float) -> bool:
-        """Run for about this much wall time, without the GIL where no Python callback is needed,
-        answering signals; True at the end of the run.
+        """Run for about this much wall time [s] and answer signals; True at the end of the run.
+        The GIL is held only while a Python function is called.
         """
     @property
     def time(self) -> float: ...

@@ -75,7 +75,7 @@ def _converter() -> cattrs.Converter:
         element: Any = get_args(kind)[0]
         return converter.structure(value, cast(Any, list[element]))
 
-    # Plain values pass as they are: the classes check them and know the rule.
+    # Plain values pass unchanged: the classes check them against their rules.
     for kind in (bool, float, int, str):
         converter.register_structure_hook(kind, lambda value, _kind: value)
     converter.register_structure_hook_func(
@@ -97,10 +97,10 @@ def _join(path: str, field: str) -> str:
 
 
 def _explain(error: BaseException, path: str) -> str:
-    """Say the first thing wrong, in one line that names its path."""
+    """Describe the first error, in one line that names the path of the field."""
     if isinstance(error, (ClassValidationError, IterableValidationError)):
         noted, others = error.group_exceptions()
-        # Unknown fields first: a misspelt field is also a missing one.
+        # Unknown fields first: a misspelt field is reported as a missing one, too.
         if others:
             return _explain(others[0], path)
         inner, note = noted[0]
@@ -114,7 +114,8 @@ def _explain(error: BaseException, path: str) -> str:
     if isinstance(error, KeyError):
         return f"{path}: missing"
     message = str(error)
-    # The classes name themselves ("pulley.radius must ..."); the path says which one it is.
+    # Messages of the classes begin with their name ("pulley.radius must ..."), which the more
+    # precise path replaces.
     own = re.match(r"[A-Za-z]+\.(?=\w)", message)
     if not path:
         return message
@@ -131,7 +132,7 @@ def _structure(value: Any, kind: Any, path: str = "") -> Any:
 
 
 def _document(source: Source) -> tuple[dict[str, Any], str]:
-    """Parse; give also what errors begin with: the file's name, if there is one."""
+    """Parse; also return the prefix of error messages: the name of the file, if there is one."""
     if isinstance(source, str) and "\n" in source:
         text, prefix = source, ""
     else:

@@ -49,7 +49,7 @@ class Workers:
     def map(self, work: Callable[[_Job], _Out], jobs: Iterable[_Job]) -> list[_Out]:
         """Give ``work(job)`` for every job, in their order.
 
-        What the first failing job raises comes out, and so does Ctrl-C, once the rest was stopped.
+        If a job raises or Ctrl-C is pressed, the others are stopped and the exception is raised.
         """
         if self._pool is None:
             return [work(job) for job in jobs]
@@ -74,9 +74,9 @@ class Workers:
                 self._busy.discard(me)
 
     def _stop(self) -> None:
-        """Raise KeyboardInterrupt in the busy threads; a run answers within a tenth of a second.
+        """Raise KeyboardInterrupt in the busy threads; a run stops within a tenth of a second.
 
-        Signals reach the main thread alone, and a run has no other ear.
+        Python delivers signals to the main thread alone, so runs in other threads get none.
         """
         with self._lock:
             for ident in self._busy:
