@@ -1,6 +1,6 @@
 """Builds the C core. Everything else stands in pyproject.toml.
 
-The core is plain C11. On x86-64 its inner loops (``kernels_*.c``) are compiled once per
+The core is plain C11. On x86-64 its inner loops (``csrc/kernels/*_avx*.c``) are compiled once per
 instruction level, each file with flags of its own, and the level is chosen when a model is made;
 nothing is built for the machine that happens to build it.
 
@@ -36,11 +36,12 @@ AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-wid
 # The linear solver is checked by its residual: there a compiler may fuse multiplications and sums.
 FUSED = ["-ffp-contract=fast"]
 LEVELS = {
-    "kernels_avx2.c": AVX2,
-    "kernels_avx512.c": AVX512,
-    "linear_avx2.c": AVX2 + FUSED,
-    "linear_avx512.c": AVX512 + FUSED,
+    CORE / "kernels" / "rhs_avx2.c": AVX2,
+    CORE / "kernels" / "rhs_avx512.c": AVX512,
+    CORE / "kernels" / "newton_avx2.c": AVX2 + FUSED,
+    CORE / "kernels" / "newton_avx512.c": AVX512 + FUSED,
 }
+SOURCES = sorted(p for p in CORE.glob("*/*.c") if p.parent.name != "examples" and p not in LEVELS)
 X86 = platform.machine().lower() in {"x86_64", "amd64"} and "arm64" not in os.environ.get(
     "ARCHFLAGS", ""
 )
@@ -51,10 +52,11 @@ class BuildCore(build_ext):
 
     def build_extension(self, ext: Extension) -> None:
         if X86:
-            for name, flags in LEVELS.items():
+            for source, flags in LEVELS.items():
                 ext.extra_objects += self.compiler.compile(
-                    [str(CORE / name)],
+                    [str(source)],
                     output_dir=self.build_temp,
+                    include_dirs=ext.include_dirs,
                     extra_postargs=[*ext.extra_compile_args, *flags],
                     depends=ext.depends,
                 )
@@ -74,8 +76,8 @@ setup(
     ext_modules=[
         Extension(
             "beltdyn._core",
-            sources=sorted(str(p) for p in CORE.glob("*.c") if p.name not in LEVELS),
-            depends=["setup.py", *sorted(str(p) for p in CORE.glob("*.[ch]"))],
+            sources=[str(p) for p in SOURCES],
+            depends=["setup.py", *sorted(str(p) for p in CORE.rglob("*.[ch]"))],
             include_dirs=[str(CORE), numpy.get_include()],
             define_macros=[
                 ("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION"),

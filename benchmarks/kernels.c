@@ -73,7 +73,7 @@ double PASTE(bench_load_, BD_LIMITS)(size_t n, const double *data) {
 #include <string.h>
 #include <time.h>
 
-#include "internal.h"
+#include "run/run.h"
 
 enum { STAGES = 7, MAX_ROUNDS = 999, N_VALUES = 512 * 1024 / 8 };
 static const char *const limit_names[] = {"multiply-add", "load from L1", "load from L2"};
@@ -104,7 +104,7 @@ typedef struct bench {
   const bd_model *model;
   bd_plan plan, ledger; /* the same drive without and with the energy ledger */
   double *y, *y_new, *weights, *stage[STAGES];
-  bd_linear linear;
+  bd_newton_system newton;
   bd_sim *runs[3]; /* one a method */
 } bench;
 
@@ -136,7 +136,7 @@ static void row_contact(bench *b) {
   for (int j = 0; j < b->model->lay.np; ++j) {
     bd_sums sums;
     plan->kernels->contact[plan->friction_on][0](
-        &plan->links, &plan->drums[j], plan->search.n_runs[j],
+        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, b->y, b->stage[0], &sums);
     sink += sums.torque;
   }
@@ -162,18 +162,18 @@ static void row_search(bench *b) {
 }
 
 static void row_linearise(bench *b) {
-  bd_linearise(&b->linear, &b->plan, b->y);
-  bd_linear_look_ahead(&b->linear, &b->plan, b->y, 0.0);
+  bd_newton_linearise(&b->linear, &b->plan, b->y);
+  bd_newton_linearise_contact(&b->linear, &b->plan, b->y, 0.0);
 }
 
 static void row_factor(bench *b) {
-  bd_linear_factor(&b->linear, &b->plan, 1e-5);
+  bd_newton_factor(&b->linear, &b->plan, 1e-5);
 }
 
 /* of rates, which have to be fetched anew, for they become the solution */
 static void row_solve(bench *b) {
   memcpy(b->stage[1], b->stage[0], b->model->lay.size * sizeof *b->stage[0]);
-  bd_linear_solve(&b->linear, &b->plan, b->stage[1]);
+  bd_newton_solve(&b->linear, &b->plan, b->stage[1]);
 }
 
 static void row_tsit5(bench *b) {
@@ -276,11 +276,11 @@ static void carve(bd_carver *carver, bench *b, const bd_torque *torque) {
   for (int k = 0; k < STAGES; ++k) {
     BD_CARVE(carver, b->stage[k], lay->size);
   }
-  bd_linear_carve(carver, &b->linear, b->model);
+  bd_newton_carve(carver, &b->linear, b->model);
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
     bd_plan_carve(carver, plans[k], lay);
-    bd_load_carve(carver, &plans[k]->load, lay->np, torque);
+    bd_torque_set_carve(carver, &plans[k]->load, lay->np, torque);
   }
 }
 
@@ -312,11 +312,11 @@ static void open_bench(bench *b, const drive *d) {
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
     bd_plan_make(plans[k], model, &(bd_plan_options){.ledger = k, .friction = 1});
-    if (bd_load_fill(&plans[k]->load, &torque, &err) != BD_OK) {
+    if (bd_torque_set_fill(&plans[k]->load, &torque, &err) != BD_OK) {
       die(err.message);
     }
     bd_plan_place(plans[k], 0.0);
-    bd_plan_own(plans[k], b->y);
+    bd_plan_assign_contacts(plans[k], b->y);
     plans[k]->search.travelled = (double)INFINITY;
     bd_search_ready(plans[k], b->y, 1e-5);
   }

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import os
 import platform
 import subprocess
@@ -29,7 +30,6 @@ ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
 SIZES = (60, 120, 240, 480, 960, 3840)
-PYTHON_ONLY = ("Python.h", '"_core.h"', '"convert.h"')
 
 
 def setup_constants() -> dict[str, Any]:
@@ -38,19 +38,19 @@ def setup_constants() -> dict[str, Any]:
     assignments = [node for node in module.body if isinstance(node, ast.Assign)]
     module.body = [node for node in assignments if ast.unparse(node.targets[0]).isupper()]
     names: dict[str, Any] = {"os": os, "platform": platform, "Path": Path}
-    exec(compile(module, "setup.py", "exec"), names)
+    with contextlib.chdir(ROOT):  # paths in setup.py are those of the checkout
+        exec(compile(module, "setup.py", "exec"), names)
     return names
 
 
 def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
     constants = setup_constants()
     flags: list[str] = constants["FLAGS"]
-    levels: dict[str, list[str]] = {"kernels_baseline.c": []}
+    levels: dict[Path, list[str]] = {Path("csrc/kernels/rhs_baseline.c"): []}
     if constants["X86"]:
         levels |= constants["LEVELS"]
-    sources = [p for p in sorted(CORE.glob("*.c"))
-               if not any(x in p.read_text() for x in PYTHON_ONLY)
-               and p.name not in constants["LEVELS"].keys() - levels.keys()]  # fmt: skip
+    sources = {p: levels.get(p, []) for p in [*constants["SOURCES"], *levels]
+               if p.parent.name != "binding"}  # fmt: skip
     common = [COMPILER, *flags, *["-DBD_X86_LEVELS=1"][: constants["X86"]], f"-I{CORE}", "-c"]
     objects = []
 
@@ -58,13 +58,13 @@ def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
         objects.append(folder / name)
         subprocess.run([*common, *extra, str(source), "-o", str(objects[-1])], check=True)
 
-    for path in sources:
-        build(path, path.stem + ".o", *levels.get(path.name, []))
+    for path, extra in sources.items():
+        build(ROOT / path, path.stem + ".o", *extra)
     build(ROOT / "benchmarks/kernels.c", "benchmark.o")
-    for name, extra in levels.items():
-        if not name.startswith("kernels_"):
+    for path, extra in levels.items():
+        if not path.name.startswith("rhs_"):
             continue
-        level = name.removeprefix("kernels_").removesuffix(".c")
+        level = path.stem.removeprefix("rhs_")
         build(ROOT / "benchmarks/kernels.c", f"limits_{level}.o", *extra, "-ffp-contract=fast",
               f"-DBD_LIMITS={level}")  # fmt: skip
     target = folder / "kernels"

@@ -14,7 +14,7 @@ from smooth import T_END, observed_order, smooth_scene, swing
 import beltdyn as bd
 
 Array = np.ndarray
-SOURCE = Path(__file__).parent.parent / "csrc" / "rosenbrock.c"
+SOURCE = Path(__file__).parent.parent / "csrc" / "solvers" / "rosenbrock.c"
 
 # -------------------------------------------------------------------- coefficients
 

@@ -2,7 +2,8 @@
 
 J read off the solver (exact to rounding) against differences of the core's right-hand side and of
 the oracle's, entry by entry; on both sides of every kink; and what the solver leaves over at steps
-far beyond the stiffest mode. Guards csrc/linear.c, ring_impl.h and tangent_impl.h.
+far beyond the stiffest mode. Guards csrc/solvers/newton_system.c, csrc/kernels/ring.h and
+jacobian.h.
 """
 
 from __future__ import annotations

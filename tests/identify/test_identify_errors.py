@@ -122,6 +122,7 @@ def test_what_a_torque_function_raises_comes_out_unchanged(rig: bd.Params, worke
         bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
 
 
+@pytest.mark.usefixtures("handlers")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_ends_it_soon_and_loses_nothing(
     rig: bd.Params, rest: bd.State, workers: int
@@ -155,6 +156,7 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(
     assert threading.active_count() <= before
 
 
+@pytest.mark.usefixtures("handlers")
 def test_ctrl_c_before_anything_is_known_is_an_ordinary_one(rig: bd.Params) -> None:
     def stop(_params: bd.Params) -> bd.State:
         raise KeyboardInterrupt

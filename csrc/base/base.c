@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Errors and memory. The only file that asks the heap; tests build it with BD_MALLOC and BD_FREE
+ * defined to make every allocation fail in turn (tests/c/test_memory.c).
+ */
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/base.h"
+
+#ifndef BD_MALLOC
+#define BD_MALLOC malloc
+#define BD_FREE free
+#else
+void *BD_MALLOC(size_t size);
+void BD_FREE(void *block);
+#endif
+
+void *bd_carve(bd_carver *carver, size_t count, size_t size) {
+  size_t bytes = (count * size + BD_ALIGN - 1) / BD_ALIGN * BD_ALIGN;
+  void *piece = carver->base ? carver->base + carver->used : NULL;
+  carver->used += bytes;
+  return piece;
+}
+
+/* aligned_alloc is missing or partial on some platforms: align by hand, keep the heap's own pointer
+ * just before the block. */
+void *bd_block_new(size_t size) {
+  char *raw = BD_MALLOC(size + BD_ALIGN + sizeof(void *));
+  if (!raw) {
+    return NULL;
+  }
+  uintptr_t start = (uintptr_t)raw + sizeof(void *);
+  start = (start + BD_ALIGN - 1) / BD_ALIGN * BD_ALIGN;
+  char *block = raw + (start - (uintptr_t)raw);
+  memcpy(block - sizeof(void *), &raw, sizeof raw);
+  memset(block, 0, size);
+  return block;
+}
+
+void bd_block_free(void *block) {
+  if (block) {
+    void *raw;
+    memcpy(&raw, (char *)block - sizeof(void *), sizeof raw);
+    BD_FREE(raw);
+  }
+}
+
+static int fail(bd_error *err, int code, const char *field, double t, int body, int pulley,
+                double value, const char *format, va_list args) {
+  if (err) {
+    memset(err, 0, sizeof *err);
+    err->code = code;
+    err->t = t;
+    err->body = body;
+    err->pulley = pulley;
+    err->value = value;
+    snprintf(err->field, sizeof err->field, "%s", field);
+    vsnprintf(err->message, sizeof err->message, format, args);
+  }
+  return code;
+}
+
+int bd_fail(bd_error *err, int code, const char *field, const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  fail(err, code, field, (double)NAN, -1, -1, (double)NAN, format, args);
+  va_end(args);
+  return code;
+}
+
+int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, int pulley,
+               double value, const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  fail(err, code, field, t, body, pulley, value, format, args);
+  va_end(args);
+  return code;
+}
+
+static const struct {
+  const char *symbol, *text;
+  int kind;
+} errors[] = {
+#define X(symbol, kind, text) {#symbol, text, BD_KIND_##kind},
+    BD_ERRORS(X)
+#undef X
+};
+
+static const struct {
+  const char *code;
+  int accuracy;
+} warnings[] = {
+#define X(code, accuracy, text) {#code, accuracy},
+    BD_WARNINGS(X)
+#undef X
+};
+
+const char *bd_warning_code(int code) {
+  return code >= 0 && code < BD_N_WARNINGS ? warnings[code].code : "unknown";
+}
+
+int bd_warning_accuracy(int code) {
+  return code >= 0 && code < BD_N_WARNINGS && warnings[code].accuracy;
+}
+
+static int row_of(int code) {
+  int row = code - BD_ERR_FIRST - 1;
+  return row >= 0 && row < (int)(sizeof errors / sizeof errors[0]) ? row : -1;
+}
+
+const char *bd_error_symbol(int code) {
+  int row = row_of(code);
+  return row < 0 ? (code == BD_OK     ? "BD_OK"
+                    : code == BD_MORE ? "BD_MORE"
+                                      : "unknown")
+                 : errors[row].symbol;
+}
+
+const char *bd_error_text(int code) {
+  int row = row_of(code);
+  return row < 0 ? "no error" : errors[row].text;
+}
+
+int bd_error_kind(int code) {
+  int row = row_of(code);
+  return row < 0 ? BD_KIND_USE : errors[row].kind;
+}

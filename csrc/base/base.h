@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What everything stands on: memory in blocks, errors, the layout of the state vector.
+ *
+ * Layout. One flat, 64-byte aligned vector: LINK_FIELDS blocks of `stride` doubles, then a tail
+ *
+ *   | x | y | phi | vx | vy | vphi | mu (slots) | slip (slots) || theta | omega | work |
+ *
+ * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
+ * kept at rest.
+ * Positions are relative to the model's origin and phi to `turns` whole turns, so neither a far
+ * scene nor a belt that has circulated for long costs digits of stretch.
+ */
+#ifndef BELTDYN_BASE_H
+#define BELTDYN_BASE_H
+
+#include "beltdyn.h"
+
+#define BD_PI 3.14159265358979323846
+#define BD_HALO 8
+#define BD_LANES 8 /* blocks are padded to the widest vector */
+#define BD_ALIGN 64
+
+enum { F_X, F_Y, F_PHI, F_VX, F_VY, F_VPHI, F_MU };
+
+/* Work integrals carried in the tail, in the order of the ledger's terms. */
+enum { W_DRIVE, W_JOINT, W_CONTACT, W_FRICTION, N_WORK };
+
+typedef struct bd_layout {
+  int n, n8, np, slots;
+  int stride;             /* doubles per block */
+  int theta, omega, work; /* offsets of the tail */
+  size_t size;            /* of the whole vector */
+} bd_layout;
+
+static inline double *bd_field(const bd_layout *lay, double *y, int field) {
+  return y + (size_t)field * (size_t)lay->stride + BD_HALO;
+}
+
+static inline const double *bd_cfield(const bd_layout *lay, const double *y, int field) {
+  return y + (size_t)field * (size_t)lay->stride + BD_HALO;
+}
+
+static inline int bd_f_slip(const bd_layout *lay) {
+  return F_MU + lay->slots;
+}
+
+/* --- base.c ------------------------------------------------------------------------------------
+ */
+
+/* Objects are one block each: the same carving code runs twice, first with base NULL to add up the
+ * size, then to hand out the pieces. */
+typedef struct bd_carver {
+  char *base;
+  size_t used;
+} bd_carver;
+
+void *bd_carve(bd_carver *carver, size_t count, size_t size);
+#define BD_CARVE(carver, pointer, count)                                                           \
+  ((pointer) = bd_carve((carver), (size_t)(count), sizeof *(pointer)))
+
+void *bd_block_new(size_t size); /* zeroed, aligned to BD_ALIGN */
+void bd_block_free(void *block);
+
+/* Where errors are raised: fills err (may be NULL) and returns code. */
+int bd_fail(bd_error *err, int code, const char *field, const char *format, ...)
+#if defined(__GNUC__)
+    __attribute__((format(printf, 4, 5)))
+#endif
+    ;
+/* The same for a failure of a run: with the time, the link or the pulley (or -1) and the value. */
+int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, int pulley,
+               double value, const char *format, ...)
+#if defined(__GNUC__)
+    __attribute__((format(printf, 8, 9)))
+#endif
+    ;
+
+#endif

@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What the parts of the extension module share: objects, the state record, errors, torque terms.
+ *
+ *   module.c      the module: tables, functions, errors
+ *   model.c       Model, and states in and out
+ *   output.c      the arrays a run fills
+ *   torque.c      torque terms, and calling Python from the core
+ *   simulation.c  Simulation
+ */
+#ifndef BELTDYN_CORE_H
+#define BELTDYN_CORE_H
+
+#include "binding/convert.h"
+
+#include "beltdyn.h"
+
+typedef struct {
+  PyTypeObject *model_type;
+  PyTypeObject *simulation_type;
+} bd_core_module;
+
+/* Each makes its type and keeps it in the module's state. -1 with an exception. */
+int bd_core_add_model(PyObject *module, bd_core_module *state);
+int bd_core_add_simulation(PyObject *module, bd_core_module *state);
+
+/* Raises what a negative code of the core stands for (the kind of its row in BD_ERRORS). Returns
+ * NULL always. Of kind CALL the pending exception is left as it is. */
+PyObject *bd_core_raise(int code, const bd_error *err);
+
+/* dict[name] = value, taking the reference of value (NULL: an exception is set already). */
+int bd_core_set(PyObject *dict, const char *name, PyObject *value);
+
+/* A C number of a struct in fields.h as the Python number of its kind. */
+#define BD_CORE_NUMBER(value)                                                                      \
+  _Generic((value), int                                                                            \
+           : PyLong_FromLong, long                                                                 \
+           : PyLong_FromLong, double                                                               \
+           : PyFloat_FromDouble)(value)
+
+/* --- model -------------------------------------------------------------------------------------
+ */
+
+typedef struct {
+  PyObject_HEAD bd_model *model; /* constant: shared by simulations, in any thread */
+  bd_info info;
+} bd_core_model;
+
+/* --- states ------------------------------------------------------------------------------------
+ */
+
+enum {
+#define X(name, size) BD_CORE_STATE_##name,
+  BD_STATE_FIELDS(X)
+#undef X
+      BD_CORE_N_STATE
+};
+
+/* A bd_state and the arrays its pointers point into. */
+typedef struct {
+  bd_state state;
+  PyArrayObject *arrays[BD_CORE_N_STATE];
+} bd_core_state;
+
+/* From a mapping with "t" and every field, checked. The arrays may be the caller's own: the core
+ * copies them before the GIL is released. */
+int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *info);
+/* Fresh arrays for the core to write to. */
+int bd_core_state_new(bd_core_state *out, const bd_info *info);
+/* A dict of the arrays by name, and "t" if asked for. */
+PyObject *bd_core_state_dict(const bd_core_state *state, int with_time);
+void bd_core_state_release(bd_core_state *state);
+
+/* --- outputs -----------------------------------------------------------------------------------
+ */
+
+/* Fresh arrays of so many rows, no energy without the ledger: owned by the list `keep`, views of
+ * them by name in `dict`, their data in *output for the core. */
+int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
+                       int ledger, npy_intp rows);
+
+/* --- torque ------------------------------------------------------------------------------------
+ */
+
+/* One Python callable among the torque terms; the core gets its address as `user`. */
+typedef struct {
+  PyObject *callable;
+  PyArrayObject *theta, *omega; /* given to the callable, and again if it has kept neither */
+  npy_intp n_pulleys;
+} bd_core_call;
+
+typedef struct {
+  bd_torque torque;
+  bd_torque_term *terms;
+  PyObject *arrays; /* list: owners of what the terms point to, until the core has copied it */
+  bd_core_call *calls;
+  Py_ssize_t n_calls;
+} bd_core_torque;
+
+/* From a sequence of terms and an array of breakpoints, checked. Release it in either case; set
+ * `calls` NULL first where a simulation has taken them over. */
+int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
+                        npy_intp n_pulleys);
+void bd_core_torque_release(bd_core_torque *torque);
+void bd_core_calls_free(bd_core_call *calls, Py_ssize_t n);
+
+#endif

@@ -1,0 +1,343 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * beltdyn._core: the module. Tables of fields.h as tuples, the closed-form Dahl functions, and the
+ * one mapping from the core's errors to Python's. The contract is beltdyn/_core.pyi; guarded by
+ * tests/test_module.py.
+ */
+#define BD_CORE_IMPORTS_NUMPY
+#include "binding/binding.h"
+
+#include <string.h>
+
+/* --- errors ---------------------------------------------------------------------------------- */
+
+static PyObject *message_of(int code, const bd_error *err) {
+  const char *text = err->message[0] ? err->message : bd_error_text(code);
+  /* "replace": a message cut off at its buffer's end may end inside a character. */
+  return PyUnicode_DecodeUTF8(text, (Py_ssize_t)strlen(text), "replace");
+}
+
+static void raise_simulation_error(int code, const bd_error *err, PyObject *message) {
+  PyObject *class = NULL, *arguments = NULL, *keywords = NULL, *error = NULL;
+  PyObject *module = PyImport_ImportModule("beltdyn.errors");
+  if (!module) {
+    goto out;
+  }
+  class = PyObject_GetAttrString(module, "SimulationError");
+  arguments = PyTuple_Pack(1, message);
+  keywords = Py_BuildValue("{s:s, s:d, s:i, s:i, s:d, s:s}", "symbol", bd_error_symbol(code), "t",
+                           err->t, "body", err->body, "pulley", err->pulley, "value", err->value,
+                           "field", err->field);
+  if (!class || !arguments || !keywords) {
+    goto out;
+  }
+  error = PyObject_Call(class, arguments, keywords);
+  if (error) {
+    PyErr_SetObject((PyObject *)Py_TYPE(error), error);
+  }
+out:
+  Py_XDECREF(module);
+  Py_XDECREF(class);
+  Py_XDECREF(arguments);
+  Py_XDECREF(keywords);
+  Py_XDECREF(error);
+}
+
+PyObject *bd_core_raise(int code, const bd_error *err) {
+  int kind = bd_error_kind(code);
+  if (kind == BD_KIND_CALL) {
+    /* The callback's own exception goes on unchanged. It is gone when the run is asked again. */
+    if (!PyErr_Occurred()) {
+      PyErr_SetString(PyExc_RuntimeError,
+                      "the run was ended by an exception in its torque function");
+    }
+    return NULL;
+  }
+  if (kind == BD_KIND_MEMORY) {
+    PyErr_SetString(PyExc_MemoryError, err->message);
+    return NULL;
+  }
+  PyObject *message = message_of(code, err);
+  if (!message) {
+    return NULL;
+  }
+  if (kind == BD_KIND_RUN) {
+    raise_simulation_error(code, err, message);
+  } else {
+    PyErr_SetObject(kind == BD_KIND_VALUE ? PyExc_ValueError : PyExc_RuntimeError, message);
+  }
+  Py_DECREF(message);
+  return NULL;
+}
+
+int bd_core_set(PyObject *dict, const char *name, PyObject *value) {
+  if (!value) {
+    return -1;
+  }
+  int failed = PyDict_SetItemString(dict, name, value);
+  Py_DECREF(value);
+  return failed;
+}
+
+/* --- functions ------------------------------------------------------------------------------- */
+
+PyDoc_STRVAR(kernel_level_doc,
+             "kernel_level()\n--\n\n"
+             "Level of the compute kernels in use: \"avx512\", \"avx2\" or \"baseline\".\n\n"
+             "Chosen once from the processor, or by the environment variable BELTDYN_KERNELS.");
+
+static PyObject *kernel_level(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(none)) {
+  return PyUnicode_FromString(bd_kernel_level());
+}
+
+typedef struct {
+  PyArrayObject *x, *mu; /* input, and a fresh array of its shape */
+  double mu0, mu_k, sigma;
+} dahl_arguments;
+
+static int positive(PyObject *object, const char *name, double *out) {
+  if (bd_convert_finite(object, name, out) < 0) {
+    return -1;
+  }
+  if (*out > 0) {
+    return 0;
+  }
+  PyErr_Format(PyExc_ValueError, "%s must be > 0, got %R", name, object);
+  return -1;
+}
+
+/* The arguments of both functions: an array called `name`, then mu0, mu_k, sigma. */
+static int read_dahl(dahl_arguments *out, PyObject *args, PyObject *keywords, const char *format,
+                     char *name, int ndim) {
+  char *names[] = {name, "mu0", "mu_k", "sigma", NULL};
+  const npy_intp any = BD_ANY;
+  PyObject *x, *mu0, *mu_k, *sigma;
+  *out = (dahl_arguments){0};
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, format, names, &x, &mu0, &mu_k, &sigma)) {
+    return -1;
+  }
+  if (bd_convert_finite(mu0, "mu0", &out->mu0) < 0 || positive(mu_k, "mu_k", &out->mu_k) < 0 ||
+      positive(sigma, "sigma", &out->sigma) < 0) {
+    return -1;
+  }
+  out->x = bd_convert_array(x, name, ndim, &any);
+  if (!out->x) {
+    return -1;
+  }
+  out->mu =
+      (PyArrayObject *)PyArray_SimpleNew(PyArray_NDIM(out->x), PyArray_DIMS(out->x), NPY_DOUBLE);
+  if (!out->mu) {
+    Py_CLEAR(out->x);
+  }
+  return out->mu ? 0 : -1;
+}
+
+PyDoc_STRVAR(
+    dahl_slide_doc,
+    "dahl_slide(dx, mu0, mu_k, sigma)\n--\n\n"
+    "Dahl friction coefficient after sliding monotonically by dx, eq. (2.9).\n\n"
+    "dx: displacements [m], any shape. mu0: coefficient before. mu_k: kinetic coefficient\n"
+    "(> 0). sigma: stiffness at rest [1/m] (> 0). Returns a float64 array shaped as dx.\n"
+    "Raises TypeError or ValueError naming the argument.");
+
+static PyObject *dahl_slide(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
+  dahl_arguments in;
+  if (read_dahl(&in, args, keywords, "OOOO:dahl_slide", "dx", BD_ANY) < 0) {
+    return NULL;
+  }
+  const double *dx = PyArray_DATA(in.x);
+  double *mu = PyArray_DATA(in.mu);
+  for (npy_intp i = 0, n = PyArray_SIZE(in.x); i < n; i++) {
+    mu[i] = bd_dahl_slide(dx[i], in.mu0, in.mu_k, in.sigma);
+  }
+  Py_DECREF(in.x);
+  return (PyObject *)in.mu;
+}
+
+PyDoc_STRVAR(dahl_path_doc,
+             "dahl_path(x, mu0, mu_k, sigma)\n--\n\n"
+             "Dahl friction coefficient along a path with reversals anywhere, eq. (2.9).\n\n"
+             "x: positions [m], shape (n,). mu0: coefficient at x[0]. mu_k: kinetic coefficient\n"
+             "(> 0). sigma: stiffness at rest [1/m] (> 0). Returns the coefficient at each x,\n"
+             "shape (n,). Raises TypeError or ValueError naming the argument.");
+
+static PyObject *dahl_path(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
+  dahl_arguments in;
+  if (read_dahl(&in, args, keywords, "OOOO:dahl_path", "x", 1) < 0) {
+    return NULL;
+  }
+  size_t n = (size_t)PyArray_SIZE(in.x);
+  if (n) {
+    bd_dahl_path(n, PyArray_DATA(in.x), in.mu0, in.mu_k, in.sigma, PyArray_DATA(in.mu));
+  }
+  Py_DECREF(in.x);
+  return (PyObject *)in.mu;
+}
+
+static PyMethodDef functions[] = {
+    {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
+    {"dahl_slide", (PyCFunction)(void (*)(void))dahl_slide, METH_VARARGS | METH_KEYWORDS,
+     dahl_slide_doc},
+    {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,
+     dahl_path_doc},
+    {NULL, NULL, 0, NULL},
+};
+
+/* --- tables ---------------------------------------------------------------------------------- */
+
+static int add(PyObject *module, const char *name, PyObject *value) {
+  if (!value) {
+    return -1;
+  }
+  int failed = PyModule_AddObjectRef(module, name, value);
+  Py_DECREF(value);
+  return failed;
+}
+
+/* A tuple of n rows of `width` strings. */
+static PyObject *table_of(size_t n, size_t width, const char *const *cells) {
+  PyObject *table = PyTuple_New((Py_ssize_t)n);
+  for (size_t i = 0; table && i < n; i++) {
+    PyObject *row = PyTuple_New((Py_ssize_t)width);
+    for (size_t j = 0; row && j < width; j++) {
+      PyObject *text = PyUnicode_FromString(cells[i * width + j]);
+      if (text) {
+        PyTuple_SET_ITEM(row, (Py_ssize_t)j, text);
+      } else {
+        Py_CLEAR(row);
+      }
+    }
+    if (row) {
+      PyTuple_SET_ITEM(table, (Py_ssize_t)i, row);
+    } else {
+      Py_CLEAR(table);
+    }
+  }
+  return table;
+}
+
+#define TABLE(cells)                                                                               \
+  table_of(sizeof(cells) / sizeof(cells)[0], sizeof(cells)[0] / sizeof(cells)[0][0], (cells)[0])
+
+static PyObject *error_table(void) {
+  static const struct {
+    const char *symbol;
+    int code;
+    const char *kind, *text;
+  } rows[] = {
+#define X(symbol, kind, text) {#symbol, symbol, #kind, text},
+      BD_ERRORS(X)
+#undef X
+  };
+  const size_t n = sizeof rows / sizeof rows[0];
+  PyObject *table = PyTuple_New((Py_ssize_t)n);
+  for (size_t i = 0; table && i < n; i++) {
+    PyObject *row =
+        Py_BuildValue("(siss)", rows[i].symbol, rows[i].code, rows[i].kind, rows[i].text);
+    if (row) {
+      PyTuple_SET_ITEM(table, (Py_ssize_t)i, row);
+    } else {
+      Py_CLEAR(table);
+    }
+  }
+  return table;
+}
+
+static int add_tables(PyObject *module) {
+  static const char *const parameters[][5] = {
+#define X(group, name, rule, unit, text) {#group, #name, #rule, unit, text},
+      BD_PARAMETERS(X)
+#undef X
+  };
+  static const char *const state_fields[][2] = {
+#define X(name, size) {#name, #size},
+      BD_STATE_FIELDS(X)
+#undef X
+  };
+  static const char *const outputs[][5] = {
+#define X(name, group, size, unit, text) {#name, #group, #size, unit, text},
+      BD_OUTPUTS(X)
+#undef X
+  };
+  static const char *const energy_terms[][2] = {
+#define X(name, text) {#name, text},
+      BD_ENERGY_TERMS(X)
+#undef X
+  };
+  static const char *const stats[][2] = {
+#define X(type, name, text) {#name, text},
+      BD_STATS(X)
+#undef X
+  };
+  return add(module, "PARAMETERS", TABLE(parameters)) < 0 ||
+                 add(module, "STATE_FIELDS", TABLE(state_fields)) < 0 ||
+                 add(module, "OUTPUTS", TABLE(outputs)) < 0 ||
+                 add(module, "ENERGY_TERMS", TABLE(energy_terms)) < 0 ||
+                 add(module, "STATS", TABLE(stats)) < 0 ||
+                 add(module, "ERRORS", error_table()) < 0 ||
+                 add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
+                 add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
+                 add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0
+             ? -1
+             : 0;
+}
+
+/* --- module ---------------------------------------------------------------------------------- */
+
+static int module_exec(PyObject *module) {
+  import_array1(-1);
+  bd_core_module *state = PyModule_GetState(module);
+  if (add_tables(module) < 0 || bd_core_add_model(module, state) < 0 ||
+      bd_core_add_simulation(module, state) < 0) {
+    return -1;
+  }
+  return 0;
+}
+
+static int module_traverse(PyObject *module, visitproc visit, void *arg) {
+  bd_core_module *state = PyModule_GetState(module);
+  Py_VISIT(state->model_type);
+  Py_VISIT(state->simulation_type);
+  return 0;
+}
+
+static int module_clear(PyObject *module) {
+  bd_core_module *state = PyModule_GetState(module);
+  Py_CLEAR(state->model_type);
+  Py_CLEAR(state->simulation_type);
+  return 0;
+}
+
+static void module_free(void *module) {
+  module_clear(module);
+}
+
+/* NumPy's function table is one per process, so one interpreter only. The busy flag of a
+ * simulation is atomic, but states, sampled arrays and argument checks rely on the GIL. */
+static PyModuleDef_Slot module_slots[] = {
+    {Py_mod_exec, module_exec},
+#ifdef Py_mod_multiple_interpreters
+    {Py_mod_multiple_interpreters, Py_MOD_MULTIPLE_INTERPRETERS_NOT_SUPPORTED},
+#endif
+#ifdef Py_mod_gil
+    {Py_mod_gil, Py_MOD_GIL_USED},
+#endif
+    {0, NULL},
+};
+
+PyDoc_STRVAR(module_doc,
+             "The C core of beltdyn as Python sees it: thin, positional, unforgiving.\n\n"
+             "Use beltdyn instead. SI units, angles in rad.");
+
+static struct PyModuleDef module_definition = {
+    PyModuleDef_HEAD_INIT,         .m_name = "beltdyn._core",
+    .m_doc = module_doc,           .m_size = sizeof(bd_core_module),
+    .m_methods = functions,        .m_slots = module_slots,
+    .m_traverse = module_traverse, .m_clear = module_clear,
+    .m_free = module_free,
+};
+
+PyMODINIT_FUNC PyInit__core(void);
+PyMODINIT_FUNC PyInit__core(void) {
+  return PyModuleDef_Init(&module_definition);
+}

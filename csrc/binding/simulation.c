@@ -1,0 +1,640 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Simulation: one run, advanced in chunks of some milliseconds without the GIL.
+ *
+ * Rules that hold here: every use of the C simulation is inside enter/leave, which set and clear an
+ * atomic flag, so a second thread or a torque function that calls back gets a RuntimeError; the
+ * arrays the core writes to are held by the Simulation, their users only get views, so they cannot
+ * be freed or resized under a run; signals are answered between chunks, where the state is that of
+ * a finished step. Guarded by tests/test_module_run.py and tests/test_threads.py.
+ */
+#include "binding/binding.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <string.h>
+#include <time.h>
+
+typedef struct {
+  PyObject_HEAD bd_sim *sim; /* NULL only after the garbage collector cleared a cycle */
+  bd_core_model *model;
+  bd_core_call *calls; /* the core's `user` pointers point here */
+  Py_ssize_t n_calls;
+  PyObject *outputs; /* list of the arrays the core writes to; NULL: no sample times */
+  PyObject *passes;
+  PyArrayObject *stop; /* the flag that the core looks at; NULL: none */
+  double rate;         /* steps per second of wall time, 0: not known yet */
+  int ledger, started;
+  atomic_bool busy;
+} bd_core_sim;
+
+/* --- one user at a time ---------------------------------------------------------------------- */
+
+static int enter(bd_core_sim *self) {
+  if (!self->sim) {
+    PyErr_SetString(PyExc_RuntimeError, "the simulation was cleared by the garbage collector");
+    return -1;
+  }
+  if (!atomic_exchange(&self->busy, true)) {
+    return 0;
+  }
+  PyErr_SetString(PyExc_RuntimeError,
+                  "the simulation is running in another call (of another thread, or its torque "
+                  "function called back)");
+  return -1;
+}
+
+static void leave(bd_core_sim *self) {
+  atomic_store(&self->busy, false);
+}
+
+/* --- making one ------------------------------------------------------------------------------ */
+
+static PyObject *passes_of(const bd_sim *sim) {
+  PyObject *list = PyList_New(0);
+  const char *name;
+  for (int k = 0; list && (name = bd_sim_pass(sim, k)); k++) {
+    PyObject *text = PyUnicode_FromString(name);
+    if (!text || PyList_Append(list, text) < 0) {
+      Py_CLEAR(list);
+    }
+    Py_XDECREF(text);
+  }
+  PyObject *passes = list ? PyList_AsTuple(list) : NULL;
+  Py_XDECREF(list);
+  return passes;
+}
+
+/* The Python object around a ready simulation, which it takes over, as it does the callables of
+ * the torque (if any); on failure both are freed. The object comes last, so it is always whole. */
+static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_core_model *model,
+                      bd_core_torque *torque) {
+  PyObject *passes = passes_of(sim);
+  bd_core_sim *self = passes ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
+  if (!self) {
+    Py_XDECREF(passes);
+    bd_sim_free(sim);
+    return NULL;
+  }
+  self->sim = sim;
+  self->model = (bd_core_model *)Py_NewRef(model);
+  self->passes = passes;
+  atomic_init(&self->busy, false);
+  if (torque) {
+    self->calls = torque->calls;
+    self->n_calls = torque->n_calls;
+    torque->calls = NULL;
+  }
+  return (PyObject *)self;
+}
+
+/* The keyword options; those not given stay as they are. */
+typedef struct {
+  PyObject *method, *rtol, *step, *max_step, *max_steps, *ledger, *torque_interval, *guards;
+} option_objects;
+
+static int read_options(bd_options *out, const option_objects *in) {
+  if (in->method) {
+    Py_ssize_t length;
+    if (!PyUnicode_Check(in->method)) {
+      PyErr_Format(PyExc_TypeError, "method must be a str, got %.100s",
+                   Py_TYPE(in->method)->tp_name);
+      return -1;
+    }
+    out->method = PyUnicode_AsUTF8AndSize(in->method, &length);
+    if (!out->method) {
+      return -1;
+    }
+    if (strlen(out->method) != (size_t)length) {
+      PyErr_SetString(PyExc_ValueError, "method must not contain a null character");
+      return -1;
+    }
+  }
+  return (in->rtol && bd_convert_real(in->rtol, "rtol", &out->rtol) < 0) ||
+                 (in->step && bd_convert_real(in->step, "step", &out->step) < 0) ||
+                 (in->max_step && bd_convert_real(in->max_step, "max_step", &out->max_step) < 0) ||
+                 (in->max_steps &&
+                  bd_convert_long(in->max_steps, "max_steps", &out->max_steps) < 0) ||
+                 (in->torque_interval && bd_convert_real(in->torque_interval, "torque_interval",
+                                                         &out->torque_interval) < 0) ||
+                 (in->guards && bd_convert_bool(in->guards, "guards", &out->guards) < 0) ||
+                 (in->ledger && bd_convert_bool(in->ledger, "ledger", &out->ledger) < 0)
+             ? -1
+             : 0;
+}
+
+/* The core reads it as an int while it runs. */
+static int read_stop(PyObject *stop) {
+  if (!stop ||
+      (PyArray_Check(stop) && PyArray_TYPE((PyArrayObject *)stop) == NPY_INT &&
+       PyArray_SIZE((PyArrayObject *)stop) == 1 && PyArray_ISCARRAY_RO((PyArrayObject *)stop))) {
+    return 0;
+  }
+  PyErr_SetString(PyExc_TypeError, "stop must be an array of one C int");
+  return -1;
+}
+
+static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+  char *names[] = {"model", "state",    "torque",    "t_end",  "method",      "rtol",
+                   "step",  "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
+                   "stop",  "guards",   NULL};
+  bd_core_module *module = PyType_GetModuleState(type);
+  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL, *stop = NULL;
+  option_objects in = {0};
+  if (!module ||
+      !PyArg_ParseTupleAndKeywords(
+          args, keywords, "O!OOO|$OOOOOOOOOO:Simulation", names, module->model_type, &model_object,
+          &mapping, &terms, &end, &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
+          &in.ledger, &breakpoints, &in.torque_interval, &stop, &in.guards) ||
+      read_stop(stop) < 0) {
+    return NULL;
+  }
+  bd_core_model *model = (bd_core_model *)model_object;
+  bd_options options;
+  bd_options_default(&options);
+  double t_end;
+  if (bd_convert_finite(end, "t_end", &t_end) < 0 || read_options(&options, &in) < 0) {
+    return NULL;
+  }
+
+  PyObject *self = NULL;
+  bd_core_torque torque = {0};
+  bd_core_state state;
+  if (bd_core_state_read(&state, mapping, &model->info) < 0) {
+    return NULL;
+  }
+  if (bd_core_torque_read(&torque, terms, breakpoints, model->info.n_pulleys) < 0) {
+    goto out;
+  }
+  torque.torque.stop = stop ? PyArray_DATA((PyArrayObject *)stop) : NULL;
+  bd_error err = {0};
+  bd_sim *sim = NULL;
+  int code = bd_sim_create(&sim, model->model, &state.state, &torque.torque, t_end, &options, &err);
+  if (code < 0) {
+    bd_core_raise(code, &err);
+    goto out;
+  }
+  self = wrap(type, sim, model, &torque);
+  if (self) {
+    ((bd_core_sim *)self)->ledger = options.ledger;
+    ((bd_core_sim *)self)->stop = (PyArrayObject *)Py_XNewRef(stop);
+  }
+out:
+  bd_core_state_release(&state);
+  bd_core_torque_release(&torque);
+  return self;
+}
+
+PyDoc_STRVAR(settle_doc,
+             "settle($type, /, model, state=None, *, friction=False, free_pulleys=False,\n"
+             "       offset=None, move_time=0.0, shift=0.0, tolerance=..., max_time=0.0)\n--\n\n"
+             "A simulation that brings the belt to rest under preload.\n\n"
+             "state: where to begin, a mapping as of state(); None: on the belt line. friction:\n"
+             "friction acts meanwhile. free_pulleys: pulleys may turn. offset: (n_p, 2) [m], the\n"
+             "centres start displaced by this and move in during move_time [s] (0: chosen).\n"
+             "shift: link 0 is laid this far past its place along the belt line [m].\n"
+             "tolerance: at rest when the unbalanced force is below this times the mean tension.\n"
+             "max_time: give up after this much simulated time [s] (0: chosen).\n"
+             "Raises TypeError or ValueError naming the argument.");
+
+static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) {
+  char *names[] = {"model",     "state", "friction",  "free_pulleys", "offset",
+                   "move_time", "shift", "tolerance", "max_time",     NULL};
+  bd_core_module *module = PyType_GetModuleState((PyTypeObject *)type);
+  PyObject *model_object, *mapping = Py_None, *friction = NULL, *free_pulleys = NULL,
+                          *offset = Py_None, *move_time = NULL, *shift = NULL, *tolerance = NULL,
+                          *max_time = NULL;
+  if (!module ||
+      !PyArg_ParseTupleAndKeywords(args, keywords, "O!|O$OOOOOOO:settle", names, module->model_type,
+                                   &model_object, &mapping, &friction, &free_pulleys, &offset,
+                                   &move_time, &shift, &tolerance, &max_time)) {
+    return NULL;
+  }
+  bd_core_model *model = (bd_core_model *)model_object;
+  bd_settle_options options;
+  bd_settle_options_default(&options);
+  if ((friction && bd_convert_bool(friction, "friction", &options.friction) < 0) ||
+      (free_pulleys && bd_convert_bool(free_pulleys, "free_pulleys", &options.free_pulleys) < 0) ||
+      (move_time && bd_convert_real(move_time, "move_time", &options.move_time) < 0) ||
+      (shift && bd_convert_real(shift, "shift", &options.shift) < 0) ||
+      (tolerance && bd_convert_real(tolerance, "tolerance", &options.tolerance) < 0) ||
+      (max_time && bd_convert_real(max_time, "max_time", &options.max_time) < 0)) {
+    return NULL;
+  }
+
+  PyObject *self = NULL;
+  bd_core_state state = {0};
+  PyArrayObject *offsets = NULL;
+  if (mapping != Py_None && bd_core_state_read(&state, mapping, &model->info) < 0) {
+    return NULL;
+  }
+  if (offset != Py_None) {
+    const npy_intp shape[2] = {model->info.n_pulleys, 2};
+    offsets = bd_convert_array(offset, "offset", 2, shape);
+    if (!offsets) {
+      goto out;
+    }
+    options.offset = PyArray_DATA(offsets);
+  }
+  bd_error err = {0};
+  bd_sim *sim = NULL;
+  int code = bd_settle_create(&sim, model->model, mapping == Py_None ? NULL : &state.state,
+                              &options, &err);
+  if (code < 0) {
+    bd_core_raise(code, &err);
+  } else {
+    self = wrap((PyTypeObject *)type, sim, model, NULL);
+  }
+out:
+  Py_XDECREF(offsets);
+  bd_core_state_release(&state);
+  return self;
+}
+
+static int sim_traverse(PyObject *object, visitproc visit, void *arg) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  Py_VISIT(Py_TYPE(object));
+  Py_VISIT(self->model);
+  Py_VISIT(self->outputs);
+  for (Py_ssize_t i = 0; i < self->n_calls; i++) {
+    Py_VISIT(self->calls[i].callable);
+    Py_VISIT(self->calls[i].theta);
+    Py_VISIT(self->calls[i].omega);
+  }
+  return 0;
+}
+
+/* The C simulation goes first: it points into everything else. */
+static int sim_clear(PyObject *object) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  bd_core_call *calls = self->calls;
+  Py_ssize_t n_calls = self->n_calls;
+  bd_sim_free(self->sim);
+  self->sim = NULL;
+  self->calls = NULL;
+  self->n_calls = 0;
+  bd_core_calls_free(calls, n_calls);
+  Py_CLEAR(self->outputs);
+  Py_CLEAR(self->stop);
+  Py_CLEAR(self->model);
+  return 0;
+}
+
+static void sim_dealloc(PyObject *object) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  PyTypeObject *type = Py_TYPE(object);
+  PyObject_GC_UnTrack(object);
+  sim_clear(object);
+  Py_CLEAR(self->passes);
+  type->tp_free(object);
+  Py_DECREF(type);
+}
+
+/* --- samples --------------------------------------------------------------------------------- */
+
+PyDoc_STRVAR(sample_doc,
+             "sample($self, /, t)\n--\n\n"
+             "Attach sample times; once, before the first advance().\n\n"
+             "t: times [s], shape (n_t,), non-decreasing and within the run. Returns a dict of\n"
+             "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger) and\n"
+             "\"pulley\" (int32: the pulley the link touches, or -1). The run fills them row by\n"
+             "row; rows not yet written hold NaN and -1. They stay valid after the simulation.\n"
+             "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
+             "KeyboardInterrupt while it fills them: it may then be called again.");
+
+static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
+  char *names[] = {"t", NULL};
+  bd_core_sim *self = (bd_core_sim *)object;
+  const npy_intp any = BD_ANY;
+  PyObject *times;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:sample", names, &times)) {
+    return NULL;
+  }
+  PyArrayObject *t = bd_convert_array(times, "t_eval", 1, &any);
+  if (!t) {
+    return NULL;
+  }
+  PyObject *dict = NULL, *keep = NULL;
+  if (enter(self) < 0) {
+    goto out;
+  }
+  bd_error err = {0};
+  bd_output output = {0};
+  int code = BD_OK, ready = 0;
+  if (self->outputs || self->started) {
+    PyErr_SetString(PyExc_RuntimeError, self->outputs ? "the sample times are set already"
+                                                      : "sample times must be set before the run");
+  } else if ((dict = PyDict_New()) && (keep = PyList_New(0))) {
+    ready = !bd_core_output_new(&output, keep, dict, &self->model->info, self->ledger,
+                                PyArray_DIM(t, 0));
+  }
+  if (ready) {
+    code = bd_sim_set_output(self->sim, (size_t)PyArray_DIM(t, 0), PyArray_DATA(t), &output, &err);
+  }
+  if (!ready || code < 0) {
+    Py_CLEAR(dict);
+  } else {
+    self->outputs = Py_NewRef(keep);
+  }
+  leave(self);
+  if (code < 0) {
+    bd_core_raise(code, &err);
+  }
+out:
+  Py_XDECREF(keep);
+  Py_DECREF(t);
+  return dict;
+}
+
+/* --- running --------------------------------------------------------------------------------- */
+
+/* A chunk is long against the cost of taking the GIL, short against a user's patience. */
+static const double CHUNK_SECONDS = 8e-3, LEAST_SECONDS = 1e-3;
+enum { FIRST_CHUNK = 8, MOST_STEPS = 1 << 20 };
+
+static double clock_seconds(void) {
+  struct timespec now;
+#ifdef CLOCK_MONOTONIC
+  clock_gettime(CLOCK_MONOTONIC, &now);
+#else
+  timespec_get(&now, TIME_UTC);
+#endif
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* Steps for a chunk, from the rate of the last one and the wall time left. */
+static long chunk_steps(double rate, double left) {
+  if (!(rate > 0)) {
+    return FIRST_CHUNK;
+  }
+  double steps = rate * fmin(fmax(left, LEAST_SECONDS), CHUNK_SECONDS);
+  return (long)fmin(fmax(steps, 1), MOST_STEPS);
+}
+
+/* The rate after a chunk: as measured, but no more than four times the last, for a clock that is
+ * coarse and a chunk that is short. */
+static double next_rate(double rate, long steps, double seconds) {
+  double measured = (double)steps / fmax(seconds, 1e-6);
+  double most = rate > 0 ? 4 * rate : 4 * FIRST_CHUNK / CHUNK_SECONDS;
+  return fmin(measured, most);
+}
+
+/* Without the GIL unless there is Python to call, whose own code lets other threads in. The time
+ * waited for the GIL is not the chunk's. */
+static int advance_chunk(bd_core_sim *self, double left, bd_error *err) {
+  const long steps = chunk_steps(self->rate, left);
+  PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
+  const double begin = clock_seconds();
+  int code = bd_sim_advance(self->sim, steps, err);
+  self->rate = next_rate(self->rate, steps, clock_seconds() - begin);
+  if (thread) {
+    PyEval_RestoreThread(thread);
+  }
+  return code;
+}
+
+PyDoc_STRVAR(advance_doc,
+             "advance($self, /, seconds)\n--\n\n"
+             "Run for about this much wall time [s]; True at the end of the run, else False.\n\n"
+             "seconds: >= 0, may be inf; at least one step is made. Runs without the GIL unless a\n"
+             "torque is a Python callable, and answers signals every few milliseconds: after\n"
+             "KeyboardInterrupt the state is that of a finished step and the run can go on. An\n"
+             "exception of a torque callable comes out unchanged and ends the run. Raises\n"
+             "SimulationError if the run cannot go on, again whenever called again, and\n"
+             "RuntimeError if the simulation is running in another call.");
+
+static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keywords) {
+  char *names[] = {"seconds", NULL};
+  bd_core_sim *self = (bd_core_sim *)object;
+  PyObject *argument;
+  double seconds;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:advance", names, &argument) ||
+      bd_convert_real(argument, "seconds", &seconds) < 0) {
+    return NULL;
+  }
+  if (!(seconds >= 0)) {
+    PyErr_Format(PyExc_ValueError, "seconds must be >= 0, got %R", argument);
+    return NULL;
+  }
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  self->started = 1;
+  bd_error err = {0};
+  int code, interrupted = 0;
+  double now = clock_seconds();
+  const double end = now + seconds;
+  do {
+    code = advance_chunk(self, end - now, &err);
+    now = clock_seconds();
+    if (code == BD_MORE && self->n_calls) {
+      /* A callable written in C runs no bytecode: let other threads in here. */
+      PyEval_RestoreThread(PyEval_SaveThread());
+    }
+    interrupted = code == BD_MORE && PyErr_CheckSignals() < 0;
+  } while (code == BD_MORE && !interrupted && now < end);
+  leave(self);
+  if (interrupted) {
+    return NULL;
+  }
+  return code < 0 ? bd_core_raise(code, &err) : PyBool_FromLong(code == BD_OK);
+}
+
+/* --- looking --------------------------------------------------------------------------------- */
+
+PyDoc_STRVAR(state_doc,
+             "state($self, /)\n--\n\n"
+             "The state now, a dict of new arrays: STATE_FIELDS by name, and \"t\" [s].\n\n"
+             "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,).\n"
+             "Raises RuntimeError while the simulation is running.");
+
+static PyObject *sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  bd_core_state state;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *dict = NULL;
+  int code = BD_OK;
+  if (!bd_core_state_new(&state, &self->model->info)) {
+    code = bd_sim_state(self->sim, &state.state);
+    if (code >= 0) {
+      dict = bd_core_state_dict(&state, 1);
+    }
+    bd_core_state_release(&state);
+  }
+  leave(self);
+  if (code < 0) {
+    const bd_error err = {.t = NAN, .body = -1, .pulley = -1, .value = NAN};
+    bd_core_raise(code, &err);
+  }
+  return dict;
+}
+
+static PyObject *sim_time(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  double t = bd_sim_time(self->sim);
+  leave(self);
+  return PyFloat_FromDouble(t);
+}
+
+static PyObject *sim_samples(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  size_t n = bd_sim_samples(self->sim);
+  leave(self);
+  return PyLong_FromSize_t(n);
+}
+
+static PyObject *sim_stats(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  bd_stats stats = {0};
+  bd_sim_stats(self->sim, &stats);
+  leave(self);
+  PyObject *dict = PyDict_New();
+  if (!dict) {
+    return NULL;
+  }
+#define X(type, name, text)                                                                        \
+  if (bd_core_set(dict, #name, BD_CORE_NUMBER(stats.name)) < 0)                                    \
+    goto fail;
+  BD_STATS(X)
+#undef X
+  return dict;
+fail:
+  Py_DECREF(dict);
+  return NULL;
+}
+
+static PyObject *sim_method(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  const char *name = bd_sim_method(self->sim);
+  leave(self);
+  return PyUnicode_FromString(name);
+}
+
+static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  char text[384];
+  bd_sim_explain(self->sim, text, sizeof text);
+  leave(self);
+  return PyUnicode_FromString(text);
+}
+
+static PyObject *warning_dict(const bd_warning *w) {
+  char where[32] = "";
+  if (w->pulley >= 0 || w->body >= 0) {
+    PyOS_snprintf(where, sizeof where, "%s %d", w->pulley >= 0 ? "pulley" : "link",
+                  w->pulley >= 0 ? w->pulley : w->body);
+  }
+  PyObject *t = isnan(w->t) ? Py_NewRef(Py_None) : PyFloat_FromDouble(w->t);
+  return t ? Py_BuildValue("{s:s, s:s, s:N, s:s, s:O}", "code", bd_warning_code(w->code), "text",
+                           w->message, "t", t, "where", where, "accuracy",
+                           bd_warning_accuracy(w->code) ? Py_True : Py_False)
+           : NULL;
+}
+
+static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *list = PyList_New(0);
+  bd_warning w;
+  for (size_t k = 0; list && bd_sim_warning(self->sim, k, &w); k++) {
+    PyObject *dict = warning_dict(&w);
+    if (!dict || PyList_Append(list, dict) < 0) {
+      Py_CLEAR(list);
+    }
+    Py_XDECREF(dict);
+  }
+  leave(self);
+  return list;
+}
+
+/* Fixed when the simulation is made, so this may be read while it runs. */
+static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
+  return Py_NewRef(((bd_core_sim *)object)->passes);
+}
+
+/* --- the type -------------------------------------------------------------------------------- */
+
+static PyMethodDef sim_methods[] = {
+    {"settle", (PyCFunction)(void (*)(void))sim_settle, METH_VARARGS | METH_KEYWORDS | METH_CLASS,
+     settle_doc},
+    {"sample", (PyCFunction)(void (*)(void))sim_sample, METH_VARARGS | METH_KEYWORDS, sample_doc},
+    {"advance", (PyCFunction)(void (*)(void))sim_advance, METH_VARARGS | METH_KEYWORDS,
+     advance_doc},
+    {"state", sim_state, METH_NOARGS, state_doc},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyGetSetDef sim_properties[] = {
+    {"time", sim_time, NULL, "Simulated time reached [s]. RuntimeError while running.", NULL},
+    {"samples", sim_samples, NULL, "Finished sample rows. RuntimeError while running.", NULL},
+    {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
+    {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
+    {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
+    {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
+     NULL},
+    {"warnings", sim_warnings, NULL,
+     "What was noticed so far: dicts of code, text, t, where, accuracy. RuntimeError while "
+     "running.",
+     NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
+PyDoc_STRVAR(
+    sim_doc,
+    "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
+    "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
+    "           torque_interval=..., stop=..., guards=True)\n--\n\n"
+    "One run; not to be used by two threads at once (RuntimeError).\n\n"
+    "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
+    "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
+    "(\"function\", address, user_address) of C functions the caller keeps alive, or\n"
+    "(\"call\", f) with f(t, theta, omega) -> n_p torques [N m]; theta [rad] and omega\n"
+    "[rad/s] are read-only arrays (n_p,). t_end: [s]. rtol: error asked for\n"
+    "(adaptive methods). step: of \"rk4\", \"lbdf2\", \"lie\", or the first step [s], 0: chosen.\n"
+    "max_step [s] and max_steps: 0: none. ledger: carry the energy ledger. breakpoints:\n"
+    "more times [s] at which to stop exactly. torque_interval: longest time between two\n"
+    "calls of a function [s]. stop: an array of one C int; set by another, it stops the\n"
+    "run after the next call of a C function, as an exception would. guards: False, to\n"
+    "measure what they cost. Raises TypeError or ValueError naming the argument.");
+
+static PyType_Slot sim_slots[] = {
+    {Py_tp_doc, (void *)sim_doc},   {Py_tp_new, sim_new},
+    {Py_tp_traverse, sim_traverse}, {Py_tp_clear, sim_clear},
+    {Py_tp_dealloc, sim_dealloc},   {Py_tp_methods, sim_methods},
+    {Py_tp_getset, sim_properties}, {0, NULL},
+};
+
+static PyType_Spec sim_spec = {
+    .name = "beltdyn._core.Simulation",
+    .basicsize = sizeof(bd_core_sim),
+    .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_HAVE_GC | Py_TPFLAGS_IMMUTABLETYPE,
+    .slots = sim_slots,
+};
+
+int bd_core_add_simulation(PyObject *module, bd_core_module *state) {
+  PyObject *type = PyType_FromModuleAndSpec(module, &sim_spec, NULL);
+  state->simulation_type = (PyTypeObject *)type; /* the reference is the module's */
+  return type ? PyModule_AddType(module, state->simulation_type) : -1;
+}

@@ -1,0 +1,340 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Torque terms as the core wants them, and the one place where the core calls Python.
+ *
+ * A Python torque is called some 1e6 times a run, so its two argument arrays are used again, but
+ * only while nobody else holds them: a callable that keeps them keeps their values. Guarded by
+ * tests/test_module_torque.py (terms, what may be returned) and tests/test_lifetime.py (kept
+ * arrays).
+ */
+#include "binding/binding.h"
+
+#include <string.h>
+
+/* --- what a callable returned ---------------------------------------------------------------- */
+
+#define MUST_RETURN "torque_fn must return %zd torque%s, one per pulley"
+#define PLURAL(n) ((n) == 1 ? "" : "s")
+
+static int wrong_count(npy_intp n, Py_ssize_t got) {
+  PyErr_Format(PyExc_ValueError, MUST_RETURN ", got %zd", (Py_ssize_t)n, PLURAL(n), got);
+  return -1;
+}
+
+static int wrong_kind(npy_intp n, PyObject *result) {
+  PyErr_Format(PyExc_TypeError, MUST_RETURN ", got %.100s", (Py_ssize_t)n, PLURAL(n),
+               Py_TYPE(result)->tp_name);
+  return -1;
+}
+
+/* One item that is no float; it may run Python code, so the caller's sequence may change. */
+static int read_item(PyObject *item, npy_intp n, npy_intp j, double *out) {
+  char name[BD_NAME_SIZE * 2];
+  PyOS_snprintf(name, sizeof name, MUST_RETURN ": number %zd", (Py_ssize_t)n, PLURAL(n),
+                (Py_ssize_t)j);
+  Py_INCREF(item);
+  int failed = bd_convert_real(item, name, out);
+  Py_DECREF(item);
+  return failed;
+}
+
+static int read_sequence(PyObject *result, npy_intp n, double *torque) {
+  for (npy_intp j = 0; j < n; j++) {
+    if (PySequence_Fast_GET_SIZE(result) != n) {
+      return wrong_count(n, PySequence_Fast_GET_SIZE(result));
+    }
+    PyObject *item = PySequence_Fast_GET_ITEM(result, j);
+    if (PyFloat_CheckExact(item)) {
+      torque[j] = PyFloat_AS_DOUBLE(item);
+    } else if (read_item(item, n, j, &torque[j]) < 0) {
+      return -1;
+    }
+  }
+  return 0;
+}
+
+static int read_array(PyObject *result, npy_intp n, double *torque) {
+  PyArrayObject *given = (PyArrayObject *)PyArray_FROM_O(result);
+  if (!given) {
+    return -1;
+  }
+  int failed = -1;
+  const int masked = bd_convert_is_masked((PyObject *)given);
+  if (masked) {
+    if (masked > 0) {
+      PyErr_Format(PyExc_ValueError, MUST_RETURN ", got masked values", (Py_ssize_t)n, PLURAL(n));
+    }
+  } else if (PyArray_NDIM(given) == 0) {
+    wrong_kind(n, result);
+  } else if (!bd_convert_is_real(given)) {
+    PyErr_Format(PyExc_TypeError, MUST_RETURN ", got an array of dtype %S", (Py_ssize_t)n,
+                 PLURAL(n), (PyObject *)PyArray_DESCR(given));
+  } else if (PyArray_NDIM(given) != 1) {
+    char shape[BD_SHAPE_SIZE];
+    bd_convert_shape_text(shape, PyArray_NDIM(given), PyArray_DIMS(given));
+    PyErr_Format(PyExc_ValueError, MUST_RETURN ", got an array of shape %s", (Py_ssize_t)n,
+                 PLURAL(n), shape);
+  } else if (PyArray_DIM(given, 0) != n) {
+    wrong_count(n, PyArray_DIM(given, 0));
+  } else {
+    PyArrayObject *array =
+        (PyArrayObject *)PyArray_FROMANY((PyObject *)given, NPY_DOUBLE, 1, 1, NPY_ARRAY_IN_ARRAY);
+    if (array) {
+      memcpy(torque, PyArray_DATA(array), (size_t)n * sizeof *torque);
+      Py_DECREF(array);
+      failed = 0;
+    }
+  }
+  Py_DECREF(given);
+  return failed;
+}
+
+/* An array of n float64 that can be copied from (or to) as it lies in memory. */
+static int is_plain(PyArrayObject *array, npy_intp n) {
+  return PyArray_TYPE(array) == NPY_DOUBLE && PyArray_NDIM(array) == 1 &&
+         PyArray_DIM(array, 0) == n && PyArray_ISCARRAY_RO(array);
+}
+
+static int read_torques(PyObject *result, npy_intp n, double *torque) {
+  if (PyList_Check(result) || PyTuple_Check(result)) {
+    return read_sequence(result, n, torque);
+  }
+  if (PyArray_CheckExact(result) && is_plain((PyArrayObject *)result, n)) {
+    memcpy(torque, PyArray_DATA((PyArrayObject *)result), (size_t)n * sizeof *torque);
+    return 0;
+  }
+  return read_array(result, n, torque);
+}
+
+/* --- calling --------------------------------------------------------------------------------- */
+
+/* A new reference to a read-only array of these values: the last one if it is ours alone and still
+ * what it was (a callable can set its shape or dtype), else a fresh one. */
+static PyObject *argument(PyArrayObject **slot, npy_intp n, const double *values) {
+  PyArrayObject *array = *slot;
+  if (!array || Py_REFCNT(array) != 1 || !is_plain(array, n)) {
+    array = (PyArrayObject *)PyArray_SimpleNew(1, &n, NPY_DOUBLE);
+    if (!array) {
+      return NULL;
+    }
+    Py_XSETREF(*slot, array);
+  }
+  memcpy(PyArray_DATA(array), values, (size_t)n * sizeof *values);
+  PyArray_CLEARFLAGS(array, NPY_ARRAY_WRITEABLE);
+  Py_INCREF(array);
+  return (PyObject *)array;
+}
+
+/* A bd_torque_call; runs with the GIL held. */
+static int call_python(double t, const double *theta, const double *omega, double *torque,
+                       void *user) {
+  bd_core_call *call = user;
+  const npy_intp n = call->n_pulleys;
+  int failed = -1;
+  PyObject *result = NULL;
+  /* One slot before the arguments is the callee's to use (vectorcall's offset flag). */
+  PyObject *args[4] = {NULL, PyFloat_FromDouble(t), argument(&call->theta, n, theta),
+                       argument(&call->omega, n, omega)};
+  if (args[1] && args[2] && args[3]) {
+    result =
+        PyObject_Vectorcall(call->callable, args + 1, 3 | PY_VECTORCALL_ARGUMENTS_OFFSET, NULL);
+  }
+  for (int k = 1; k < 4; k++) {
+    Py_XDECREF(args[k]);
+  }
+  if (result) {
+    failed = read_torques(result, n, torque);
+    Py_DECREF(result);
+  }
+  return failed;
+}
+
+/* --- terms ----------------------------------------------------------------------------------- */
+
+/* Converts an array and keeps it until the core has copied it. */
+static const double *keep_array(bd_core_torque *out, PyObject *object, const char *name, int ndim,
+                                const npy_intp *shape, npy_intp *n_rows) {
+  PyArrayObject *array = bd_convert_array(object, name, ndim, shape);
+  if (!array) {
+    return NULL;
+  }
+  int failed = PyList_Append(out->arrays, (PyObject *)array);
+  const double *data = PyArray_DATA(array);
+  if (n_rows) {
+    *n_rows = PyArray_DIM(array, 0);
+  }
+  Py_DECREF(array);
+  return failed ? NULL : data;
+}
+
+typedef struct {
+  bd_core_torque *out;
+  bd_torque_term *term;
+  PyObject *tuple;
+  Py_ssize_t index; /* of the term, for messages */
+  npy_intp n_pulleys;
+} reader;
+
+static int read_piecewise(const reader *in) {
+  char name[BD_NAME_SIZE];
+  npy_intp n_t = BD_ANY;
+  PyOS_snprintf(name, sizeof name, "torque[%zd] times", in->index);
+  in->term->t = keep_array(in->out, PyTuple_GET_ITEM(in->tuple, 1), name, 1, &n_t, &n_t);
+  if (!in->term->t) {
+    return -1;
+  }
+  const npy_intp shape[2] = {n_t, in->n_pulleys};
+  PyOS_snprintf(name, sizeof name, "torque[%zd] values", in->index);
+  in->term->values = keep_array(in->out, PyTuple_GET_ITEM(in->tuple, 2), name, 2, shape, NULL);
+  in->term->n_t = (size_t)n_t;
+  return in->term->values ? 0 : -1;
+}
+
+static int read_viscous(const reader *in) {
+  char name[BD_NAME_SIZE];
+  PyOS_snprintf(name, sizeof name, "torque[%zd] coefficients", in->index);
+  in->term->coefficients =
+      keep_array(in->out, PyTuple_GET_ITEM(in->tuple, 1), name, 1, &in->n_pulleys, NULL);
+  return in->term->coefficients ? 0 : -1;
+}
+
+static int read_function(const reader *in) {
+  char name[BD_NAME_SIZE];
+  uintptr_t function, user;
+  PyOS_snprintf(name, sizeof name, "torque[%zd] function address", in->index);
+  if (bd_convert_address(PyTuple_GET_ITEM(in->tuple, 1), name, &function) < 0) {
+    return -1;
+  }
+  if (!function) {
+    PyErr_Format(PyExc_ValueError, "%s must not be 0", name);
+    return -1;
+  }
+  PyOS_snprintf(name, sizeof name, "torque[%zd] user address", in->index);
+  if (bd_convert_address(PyTuple_GET_ITEM(in->tuple, 2), name, &user) < 0) {
+    return -1;
+  }
+  in->term->function = (bd_torque_function)function;
+  in->term->user = (void *)user;
+  return 0;
+}
+
+static int read_call(const reader *in) {
+  PyObject *callable = PyTuple_GET_ITEM(in->tuple, 1);
+  if (!PyCallable_Check(callable)) {
+    PyErr_Format(PyExc_TypeError, "torque[%zd] must hold a callable, got %.100s", in->index,
+                 Py_TYPE(callable)->tp_name);
+    return -1;
+  }
+  bd_core_call *call = &in->out->calls[in->out->n_calls++];
+  call->callable = Py_NewRef(callable);
+  call->n_pulleys = in->n_pulleys;
+  in->term->call = call_python;
+  in->term->user = call;
+  return 0;
+}
+
+static int read_term(reader *in) {
+  static const struct {
+    const char *name;
+    int kind;
+    Py_ssize_t n_arguments;
+    int (*read)(const reader *);
+  } kinds[] = {
+      {"piecewise", BD_TORQUE_PIECEWISE, 2, read_piecewise},
+      {"viscous", BD_TORQUE_VISCOUS, 1, read_viscous},
+      {"function", BD_TORQUE_FUNCTION, 2, read_function},
+      {"call", BD_TORQUE_CALL, 1, read_call},
+  };
+  if (!PyTuple_Check(in->tuple) || !PyTuple_GET_SIZE(in->tuple) ||
+      !PyUnicode_Check(PyTuple_GET_ITEM(in->tuple, 0))) {
+    PyErr_Format(PyExc_TypeError, "torque[%zd] must be a tuple that begins with its kind, got %R",
+                 in->index, in->tuple);
+    return -1;
+  }
+  PyObject *kind = PyTuple_GET_ITEM(in->tuple, 0);
+  const Py_ssize_t got = PyTuple_GET_SIZE(in->tuple) - 1;
+  for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++) {
+    if (PyUnicode_CompareWithASCIIString(kind, kinds[k].name)) {
+      continue;
+    }
+    if (got != kinds[k].n_arguments) {
+      PyErr_Format(PyExc_ValueError, "torque[%zd] of kind '%s' must have %zd argument%s, got %zd",
+                   in->index, kinds[k].name, kinds[k].n_arguments, PLURAL(kinds[k].n_arguments),
+                   got);
+      return -1;
+    }
+    in->term->kind = kinds[k].kind;
+    return kinds[k].read(in);
+  }
+  PyErr_Format(PyExc_ValueError,
+               "torque[%zd] must be of kind 'piecewise', 'viscous', 'function' or 'call', got %R",
+               in->index, kind);
+  return -1;
+}
+
+static int read_breakpoints(bd_core_torque *out, PyObject *breakpoints) {
+  if (!breakpoints) {
+    return 0;
+  }
+  npy_intp n = BD_ANY;
+  out->torque.breakpoints = keep_array(out, breakpoints, "breakpoints", 1, &n, &n);
+  if (!out->torque.breakpoints) {
+    return -1;
+  }
+  out->torque.n_breakpoints = (size_t)n;
+  return 0;
+}
+
+int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
+                        npy_intp n_pulleys) {
+  *out = (bd_core_torque){0};
+  /* A tuple of our own: converting runs Python code, which could change a list under us. */
+  PyObject *items = PySequence_Tuple(terms);
+  if (!items) {
+    if (PyErr_ExceptionMatches(PyExc_TypeError)) {
+      PyErr_Format(PyExc_TypeError, "torque must be a sequence of terms, got %.100s",
+                   Py_TYPE(terms)->tp_name);
+    }
+    return -1;
+  }
+  int failed = -1;
+  const Py_ssize_t n = PyTuple_GET_SIZE(items);
+  out->arrays = PyList_New(0);
+  out->terms = PyMem_Calloc((size_t)n, sizeof *out->terms);
+  out->calls = PyMem_Calloc((size_t)n, sizeof *out->calls);
+  if (!out->arrays) {
+    goto out;
+  }
+  if (!out->terms || !out->calls) {
+    PyErr_NoMemory();
+    goto out;
+  }
+  for (Py_ssize_t i = 0; i < n; i++) {
+    reader in = {out, &out->terms[i], PyTuple_GET_ITEM(items, i), i, n_pulleys};
+    if (read_term(&in) < 0) {
+      goto out;
+    }
+  }
+  out->torque.terms = out->terms;
+  out->torque.n_terms = (size_t)n;
+  failed = read_breakpoints(out, breakpoints);
+out:
+  Py_DECREF(items);
+  return failed;
+}
+
+void bd_core_calls_free(bd_core_call *calls, Py_ssize_t n) {
+  for (Py_ssize_t i = 0; calls && i < n; i++) {
+    Py_CLEAR(calls[i].callable);
+    Py_CLEAR(calls[i].theta);
+    Py_CLEAR(calls[i].omega);
+  }
+  PyMem_Free(calls);
+}
+
+void bd_core_torque_release(bd_core_torque *torque) {
+  bd_core_calls_free(torque->calls, torque->n_calls);
+  PyMem_Free(torque->terms);
+  Py_XDECREF(torque->arrays);
+  *torque = (bd_core_torque){0};
+}

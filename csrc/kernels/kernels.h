@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inner loops, compiled once per instruction level: what they work on and the tables of them.
+ */
+#ifndef BELTDYN_KERNELS_H
+#define BELTDYN_KERNELS_H
+
+#include "base/base.h"
+
+/* --- rate: rhs.h -------------------------------------------------------------------------------
+ */
+
+/* Per-link constants, and the links' directions at the last evaluation. */
+typedef struct bd_links {
+  bd_layout lay;
+  double half; /* l0 / 2 */
+  double stiffness, damping, bending, bending_damping;
+  double inv_mass, inv_inertia;
+  double wind;             /* phi of link 0 seen from link n-1: 2 pi winding */
+  const double *link_mask; /* 1 for links, 0 for the padding */
+  double *cos, *sin;
+  double *rx, *ry, *fx, *fy; /* scratch of solvers/newton_system.c */
+} bd_links;
+
+/* One pulley as the contact pass sees it. */
+typedef struct bd_contact_pulley {
+  double x, y, vx, vy; /* centre, relative to the origin, and its velocity */
+  double radius, omega;
+  double quadratic, linear, damping;
+  double mu_k, sigma;
+  int slot;
+} bd_contact_pulley;
+
+typedef struct bd_run {
+  int begin, end; /* links, multiples of BD_LANES */
+} bd_run;
+
+typedef struct bd_sums {
+  double torque, contact_loss, friction_loss;
+} bd_sums;
+
+enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
+
+struct bd_newton_kernels;
+
+typedef struct bd_kernels {
+  const char *level;
+  const struct bd_newton_kernels *newton;
+  /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
+   * power lost in the joints' dampers. Variants [bending][ledger]. */
+  double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
+  /* Adds the contact of one pulley with the links of the runs. Variants [friction][ledger]. */
+  void (*contact[2][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                        const bd_run *runs, const double *y, double *dy, bd_sums *sums);
+  /* After a step, the first block of BD_LANES links in [begin, end) with a contact event: a link
+   * that has come to this pulley or left it, whose friction state is to be reset or is above mu_k,
+   * or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants [friction].
+   */
+  int (*find_contact_event[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                               const double *owner, const double *y, int begin, int end);
+  /* Largest squared speed of a link. */
+  double (*fastest)(const bd_layout *lay, const double *y);
+  /* out = y + h sum a[j] k[j] */
+  void (*combine)(size_t n, double *out, const double *y, double h, int m, const double *a,
+                  double *const *k);
+  /* Largest w |h sum e[j] k[j]| over links and pulleys, positions and velocities as vectors, so
+   * that it does not depend on the axes; NaN becomes infinity. */
+  double (*error_norm)(const bd_layout *lay, double h, int m, const double *e, double *const *k,
+                       const double *w);
+} bd_kernels;
+
+const bd_kernels *bd_kernels_choose(void);
+
+/* --- linear systems of the implicit methods: jacobian.h, ring.h --------------------------------
+ */
+
+/* One solve: g = gamma h, the mass of a link (mass-proportional damping included). */
+typedef struct bd_stage {
+  double g, mass;
+} bd_stage;
+
+/* Blocks of the ring's matrix, by link; k, bending and damping are the joints'. */
+typedef struct bd_blocks {
+  double k, bending, damping;
+  const double *cos, *sin, *spin;
+  double *xx, *xy, *yx, *yy, *pp;
+} bd_blocks;
+
+/* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
+ * link over half its length; for one g, what turning it does to the forces at its ends. */
+typedef struct bd_tangent {
+  double *cos, *sin, *spin, *pull, *end_x, *end_y;
+} bd_tangent;
+
+/* The contact of one pulley as linearised: arrays by link, valid in the runs of links near the
+ * pulley, 0 where nothing touches. rho: distance of the link's centre from the axis; n, t: the
+ * outward normal and the tangent there; p: penetration; v_n, v_t, v_T: normal, tangential and slip
+ * velocity. */
+typedef struct bd_contact_tangent {
+  double *nx, *ny;           /* n */
+  double *rho;               /* distance from the axis */
+  double *normal;            /* N */
+  double *normal_over_rho;   /* N / rho */
+  double *mu;                /* friction coefficient */
+  double *stiff, *damp;      /* dN/dp, dN/dp' */
+  double *cross;             /* dN/dp' v_t / rho */
+  double *apart;             /* v_n / rho */
+  double *gain, *decay;      /* d mu'/d v_T, -d mu'/d mu */
+  double *normal_correction; /* of N at the end of a step, beyond its tangent */
+  /* For one g: */
+  double *xx, *xy, *yx, *yy;   /* force by position */
+  double *by_mu;               /* force by friction coefficient, along -t */
+  double *torque_x, *torque_y; /* torque on the pulley by position */
+  double *row_x, *row_y;       /* the pulley's row of the border */
+  double *slide_x, *slide_y;   /* v_T by position */
+  double *dmu_dslip;           /* change of mu by v_T, over the step */
+  double *mu_decay_factor;     /* what the step leaves of a given change of mu: 1 / (1 + g decay) */
+} bd_contact_tangent;
+
+/* The ring cut into arcs: row j of arc a is link base[a] + j. */
+typedef struct bd_ring {
+  int n_rows;
+  int *base;
+  double *shorter; /* 1: the arc's row 0 stands for no link */
+  void *rows, *scratch, *ends;
+} bd_ring;
+
+/* Loops of solvers/newton_system.c at one instruction level. */
+typedef struct bd_newton_kernels {
+  int width;                  /* arcs */
+  size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
+  void (*factor)(const bd_ring *ring, const bd_blocks *blocks);
+  void (*solve)(const bd_ring *ring, double k, double *x, double *y, double *p);
+  void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
+  void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                   const bd_blocks *blocks);
+  void (*joints_product)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                         const double *c, double *x, double *y, double *p);
+  void (*finish_links)(const bd_links *links, const bd_stage *stage, int n_columns,
+                       const double *columns, const double *factors, const double *x,
+                       const double *y, const double *p, double *c);
+  void (*linearise_contact)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                            const bd_run *runs, const double *y, const bd_contact_tangent *contact,
+                            int friction, double h);
+  double (*add_normal_correction)(const bd_links *links, int n_runs, const bd_run *runs,
+                                  const bd_contact_tangent *contact, double *c);
+  double (*add_contact)(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                        const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
+                        double *column_x, double *column_y);
+  double (*contact_product)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                            const bd_run *runs, const bd_contact_tangent *contact, int friction,
+                            const double *c, double *x, double *y);
+  void (*finish_contact)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                         const bd_run *runs, const bd_contact_tangent *contact, double g,
+                         double angular_acceleration, double *c);
+  double (*border_row)(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
+                       const double *x, const double *y);
+} bd_newton_kernels;
+
+extern const bd_newton_kernels bd_newton_baseline;
+
+#endif

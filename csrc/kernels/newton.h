@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The linear algebra of the implicit methods at one instruction level; see solvers/newton_system.c.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "kernels/kernels.h"
+#include "kernels/simd.h"
+
+#include "kernels/ring.h"
+
+#include "kernels/jacobian.h"

@@ -1,0 +1,412 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inner loops, compiled once per instruction level (rhs_*.c include this file with their
+ * own flags and BD_LEVEL), over structure-of-arrays blocks, a vector of links at a time. Lengths
+ * are padded to BD_LANES: the padding is computed like the links and then left out.
+ *
+ * Joints (2.2, MODEL section 2): d = (r_i - l0/2 e_i) - (r_{i-1} + l0/2 e_{i-1}), force on link i
+ * -(c d + b d'), on link i-1 the opposite, each with its moment (2.11)_3 at the link's end.
+ * Contact (2.3-2.8) and Dahl friction (2.9-2.10): MODEL sections 3 and 4.
+ * Stability: |lambda| of the joints, see model.c. Guarded by tests/test_oracle.py and
+ * tests/test_kernels.py (levels against each other).
+ */
+#include <math.h>
+
+#include "kernels/kernels.h"
+#include "kernels/simd.h"
+#include "kernels/vector.h"
+
+/* sin and cos together: quadrant by the nearest multiple of pi/2, Cody-Waite reduction with three
+ * 33-bit parts (exact for |k| < 2^20), then the polynomials of fdlibm on [-pi/4, pi/4]. Error below
+ * 1 ulp of the result's scale. Adding 1.5 * 2^52 rounds, and leaves the multiple in the lowest
+ * bits: the first says which of the two is which, the second their signs. */
+INLINE void sine_cosine(vec angle, vec *sine, vec *cosine) {
+  const vec to_nearest = splat(6755399441055744.0); /* 1.5 * 2^52 */
+  const vec shifted = fma_(angle, splat(0.63661977236758134308), to_nearest);
+  const vec k = shifted - to_nearest;
+  vec r = fma_(k, splat(-1.57079632673412561417e+00), angle);
+  r = fma_(k, splat(-6.07710050630396597660e-11), r);
+  r = fma_(k, splat(-2.02226624871116645580e-21), r);
+  const vec z = r * r;
+  vec s = fma_(z, splat(1.58969099521155010221e-10), splat(-2.50507602534068634195e-08));
+  s = fma_(z, s, splat(2.75573137070700676789e-06));
+  s = fma_(z, s, splat(-1.98412698298579493134e-04));
+  s = fma_(z, s, splat(8.33333333332248946124e-03));
+  s = fma_(z, s, splat(-1.66666666666666324348e-01));
+  s = fma_(z * r, s, r);
+  vec c = fma_(z, splat(-1.13596475577881948265e-11), splat(2.08757232129817482790e-09));
+  c = fma_(z, c, splat(-2.75573143513906633035e-07));
+  c = fma_(z, c, splat(2.48015872894767294178e-05));
+  c = fma_(z, c, splat(-1.38888888888741095749e-03));
+  c = fma_(z, c, splat(4.16666666666666019037e-02));
+  c = fma_(z * z, c, fma_(z, splat(-0.5), splat(1.0)));
+  const bits quadrant = as_bits(shifted);
+  const bits swap = (as_bits(s) ^ as_bits(c)) & (0 - (quadrant & 1));
+  *sine = as_vec(as_bits(s) ^ swap ^ ((quadrant & 2) << 62));
+  *cosine = as_vec(as_bits(c) ^ swap ^ (((quadrant + 1) & 2) << 62));
+}
+
+/* A vector of links as their joints see them: directions, and the right ends. */
+typedef struct ends {
+  vec phi, vphi, cos, sin, x, y, vx, vy;
+} ends;
+
+/* Forces in the joints on the left of links, tension along +d, per mass of a link, and bending
+ * moments per its moment of inertia. */
+typedef struct forces {
+  vec x, y, moment;
+} forces;
+
+typedef struct rates {
+  vec x, y, phi;
+} rates;
+
+/* (2.11) without contact: links between the joints on their left and on their right. */
+INLINE rates accelerations(const ends *link, const forces *f, const forces *right, vec arm,
+                           const int bending) {
+  const vec turning = fma_(link->cos, f->y + right->y, -(link->sin * (f->x + right->x)));
+  return (rates){right->x - f->x, right->y - f->y,
+                 bending ? fma_(arm, turning, right->moment - f->moment) : arm * turning};
+}
+
+/* One pass: a vector's forces need the right end of the link before it, its accelerations the
+ * joint after it, so each turn finishes the vector before. The ring is closed by taking the last
+ * link's end first and the first joint's force last. */
+INLINE double joints(const bd_links *links, const double *y, double *out, const int bending,
+                     const int ledger) {
+  const bd_layout *lay = &links->lay;
+  const int n = lay->n, last = (n - 1) / WIDTH * WIDTH;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *phi = bd_cfield(lay, y, F_PHI), *vphi = bd_cfield(lay, y, F_VPHI);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  double *ox = bd_field(lay, out, F_X), *oy = bd_field(lay, out, F_Y);
+  double *ophi = bd_field(lay, out, F_PHI), *ovphi = bd_field(lay, out, F_VPHI);
+  double *ovx = bd_field(lay, out, F_VX), *ovy = bd_field(lay, out, F_VY);
+  double *co = links->cos, *si = links->sin;
+  const vec half = splat(links->half), damping = splat(links->damping);
+  const vec per_mass = splat(links->stiffness * links->inv_mass);
+  const vec damping_per_mass = splat(links->damping * links->inv_mass);
+  const vec per_inertia = splat(links->bending * links->inv_inertia);
+  const vec damping_per_inertia = splat(links->bending_damping * links->inv_inertia);
+  const vec bend_damping = splat(links->bending_damping);
+  const vec arm = splat(links->half * links->inv_inertia / links->inv_mass);
+  const vec lane = lane_numbers();
+  vec loss = {0.0}, lost = {0.0};
+
+  ends before = {.phi = splat(phi[n - 1] - links->wind), .vphi = splat(vphi[n - 1])};
+  sine_cosine(splat(phi[n - 1]), &before.sin, &before.cos);
+  before.x = fma_(half, before.cos, splat(x[n - 1]));
+  before.y = fma_(half, before.sin, splat(yy[n - 1]));
+  before.vx = fma_(-half * before.vphi, before.sin, splat(vx[n - 1]));
+  before.vy = fma_(half * before.vphi, before.cos, splat(vy[n - 1]));
+  forces left = {0}, first = {0};
+  for (int i = 0; i <= last; i += WIDTH) {
+    ends link = {.phi = load(phi + i), .vphi = load(vphi + i)};
+    const vec rx = load(x + i), ry = load(yy + i), u = load(vx + i), v = load(vy + i);
+    sine_cosine(link.phi, &link.sin, &link.cos);
+    store(co + i, link.cos);
+    store(si + i, link.sin);
+    store(ox + i, u);
+    store(oy + i, v);
+    store(ophi + i, link.vphi);
+    const vec speed = half * link.vphi;
+    link.x = fma_(half, link.cos, rx);
+    link.y = fma_(half, link.sin, ry);
+    link.vx = fma_(-speed, link.sin, u);
+    link.vy = fma_(speed, link.cos, v);
+    const vec dx = fma_(-half, link.cos, rx) - from_left(before.x, link.x);
+    const vec dy = fma_(-half, link.sin, ry) - from_left(before.y, link.y);
+    const vec du = fma_(speed, link.sin, u) - from_left(before.vx, link.vx);
+    const vec dv = fma_(-speed, link.cos, v) - from_left(before.vy, link.vy);
+    forces f = {.x = fma_(per_mass, dx, damping_per_mass * du),
+                .y = fma_(per_mass, dy, damping_per_mass * dv)};
+    const vec turn = link.phi - from_left(before.phi, link.phi);
+    const vec rate = link.vphi - from_left(before.vphi, link.vphi);
+    if (bending) {
+      f.moment = fma_(per_inertia, turn, damping_per_inertia * rate);
+    }
+    if (ledger) {
+      loss += lost;
+      lost = damping * fma_(du, du, dv * dv);
+      lost = bending ? fma_(bend_damping * rate, rate, lost) : lost;
+    }
+    if (i == 0) {
+      first = (forces){splat(first_of(f.x)), splat(first_of(f.y)), splat(first_of(f.moment))};
+    } else {
+      const forces right = {from_right(left.x, f.x), from_right(left.y, f.y),
+                            from_right(left.moment, f.moment)};
+      const rates a = accelerations(&before, &left, &right, arm, bending);
+      store(ovx + i - WIDTH, a.x);
+      store(ovy + i - WIDTH, a.y);
+      store(ovphi + i - WIDTH, a.phi);
+    }
+    before = link;
+    left = f;
+  }
+  /* the last vector: joint n is joint 0, and what lies past it stays at rest */
+  const mask inner = less(lane, splat(n - 1 - last)), link_mask = less(lane, splat(n - last));
+  const forces right = {choose(inner, from_right(left.x, left.x), first.x),
+                        choose(inner, from_right(left.y, left.y), first.y),
+                        choose(inner, from_right(left.moment, left.moment), first.moment)};
+  const rates a = accelerations(&before, &left, &right, arm, bending);
+  store(ovx + last, choose(link_mask, a.x, (vec){0.0}));
+  store(ovy + last, choose(link_mask, a.y, (vec){0.0}));
+  store(ovphi + last, choose(link_mask, a.phi, (vec){0.0}));
+  for (int f = F_X; f <= F_VPHI; ++f) {
+    for (int i = last + WIDTH; i < lay->n8; i += WIDTH) {
+      store(bd_field(lay, out, f) + i, (vec){0.0});
+    }
+  }
+  for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
+    store(out + k, (vec){0.0});
+  }
+  return ledger ? sum(loss + choose(link_mask, lost, (vec){0.0})) : 0.0;
+}
+
+/* Contact of the links with one pulley. A vector of links without contact costs one test of
+ * distance. */
+INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                    const bd_run *runs, const double *y, double *dy, bd_sums *sums,
+                    const int friction, const int ledger) {
+  const bd_layout *lay = &links->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *mus = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
+  double *omu = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
+  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx),
+            cv = splat(pulley->vy);
+  const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
+  const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
+  const vec damping = splat(pulley->damping), inv_mass = splat(links->inv_mass);
+  const vec omega = splat(pulley->omega), sigma = splat(pulley->sigma), none = {0.0};
+  const vec per_mu_k = splat(friction ? 1.0 / pulley->mu_k : 0.0);
+  vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
+
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const vec dx = load(x + i) - cx, dy_ = load(yy + i) - cy;
+      const vec rho2 = fma_(dx, dx, dy_ * dy_);
+      const mask touch = less(rho2, rim2);
+      if (!any(touch)) {
+        continue; /* positions that are not finite show in the joints' forces */
+      }
+      vec rho, inv;
+      root_and_inverse(rho2, &rho, &inv);
+      const vec p = radius - rho;
+      const vec nx = dx * inv, ny = dy_ * inv;
+      const vec ux = load(vx + i) - cu, uy = load(vy + i) - cv;
+      const vec closing = -fma_(ux, nx, uy * ny);
+      const vec elastic = fma_(quadratic, p, linear) * p;
+      const vec raw = fma_(damping, closing, elastic);
+      const vec normal = choose(touch, larger(raw, none), none);
+      vec fx = normal * nx, fy = normal * ny;
+      if (friction) {
+        const vec mu = load(mus + i);
+        const vec slide = fma_(uy, nx, -(ux * ny)) - omega * rho;
+        const vec v = choose(touch, slide, none);
+        const vec tangential = mu * normal;
+        fx = fma_(tangential, ny, fx);
+        fy = fma_(-tangential, nx, fy);
+        store(omu + i, fma_(sigma, fma_(-magnitude(v), mu * per_mu_k, v), load(omu + i)));
+        store(oslip + i, load(oslip + i) + v);
+        torque = fma_(tangential, rho, torque);
+        if (ledger) {
+          friction_loss = fma_(tangential, v, friction_loss);
+        }
+      }
+      if (ledger) {
+        contact_loss += choose(touch, (normal - elastic) * closing, none);
+      }
+      store(ovx + i, fma_(inv_mass, fx, load(ovx + i)));
+      store(ovy + i, fma_(inv_mass, fy, load(ovy + i)));
+    }
+  }
+  *sums = (bd_sums){sum(torque), sum(contact_loss), sum(friction_loss)};
+}
+
+#define JOINTS(bending, ledger)                                                                    \
+  static double joints_##bending##ledger(const bd_links *links, const double *y, double *dy) {     \
+    return joints(links, y, dy, bending, ledger);                                                  \
+  }
+#define CONTACT(friction, ledger)                                                                  \
+  static void contact_##friction##ledger(const bd_links *links, const bd_contact_pulley *pulley,   \
+                                         int n_runs, const bd_run *runs, const double *y,          \
+                                         double *dy, bd_sums *sums) {                              \
+    contact(links, pulley, n_runs, runs, y, dy, sums, friction, ledger);                           \
+  }
+JOINTS(0, 0)
+JOINTS(0, 1)
+JOINTS(1, 0)
+JOINTS(1, 1)
+CONTACT(0, 0)
+CONTACT(0, 1)
+CONTACT(1, 0)
+CONTACT(1, 1)
+
+/* The first block from `begin` on where something is to be done after a step; `end` if none. */
+INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                              const double *owner, const double *y, int begin, int end,
+                              const int friction) {
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *mu = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y), none = {0.0};
+  const vec rim2 = splat(pulley->radius * pulley->radius), deep2 = splat(0.25) * rim2;
+  const vec limit = splat(pulley->mu_k), id = splat(index), free = splat(-0.5);
+  for (int block = begin; block < end; block += BD_LANES) {
+    mask found = less(none, none);
+    for (int i = block; i < block + BD_LANES; i += WIDTH) {
+      const vec dx = load(x + i) - cx, dy = load(yy + i) - cy;
+      const vec rho2 = dx * dx + dy * dy;
+      found |= less(rho2, deep2);
+      if (friction) {
+        const vec size = magnitude(load(mu + i)), holder = load(owner + i);
+        const mask in_contact = less(rho2, rim2), mine = less(magnitude(holder - id), splat(0.5));
+        const mask not_reset = less(none, size + magnitude(load(slip + i)));
+        found |= (in_contact ^ mine) | (in_contact & less(limit, size)) |
+                 (less(holder, free) & not_reset);
+      }
+    }
+    if (any(found)) {
+      return block;
+    }
+  }
+  return end;
+}
+
+static int find_contact_event_0(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                                const double *owner, const double *y, int begin, int end) {
+  return find_contact_event(lay, pulley, index, owner, y, begin, end, 0);
+}
+
+static int find_contact_event_1(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
+                                const double *owner, const double *y, int begin, int end) {
+  return find_contact_event(lay, pulley, index, owner, y, begin, end, 1);
+}
+
+static double fastest(const bd_layout *lay, const double *y) {
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  vec most = {0.0};
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    const vec u = load(vx + i), v = load(vy + i);
+    most = larger(u * u + v * v, most);
+  }
+  return largest(most);
+}
+
+INLINE void scaled(double h, const int m, const double *a, vec *ha) {
+  for (int j = 0; j < m; ++j) {
+    ha[j] = splat(h * a[j]);
+  }
+}
+
+INLINE vec weighted_sum(size_t i, const int m, const vec *a, double *const *k) {
+  vec total = a[0] * load(k[0] + i);
+  for (int j = 1; j < m; ++j) {
+    total = fma_(a[j], load(k[j] + i), total);
+  }
+  return total;
+}
+
+INLINE void combine_fixed(size_t n, double *restrict out, const double *restrict y, double h,
+                          const int m, const double *a, double *const *k) {
+  vec ha[BD_MAX_STAGES];
+  scaled(h, m, a, ha);
+  for (size_t i = 0; i < n; i += WIDTH) {
+    store(out + i, load(y + i) + weighted_sum(i, m, ha, k));
+  }
+}
+
+static void combine(size_t n, double *out, const double *y, double h, int m, const double *a,
+                    double *const *k) {
+  switch (m) {
+#define CASE(count)                                                                                \
+  case count:                                                                                      \
+    combine_fixed(n, out, y, h, count, a, k);                                                      \
+    break
+    CASE(1);
+    CASE(2);
+    CASE(3);
+    CASE(4);
+    CASE(5);
+    CASE(6);
+    CASE(7);
+#undef CASE
+  default:
+    break;
+  }
+}
+
+/* The largest squared error so far, and a total that goes non-finite with any error. */
+typedef struct errors {
+  vec worst, total;
+} errors;
+
+/* A single component at place i, or a vector whose second component stands `pair` further on. */
+INLINE void weigh(size_t i, const size_t pair, const int m, const vec *e, double *const *k,
+                  const double *w, errors *found) {
+  const vec weight = load(w + i), one = weight * weighted_sum(i, m, e, k);
+  vec square = one * one;
+  if (pair) {
+    const vec two = weight * weighted_sum(i + pair, m, e, k);
+    square = fma_(two, two, square);
+  }
+  found->worst = larger(square, found->worst);
+  found->total += square;
+}
+
+INLINE double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
+                          double *const *k, const double *w) {
+  vec he[BD_MAX_STAGES];
+  scaled(h, m, e, he);
+  const size_t stride = (size_t)lay->stride;
+  const vec none = {0.0};
+  errors found = {none, none};
+  for (int link = 0; link < lay->n; link += WIDTH) {
+    const size_t i = BD_HALO + (size_t)link;
+    weigh(i + F_X * stride, stride, m, he, k, w, &found);
+    weigh(i + F_PHI * stride, 0, m, he, k, w, &found);
+    weigh(i + F_VX * stride, stride, m, he, k, w, &found);
+    weigh(i + F_VPHI * stride, 0, m, he, k, w, &found);
+    for (int s = 0; s < lay->slots; ++s) {
+      weigh(i + (size_t)(F_MU + s) * stride, 0, m, he, k, w, &found);
+    }
+  }
+  for (size_t i = (size_t)lay->theta; i < lay->size; i += WIDTH) {
+    weigh(i, 0, m, he, k, w, &found);
+  }
+  return isfinite(sum(found.total)) ? sqrt(largest(found.worst)) : INFINITY;
+}
+
+static double error_norm(const bd_layout *lay, double h, int m, const double *e, double *const *k,
+                         const double *w) {
+  switch (m) {
+  case 1:
+    return error_fixed(lay, h, 1, e, k, w);
+  case 3:
+    return error_fixed(lay, h, 3, e, k, w);
+  case 4:
+    return error_fixed(lay, h, 4, e, k, w);
+  case 5:
+    return error_fixed(lay, h, 5, e, k, w);
+  default:
+    return error_fixed(lay, h, 7, e, k, w);
+  }
+}
+
+extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL);
+
+const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
+#define STRING2(a) #a
+#define STRING(a) STRING2(a)
+    .level = STRING(BD_LEVEL),
+    .newton = &PASTE(bd_newton_, BD_LEVEL),
+    .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
+    .contact = {{contact_00, contact_01}, {contact_10, contact_11}},
+    .find_contact_event = {find_contact_event_0, find_contact_event_1},
+    .fastest = fastest,
+    .combine = combine,
+    .error_norm = error_norm,
+};

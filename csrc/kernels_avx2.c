@@ -1,3 +1,0 @@
-/* SPDX-License-Identifier: MIT */
-#define BD_LEVEL avx2
-#include "kernels_impl.h"

@@ -1,3 +1,0 @@
-/* SPDX-License-Identifier: MIT */
-#define BD_LEVEL baseline
-#include "kernels_impl.h"

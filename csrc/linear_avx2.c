@@ -1,4 +1,0 @@
-/* SPDX-License-Identifier: MIT */
-#define BD_LEVEL avx2
-#define BD_WIDTH 4
-#include "linear_impl.h"

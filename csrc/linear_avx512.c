@@ -1,4 +1,0 @@
-/* SPDX-License-Identifier: MIT */
-#define BD_LEVEL avx512
-#define BD_WIDTH 8
-#include "linear_impl.h"

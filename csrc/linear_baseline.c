@@ -1,4 +1,0 @@
-/* SPDX-License-Identifier: MIT */
-#define BD_LEVEL baseline
-#define BD_WIDTH 2
-#include "linear_impl.h"

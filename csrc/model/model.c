@@ -1,0 +1,331 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From a scene to a model: every parameter against its rule (fields.h), the constants per link
+ * (MODEL section 6), the belt line, friction slots, and the spectral bound of the joints.
+ *
+ * Spectral bound. The stiffest mode of a chain of links with I = m l0^2 / 12 is the alternating
+ * rotation that shears the joints: an oscillator with stiffness 12 c / m + 4 c_tor / I and damping
+ * 12 b / m + 4 b_tor / I per unit mass, hence |lambda| = sqrt(k), or (d + sqrt(d^2 - 4 k)) / 2 when
+ * over-damped. Explicit steps end at (the method's stability limit) / |lambda|.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "model/model.h"
+
+#define TEXT_OF(value) #value
+#define TEXT(macro) TEXT_OF(macro)
+#define LINKS_RULE "an integer from 3 to " TEXT(BD_MAX_LINKS)
+
+enum { RULE_POSITIVE, RULE_NONNEGATIVE, RULE_FINITE, RULE_LINKS };
+
+static int check(bd_error *err, const char *where, const char *name, int rule, double value,
+                 const char *unit, const char *text) {
+  static const char *const wording[] = {"> 0", ">= 0", "finite", LINKS_RULE};
+  int good = isfinite(value) && (rule == RULE_POSITIVE      ? value > 0.0
+                                 : rule == RULE_NONNEGATIVE ? value >= 0.0
+                                 : rule == RULE_LINKS       ? value >= 3.0 && value <= BD_MAX_LINKS
+                                                            : 1);
+  if (good) {
+    return BD_OK;
+  }
+  char field[64];
+  snprintf(field, sizeof field, "%s.%s", where, name);
+  return bd_fail_at(err, BD_ERR_PARAMETER, field, (double)NAN, -1, -1, value,
+                    "%s must be %s%s (%s), got %.10g%s%s", field,
+                    isfinite(value) ? "" : "finite and ", wording[rule], text, value,
+                    strcmp(unit, "1") ? " " : "", strcmp(unit, "1") ? unit : "");
+}
+
+static int check_scene(const bd_scene *scene, bd_error *err) {
+  const bd_belt *belt = &scene->belt;
+  const bd_contact *contact = &scene->contact;
+  char where[32];
+#define CHECK_belt(name, rule, unit, text)                                                         \
+  if (check(err, "belt", #name, RULE_##rule, (double)belt->name, unit, text)) {                    \
+    return BD_ERR_PARAMETER;                                                                       \
+  }
+#define CHECK_contact(name, rule, unit, text)                                                      \
+  if (check(err, "contact", #name, RULE_##rule, contact->name, unit, text)) {                      \
+    return BD_ERR_PARAMETER;                                                                       \
+  }
+#define CHECK_dahl(name, rule, unit, text)                                                         \
+  if (scene->friction &&                                                                           \
+      check(err, "friction", #name, RULE_##rule, scene->friction->name, unit, text)) {             \
+    return BD_ERR_PARAMETER;                                                                       \
+  }
+#define CHECK_pulley(name, rule, unit, text)                                                       \
+  for (int j = 0; j < scene->n_pulleys; ++j) {                                                     \
+    snprintf(where, sizeof where, "pulleys[%d]", j);                                               \
+    if (check(err, where, #name, RULE_##rule, scene->pulleys[j].name, unit, text)) {               \
+      return BD_ERR_PARAMETER;                                                                     \
+    }                                                                                              \
+  }
+#define X(group, name, rule, unit, text) CHECK_##group(name, rule, unit, text)
+  if (scene->n_pulleys < 1 || scene->n_pulleys > BD_MAX_PULLEYS) {
+    return bd_fail(err, BD_ERR_PARAMETER, "pulleys", "pulleys must hold 1 to %d pulleys, got %d",
+                   BD_MAX_PULLEYS, scene->n_pulleys);
+  }
+  BD_PARAMETERS(X)
+#undef X
+  if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
+    return bd_fail(
+        err, BD_ERR_PARAMETER, "contact.linear",
+        "contact.linear and contact.quadratic must not both be 0: nothing would hold the "
+        "belt off its pulleys");
+  }
+  for (int k = 0; k < 2; ++k) {
+    if (check(err, "gravity", k ? "y" : "x", RULE_FINITE, scene->gravity[k], "m/s^2",
+              "acceleration")) {
+      return BD_ERR_PARAMETER;
+    }
+    for (int j = 0; j < scene->n_pulleys; ++j) {
+      snprintf(where, sizeof where, "pulleys[%d].center", j);
+      if (check(err, where, k ? "y" : "x", RULE_FINITE, scene->pulleys[j].center[k], "m",
+                "position of the axis")) {
+        return BD_ERR_PARAMETER;
+      }
+    }
+  }
+  return BD_OK;
+}
+
+static double spectral_bound(const bd_info *info) {
+  double m = info->link_mass, inertia = info->link_inertia;
+  double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / inertia;
+  double d = 12.0 * info->joint_damping / m + 4.0 * info->bending_damping / inertia;
+  double discriminant = d * d - 4.0 * k;
+  return discriminant > 0.0 ? 0.5 * (d + sqrt(discriminant)) : sqrt(k);
+}
+
+/* Pulleys whose circles overlap can hold the same link at once and need slots of their own; all
+ * others share. Greedy colouring; one slot for every scene with pulleys apart. */
+static int colour_pulleys(const bd_model *model) {
+  int np = model->lay.np, slots = 1;
+  for (int j = 0; j < np; ++j) {
+    int slot = 0;
+    for (int again = 1; again;) {
+      again = 0;
+      for (int k = 0; k < j; ++k) {
+        if (model->slot[k] == slot &&
+            hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]) <
+                model->radius[j] + model->radius[k]) {
+          ++slot;
+          again = 1;
+        }
+      }
+    }
+    model->slot[j] = slot;
+    slots = slot + 1 > slots ? slot + 1 : slots;
+  }
+  return slots;
+}
+
+static void lay_out(bd_layout *lay, int n, int np, int slots) {
+  lay->n = n;
+  lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
+  lay->np = np;
+  lay->slots = slots;
+  lay->stride = BD_HALO + (n + 1 + BD_LANES - 1) / BD_LANES * BD_LANES;
+  lay->theta = (F_MU + 2 * slots) * lay->stride;
+  lay->omega = lay->theta + np;
+  lay->work = lay->omega + np;
+  lay->size = (size_t)(lay->work + N_WORK + BD_LANES - 1) / BD_LANES * BD_LANES;
+}
+
+static void carve(bd_carver *carver, bd_model *model, int np) {
+  BD_CARVE(carver, model->cx, np);
+  BD_CARVE(carver, model->cy, np);
+  BD_CARVE(carver, model->radius, np);
+  BD_CARVE(carver, model->inertia, np);
+  BD_CARVE(carver, model->slot, np);
+  BD_CARVE(carver, model->wraps, np);
+}
+
+static void derive(bd_model *model) {
+  const bd_belt *belt = &model->belt;
+  bd_info *info = &model->info;
+  double l0 = belt->length / belt->n_bodies;
+  info->n_bodies = belt->n_bodies;
+  info->n_pulleys = model->lay.np;
+  info->n_slots = model->lay.slots;
+  info->link_length = l0;
+  info->link_mass = belt->linear_density * l0;
+  info->link_inertia = info->link_mass * l0 * l0 / 12.0;
+  info->joint_stiffness = belt->axial_stiffness / l0;
+  info->joint_damping = belt->axial_damping / l0;
+  info->bending_stiffness = belt->bending_stiffness / l0;
+  info->bending_damping = belt->bending_damping / l0;
+  info->contact_quadratic = model->contact.quadratic * l0;
+  info->contact_linear = model->contact.linear * l0;
+  info->contact_damping = model->contact.damping * l0;
+  info->spectral_bound = spectral_bound(info);
+}
+
+/* A link of angle 2 a lies as a tangent, longer than its arc by tan(a) / a - 1 (MODEL section 6);
+ * infinite when it is too long to lie on the pulley at all. */
+static double mesh_strain(const bd_model *model) {
+  double longer = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    double a = 0.5 * model->info.link_length / model->radius[j];
+    double arc = model->wraps[j].wrap * model->radius[j];
+    longer += a < 0.5 * BD_PI ? arc * (tan(a) / a - 1.0) : (double)INFINITY;
+  }
+  return longer / model->belt.length;
+}
+
+/* The belt lies on circles that the pressure T / R has made smaller, and is that much less
+ * strained: T = EA (strain - sum of wrap p(T) / L), c1' p^2 + c2' p = T / R, by bisection. */
+static double contact_strain(const bd_model *model) {
+  const bd_contact *contact = &model->contact;
+  double low = 0.0, high = model->info.strain;
+  for (int k = 0; k < 60; ++k) {
+    double left = 0.5 * (low + high), sunk = 0.0;
+    for (int j = 0; j < model->lay.np; ++j) {
+      double pressure = model->belt.axial_stiffness * left / model->radius[j];
+      double c1 = contact->quadratic, c2 = contact->linear;
+      double depth = 2.0 * pressure / (c2 + sqrt(c2 * c2 + 4.0 * c1 * pressure));
+      sunk += model->wraps[j].wrap * depth;
+    }
+    if (left > model->info.strain - sunk / model->belt.length) {
+      high = left;
+    } else {
+      low = left;
+    }
+  }
+  return model->info.strain - low;
+}
+
+static void check_line(bd_model *model) {
+  bd_info *info = &model->info;
+  bd_error *err = &model->geometry;
+  int np = model->lay.np;
+  double path = (double)NAN;
+  int code = bd_belt_line_lay(np, model->cx, model->cy, model->radius, model->wraps, &info->winding,
+                              &path, err);
+  info->path_length = code == BD_OK ? path : (double)NAN;
+  info->strain = info->path_length / model->belt.length - 1.0;
+  info->mean_tension = model->belt.axial_stiffness * info->strain;
+  model->longest_span = 0.0;
+  for (int k = 0; k < np; ++k) {
+    model->longest_span = fmax(model->longest_span, model->wraps[k].span);
+  }
+  if (code != BD_OK) {
+    return;
+  }
+  info->mesh_strain = mesh_strain(model);
+  info->contact_strain = info->strain > 0.0 ? contact_strain(model) : 0.0;
+  if (info->strain <= 0.0) {
+    bd_fail_at(err, BD_ERR_GEOMETRY, "belt.length", (double)NAN, -1, -1, model->belt.length,
+               "belt.length is too long for its pulleys: %g m, but the belt line round them is "
+               "%g m, so the belt would be slack",
+               model->belt.length, path);
+  } else if (info->strain > BD_MAX_STRAIN) {
+    bd_fail_at(err, BD_ERR_GEOMETRY, "belt.length", (double)NAN, -1, -1, model->belt.length,
+               "belt.length is too short for its pulleys: %g m round a belt line of %g m is a "
+               "strain of %.3g, at most %g is allowed",
+               model->belt.length, path, info->strain, BD_MAX_STRAIN);
+  } else if (info->mesh_strain > BD_MAX_STRAIN) {
+    bd_fail_at(err, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, -1, info->n_bodies,
+               "belt.n_bodies is too small for its pulleys: %d links of %g m, laid round them as "
+               "tangents, add a strain of %.3g, at most %g is allowed",
+               info->n_bodies, info->link_length, info->mesh_strain, BD_MAX_STRAIN);
+  }
+}
+
+/* Origin of the core's coordinates along one axis: 0 for a scene near it, so that positions pass
+ * through unchanged to the last bit, else near the pulleys, so that distance costs no digits. */
+static double origin_along(const bd_scene *scene, int axis) {
+  double low = scene->pulleys[0].center[axis], high = low;
+  for (int j = 1; j < scene->n_pulleys; ++j) {
+    low = fmin(low, scene->pulleys[j].center[axis]);
+    high = fmax(high, scene->pulleys[j].center[axis]);
+  }
+  double unit = exp2(2.0 + ceil(log2(high - low + scene->belt.length)));
+  return unit * rint(0.5 * (low + high) / unit);
+}
+
+int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
+  *out = NULL;
+  if (check_scene(scene, err) != BD_OK) {
+    return BD_ERR_PARAMETER;
+  }
+  const bd_kernels *kernels = bd_kernels_choose();
+  if (!kernels) {
+    return bd_fail(
+        err, BD_ERR_OPTION, "BELTDYN_KERNELS",
+        "BELTDYN_KERNELS must name a kernel level this processor has, of baseline, avx2, "
+        "avx512, or be unset");
+  }
+  int np = scene->n_pulleys;
+  bd_model *model = NULL;
+  bd_carver carver = {0};
+  bd_model sizes;
+  bd_carve(&carver, 1, sizeof *model);
+  carve(&carver, &sizes, np);
+  char *block = bd_block_new(carver.used);
+  if (!block) {
+    return bd_fail(err, BD_ERR_MEMORY, "model", "out of memory for a model of %zu bytes",
+                   carver.used);
+  }
+  carver = (bd_carver){.base = block};
+  model = bd_carve(&carver, 1, sizeof *model);
+  carve(&carver, model, np);
+
+  model->belt = scene->belt;
+  model->contact = scene->contact;
+  model->has_friction = scene->friction != NULL;
+  if (scene->friction) {
+    model->dahl = *scene->friction;
+  }
+  model->has_bending = scene->belt.bending_stiffness > 0.0 || scene->belt.bending_damping > 0.0;
+  model->has_gravity = scene->gravity[0] != 0.0 || scene->gravity[1] != 0.0;
+  for (int k = 0; k < 2; ++k) {
+    model->gravity[k] = scene->gravity[k];
+    model->origin[k] = origin_along(scene, k);
+  }
+  for (int j = 0; j < np; ++j) {
+    model->cx[j] = scene->pulleys[j].center[0] - model->origin[0];
+    model->cy[j] = scene->pulleys[j].center[1] - model->origin[1];
+    model->radius[j] = scene->pulleys[j].radius;
+    model->inertia[j] = scene->pulleys[j].inertia;
+  }
+  model->far_away = 1e6;
+  for (int j = 0; j < np; ++j) {
+    double reach = fabs(model->cx[j]) + fabs(model->cy[j]) + model->radius[j];
+    model->far_away = fmax(model->far_away, 1e3 * (reach + model->belt.length));
+  }
+  model->lay.np = np;
+  model->colours = colour_pulleys(model);
+  lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? model->colours : 0);
+  derive(model);
+  check_line(model);
+  model->kernels = kernels;
+  *out = model;
+  return BD_OK;
+}
+
+void bd_model_free(bd_model *model) {
+  bd_block_free(model);
+}
+
+int bd_model_check_geometry(const bd_model *model, bd_error *err) {
+  if (err) {
+    *err = model->geometry;
+  }
+  return model->geometry.code;
+}
+
+void bd_model_info(const bd_model *model, bd_info *info) {
+  *info = model->info;
+}
+
+double bd_round_time(const bd_model *model) {
+  return model->belt.length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
+}
+
+double bd_wave_life(const bd_model *model) {
+  const double omega = 2.0 * BD_PI / bd_round_time(model);
+  return 2.0 * model->belt.axial_stiffness / (model->belt.axial_damping * omega * omega);
+}

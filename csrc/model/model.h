@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The model: parameters and what follows from them, the belt line round the pulleys, and states
+ * between the caller's arrays and the flat vector.
+ */
+#ifndef BELTDYN_MODEL_H
+#define BELTDYN_MODEL_H
+
+#include "kernels/kernels.h"
+
+/* The tight belt line at one pulley: where the belt arrives and leaves (angles seen from the
+ * centre, in running order), and the straight span that follows. */
+typedef struct bd_wrap {
+  double arrive, wrap; /* wrap > 0; the belt leaves at arrive + direction * wrap */
+  double span;         /* length of the span to the next pulley */
+} bd_wrap;
+
+struct bd_model {
+  bd_info info;
+  bd_belt belt;
+  bd_contact contact;
+  bd_dahl dahl;
+  int has_friction, has_bending, has_gravity;
+  double gravity[2], origin[2];
+  bd_layout lay;
+  double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
+  int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
+  int colours;
+  bd_wrap *wraps;
+  double longest_span;
+  bd_error geometry; /* what bd_model_check_geometry returns */
+  double far_away;   /* where the padding stands: on no pulley */
+  const bd_kernels *kernels;
+};
+
+/* Time that a stretch wave takes once round the belt: the measure of what is long. */
+double bd_round_time(const bd_model *model);
+/* In which the lowest stretch wave round the belt decays by e: at (eta A / EA) omega^2 / 2. */
+double bd_wave_life(const bd_model *model);
+
+/* Lays the belt line round pulleys at (cx, cy); returns BD_ERR_GEOMETRY with the reason if there is
+ * none. direction: +1 counter-clockwise, -1 clockwise. */
+int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *radius,
+                     bd_wrap *wraps, int *direction, double *length, bd_error *err);
+/* Point and tangent angle at distance s along the line from where the belt leaves pulley 0; the
+ * angle runs on continuously. */
+void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
+                        const bd_wrap *wraps, int direction, double s, double *x, double *y,
+                        double *phi);
+int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
+                         int *j);
+
+/* --- state.c -----------------------------------------------------------------------------------
+ */
+
+/* Between the caller's arrays and the flat vector; import checks that all is finite and takes whole
+ * turns off phi, `turns` of them. */
+int bd_state_import(const bd_model *model, const bd_state *state, double *y, double *turns,
+                    bd_error *err);
+/* Unchecked, the positions shifted; the padding is left alone. */
+void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
+                  double *y);
+void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state);
+/* Moves whole turns from phi to *turns once they would cost digits. */
+void bd_state_wind(const bd_layout *lay, double *y, double *turns);
+/* First non-finite entry by name and index; NULL if none. */
+const char *bd_state_bad(const bd_layout *lay, const double *y, int *body, int *pulley);
+
+#endif

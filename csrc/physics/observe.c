@@ -1,0 +1,195 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What is reported of a state: joint deformation and force (MODEL section 2), contact (sections 3
+ * and 4), and the energy ledger (section 7).
+ */
+#include <math.h>
+#include <string.h>
+
+#include "physics/physics.h"
+
+typedef struct touch {
+  double penetration, normal, mu, slip, velocity;
+} touch;
+
+static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  double dx = bd_cfield(lay, y, F_X)[i] - d->x, dy = bd_cfield(lay, y, F_Y)[i] - d->y;
+  double rho = hypot(dx, dy), p = d->radius - rho;
+  if (!(p > 0.0)) {
+    return 0;
+  }
+  double nx = dx / rho, ny = dy / rho;
+  double ux = bd_cfield(lay, y, F_VX)[i] - d->vx, uy = bd_cfield(lay, y, F_VY)[i] - d->vy;
+  double raw = (d->quadratic * p + d->linear) * p - d->damping * (ux * nx + uy * ny);
+  out->penetration = p;
+  out->normal = raw > 0.0 ? raw : 0.0;
+  out->velocity = uy * nx - ux * ny - y[lay->omega + j] * rho;
+  double mu = plan->friction_on ? bd_cfield(lay, y, F_MU + d->slot)[i] : 0.0;
+  out->mu = mu > d->mu_k ? d->mu_k : mu < -d->mu_k ? -d->mu_k : mu;
+  out->slip = plan->friction_on ? bd_cfield(lay, y, bd_f_slip(lay) + d->slot)[i] : 0.0;
+  return 1;
+}
+
+/* Stretch of the joint on the left of link i and its rate, along the mean direction of its links.
+ */
+static void joint_state(const bd_plan *plan, const double *y, int i, double *along, double *rate,
+                        double *squared, double *turn) {
+  const bd_layout *lay = &plan->model->lay;
+  const double half = plan->links.half;
+  int l = i > 0 ? i - 1 : lay->n - 1;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *phi = bd_cfield(lay, y, F_PHI), *w = bd_cfield(lay, y, F_VPHI);
+  double ci = cos(phi[i]), si = sin(phi[i]), cl = cos(phi[l]), sl = sin(phi[l]);
+  double dx = x[i] - x[l] - half * (ci + cl), dy = yy[i] - yy[l] - half * (si + sl);
+  double du = vx[i] - vx[l] + half * (si * w[i] + sl * w[l]);
+  double dv = vy[i] - vy[l] - half * (ci * w[i] + cl * w[l]);
+  double ex = ci + cl, ey = si + sl, norm = hypot(ex, ey);
+  /* two links folded back on each other have no mean direction; take the right one's */
+  ex = norm > 1e-12 ? ex / norm : ci;
+  ey = norm > 1e-12 ? ey / norm : si;
+  *along = dx * ex + dy * ey;
+  *rate = du * ex + dv * ey;
+  *squared = dx * dx + dy * dy;
+  *turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
+}
+
+double bd_mean_force(const bd_plan *plan, const double *y) {
+  const int n = plan->model->lay.n;
+  double total = 0.0;
+  for (int i = 0; i < n; ++i) {
+    double along, rate, squared, turn;
+    joint_state(plan, y, i, &along, &rate, &squared, &turn);
+    total += plan->links.stiffness * along + plan->links.damping * rate;
+  }
+  return total / n;
+}
+
+double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *w = bd_cfield(lay, y, F_VPHI);
+  double m = model->info.link_mass, inertia = model->info.link_inertia;
+  memset(terms, 0, BD_N_ENERGY * sizeof *terms);
+  for (int i = 0; i < lay->n; ++i) {
+    double along, rate, squared, turn;
+    joint_state(plan, y, i, &along, &rate, &squared, &turn);
+    terms[BD_ENERGY_kinetic] +=
+        0.5 * m * (vx[i] * vx[i] + vy[i] * vy[i]) + 0.5 * inertia * w[i] * w[i];
+    terms[BD_ENERGY_axial] += 0.5 * plan->links.stiffness * squared;
+    terms[BD_ENERGY_bending] += 0.5 * plan->links.bending * turn * turn;
+    terms[BD_ENERGY_gravity] -=
+        m * (model->gravity[0] * (bd_cfield(lay, y, F_X)[i] + model->origin[0]) +
+             model->gravity[1] * (bd_cfield(lay, y, F_Y)[i] + model->origin[1]));
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *d = &plan->contact_pulleys[j];
+    double omega = y[lay->omega + j];
+    terms[BD_ENERGY_kinetic] += 0.5 * model->inertia[j] * omega * omega;
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+      for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
+        touch c;
+        if (touching(plan, y, i, j, &c)) {
+          double p = c.penetration;
+          terms[BD_ENERGY_contact] += p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
+        }
+      }
+    }
+  }
+  const double *work = y + lay->work;
+  terms[BD_ENERGY_drive] = work[W_DRIVE];
+  terms[BD_ENERGY_joint_loss] = work[W_JOINT];
+  terms[BD_ENERGY_contact_loss] = work[W_CONTACT];
+  terms[BD_ENERGY_friction_loss] = work[W_FRICTION];
+  return terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_axial] + terms[BD_ENERGY_bending] +
+         terms[BD_ENERGY_contact] + terms[BD_ENERGY_gravity];
+}
+
+static void put(double *to, size_t k, int width, const double *from, double shift) {
+  for (int i = 0; to && i < width; ++i) {
+    to[k * (size_t)width + (size_t)i] = from[i] + shift;
+  }
+}
+
+static void put_joints(bd_plan *plan, double *y, const bd_output *out, size_t k) {
+  int n = plan->model->lay.n;
+  for (int i = 0; (out->deformation || out->force) && i < n; ++i) {
+    double along, rate, squared, turn;
+    joint_state(plan, y, i, &along, &rate, &squared, &turn);
+    size_t at = k * (size_t)n + (size_t)i;
+    if (out->deformation) {
+      out->deformation[at] = along;
+    }
+    if (out->force) {
+      out->force[at] = plan->links.stiffness * along + plan->links.damping * rate;
+    }
+  }
+}
+
+/* Of a link on two pulleys, those of the larger normal force. */
+static void put_contact(bd_plan *plan, double *y, const bd_output *out, size_t k) {
+  const bd_layout *lay = &plan->model->lay;
+  const size_t n = (size_t)lay->n, row = k * n;
+  double *columns[] = {out->normal, out->friction, out->mu, out->slip, out->velocity};
+  double *best = plan->best; /* the largest N so far */
+  for (size_t i = 0; i < n; ++i) {
+    best[i] = -1.0;
+    if (out->pulley) {
+      out->pulley[row + i] = -1;
+    }
+  }
+  for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {
+    if (columns[c]) {
+      memset(columns[c] + row, 0, n * sizeof(double));
+    }
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+      for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
+        touch c;
+        if (!touching(plan, y, i, j, &c) || c.normal <= best[i]) {
+          continue;
+        }
+        best[i] = c.normal;
+        if (out->pulley) {
+          out->pulley[row + (size_t)i] = j;
+        }
+        const double values[] = {c.normal, c.mu * c.normal, c.mu, c.slip, c.velocity};
+        for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
+          if (columns[q]) {
+            columns[q][row + (size_t)i] = values[q];
+          }
+        }
+      }
+    }
+  }
+}
+
+void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
+                const bd_output *out, size_t k) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  put(out->theta, k, lay->np, y + lay->theta, 0.0);
+  put(out->omega, k, lay->np, y + lay->omega, 0.0);
+  put(out->torque, k, lay->np, torque, 0.0);
+  put(out->x, k, lay->n, bd_cfield(lay, y, F_X), model->origin[0]);
+  put(out->y, k, lay->n, bd_cfield(lay, y, F_Y), model->origin[1]);
+  put(out->phi, k, lay->n, bd_cfield(lay, y, F_PHI), turns * 2.0 * BD_PI);
+  put(out->vx, k, lay->n, bd_cfield(lay, y, F_VX), 0.0);
+  put(out->vy, k, lay->n, bd_cfield(lay, y, F_VY), 0.0);
+  put(out->vphi, k, lay->n, bd_cfield(lay, y, F_VPHI), 0.0);
+  put_joints(plan, y, out, k);
+  put_contact(plan, y, out, k);
+  if (out->energy) {
+    double *terms = out->energy + k * BD_N_ENERGY;
+    double total = bd_energy(plan, y, terms);
+    terms[BD_ENERGY_residual] = total - e0 -
+                                (terms[BD_ENERGY_drive] - terms[BD_ENERGY_joint_loss] -
+                                 terms[BD_ENERGY_contact_loss] - terms[BD_ENERGY_friction_loss]);
+  }
+}

@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Evaluating the model: set torques, links near the pulleys, the right-hand side, what changes
+ * between two steps, energy and outputs.
+ */
+#ifndef BELTDYN_PHYSICS_H
+#define BELTDYN_PHYSICS_H
+
+#include "model/model.h"
+
+/* --- torque.c ----------------------------------------------------------------------------------
+ */
+
+typedef struct bd_torque_set {
+  int np;
+  size_t n_terms, n_breaks;
+  bd_torque_term *terms;
+  double *breaks;       /* sorted, distinct */
+  double after, before; /* the breaks round the present piece; functions never see them exactly */
+  double *part;         /* scratch: one term's torques */
+  double *moved;        /* scratch: torques at another point */
+  const volatile int *stop; /* after a function: not 0 stops the run; may be NULL */
+  int watched;              /* functions: their least and largest torques are kept, by pulley */
+  double *low, *high;
+  int smooth; /* every term is one whose derivatives are known */
+} bd_torque_set;
+
+void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque);
+int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *err);
+/* t_piece: a time inside the present piece, which decides the side at a jump. BD_OK,
+ * BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. */
+int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const double *theta,
+                       const double *omega, double *torque, bd_error *err);
+/* Derivatives at the same point, where the torque is `torque`: over one another, by row, (np, np)
+ * to theta and omega; and to time, as the difference over dt (which stays inside the piece). */
+int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *theta, double *omega,
+                         const double *torque, double *by_theta, double *by_omega, bd_error *err);
+int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piece,
+                          const double *theta, const double *omega, const double *torque,
+                          double *slope, bd_error *err);
+
+/* --- search.c ----------------------------------------------------------------------------------
+ */
+
+typedef struct bd_search {
+  double margin;    /* how far outside a pulley links are still listed [m] */
+  double travelled; /* how far a link can have gone since the list was made */
+  int *n_runs;      /* per pulley */
+  bd_run *runs;     /* per pulley, max_runs apart */
+  int max_runs;
+  long rebuilds;
+} bd_search;
+
+void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay);
+
+/* --- plan.c ------------------------------------------------------------------------------------
+ */
+
+typedef struct bd_plan bd_plan;
+typedef int (*bd_pass)(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+
+enum { BD_MAX_PASSES = 8 };
+
+/* What one evaluation of the right-hand side needs: the passes in order, and their scratch. An
+ * effect that is off has no pass. */
+struct bd_plan {
+  const bd_model *model;
+  const bd_kernels *kernels;
+  bd_links links;
+  bd_contact_pulley *contact_pulleys;
+  double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
+  bd_search search;
+  bd_torque_set torques;
+  double *torque;   /* M_d of the last evaluation */
+  double *friction; /* friction torque on each pulley */
+  double *best;     /* scratch of the output, per link */
+  double t_piece;
+  int ledger, friction_on, bending_on;
+  int skip_power;      /* power is not evaluated: settling, stages that do not need it */
+  int pulleys_locked;  /* settling: pulleys stand still */
+  double mass_damping; /* settling: mass-proportional damping [1/s] */
+  double circulation_damping,
+      circulation_inertia_scale; /* the same of circulation, and what multiplies its inertia */
+  const double *offset;          /* settling: the centres' displacement at the start */
+  double move_from, move_time;
+  long contacts_changed; /* links that have come to a pulley or left it, with friction on */
+  int n_passes;
+  bd_pass passes[BD_MAX_PASSES];
+  const char *names[BD_MAX_PASSES];
+};
+
+typedef struct bd_plan_options {
+  int ledger, friction, hold_pulleys, skip_power;
+  double mass_damping;
+  const double *offset;
+  double move_from, move_time;
+} bd_plan_options;
+
+void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
+void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
+int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+double bd_plan_circulation(const bd_plan *plan, const double *y);
+/* Centres at time t into the contact_pulleys (they stand still unless settling moves them). */
+void bd_plan_place(bd_plan *plan, double t);
+/* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
+ * states of links on no pulley are reset. */
+void bd_plan_assign_contacts(bd_plan *plan, double *y);
+/* MODEL section 4 after a step: the friction state of a link off its pulley is reset, |mu| <= mu_k.
+ * *changed: by more than `tolerance`, so that the rates must be taken anew. Fails when a link has
+ * sunk past half a pulley's radius. */
+int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                       bd_error *err);
+
+/* --- search.c, on a plan -----------------------------------------------------------------------
+ */
+
+/* Keeps the search list right for a step of length h from y: every link that can touch a pulley
+ * within the step is listed. */
+void bd_search_ready(bd_plan *plan, const double *y, double h);
+
+/* --- observe.c ---------------------------------------------------------------------------------
+ */
+
+/* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
+void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
+                const bd_output *out, size_t k);
+/* Mean of the joint forces, tension positive. */
+double bd_mean_force(const bd_plan *plan, const double *y);
+double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]);
+
+#endif

@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The list of links that can touch a pulley. Links are listed by blocks of BD_LANES when any of a
+ * block is within `margin` of the rim; the list stands as long as no link can have travelled that
+ * far, by a bound on the speed, so a link off the list need not be tested. Guarded by
+ * tests/test_oracle.py (the oracle tests all pairs) and test_integrators.py (rebuilds counted).
+ */
+#include <math.h>
+
+#include "physics/physics.h"
+
+void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay) {
+  search->max_runs = lay->n8 / BD_LANES / 2 + 1;
+  BD_CARVE(carver, search->n_runs, lay->np);
+  BD_CARVE(carver, search->runs, lay->np * search->max_runs);
+}
+
+static void list_links(bd_plan *plan, const double *y) {
+  bd_search *search = &plan->search;
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  ++search->rebuilds;
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+    bd_run *runs = search->runs + j * search->max_runs;
+    double reach = pulley->radius + search->margin;
+    int n_runs = 0;
+    for (int begin = 0; begin < lay->n; begin += BD_LANES) {
+      int near = 0;
+      for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
+        double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
+        near |= !(dx * dx + dy * dy > reach * reach);
+      }
+      if (near && n_runs > 0 && runs[n_runs - 1].end == begin) {
+        runs[n_runs - 1].end = begin + BD_LANES;
+      } else if (near) {
+        runs[n_runs++] = (bd_run){begin, begin + BD_LANES};
+      }
+    }
+    search->n_runs[j] = n_runs;
+  }
+}
+
+void bd_search_ready(bd_plan *plan, const double *y, double h) {
+  bd_search *search = &plan->search;
+  const bd_layout *lay = &plan->model->lay;
+  double fastest = plan->kernels->fastest(lay, y);
+  for (int j = 0; plan->offset && j < lay->np; ++j) {
+    double reach = hypot(plan->offset[2 * j], plan->offset[2 * j + 1]);
+    double speed = plan->move_time > 0.0 ? 1.875 * reach / plan->move_time : 0.0;
+    fastest = fmax(fastest, speed * speed);
+  }
+  /* twice the speed at the step's start covers what a step can gain, and what two bodies close */
+  double step = 4.0 * h * sqrt(fastest);
+  search->travelled += step;
+  if (!(search->travelled <= search->margin)) {
+    search->margin = fmax(plan->model->info.link_length, 4.0 * step);
+    search->travelled = step;
+    list_links(plan, y);
+  }
+}

@@ -1,0 +1,261 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Set torques M_d of (2.12): a sum of terms that the core evaluates itself, compiled functions or
+ * callbacks, and the times at which they kink, where steps end exactly.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "physics/physics.h"
+
+void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque) {
+  size_t n_terms = torque ? torque->n_terms : 0, n_breaks = torque ? torque->n_breakpoints : 0;
+  BD_CARVE(carver, set->terms, n_terms);
+  BD_CARVE(carver, set->part, np);
+  BD_CARVE(carver, set->moved, np);
+  BD_CARVE(carver, set->low, np);
+  BD_CARVE(carver, set->high, np);
+  for (size_t k = 0; k < n_terms; ++k) {
+    const bd_torque_term *term = &torque->terms[k];
+    double *piece = NULL;
+    if (term->kind == BD_TORQUE_PIECEWISE) {
+      n_breaks += term->n_t;
+      BD_CARVE(carver, piece, term->n_t * (size_t)(np + 1));
+    } else if (term->kind == BD_TORQUE_VISCOUS) {
+      BD_CARVE(carver, piece, np);
+    }
+    if (carver->base) {
+      set->terms[k] = *term;
+      set->terms[k].t = piece;
+      set->terms[k].values = piece ? piece + term->n_t : NULL;
+      set->terms[k].coefficients = piece;
+      if (term->kind == BD_TORQUE_PIECEWISE && term->n_t > 0) {
+        memcpy(piece, term->t, term->n_t * sizeof *piece);
+        memcpy(piece + term->n_t, term->values, term->n_t * (size_t)np * sizeof *piece);
+      } else if (term->kind == BD_TORQUE_VISCOUS) {
+        memcpy(piece, term->coefficients, (size_t)np * sizeof *piece);
+      }
+    }
+  }
+  BD_CARVE(carver, set->breaks, n_breaks);
+  set->np = np;
+  set->n_terms = n_terms;
+}
+
+static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *err) {
+  switch (term->kind) {
+  case BD_TORQUE_PIECEWISE:
+    if (term->n_t < 1) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: t must not be empty", k);
+    }
+    for (size_t i = 0; i < term->n_t; ++i) {
+      if (!isfinite(term->t[i]) || (i > 0 && term->t[i] < term->t[i - 1]) ||
+          (i > 1 && term->t[i] <= term->t[i - 2])) {
+        return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
+                       "torque term %zu: t must be finite and non-decreasing, a time given at most "
+                       "twice (a jump); t[%zu] is %g",
+                       k, i, term->t[i]);
+      }
+    }
+    for (size_t i = 0; i < term->n_t * (size_t)np; ++i) {
+      if (!isfinite(term->values[i])) {
+        return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
+                       "torque term %zu: values must be finite, values[%zu, %zu] is %g", k,
+                       i / (size_t)np, i % (size_t)np, term->values[i]);
+      }
+    }
+    return BD_OK;
+  case BD_TORQUE_VISCOUS:
+    for (int j = 0; j < np; ++j) {
+      if (!isfinite(term->coefficients[j])) {
+        return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
+                       "torque term %zu: coefficients must be finite, coefficients[%d] is %g", k, j,
+                       term->coefficients[j]);
+      }
+    }
+    return BD_OK;
+  case BD_TORQUE_FUNCTION:
+  case BD_TORQUE_CALL:
+    if (term->kind == BD_TORQUE_FUNCTION ? !term->function : !term->call) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: the function is NULL", k);
+    }
+    return BD_OK;
+  default:
+    return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: unknown kind %d", k,
+                   term->kind);
+  }
+}
+
+static int ascending(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *err) {
+  size_t n = 0;
+  set->smooth = 1;
+  set->stop = torque ? torque->stop : NULL;
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    set->smooth &= term->kind == BD_TORQUE_PIECEWISE || term->kind == BD_TORQUE_VISCOUS;
+    if (check_term(term, k, set->np, err) != BD_OK) {
+      return BD_ERR_TORQUE_DATA;
+    }
+    if (term->kind == BD_TORQUE_PIECEWISE) {
+      memcpy(set->breaks + n, term->t, term->n_t * sizeof *term->t);
+      n += term->n_t;
+    }
+  }
+  for (size_t k = 0; torque && k < torque->n_breakpoints; ++k) {
+    if (!isfinite(torque->breakpoints[k])) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, "breakpoints",
+                     "breakpoints must be finite, breakpoints[%zu] is %g", k,
+                     torque->breakpoints[k]);
+    }
+    set->breaks[n++] = torque->breakpoints[k];
+  }
+  qsort(set->breaks, n, sizeof *set->breaks, ascending);
+  set->n_breaks = 0;
+  set->after = -(double)INFINITY;
+  set->before = (double)INFINITY;
+  for (size_t k = 0; k < n; ++k) {
+    if (set->n_breaks == 0 || set->breaks[k] > set->breaks[set->n_breaks - 1]) {
+      set->breaks[set->n_breaks++] = set->breaks[k];
+    }
+  }
+  return BD_OK;
+}
+
+static void piecewise(const bd_torque_term *term, int np, double t, double t_piece,
+                      double *torque) {
+  const double *times = term->t;
+  size_t n = term->n_t, low = 0, high = n; /* first time above t_piece */
+  while (low < high) {
+    size_t mid = low + (high - low) / 2;
+    if (times[mid] > t_piece) {
+      high = mid;
+    } else {
+      low = mid + 1;
+    }
+  }
+  const double *after = term->values + (low < n ? low : n - 1) * (size_t)np;
+  const double *before = low > 0 ? after - (low < n ? np : 0) : after;
+  double width = low > 0 && low < n ? times[low] - times[low - 1] : 0.0;
+  double part = width > 0.0 ? (t - times[low - 1]) / width : 0.0;
+  for (int j = 0; j < np; ++j) {
+    torque[j] += before[j] + part * (after[j] - before[j]);
+  }
+}
+
+int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const double *theta,
+                       const double *omega, double *torque, bd_error *err) {
+  int np = set->np;
+  memset(torque, 0, (size_t)np * sizeof *torque);
+  for (int j = 0; j < np; ++j) {
+    if (!isfinite(theta[j]) || !isfinite(omega[j])) {
+      /* a trial step gone astray: no torque for it, the step will be refused */
+      for (int k = 0; k < np; ++k) {
+        torque[k] = (double)NAN;
+      }
+      return BD_OK;
+    }
+  }
+  /* A function cannot know which side of its jump is meant: show it a time just inside the piece.
+   */
+  double t_inside = t <= set->after    ? nextafter(set->after, (double)INFINITY)
+                    : t >= set->before ? nextafter(set->before, -(double)INFINITY)
+                                       : t;
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    int code = 0;
+    switch (term->kind) {
+    case BD_TORQUE_PIECEWISE:
+      piecewise(term, np, t, t_piece, torque);
+      continue;
+    case BD_TORQUE_VISCOUS:
+      for (int j = 0; j < np; ++j) {
+        torque[j] -= term->coefficients[j] * omega[j];
+      }
+      continue;
+    case BD_TORQUE_FUNCTION:
+      memset(set->part, 0, (size_t)np * sizeof *set->part);
+      term->function(t_inside, theta, omega, set->part, term->user);
+      code = set->stop && *set->stop;
+      break;
+    default:
+      memset(set->part, 0, (size_t)np * sizeof *set->part);
+      code = term->call(t_inside, theta, omega, set->part, term->user);
+      break;
+    }
+    if (code != 0) {
+      return bd_fail_at(err, BD_ERR_CALLBACK, "torque", t, -1, -1, (double)code,
+                        "the torque function asked to stop at t = %.9g s", t);
+    }
+    for (int j = 0; j < np; ++j) {
+      torque[j] += set->part[j];
+    }
+  }
+  for (int j = 0; j < np; ++j) {
+    if (!isfinite(torque[j])) {
+      return bd_fail_at(err, BD_ERR_TORQUE_VALUE, "torque", t, -1, j, torque[j],
+                        "the torque on pulley %d is %g at t = %.9g s: the torque function must "
+                        "return finite values",
+                        j, torque[j], t);
+    }
+    if (set->watched) {
+      set->low[j] = fmin(set->low[j], torque[j]);
+      set->high[j] = fmax(set->high[j], torque[j]);
+    }
+  }
+  return BD_OK;
+}
+
+/* One column by a difference, the step small against what a torque could mean to notice. */
+static int derive_by(bd_torque_set *set, double t, double t_piece, double *theta, double *omega,
+                     double *moving, const double *torque, double *by, int j, bd_error *err) {
+  double kept = *moving;
+  *moving = kept + 1e-7 * fmax(1.0, fabs(kept));
+  double step = *moving - kept;
+  int code = bd_torque_set_eval(set, t, t_piece, theta, omega, set->moved, err);
+  *moving = kept;
+  for (int i = 0; code == BD_OK && i < set->np; ++i) {
+    by[i * set->np + j] = (set->moved[i] - torque[i]) / step;
+  }
+  return code;
+}
+
+int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *theta, double *omega,
+                         const double *torque, double *by_theta, double *by_omega, bd_error *err) {
+  int np = set->np;
+  memset(by_theta, 0, (size_t)(np * np) * sizeof *by_theta);
+  memset(by_omega, 0, (size_t)(np * np) * sizeof *by_omega);
+  if (set->smooth) {
+    for (size_t k = 0; k < set->n_terms; ++k) {
+      for (int j = 0; set->terms[k].kind == BD_TORQUE_VISCOUS && j < np; ++j) {
+        by_omega[j * np + j] -= set->terms[k].coefficients[j];
+      }
+    }
+    return BD_OK;
+  }
+  for (int j = 0; j < np; ++j) {
+    int code = derive_by(set, t, t_piece, theta, omega, &theta[j], torque, by_theta, j, err);
+    if (code == BD_OK) {
+      code = derive_by(set, t, t_piece, theta, omega, &omega[j], torque, by_omega, j, err);
+    }
+    if (code != BD_OK) {
+      return code;
+    }
+  }
+  return BD_OK;
+}
+
+int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piece,
+                          const double *theta, const double *omega, const double *torque,
+                          double *slope, bd_error *err) {
+  int code = bd_torque_set_eval(set, t + dt, t_piece, theta, omega, set->moved, err);
+  for (int j = 0; code == BD_OK && j < set->np; ++j) {
+    slope[j] = (set->moved[j] - torque[j]) / dt;
+  }
+  return code;
+}

@@ -1,0 +1,282 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Making a simulation: one block with everything in it, nothing allocated later; options and times
+ * against their rules; where samples go.
+ */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "run/run.h"
+
+void bd_options_default(bd_options *options) {
+  *options = (bd_options){
+      .method = "auto", .rtol = 1e-4, .ledger = 1, .guards = 1, .torque_interval = 5e-4};
+}
+
+static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_method *method,
+                  const bd_method *other, const bd_torque *torque, int settling) {
+  const bd_layout *lay = &model->lay;
+  int vectors = method->vectors, history = method->history, implicit = method->implicit;
+  if (other) {
+    vectors = other->vectors > vectors ? other->vectors : vectors;
+    history = other->history > history ? other->history : history;
+    implicit |= other->implicit;
+  }
+  BD_CARVE(carver, sim->y, lay->size);
+  BD_CARVE(carver, sim->y_new, lay->size);
+  BD_CARVE(carver, sim->y_mid, lay->size);
+  BD_CARVE(carver, sim->weights, lay->size);
+  for (int k = 0; k < vectors; ++k) {
+    BD_CARVE(carver, sim->stage[k], lay->size);
+  }
+  for (int k = 0; k < history; ++k) {
+    BD_CARVE(carver, sim->history[k], lay->size);
+  }
+  if (implicit) {
+    bd_newton_carve(carver, &sim->newton, model);
+  }
+  if (settling) {
+    BD_CARVE(carver, sim->settle_start, lay->size);
+    BD_CARVE(carver, sim->settle_offset, 2 * lay->np);
+    BD_CARVE(carver, sim->settle_centers, 2 * lay->np);
+    BD_CARVE(carver, sim->settle_wraps, lay->np);
+  }
+  bd_plan_carve(carver, &sim->plan, lay);
+  bd_opaque_carve(carver, &sim->opaque, lay->np);
+  bd_guard_carve(carver, &sim->guard, lay->np);
+  bd_twin_carve(carver, &sim->twin, lay->np);
+  bd_torque_set_carve(carver, &sim->plan.torques, lay->np, torque);
+}
+
+bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
+                   const bd_torque *torque, int settling) {
+  bd_carver carver = {0};
+  bd_sim sizes, *sim;
+  bd_carve(&carver, 1, sizeof *sim);
+  carve(&carver, &sizes, model, method, other, torque, settling);
+  char *block = bd_block_new(carver.used);
+  if (!block) {
+    return NULL;
+  }
+  carver = (bd_carver){.base = block};
+  sim = bd_carve(&carver, 1, sizeof *sim);
+  carve(&carver, sim, model, method, other, torque, settling);
+  sim->model = model;
+  sim->method = sim->now = method;
+  sim->stats.spectral_bound = model->info.spectral_bound;
+  atomic_flag_clear(&sim->running);
+  return sim;
+}
+
+/* The sample times are the one thing of unknown number, in a block of their own. */
+void bd_sim_free(bd_sim *sim) {
+  if (sim) {
+    bd_twin_free(&sim->twin);
+    bd_block_free(sim->t_sample);
+    bd_block_free(sim);
+  }
+}
+
+/* 1 / scale for every unknown. Stretch for positions; over half a link or a radius for angles; and
+ * for velocities what a joint's stretch is worth over the time a wave needs round a belt of 60
+ * links, which measured runs found as strict as the stretch itself. */
+void bd_sim_weights(bd_sim *sim) {
+  const bd_model *model = sim->model;
+  const bd_layout *lay = &model->lay;
+  const bd_info *info = &model->info;
+  double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
+  double stretch = strain * info->link_length;
+  double speed = strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / 60.0;
+  double half = 0.5 * info->link_length;
+  double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
+  memset(sim->weights, 0, lay->size * sizeof *sim->weights);
+  for (int f = F_X; f < F_MU + lay->slots; ++f) {
+    double *w = bd_field(lay, sim->weights, f);
+    for (int i = 0; i < lay->n; ++i) {
+      w[i] = f < F_MU ? 1.0 / scale[f] : 1.0;
+    }
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    sim->weights[lay->theta + j] = model->radius[j] / stretch;
+    sim->weights[lay->omega + j] = model->radius[j] / speed;
+  }
+}
+
+static int automatic(const bd_options *options) {
+  return !options->method || strcmp(options->method, "auto") == 0;
+}
+
+static int check_options(const bd_options *options, bd_error *err) {
+  if (!automatic(options) && !bd_method_find(options->method)) {
+    char names[128] = "auto";
+    const bd_method *method;
+    for (size_t k = 0; (method = bd_method_at(k)); ++k) {
+      size_t used = strlen(names);
+      snprintf(names + used, sizeof names - used, ", %s", method->name);
+    }
+    return bd_fail(err, BD_ERR_OPTION, "method", "method must be one of %s, got \"%s\"", names,
+                   options->method);
+  }
+  if (!(options->rtol > 0.0 && options->rtol <= 1.0)) {
+    return bd_fail(err, BD_ERR_OPTION, "rtol", "rtol must be > 0 and <= 1, got %g", options->rtol);
+  }
+  if (!(options->torque_interval > 0.0) || !isfinite(options->torque_interval)) {
+    return bd_fail(err, BD_ERR_OPTION, "torque_interval",
+                   "torque_interval must be finite and > 0 s, got %g", options->torque_interval);
+  }
+  const char *names[] = {"step", "max_step"};
+  double values[] = {options->step, options->max_step};
+  for (int k = 0; k < 2; ++k) {
+    if (!(values[k] >= 0.0) || !isfinite(values[k])) {
+      return bd_fail(err, BD_ERR_OPTION, names[k], "%s must be finite and >= 0 (0: chosen), got %g",
+                     names[k], values[k]);
+    }
+  }
+  if (options->max_steps < 0) {
+    return bd_fail(err, BD_ERR_OPTION, "max_steps", "max_steps must be >= 0 (0: none), got %ld",
+                   options->max_steps);
+  }
+  return BD_OK;
+}
+
+int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err) {
+  double wave =
+      model->info.link_length * sqrt(model->belt.linear_density / model->belt.axial_stiffness);
+  double most = 1e-3 * wave / DBL_EPSILON;
+  if (fabs(t) <= most) {
+    return BD_OK;
+  }
+  return bd_fail(
+      err, BD_ERR_OPTION, name,
+      "%s must be within +-%.3g s, beyond which double precision cannot tell times apart "
+      "in which a wave runs along a link, got %g s",
+      name, most, t);
+}
+
+static int check_times(const bd_model *model, double t, double t_end, const bd_options *options,
+                       bd_error *err) {
+  const double largest = fmax(fabs(t_end), fabs(t));
+  if (!(t_end - t > 1e3 * DBL_EPSILON * largest) || !isfinite(t_end)) {
+    return bd_fail(err, BD_ERR_OPTION, "t_end",
+                   "t_end must be finite and later than the start t = %.17g s by more than "
+                   "rounding, got %.17g",
+                   t, t_end);
+  }
+  if (bd_sim_check_time(model, "t_end", t_end, err) != BD_OK ||
+      bd_sim_check_time(model, "initial.t", t, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
+  const double finest = fmin(1e-7, 1e-4 * bd_round_time(model));
+  if (options->torque_interval < finest) {
+    return bd_fail(
+        err, BD_ERR_OPTION, "torque_interval",
+        "torque_interval must be at least %.3g s, or a step would be all looks at the torque, "
+        "got %g s",
+        finest, options->torque_interval);
+  }
+  const bd_method *method = automatic(options) ? NULL : bd_method_find(options->method);
+  const double step = method && method->may_be_fixed ? options->step : 0.0;
+  const double least = 16.0 * DBL_EPSILON * largest;
+  if ((step > 0.0 && step < least) || (options->max_step > 0.0 && options->max_step < least)) {
+    const char *name = step > 0.0 && step < least ? "step" : "max_step";
+    return bd_fail(err, BD_ERR_OPTION, name,
+                   "%s must be at least %.3g s, below which a step does not move the time from "
+                   "t = %g s to %g s, got %g s",
+                   name, least, t, t_end, step > 0.0 && step < least ? step : options->max_step);
+  }
+  return BD_OK;
+}
+
+int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+                  const bd_torque *torque, double t_end, const bd_options *options, bd_error *err) {
+  int code = bd_sim_anywhere(out, model, initial, torque, t_end, options, err);
+  if (code == BD_OK) {
+    code = bd_guard_initial(&(*out)->plan, (*out)->y, err, initial->t);
+  }
+  if (code != BD_OK) {
+    bd_sim_free(*out);
+    *out = NULL;
+  }
+  return code;
+}
+
+int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial,
+                    const bd_torque *torque, double t_end, const bd_options *options,
+                    bd_error *err) {
+  *out = NULL;
+  bd_options defaults;
+  bd_options_default(&defaults);
+  options = options ? options : &defaults;
+  if (check_options(options, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
+  if (check_times(model, initial->t, t_end, options, err) != BD_OK) {
+    return BD_ERR_OPTION;
+  }
+  bd_auto pair = {0};
+  if (automatic(options)) {
+    bd_auto_pair(model, options->rtol, &pair);
+  }
+  const bd_method *method = pair.method[0] ? pair.method[0] : bd_method_find(options->method);
+  bd_sim *sim = bd_sim_new(model, method, pair.method[1], torque, 0);
+  if (!sim) {
+    return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
+  }
+  int code = bd_torque_set_fill(&sim->plan.torques, torque, err);
+  if (code == BD_OK) {
+    code = bd_state_import(model, initial, sim->y, &sim->turns, err);
+  }
+  if (code != BD_OK) {
+    bd_sim_free(sim);
+    return code;
+  }
+  sim->options = *options;
+  sim->opaque.interval = options->torque_interval;
+  sim->opaque.rough_until = -INFINITY;
+  sim->fixed = !sim->method->adaptive || (sim->method->may_be_fixed && options->step > 0.0);
+  sim->options.method = NULL; /* the caller's string need not live on */
+  sim->choice = pair;
+  sim->t = sim->t0 = initial->t;
+  sim->t_end = t_end;
+  bd_plan_make(&sim->plan, model, &(bd_plan_options){.ledger = options->ledger, .friction = 1});
+  bd_sim_weights(sim);
+  if (options->guards && bd_twin_create(sim, torque) != BD_OK) {
+    bd_sim_free(sim);
+    return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
+  }
+  if (pair.method[0]) {
+    bd_auto_begin(sim);
+  }
+  *out = sim;
+  return BD_OK;
+}
+
+int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
+                      bd_error *err) {
+  if (sim->watch) {
+    return bd_fail(err, BD_ERR_BUSY, "t_eval", "settling has no samples: only its end counts");
+  }
+  if (sim->started || sim->t_sample) {
+    return bd_fail(err, BD_ERR_BUSY, "t_eval",
+                   "the sample times must be set once, before the run starts");
+  }
+  for (size_t k = 0; k < n; ++k) {
+    if (!(t[k] >= sim->t0 && t[k] <= sim->t_end) || (k > 0 && t[k] < t[k - 1])) {
+      return bd_fail(err, BD_ERR_OPTION, "t_eval",
+                     "t_eval must be non-decreasing and within [%g, %g] s, t_eval[%zu] is %g",
+                     sim->t0, sim->t_end, k, t[k]);
+    }
+  }
+  sim->t_sample = bd_block_new((n + 1) * sizeof *t);
+  if (!sim->t_sample) {
+    return bd_fail(err, BD_ERR_MEMORY, "t_eval", "out of memory for %zu sample times", n);
+  }
+  if (n > 0) {
+    memcpy(sim->t_sample, t, n * sizeof *t);
+  }
+  sim->n_samples = n;
+  sim->output = *output;
+  return BD_OK;
+}

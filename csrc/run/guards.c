@@ -1,0 +1,369 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What every run is watched for, whatever was asked of it. Now and then, and at the end, one pass
+ * over links and pulleys at a state whose rate was the last to be evaluated:
+ *
+ *   joints that gape          the belt would have torn, or the numbers have
+ *   winding round a pulley    the belt has left it, or was never laid round it
+ *   contact with a pulley     a pulley between two links touches none
+ *   balance of energy         E(t) - E(0) - work: 0 but for the error of integration (MODEL
+ *                             section 7); it needs no reference, and no ledger was asked for it
+ *   progress                  steps so short that the end is out of reach
+ *
+ * What cannot be a belt drive any more ends the run; what may still be one is a warning by name.
+ */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "run/run.h"
+
+/* Between two looks: steps, and the part of the run. A look costs as much as one to two steps. */
+enum { STEPS = 256, PARTS = 64 };
+
+void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np) {
+  BD_CARVE(carver, guard->touched, np);
+}
+
+/* Turns of the belt's polygon round a pulley's axis: crossings of the ray to its right (D. Sunday,
+ * "Inclusion of a point in a polygon", 2001). */
+static int winding(const bd_layout *lay, const double *y, double cx, double cy) {
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  int turns = 0;
+  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    double left = (x[l] - cx) * (yy[i] - cy) - (x[i] - cx) * (yy[l] - cy);
+    turns += yy[l] <= cy && yy[i] > cy && left > 0.0;
+    turns -= yy[l] > cy && yy[i] <= cy && left < 0.0;
+  }
+  return turns;
+}
+
+int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double t) {
+  const bd_model *model = plan->model;
+  for (int j = 0; j < model->lay.np; ++j) {
+    int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
+    if (turns != model->info.winding) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "contact", t, -1, j, turns,
+                        "the belt no longer runs round pulley %d at t = %.9g s: %s", j, t,
+                        2.0 * model->info.link_length > model->radius[j]
+                            ? "its links are too long for this radius, raise belt.n_bodies"
+                            : "it has come off, for want of tension, or pushed through by more "
+                              "force than the contact can hold");
+    }
+  }
+  return BD_OK;
+}
+
+/* A joint's stretch as a vector against the length of a link; *link: its right one. */
+static double widest_gap(const bd_plan *plan, const double *y, int *link) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *phi = bd_cfield(lay, y, F_PHI);
+  double widest = 0.0;
+  *link = 0;
+  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    double dx = x[i] - x[l] - plan->links.half * (cos(phi[i]) + cos(phi[l]));
+    double dy = yy[i] - yy[l] - plan->links.half * (sin(phi[i]) + sin(phi[l]));
+    double gap = hypot(dx, dy);
+    *link = gap > widest ? i : *link;
+    widest = fmax(widest, gap);
+  }
+  return widest / plan->model->info.link_length;
+}
+
+int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double t) {
+  int link;
+  double gap = widest_gap(plan, y, &link);
+  if (gap > 1.0) {
+    return bd_fail_at(err, BD_ERR_STATE, "initial", t, link, -1, gap,
+                      "the initial state is none of this belt: the joint on the left of link %d "
+                      "gapes by %.3g times a link's length; x, y and phi must belong together",
+                      link, gap);
+  }
+  bd_error off;
+  if (bd_guard_winding(plan, y, &off, t) != BD_OK) {
+    return bd_fail_at(err, BD_ERR_STATE, "initial", t, -1, off.pulley, off.value,
+                      "the initial state is none of this drive: its belt does not run round "
+                      "pulley %d in the direction of its links",
+                      off.pulley);
+  }
+  return BD_OK;
+}
+
+/* Stored energy (MODEL section 7), with the directions of the links as last evaluated; the widest
+ * joint; and when each pulley was last touched. */
+static double survey(bd_sim *sim, double *gap, int *link) {
+  const bd_plan *plan = &sim->plan;
+  const bd_model *model = sim->model;
+  const bd_layout *lay = &model->lay;
+  const double *x = bd_cfield(lay, sim->y, F_X), *y = bd_cfield(lay, sim->y, F_Y);
+  const double *phi = bd_cfield(lay, sim->y, F_PHI), *w = bd_cfield(lay, sim->y, F_VPHI);
+  const double *vx = bd_cfield(lay, sim->y, F_VX), *vy = bd_cfield(lay, sim->y, F_VY);
+  const double *co = plan->links.cos, *si = plan->links.sin, half = plan->links.half;
+  const double m = model->info.link_mass, gx = model->gravity[0], gy = model->gravity[1];
+  double axial = 0.0, bending = 0.0, moving = 0.0, spin = 0.0, height = 0.0, widest = 0.0;
+  *link = 0;
+  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    double dx = x[i] - x[l] - half * (co[i] + co[l]), dy = y[i] - y[l] - half * (si[i] + si[l]);
+    double turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
+    double squared = dx * dx + dy * dy;
+    if (squared > widest) {
+      widest = squared;
+      *link = i;
+    }
+    axial += squared;
+    bending += turn * turn;
+    moving += vx[i] * vx[i] + vy[i] * vy[i];
+    spin += w[i] * w[i];
+    height += gx * (x[i] + model->origin[0]) + gy * (y[i] + model->origin[1]);
+  }
+  double energy = 0.5 * (plan->links.stiffness * axial + plan->links.bending * bending +
+                         m * moving + model->info.link_inertia * spin) -
+                  m * height;
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *d = &plan->contact_pulleys[j];
+    double omega = sim->y[lay->omega + j];
+    energy += 0.5 * model->inertia[j] * omega * omega;
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+      for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
+        double nx = x[i] - d->x, ny = y[i] - d->y, rho2 = nx * nx + ny * ny;
+        if (rho2 < d->radius * d->radius) {
+          double p = d->radius - sqrt(rho2);
+          energy += p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
+          sim->guard.touched[j] = sim->t;
+        }
+      }
+    }
+  }
+  *gap = sqrt(widest) / model->info.link_length;
+  return energy;
+}
+
+static int check_joints(bd_sim *sim, double gap, int link) {
+  const double strain = sim->model->info.strain;
+  if (gap > 1.0) {
+    return bd_fail_at(&sim->failure, BD_ERR_JOINT_GAP, "joints", sim->t, link, -1, gap,
+                      "the joint on the left of link %d gapes by %.3g times a link's length at "
+                      "t = %.9g s, no belt stretches so far: %s",
+                      link, gap, sim->t,
+                      sim->fixed ? "take a shorter step or an adaptive method, or look for a "
+                                   "torque or a speed out of scale"
+                                 : "look for a torque or a speed out of scale");
+  }
+  if (gap > fmax(0.1, 3.0 * strain)) {
+    bd_sim_warn(sim, BD_WARN_stretch, sim->t, link, -1,
+                "a joint is stretched by %.3g %% of a link at t = %.6g s, %.2g %% at rest: few "
+                "belts bear that, and none is linear so far",
+                100.0 * gap, sim->t, 100.0 * strain);
+  }
+  return BD_OK;
+}
+
+/* Energy that passed so far: fed in, lost or stored, whichever is more; and a twentieth of what
+ * preload holds, for drives in which hardly anything happens: 2 % of that is 0.05 % of the tension.
+ */
+static int check_balance(bd_sim *sim, double energy) {
+  bd_guard *guard = &sim->guard;
+  const double *work = sim->y + sim->model->lay.work;
+  double losses = work[W_JOINT] + work[W_CONTACT] + work[W_FRICTION];
+  double residual = energy - sim->e0 - (work[W_DRIVE] - losses);
+  guard->fed += fmax(0.0, work[W_DRIVE] - guard->drive);
+  guard->drive = work[W_DRIVE];
+  guard->passed = fmax(guard->passed, fmax(guard->fed, fmax(losses, fabs(energy - sim->e0))));
+  const double strain = sim->model->geometry.code == BD_OK ? sim->model->info.strain : 0.0;
+  const double preload =
+      0.5 * sim->model->belt.axial_stiffness * strain * strain * sim->model->belt.length;
+  double share = residual / (guard->passed + 0.05 * preload + 1e-12 * fabs(sim->e0));
+  /* without a ledger power is summed by the trapezoidal rule, which is off by as much as 8 % */
+  const double most = sim->plan.ledger ? 0.02 : 0.15;
+  sim->stats.balance = fabs(share) > fabs(sim->stats.balance) ? share : sim->stats.balance;
+  /* the work of a torque that jumps all the time is known no better than the torque */
+  if (!(share <= 0.5) && !sim->warned[BD_WARN_rough_torque].message[0]) {
+    return bd_fail_at(
+        &sim->failure, BD_ERR_BALANCE, "energy", sim->t, -1, -1, residual,
+        "%.3g J have come from nowhere by t = %.9g s, where %.3g J passed through the "
+        "drive: %s",
+        residual, sim->t, guard->passed,
+        sim->fixed ? "the fixed step is too long, take a shorter one or an adaptive "
+                     "method"
+                   : "take a tighter rtol or another method");
+  }
+  /* and needs no second warning */
+  if (fabs(share) > most && !sim->warned[BD_WARN_rough_torque].message[0]) {
+    bd_sim_warn(sim, BD_WARN_balance, sim->t, -1, -1,
+                "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
+                "take %s, or compare with another method",
+                fabs(residual), 100.0 * fabs(share),
+                residual < 0.0 ? "are lost to the integration" : "have come from nowhere", sim->t,
+                sim->fixed ? "a shorter step" : "a tighter rtol");
+  }
+  return BD_OK;
+}
+
+/* A pulley that no link has touched for ten rounds of a wave. */
+static void check_contact(bd_sim *sim) {
+  for (int j = 0; j < sim->model->lay.np; ++j) {
+    double since = sim->t - sim->guard.touched[j];
+    if (since > 10.0 * bd_round_time(sim->model)) {
+      bd_sim_warn(
+          sim, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
+          "no link touches pulley %d from t = %.6g s to %.6g s: the belt is slack there, or "
+          "its links are too long for that pulley (raise belt.n_bodies)",
+          j, sim->guard.touched[j], sim->t);
+    }
+  }
+}
+
+void bd_guard_begin(bd_sim *sim) {
+  bd_guard *guard = &sim->guard;
+  guard->t_look = guard->t_window = sim->twin.t_events = sim->t;
+  for (int j = 0; j < sim->model->lay.np; ++j) {
+    guard->touched[j] = sim->t;
+    sim->twin.theta[j] = sim->y[sim->model->lay.theta + j];
+  }
+}
+
+/* What the steps themselves say: fixed ones that err by half of everything, and those that were
+ * left to the first order without being held to anything. */
+static void check_steps(bd_sim *sim) {
+  const double error = sim->stats.local_error;
+  if (sim->fixed && error > 0.5) {
+    bd_sim_warn(sim, BD_WARN_fixed_step, sim->t, -1, -1,
+                "steps of %.3g s err by %.2g of the tension or more, seen by t = %.6g s: take a "
+                "shorter step, or leave step out and ask for an rtol",
+                sim->options.step > 0.0 ? sim->options.step : sim->h, error, sim->t);
+  }
+  if (!sim->fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->options.rtol) {
+    bd_sim_warn(sim, BD_WARN_fallback, sim->t, -1, -1,
+                "%ld steps could be made by the first order alone and err by %.2g where %.2g was "
+                "asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
+                sim->stats.fallbacks, error, sim->options.rtol, sim->t);
+  }
+}
+
+/* In a belt whose vibrations hardly die down, errors of implicit steps add up that neither a step
+ * nor the balance of energy shows: off by 100 times on a drive whose lowest stretch wave lived for
+ * 170 rounds, by less than one at 100 and below. Explicit steps follow the vibration. */
+static void check_damping(bd_sim *sim) {
+  enum { ROUNDS = 120 };
+  const double round = bd_round_time(sim->model), lives = bd_wave_life(sim->model);
+  if (!sim->method->implicit || lives <= ROUNDS * round || sim->t - sim->t0 <= 20.0 * round) {
+    return;
+  }
+  char for_long[48] = "for ever, without damping";
+  if (isfinite(lives)) {
+    snprintf(for_long, sizeof for_long, "for %.3g s, so small is its damping", lives);
+  }
+  bd_sim_warn(sim, BD_WARN_undamped, (double)NAN, -1, -1,
+              "vibrations along the belt live %s, and the errors of %s add up over them unseen: "
+              "compare with method=\"tsit5\", or take a tighter rtol, or more axial_damping",
+              for_long, sim->method->name);
+}
+
+int bd_guard_look(bd_sim *sim, int now) {
+  bd_guard *guard = &sim->guard;
+  if (!now && sim->stats.steps - guard->steps_look < STEPS &&
+      sim->t - guard->t_look < (sim->t_end - sim->t0) / PARTS) {
+    return BD_OK;
+  }
+  guard->t_look = sim->t;
+  guard->steps_look = sim->stats.steps;
+  int link;
+  double gap, energy = survey(sim, &gap, &link);
+  int code = check_joints(sim, gap, link);
+  if (code == BD_OK) {
+    code = bd_guard_winding(&sim->plan, sim->y, &sim->failure, sim->t);
+  }
+  if (code == BD_OK) {
+    code = check_balance(sim, energy);
+  }
+  check_contact(sim);
+  check_steps(sim);
+  check_damping(sim);
+  return code;
+}
+
+/* --- progress -------------------------------------------------------------------------------- */
+
+/* Tries between two looks. Out of all proportion are so many while a wave runs once round the belt
+ * (the paper's drive takes 64, one that chatters 700) beyond ten times what the joints ask of an
+ * explicit method, if so many are to go; or more of both, whoever asks for them. */
+static const long WINDOW = 20000;
+static const double A_ROUND = 20000.0, TO_GO = 1e6, WHATEVER_ROUND = 40000.0, WHATEVER_TO_GO = 1e7;
+
+/* Tries in which the explicit method spans the same, if it is held by the joints alone. */
+static double explicit_round(const bd_sim *sim) {
+  double stability = sim->method->implicit ? 0.0 : sim->method->stability;
+  return stability > 0.0 ? bd_round_time(sim->model) * sim->model->info.spectral_bound / stability
+                         : 0.0;
+}
+
+/* What asks for such steps, and what to try. */
+static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, int *pulley) {
+  bd_stiffness stiff = bd_stiffness_of(sim->model, &sim->plan.torques);
+  const double joints = sim->model->info.spectral_bound;
+  const char *what = NULL;
+  *pulley = bd_opaque_jumps(sim);
+  if (sim->options.max_step > 0.0 && mean_step > 0.5 * sim->options.max_step) {
+    *pulley = -1;
+    snprintf(text, size, "max_step = %.3g s is far below what the drive asks for",
+             sim->options.max_step);
+  } else if (sim->fixed && sim->options.step > 0.0) {
+    *pulley = -1;
+    snprintf(text, size, "step = %.3g s is far below what the drive asks for", sim->options.step);
+  } else if (*pulley >= 0) {
+    snprintf(
+        text, size,
+        "the torque function of pulley %d jumps from step to step (a switch, a relay, noise); "
+        "let it change over a range of time or speed, name its jumps in breakpoints, or loosen "
+        "rtol",
+        *pulley);
+  } else if (stiff.bound > 3.0 * joints) {
+    *pulley = stiff.pulley;
+    what = stiff.what;
+  } else if (!sim->plan.torques.smooth && mean_step * joints < 0.3) {
+    what = "the torque function, which depends on angle or speed";
+  } else {
+    what = sim->now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";
+  }
+  if (what) {
+    int lowest = strcmp(sim->now->name, "lbdf2") == 0 || strcmp(sim->now->name, "lie") == 0;
+    snprintf(
+        text, size, "the fastest motion is that of %s; %s", what,
+        lowest                  ? "loosen rtol, or look for parameters out of scale"
+        : sim->now->implicit    ? "loosen rtol, take method=\"lbdf2\", or look for parameters out "
+                                  "of scale"
+        : sim->choice.method[0] ? "take method=\"rodas4\" or \"lbdf2\", or loosen rtol"
+                                : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol");
+  }
+}
+
+int bd_guard_progress(bd_sim *sim) {
+  bd_guard *guard = &sim->guard;
+  long tries = sim->stats.steps + sim->stats.rejected, since = tries - guard->tries_window;
+  if (since < WINDOW) {
+    return BD_OK;
+  }
+  double gone = sim->t - guard->t_window, a_second = (double)since / fmax(gone, DBL_MIN);
+  guard->t_window = sim->t;
+  guard->tries_window = tries;
+  double a_round = a_second * bd_round_time(sim->model), to_go = a_second * (sim->t_end - sim->t);
+  /* Euler's method needs many steps for a tight tolerance, whatever the drive */
+  double usual = sim->method->order == 1 ? 4.0 * A_ROUND : A_ROUND;
+  int slow = a_round > usual + 10.0 * explicit_round(sim) && to_go > TO_GO;
+  int endless = a_round > WHATEVER_ROUND && to_go > WHATEVER_TO_GO;
+  /* "auto" has not tried its other method yet */
+  int untried = sim->choice.method[0] && !(sim->choice.per_second[AUTO_IMPLICIT] > 0.0);
+  if (sim->options.max_steps > 0 || untried || !(slow || endless)) {
+    return BD_OK;
+  }
+  char text[256];
+  int pulley;
+  blame(sim, gone / (double)since, text, sizeof text, &pulley);
+  return bd_fail_at(&sim->failure, BD_ERR_STALLED, "step", sim->t, -1, pulley, gone,
+                    "no progress at t = %.9g s: %ld steps went %.3g s, the end is %.2g steps away; "
+                    "%s (or set max_steps to go on all the same)",
+                    sim->t, since, gone, to_go, text);
+}

@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The model at one state, without a run: its rate, and its Jacobian by the systems it solves.
+ */
+#include <math.h>
+
+#include "run/run.h"
+
+/* A simulation that stands at the state, with the links near the pulleys listed. */
+static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *state,
+                        const double *torque, const char *method, bd_error *err) {
+  double moment = 0.0;
+  const bd_torque given = {
+      .n_terms = torque ? 1 : 0,
+      .terms =
+          &(bd_torque_term){.kind = BD_TORQUE_PIECEWISE, .n_t = 1, .t = &moment, .values = torque}};
+  bd_options options;
+  bd_options_default(&options);
+  options.method = method;
+  options.guards = 0;
+  double later = state->t + fmax(1.0, fabs(state->t));
+  int code = bd_sim_anywhere(out, model, state, &given, later, &options, err);
+  if (code == BD_OK) {
+    bd_sim *sim = *out;
+    bd_plan_place(&sim->plan, sim->t);
+    sim->plan.search.travelled = INFINITY;
+    bd_search_ready(&sim->plan, sim->y, 0.0);
+    code = bd_plan_rate(&sim->plan, sim->t, sim->y, sim->stage[0], err);
+  }
+  return code;
+}
+
+/* Rates know neither origin nor turns. */
+static void export_rate(const bd_model *model, const double *dy, bd_state *out) {
+  bd_model moved = *model;
+  moved.origin[0] = moved.origin[1] = 0.0;
+  bd_state_export(&moved, dy, 0.0, out);
+}
+
+int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque, bd_state *out,
+                  bd_error *err) {
+  bd_sim *sim = NULL;
+  int code = sim_at_state(&sim, model, state, torque, "tsit5", err);
+  if (code == BD_OK) {
+    out->t = 1.0;
+    export_rate(model, sim->stage[0], out);
+  }
+  bd_sim_free(sim);
+  return code;
+}
+
+int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
+                   bd_state *k, bd_error *err) {
+  if (!(g > 0.0) || !isfinite(g)) {
+    return bd_fail(err, BD_ERR_OPTION, "g", "g must be finite and > 0, got %g", g);
+  }
+  bd_sim *sim = NULL;
+  int code = sim_at_state(&sim, model, state, NULL, "lie", err);
+  if (code == BD_OK) {
+    bd_newton_linearise(&sim->newton, &sim->plan, sim->y);
+  }
+  if (code == BD_OK) {
+    bd_newton_linearise_contact(&sim->newton, &sim->plan, sim->y, 0.0);
+    bd_state_put(&model->lay, c, 0.0, 0.0, sim->stage[1]);
+    bd_newton_factor(&sim->newton, &sim->plan, g);
+    bd_newton_solve(&sim->newton, &sim->plan, sim->stage[1]);
+    k->t = g;
+    export_rate(model, sim->stage[1], k);
+  }
+  bd_sim_free(sim);
+  return code;
+}

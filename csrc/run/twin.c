@@ -1,0 +1,296 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Whether histories part exponentially. In a lightly damped drive whose links chatter on the
+ * pulleys every impact multiplies a small difference, and after some tens of milliseconds no
+ * tolerance can say where a link is, while averages stay what they are. Neither local errors nor
+ * the balance of energy know of it.
+ *
+ * So for short stretches a twin runs along, displaced by a hundredth of the local error allowed, in
+ * the very same steps (shorter ones only where its own error asks for them), so that nothing but
+ * the displacement makes a difference. Of a calm drive the difference decays or stays, to within a
+ * few times, for links that come and go change it; of one that chatters it has grown a thousandfold
+ * within ten rounds of a stretch wave. Every run has a few such stretches, ever further apart.
+ * Where links are seen to come and go many times as often as the belt's travel brings them, or
+ * friction is so stiff that each reversal is a jump, or the belt's vibrations live for long,
+ * stretches are longer, and one begins as soon as twins have made less than a fifth of the steps.
+ *
+ * A torque function is not to be called twice: where there is one, two twins run along, one of them
+ * not displaced, under the torques that the run saw at the ends of its steps. Guarded by
+ * tests/test_growth.py.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "run/run.h"
+
+/* Displacement over the local error allowed (for fixed steps, over what they usually err by). Two
+ * runs of one drive part by what each errs by, a few local errors, for a step sees a kink and the
+ * other's does not; a difference beyond two of them, or 5 % of the tension, has grown. */
+static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 2.0, LARGE = 0.05;
+/* A stretch, in rounds of a wave: between two looks, at least, usually, at most, which is what
+ * growth may need to overtake what decays first; the growth below which it ends after the least and
+ * after the usual, if nothing is suspected. */
+static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 60.0, QUIET = 2.0, CALM = 5.0;
+/* When the first begins, in rounds of a wave, how much later every other, and how long before the
+ * end the last. */
+static const double FIRST = 25.0, LATER = 4.0, LAST = 6.5;
+/* Shares of the steps up to which the next stretch begins at once where growth is suspected, and
+ * from which one ends. */
+static const double SUSPECTED = 0.2, ENOUGH = 0.5;
+/* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
+ * slip in which friction saturates; for how many rounds the lowest wave lives. */
+static const double CHATTER = 4.0, STIFF = 3.0, LIGHT = 30.0;
+/* Counts, of four rounds each, that have to find links chattering before it is said. */
+enum { OFTEN = 3 };
+
+static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
+  const bd_auto *c = &sim->choice;
+  bd_sim *twin =
+      bd_sim_new(sim->model, c->method[0] ? c->method[0] : sim->method, c->method[1], torque, 0);
+  if (twin) {
+    bd_torque_set_fill(&twin->plan.torques, torque, NULL);
+    twin->options = sim->options;
+    twin->fixed = sim->fixed;
+    twin->t_end = sim->t_end;
+    bd_sim_weights(twin);
+    bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .skip_power = 1});
+  }
+  return twin;
+}
+
+int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
+  bd_twin *t = &sim->twin;
+  const bd_model *model = sim->model;
+  double slip = model->has_friction ? model->dahl.mu_k / model->dahl.sigma : INFINITY;
+  t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * slip;
+  t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
+  double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
+  t->next_begin = fmin(FIRST, rounds / 3.0);
+  if (sim->plan.torques.smooth) {
+    t->sim = make(sim, torque);
+    return t->sim ? BD_OK : BD_ERR_MEMORY;
+  }
+  double times[2] = {0.0, 1.0};
+  double *zero = bd_block_new(2 * (size_t)model->lay.np * sizeof *zero);
+  bd_torque_term seen = {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = times, .values = zero};
+  if (zero) {
+    t->sim = make(sim, &(bd_torque){.n_terms = 1, .terms = &seen});
+    t->still = make(sim, &(bd_torque){.n_terms = 1, .terms = &seen});
+  }
+  bd_block_free(zero);
+  return t->sim && t->still ? BD_OK : BD_ERR_MEMORY;
+}
+
+/* Root mean square of the difference of the joints' stretches, over the stretch at rest. */
+static double apart(const bd_sim *one, const bd_sim *other) {
+  const bd_layout *lay = &one->model->lay;
+  const double half = one->plan.links.half;
+  const double *x = bd_cfield(lay, one->y, F_X), *y = bd_cfield(lay, one->y, F_Y);
+  const double *u = bd_cfield(lay, other->y, F_X), *v = bd_cfield(lay, other->y, F_Y);
+  const double *co = one->plan.links.cos, *si = one->plan.links.sin;
+  const double *cp = other->plan.links.cos, *sp = other->plan.links.sin;
+  double sum = 0.0;
+  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    double dx = (u[i] - x[i]) - (u[l] - x[l]) - half * (cp[i] - co[i] + cp[l] - co[l]);
+    double dy = (v[i] - y[i]) - (v[l] - y[l]) - half * (sp[i] - si[i] + sp[l] - si[l]);
+    sum += dx * dx + dy * dy;
+  }
+  return sqrt(sum / lay->n) / (one->model->info.strain * one->model->info.link_length);
+}
+
+/* --- when to look ---------------------------------------------------------------------------- */
+
+/* Over some rounds of a wave: contacts gained and lost, and those that the travel of the fastest
+ * rim makes, two a link and pulley, and two more a pulley for what sways at its ends. */
+static void watch_contacts(bd_sim *sim) {
+  bd_twin *twin = &sim->twin;
+  const bd_layout *lay = &sim->model->lay;
+  if (sim->t - twin->t_events < 4.0 * bd_round_time(sim->model)) {
+    return;
+  }
+  double travel = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    double way = sim->model->radius[j] * fabs(sim->y[lay->theta + j] - twin->theta[j]);
+    travel = fmax(travel, way);
+    twin->theta[j] = sim->y[lay->theta + j];
+  }
+  double expected = 2.0 * lay->np * (travel / sim->model->info.link_length + 2.0);
+  double changed = (double)(sim->plan.contacts_changed - twin->events);
+  int chatters = changed > CHATTER * expected;
+  if (chatters && !twin->chatters) {
+    twin->t_chatter = twin->t_events;
+  }
+  twin->chatters = chatters;
+  twin->times_chattered += chatters;
+  if (twin->times_chattered >= OFTEN) {
+    bd_sim_warn(
+        sim, BD_WARN_chatter, twin->t_chatter, -1, -1,
+        "links come to the pulleys and leave them %.0f times as often as the belt's travel "
+        "brings them, from t = %.6g s on: small differences may grow, and what single links "
+        "do is not to be relied on; more damping of contact or joints calms them",
+        changed / expected, twin->t_chatter);
+  }
+  twin->events = sim->plan.contacts_changed;
+  twin->t_events = sim->t;
+}
+
+/* Another simulation where this one is. */
+static void copy(const bd_sim *sim, bd_sim *twin) {
+  const bd_layout *lay = &sim->model->lay;
+  memcpy(twin->y, sim->y, lay->size * sizeof *twin->y);
+  for (int k = 0; k < sim->n_history; ++k) {
+    memcpy(twin->history[k], sim->history[k], lay->size * sizeof *twin->y);
+    twin->history_h[k] = sim->history_h[k];
+  }
+  memcpy(twin->plan.owner, sim->plan.owner,
+         (size_t)(lay->n8 * lay->slots) * sizeof *twin->plan.owner);
+  twin->n_history = sim->n_history;
+  twin->method = twin->now = sim->method;
+  twin->t = sim->t;
+  twin->turns = sim->turns;
+  twin->started = 1;
+  twin->rate_known = twin->jacobian_known = 0;
+  twin->next_break = 0;
+  bd_plan_place(&twin->plan, sim->t);
+  twin->plan.search.margin = 0.0;
+  twin->plan.search.travelled = INFINITY;
+}
+
+/* The past is displaced as well: it is the place that differs, not the speed. */
+static void displace(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  const bd_layout *lay = &sim->model->lay;
+  const double allowed =
+      sim->fixed ? FIXED_ERROR : bd_method_tolerance(sim->method, sim->options.rtol);
+  const double stretch = sim->model->info.strain * sim->model->info.link_length;
+  const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
+  /* of differences of two numbers evenly spread over +-size, in x and in y */
+  t->apart = sqrt(4.0 / 3.0) * size / stretch;
+  t->grown = fmax(100.0, fmin(ERRORS * allowed, LARGE) / t->apart);
+  for (int f = F_X; f <= F_Y; ++f) {
+    for (int i = 0; i < lay->n; ++i) {
+      t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
+      double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
+      bd_field(lay, t->sim->y, f)[i] += shift;
+      for (int k = 0; k < t->sim->n_history; ++k) {
+        bd_field(lay, t->sim->history[k], f)[i] += shift;
+      }
+    }
+  }
+}
+
+static void begin(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  copy(sim, t->sim);
+  if (t->still) {
+    copy(sim, t->still);
+  }
+  displace(sim);
+  t->active = 1;
+  t->t_begin = sim->t;
+  t->next_look = LOOK;
+}
+
+/* --- a stretch ------------------------------------------------------------------------------- */
+
+static void conclude(bd_sim *sim, double growth) {
+  bd_twin *t = &sim->twin;
+  double from = t->chatters ? t->t_chatter : t->t_begin;
+  double folding = (sim->t - t->t_begin) / log(growth);
+  t->grows = 1;
+  sim->stats.growth = 1.0 / folding;
+  bd_sim_warn(sim, BD_WARN_growth, from, -1, -1,
+              "histories part exponentially from t = %.6g s on: a small difference grows by e in "
+              "%.2g s, so single forces and positions cannot be trusted from then on, whatever the "
+              "tolerance; averages may be; more damping of contact or joints calms such drives",
+              from, folding);
+}
+
+/* The same step; whether it can be compared. */
+static int repeat(const bd_sim *sim, bd_sim *twin) {
+  bd_twin *const t = (bd_twin *)&sim->twin;
+  const int np = sim->model->lay.np;
+  if (!sim->plan.torques.smooth) {
+    bd_torque_term *seen = &twin->plan.torques.terms[0];
+    memcpy(t->seen, sim->opaque.last, (size_t)np * sizeof *t->seen);
+    memcpy(t->seen + np, sim->opaque.now, (size_t)np * sizeof *t->seen);
+    t->seen_t[0] = twin->t;
+    t->seen_t[1] = sim->t;
+    seen->t = t->seen_t;
+    seen->values = t->seen;
+  }
+  if (twin->method != sim->method) { /* "auto" has gone over to the other, which begins anew */
+    twin->method = sim->method;
+    twin->n_history = 0;
+    twin->rate_known = twin->jacobian_known = 0;
+  }
+  twin->now = sim->now;
+  const long before = twin->stats.steps;
+  double tolerance = sim->fixed || sim->now != sim->method
+                         ? INFINITY
+                         : bd_method_tolerance(sim->method, sim->options.rtol);
+  int code = bd_sim_follow(twin, sim->t, sim->plan.t_piece, tolerance);
+  t->steps += twin->stats.steps - before;
+  return code == BD_OK;
+}
+
+static void follow(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  const bd_sim *still = t->still ? t->still : sim;
+  if (bd_opaque_least(sim) > 0.0 || !repeat(sim, t->sim) || (t->still && !repeat(sim, t->still))) {
+    t->active = 0;
+    return;
+  }
+  double rounds = (sim->t - t->t_begin) / bd_round_time(sim->model);
+  if (rounds < t->next_look) {
+    return;
+  }
+  t->next_look = rounds + LOOK;
+  double growth = apart(still, t->sim) / t->apart;
+  t->most = fmax(t->most, growth);
+  if (growth > t->grown) {
+    conclude(sim, growth);
+  }
+  int calm =
+      !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
+  int dear = rounds > USUAL && (double)t->steps > ENOUGH * (double)sim->stats.steps;
+  if (growth > t->grown || rounds > MOST || calm || dear) {
+    t->active = 0;
+  }
+}
+
+void bd_twin_follow(bd_sim *sim) {
+  bd_twin *t = &sim->twin;
+  if (t->grows) {
+    return;
+  }
+  if (t->active) {
+    follow(sim);
+    return;
+  }
+  watch_contacts(sim);
+  double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
+  int due = (t->times_chattered > 0 || t->stiff || t->light) && rounds > LEAST &&
+            (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
+  int last = !t->last && sim->t_end - sim->t < LAST * bd_round_time(sim->model) && rounds > LAST;
+  if (rounds > t->next_begin || due || last) {
+    t->suspected = due;
+    t->last |= last;
+    t->next_begin = rounds > t->next_begin ? LATER * rounds : t->next_begin;
+    begin(sim);
+  }
+}
+
+double bd_twin_magnifies(const bd_twin *twin) {
+  return fmax(1.0, twin->most / CALM);
+}
+
+void bd_twin_free(bd_twin *twin) {
+  bd_sim_free(twin->sim);
+  bd_sim_free(twin->still);
+}
+
+void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np) {
+  BD_CARVE(carver, twin->theta, np);
+  BD_CARVE(carver, twin->seen, 2 * np);
+}

@@ -1,0 +1,296 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Linear systems (1 - g J) k = g c of the implicit methods, J the Jacobian of the model, g = gamma
+ * h.
+ *
+ * Unknowns are positions q, velocities v and friction coefficients mu of the links, theta and omega
+ * of the pulleys; slip rides along. With b = g c, J's rows q' = v and mu' = gain v_T - decay mu
+ * give
+ *
+ *   k_q = b_q + g k_v,    k_mu = (b_mu + g gain v_T[k]) / (1 + g decay)
+ *
+ * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
+ * column a pulley: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
+ * link is that of its end, half its length times phi, so that all blocks are masses.
+ *
+ * Joint on the left of link i, e = (cos, sin) of its direction, e' across it, S = [1, -e'] at its
+ * left and R = [1, e'] at its right end (MODEL section 2): g df = D^S_i k_i - D^R_l k_l with
+ * D^S = [K 1 | q], D^R = [K 1 | -q], K = g^2 c + g b, q = -K e' + g^2 b w e (the end turns with w);
+ * forces -S^T f on link i and R^T f on link l; and the pull of both joints turns a link back.
+ *
+ * Contact in the axes (n, t) of a link on its pulley (MODEL sections 3, 4): dN = -k_n dr_n - b dv_n
+ * - (b v_t / rho) dr_t while pressed, dF_n = dN + (mu N / rho) dr_t, dF_t = -mu dN + (N / rho) dr_t
+ * - N dmu, dv_T = dv_t - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = mu rho dN + mu N dr_n
+ * + N rho dmu. Kinks (touching, pressed, the sign of v_T) are taken as they stand at the state that
+ * is linearised.
+ *
+ * Guarded by tests/test_jacobian.py: differences of the right-hand side, of the oracle's, on both
+ * sides of every kink; solves against dense ones.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "run/run.h"
+
+/* A ring too short for the level's arcs is solved with two: the cyclic reduction of separators that
+ * few links hold apart would cost digits where links weigh little against their joints. */
+static const bd_newton_kernels *ring_kernels(const bd_model *model) {
+  const bd_newton_kernels *best = model->kernels->newton;
+  return model->lay.n >= 4 * best->width ? best : &bd_newton_baseline;
+}
+
+/* A block of `count` links' places with room for the halo. */
+static void carve_links(bd_carver *carver, const bd_layout *lay, double **block) {
+  BD_CARVE(carver, *block, lay->stride);
+  if (carver->base) {
+    *block += BD_HALO;
+  }
+}
+
+void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
+  const bd_newton_kernels *ring = ring_kernels(model);
+  const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
+  bd_tangent *t = &system->tangent;
+  bd_blocks *b = &system->blocks;
+  double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin,   &t->pull,   &b->xx,
+                        &b->xy,    &b->yx,    &b->yy,  &b->pp,  &system->x, &system->y, &system->p};
+  for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
+    carve_links(carver, lay, by_link[k]);
+  }
+  BD_CARVE(carver, system->contact, np);
+  for (int j = 0; j < np; ++j) {
+    bd_contact_tangent none, *contact = carver->base ? &system->contact[j] : &none;
+    double **fields[] = {&contact->nx,
+                         &contact->ny,
+                         &contact->rho,
+                         &contact->normal,
+                         &contact->normal_over_rho,
+                         &contact->mu,
+                         &contact->stiff,
+                         &contact->damp,
+                         &contact->cross,
+                         &contact->apart,
+                         &contact->gain,
+                         &contact->decay,
+                         &contact->xx,
+                         &contact->xy,
+                         &contact->yx,
+                         &contact->yy,
+                         &contact->by_mu,
+                         &contact->torque_x,
+                         &contact->torque_y,
+                         &contact->row_x,
+                         &contact->row_y,
+                         &contact->slide_x,
+                         &contact->slide_y,
+                         &contact->dmu_dslip,
+                         &contact->mu_decay_factor,
+                         &contact->normal_correction};
+    for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
+      carve_links(carver, lay, fields[k]);
+    }
+  }
+  BD_CARVE(carver, system->ring.base, width);
+  BD_CARVE(carver, system->ring.shorter, width);
+  system->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
+  system->ring.ends = bd_carve(carver, 1, ring->ring_ends);
+  double *scratch;
+  BD_CARVE(carver, scratch, 3 * width * rows);
+  system->ring.scratch = scratch;
+  BD_CARVE(carver, system->border, 3 * np * lay->stride);
+  BD_CARVE(carver, system->contact_pulleys, np);
+  BD_CARVE(carver, system->n_runs, np);
+  BD_CARVE(carver, system->runs, np * (lay->n8 / BD_LANES));
+  BD_CARVE(carver, system->own, np);
+  BD_CARVE(carver, system->rhs, np);
+  BD_CARVE(carver, system->matrix, np * np);
+  BD_CARVE(carver, system->pivots, np);
+  BD_CARVE(carver, system->by_theta, np * np);
+  BD_CARVE(carver, system->by_omega, np * np);
+  BD_CARVE(carver, system->by_time, np);
+  BD_CARVE(carver, system->torque, np);
+  if (!carver->base) {
+    return;
+  }
+  system->ring.n_rows = rows;
+  system->ring_kernels = ring;
+  const int whole = lay->n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
+  for (int a = 0, first = 0; a < width; ++a) {
+    int shorter = a >= whole;
+    system->ring.base[a] = first - shorter;
+    system->ring.shorter[a] = shorter;
+    first += rows - shorter;
+  }
+  b->cos = t->cos;
+  b->sin = t->sin;
+  b->spin = t->spin;
+}
+
+/* --- linearisation --------------------------------------------------------------------------- */
+
+/* The links that could contact a pulley when the model was linearised: a later list may be another.
+ */
+static bd_run *runs_of(const bd_newton_system *system, const bd_layout *lay, int j) {
+  return system->runs + j * (lay->n8 / BD_LANES);
+}
+
+void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const double *y,
+                                 double h) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    plan->kernels->newton->linearise_contact(&plan->links, &system->contact_pulleys[j],
+                                             system->n_runs[j], runs_of(system, lay, j), y,
+                                             &system->contact[j], plan->friction_on, h);
+  }
+}
+
+void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
+                                     double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    double torque = plan->kernels->newton->add_normal_correction(
+        &plan->links, system->n_runs[j], runs_of(system, lay, j), &system->contact[j], c);
+    c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
+  }
+}
+
+void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  plan->kernels->newton->linearise_joints(&plan->links, y, &system->tangent);
+  for (int j = 0; j < lay->np; ++j) {
+    system->contact_pulleys[j] = plan->contact_pulleys[j];
+    system->contact_pulleys[j].omega = y[lay->omega + j];
+    system->n_runs[j] = plan->search.n_runs[j];
+    memcpy(runs_of(system, lay, j), plan->search.runs + j * plan->search.max_runs,
+           (size_t)system->n_runs[j] * sizeof *system->runs);
+  }
+}
+
+/* --- factorisation --------------------------------------------------------------------------- */
+
+/* Of the pulleys' small matrix: with pivots, whose reciprocals are kept, in place, by rows. */
+static void decompose(int n, double *a, int *pivots) {
+  for (int k = 0; k < n; ++k) {
+    int best = k;
+    for (int i = k + 1; i < n; ++i) {
+      best = fabs(a[i * n + k]) > fabs(a[best * n + k]) ? i : best;
+    }
+    pivots[k] = best;
+    for (int c = 0; best != k && c < n; ++c) {
+      double kept = a[k * n + c];
+      a[k * n + c] = a[best * n + c];
+      a[best * n + c] = kept;
+    }
+    a[k * n + k] = 1.0 / a[k * n + k];
+    for (int i = k + 1; i < n; ++i) {
+      double factor = a[i * n + k] *= a[k * n + k];
+      for (int c = k + 1; c < n; ++c) {
+        a[i * n + c] -= factor * a[k * n + c];
+      }
+    }
+  }
+}
+
+static void substitute(int n, const double *a, const int *pivots, double *x) {
+  for (int k = 0; k < n; ++k) {
+    double kept = x[pivots[k]];
+    x[pivots[k]] = x[k];
+    x[k] = kept;
+  }
+  for (int i = 0; i < n; ++i) {
+    for (int c = 0; c < i; ++c) {
+      x[i] -= a[i * n + c] * x[c];
+    }
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    for (int c = i + 1; c < n; ++c) {
+      x[i] -= a[i * n + c] * x[c];
+    }
+    x[i] *= a[i * n + i];
+  }
+}
+
+/* The part of a pulley's column that the ring takes: T^-1 B, three blocks. */
+static double *border_of(const bd_newton_system *system, const bd_layout *lay, int j) {
+  return system->border + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
+}
+
+void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_links *links = &plan->links;
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  bd_blocks *b = &system->blocks;
+  double inv_half = 1.0 / links->half;
+  system->stage.g = g;
+  system->stage.mass = model->info.link_mass * (1.0 + g * plan->mass_damping);
+  b->k = g * (g * links->stiffness + links->damping);
+  b->damping = g * g * links->damping;
+  b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
+  kernels->diagonal(links, &system->tangent, &system->stage, b);
+  for (int j = 0; j < lay->np; ++j) {
+    double *z = border_of(system, lay, j);
+    memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
+    system->own[j] = kernels->add_contact(&system->contact_pulleys[j], system->n_runs[j],
+                                          runs_of(system, lay, j), &system->contact[j], g, b, z,
+                                          z + lay->stride);
+  }
+  system->ring_kernels->factor(&system->ring, b);
+  const int np = plan->pulleys_locked ? 0 : lay->np;
+  for (int j = 0; j < np; ++j) {
+    double *z = border_of(system, lay, j);
+    system->ring_kernels->solve(&system->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
+    for (int i = 0; i < np; ++i) {
+      double inertia =
+          i == j ? model->inertia[i] * (1.0 + g * plan->mass_damping) + system->own[i] : 0.0;
+      double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
+      system->matrix[i * np + j] = inertia - g * torque -
+                                   kernels->border_row(system->n_runs[i], runs_of(system, lay, i),
+                                                       &system->contact[i], z, z + lay->stride);
+    }
+  }
+  decompose(np, system->matrix, system->pivots);
+}
+
+/* --- solve ----------------------------------------------------------------------------------- */
+
+void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_links *links = &plan->links;
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const double g = system->stage.g;
+  const int np = plan->pulleys_locked ? 0 : lay->np;
+  double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
+  kernels->joints_product(links, &system->tangent, &system->stage, c, x, y, p);
+  for (int j = 0; j < lay->np; ++j) {
+    rhs[j] = kernels->contact_product(lay, &system->contact_pulleys[j], system->n_runs[j],
+                                      runs_of(system, lay, j), &system->contact[j],
+                                      plan->friction_on, c, x, y);
+  }
+  system->ring_kernels->solve(&system->ring, system->blocks.k, x, y, p);
+  for (int j = 0; j < np; ++j) {
+    rhs[j] += g * model->inertia[j] * c[lay->omega + j];
+    for (int k = 0; k < np; ++k) {
+      rhs[j] += g * g * system->by_theta[j * np + k] * c[lay->theta + k];
+    }
+    rhs[j] -=
+        kernels->border_row(system->n_runs[j], runs_of(system, lay, j), &system->contact[j], x, y);
+  }
+  substitute(np, system->matrix, system->pivots, rhs);
+  kernels->finish_links(links, &system->stage, np, border_of(system, lay, 0), rhs, x, y, p, c);
+  for (int j = 0; j < lay->np; ++j) {
+    double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
+    c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
+    c[lay->omega + j] = angular_acceleration;
+    if (plan->friction_on) {
+      kernels->finish_contact(lay, &system->contact_pulleys[j], system->n_runs[j],
+                              runs_of(system, lay, j), &system->contact[j], g, angular_acceleration,
+                              c);
+    }
+  }
+  for (int k = 0; k < N_WORK; ++k) {
+    c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
+  }
+}

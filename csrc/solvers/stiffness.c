@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * How fast the fastest motion of a drive is, all of it: the joints' closed form (model.c), and what
+ * contact, friction, the pulleys' inertia and viscous loads add, at twice the tension of rest, for
+ * a drive under load has a tight side. An estimate: explicit fixed steps are chosen by it, and runs
+ * that make no progress are told by it what is to blame.
+ */
+#include <math.h>
+
+#include "run/run.h"
+
+/* |lambda| of an oscillator of unit mass. */
+static double lambda(double stiffness, double damping) {
+  double d2 = damping * damping, k4 = 4.0 * stiffness;
+  return d2 > k4 ? 0.5 * (damping + sqrt(d2 - k4)) : sqrt(stiffness);
+}
+
+bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
+  const bd_info *info = &model->info;
+  const double m = info->link_mass, sigma = model->has_friction ? model->dahl.sigma : 0.0;
+  double strain = model->geometry.code == BD_OK ? info->strain + info->mesh_strain : 0.01;
+  double tension = 2.0 * model->belt.axial_stiffness * strain;
+  double joints_k =
+      12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia;
+  double joints_d =
+      12.0 * info->joint_damping / m + 4.0 * info->bending_damping / info->link_inertia;
+  bd_stiffness stiff = {.bound = 0.0, .pulley = -1};
+  double most = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    double r = model->radius[j], normal = tension * info->link_length / r;
+    double contact =
+        sqrt(info->contact_linear * info->contact_linear + 4.0 * info->contact_quadratic * normal);
+    double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
+    double grip = sigma * normal, viscous = 0.0;
+    for (size_t k = 0; set && k < set->n_terms; ++k) {
+      viscous +=
+          set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
+    }
+    const struct {
+      double k, d;
+      const char *what;
+      int pulley;
+    } parts[] = {
+        {joints_k, joints_d, "the belt's joints", -1},
+        {contact / m, info->contact_damping / m, "the contact", -1},
+        {grip / m, 0.0, "friction", -1},
+        {sigma * tension * wrap * r * r / model->inertia[j], 0.0, "a pulley of so little inertia",
+         j},
+        {0.0, viscous / model->inertia[j], "a load of so much viscosity", j},
+    };
+    double link_k = 0.0, link_d = 0.0;
+    for (int p = 0; p < 5; ++p) {
+      double own = lambda(parts[p].k, parts[p].d);
+      if (own > most) {
+        most = own;
+        stiff.what = parts[p].what;
+        stiff.pulley = parts[p].pulley;
+      }
+      link_k += p < 3 ? parts[p].k : 0.0;
+      link_d += p < 3 ? parts[p].d : 0.0;
+    }
+    stiff.bound = fmax(stiff.bound, lambda(link_k, link_d));
+    stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[4].d));
+  }
+  return stiff;
+}
