@@ -187,4 +187,4 @@ def distinct(results: Iterable[Result]) -> list[RunWarning]:
 def annotate(error: SimulationError, noticed: Iterable[RunWarning]) -> None:
     """Add warnings, which may name the cause, to an error as notes: a traceback shows them."""
     for one in noticed:
-        error.add_note(f"noticed before: {one}")
+        error.add_note(f"warning before this error: {one}")

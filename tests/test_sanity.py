@@ -289,7 +289,7 @@ def test_lengths_in_millimetres_fail_with_the_word() -> None:
     params = at_scale(drive(links=60, contact=bd.Contact(linear=2.5e7, damping=1e3)), 1e3)
     with pytest.raises(bd.SimulationError) as failed, errors.silenced():
         bd.simulate(params, steady(-100.0), 1.0)
-    assert any("noticed before: units" in note for note in failed.value.__notes__)
+    assert any("warning before this error: units" in note for note in failed.value.__notes__)
 
 
 def test_a_belt_far_too_short() -> None:
