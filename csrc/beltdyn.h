@@ -26,7 +26,7 @@ extern "C" {
 
 #define BD_VERSION "0.1.0"
 
-/* --- errors ------------------------------------------------------------------------------------ */
+/* --- errors ---------------------------------------------------------------------------------- */
 
 enum {
   BD_OK = 0,
@@ -53,7 +53,7 @@ const char *bd_error_symbol(int code);
 const char *bd_error_text(int code);
 int bd_error_kind(int code);
 
-/* --- warnings ---------------------------------------------------------------------------------- */
+/* --- warnings -------------------------------------------------------------------------------- */
 
 enum {
 #define X(code, accuracy, text) BD_WARN_##code,
@@ -73,7 +73,7 @@ typedef struct bd_warning {
 const char *bd_warning_code(int code);
 int bd_warning_accuracy(int code);
 
-/* --- scene ------------------------------------------------------------------------------------- */
+/* --- scene ----------------------------------------------------------------------------------- */
 
 typedef struct bd_belt {
   double length;
@@ -109,7 +109,7 @@ typedef struct bd_scene {
 #define BD_MAX_LINKS 1000000
 #define BD_MAX_PULLEYS 1000
 
-/* --- model ------------------------------------------------------------------------------------- */
+/* --- model ----------------------------------------------------------------------------------- */
 
 typedef struct bd_model bd_model;
 
@@ -130,7 +130,7 @@ typedef struct bd_info {
 
 void bd_model_info(const bd_model *model, bd_info *info);
 
-/* --- state ------------------------------------------------------------------------------------- */
+/* --- state ----------------------------------------------------------------------------------- */
 
 /* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major),
  * n_pulleys. phi is continuous: joint 0 carries the winding. */
@@ -141,7 +141,7 @@ typedef struct bd_state {
 #undef X
 } bd_state;
 
-/* --- torque ------------------------------------------------------------------------------------ */
+/* --- torque ---------------------------------------------------------------------------------- */
 
 typedef void (*bd_torque_function)(double t, const double *theta, const double *omega,
                                    double *torque, void *user);
@@ -174,7 +174,7 @@ typedef struct bd_torque {
   const volatile int *stop;
 } bd_torque;
 
-/* --- simulation -------------------------------------------------------------------------------- */
+/* --- simulation ------------------------------------------------------------------------------ */
 
 typedef struct bd_options {
   const char *method; /* NULL or "auto", or a row of the table in methods.c */
@@ -212,10 +212,16 @@ typedef struct bd_settle_options {
 
 void bd_settle_options_default(bd_settle_options *options);
 
-/* A simulation that brings the belt to rest under preload, from the belt line (or `initial`).
- * BD_OK from bd_sim_advance means at rest; bd_sim_state then has zero velocities. */
-int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+typedef struct bd_settling bd_settling;
+
+/* Brings the belt to rest under preload, from the belt line (or `initial`). */
+int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *initial,
                      const bd_settle_options *options, bd_error *err);
+/* As bd_sim_advance; BD_OK: at rest. */
+int bd_settle_advance(bd_settling *settling, long max_steps, bd_error *err);
+/* The simulation that it runs, to be looked at: bd_sim_state has zero velocities once at rest. */
+bd_sim *bd_settle_sim(bd_settling *settling);
+void bd_settle_free(bd_settling *settling);
 
 void bd_sim_free(bd_sim *sim);
 
@@ -274,14 +280,14 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
 int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
                    bd_state *k, bd_error *err);
 
-/* --- friction, closed form --------------------------------------------------------------------- */
+/* --- friction, closed form ------------------------------------------------------------------- */
 
 /* Eq. (2.9): the Dahl coefficient after sliding monotonically by dx = x - x0 from mu0. */
 double bd_dahl_slide(double dx, double mu0, double mu_k, double sigma);
 /* The same over a path x[0..n-1] with reversals anywhere: mu[k] at x[k], from mu0 at x[0]. */
 void bd_dahl_path(size_t n, const double *x, double mu0, double mu_k, double sigma, double *mu);
 
-/* --- build ------------------------------------------------------------------------------------- */
+/* --- build ----------------------------------------------------------------------------------- */
 
 /* Kernel level a model made now would use ("avx512", "avx2", "baseline"): the processor's best, or
  * what the environment variable BELTDYN_KERNELS names; "none" if the processor lacks that one, and

@@ -81,6 +81,18 @@ int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, i
   return code;
 }
 
+void bd_warn(bd_report *report, int code, double t, int body, int pulley, const char *format, ...) {
+  bd_warning *w = &report->warned[code];
+  if (w->message[0]) {
+    return;
+  }
+  *w = (bd_warning){.code = code, .t = t, .body = body, .pulley = pulley};
+  va_list args;
+  va_start(args, format);
+  vsnprintf(w->message, sizeof w->message, format, args);
+  va_end(args);
+}
+
 static const struct {
   const char *symbol, *text;
   int kind;

@@ -45,8 +45,7 @@ static inline int bd_f_slip(const bd_layout *lay) {
   return F_MU + lay->slots;
 }
 
-/* --- base.c ------------------------------------------------------------------------------------
- */
+/* --- base.c ---------------------------------------------------------------------------------- */
 
 /* Objects are one block each: the same carving code runs twice, first with base NULL to add up the
  * size, then to hand out the pieces. */
@@ -73,6 +72,19 @@ int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, i
                double value, const char *format, ...)
 #if defined(__GNUC__)
     __attribute__((format(printf, 8, 9)))
+#endif
+    ;
+
+/* What a run has to say: how it failed, and what was noticed, each code once. */
+typedef struct bd_report {
+  bd_error failure;
+  bd_warning warned[BD_N_WARNINGS]; /* message empty: not noticed */
+} bd_report;
+
+/* Keeps a warning, if it is the first of its code. */
+void bd_warn(bd_report *report, int code, double t, int body, int pulley, const char *format, ...)
+#if defined(__GNUC__)
+    __attribute__((format(printf, 6, 7)))
 #endif
     ;
 

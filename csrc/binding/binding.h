@@ -38,16 +38,14 @@ int bd_core_set(PyObject *dict, const char *name, PyObject *value);
            : PyLong_FromLong, double                                                               \
            : PyFloat_FromDouble)(value)
 
-/* --- model -------------------------------------------------------------------------------------
- */
+/* --- model ----------------------------------------------------------------------------------- */
 
 typedef struct {
   PyObject_HEAD bd_model *model; /* constant: shared by simulations, in any thread */
   bd_info info;
 } bd_core_model;
 
-/* --- states ------------------------------------------------------------------------------------
- */
+/* --- states ---------------------------------------------------------------------------------- */
 
 enum {
 #define X(name, size) BD_CORE_STATE_##name,
@@ -71,16 +69,14 @@ int bd_core_state_new(bd_core_state *out, const bd_info *info);
 PyObject *bd_core_state_dict(const bd_core_state *state, int with_time);
 void bd_core_state_release(bd_core_state *state);
 
-/* --- outputs -----------------------------------------------------------------------------------
- */
+/* --- outputs --------------------------------------------------------------------------------- */
 
 /* Fresh arrays of so many rows, no energy without the ledger: owned by the list `keep`, views of
  * them by name in `dict`, their data in *output for the core. */
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
                        int ledger, npy_intp rows);
 
-/* --- torque ------------------------------------------------------------------------------------
- */
+/* --- torque ---------------------------------------------------------------------------------- */
 
 /* One Python callable among the torque terms; the core gets its address as `user`. */
 typedef struct {

@@ -20,6 +20,7 @@
 
 typedef struct {
   PyObject_HEAD bd_sim *sim; /* NULL only after the garbage collector cleared a cycle */
+  bd_settling *settling;     /* what owns it, if it settles; else NULL */
   bd_core_model *model;
   bd_core_call *calls; /* the core's `user` pointers point here */
   Py_ssize_t n_calls;
@@ -68,18 +69,28 @@ static PyObject *passes_of(const bd_sim *sim) {
   return passes;
 }
 
-/* The Python object around a ready simulation, which it takes over, as it does the callables of
- * the torque (if any); on failure both are freed. The object comes last, so it is always whole. */
-static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_core_model *model,
+static void free_core(bd_sim *sim, bd_settling *settling) {
+  if (settling) {
+    bd_settle_free(settling);
+  } else {
+    bd_sim_free(sim);
+  }
+}
+
+/* The Python object around a ready simulation (and the settling that owns it, if any), which it
+ * takes over, as it does the callables of the torque (if any); on failure all are freed. The object
+ * comes last, so it is always whole. */
+static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_settling *settling, bd_core_model *model,
                       bd_core_torque *torque) {
   PyObject *passes = passes_of(sim);
   bd_core_sim *self = passes ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
   if (!self) {
     Py_XDECREF(passes);
-    bd_sim_free(sim);
+    free_core(sim, settling);
     return NULL;
   }
   self->sim = sim;
+  self->settling = settling;
   self->model = (bd_core_model *)Py_NewRef(model);
   self->passes = passes;
   atomic_init(&self->busy, false);
@@ -177,7 +188,7 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     bd_core_raise(code, &err);
     goto out;
   }
-  self = wrap(type, sim, model, &torque);
+  self = wrap(type, sim, NULL, model, &torque);
   if (self) {
     ((bd_core_sim *)self)->ledger = options.ledger;
     ((bd_core_sim *)self)->stop = (PyArrayObject *)Py_XNewRef(stop);
@@ -240,13 +251,13 @@ static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) 
     options.offset = PyArray_DATA(offsets);
   }
   bd_error err = {0};
-  bd_sim *sim = NULL;
-  int code = bd_settle_create(&sim, model->model, mapping == Py_None ? NULL : &state.state,
+  bd_settling *settling = NULL;
+  int code = bd_settle_create(&settling, model->model, mapping == Py_None ? NULL : &state.state,
                               &options, &err);
   if (code < 0) {
     bd_core_raise(code, &err);
   } else {
-    self = wrap((PyTypeObject *)type, sim, model, NULL);
+    self = wrap((PyTypeObject *)type, bd_settle_sim(settling), settling, model, NULL);
   }
 out:
   Py_XDECREF(offsets);
@@ -272,8 +283,9 @@ static int sim_clear(PyObject *object) {
   bd_core_sim *self = (bd_core_sim *)object;
   bd_core_call *calls = self->calls;
   Py_ssize_t n_calls = self->n_calls;
-  bd_sim_free(self->sim);
+  free_core(self->sim, self->settling);
   self->sim = NULL;
+  self->settling = NULL;
   self->calls = NULL;
   self->n_calls = 0;
   bd_core_calls_free(calls, n_calls);
@@ -388,7 +400,8 @@ static int advance_chunk(bd_core_sim *self, double left, bd_error *err) {
   const long steps = chunk_steps(self->rate, left);
   PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
   const double begin = clock_seconds();
-  int code = bd_sim_advance(self->sim, steps, err);
+  int code = self->settling ? bd_settle_advance(self->settling, steps, err)
+                            : bd_sim_advance(self->sim, steps, err);
   self->rate = next_rate(self->rate, steps, clock_seconds() - begin);
   if (thread) {
     PyEval_RestoreThread(thread);

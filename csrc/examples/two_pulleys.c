@@ -65,18 +65,23 @@ int main(void) {
                     .slip = links[7],
                     .theta = theta,
                     .omega = omega};
-  bd_sim *sim = NULL;
-  int code = bd_settle_create(&sim, model, NULL, NULL, &error);
+  bd_settling *settling = NULL;
+  int code = bd_settle_create(&settling, model, NULL, NULL, &error);
   if (code == BD_OK) {
-    code = run(sim, &error);
+    do {
+      code = bd_settle_advance(settling, 1000, &error);
+    } while (code == BD_MORE);
   }
+  if (code == BD_OK) {
+    bd_sim_state(bd_settle_sim(settling), &state);
+  }
+  bd_settle_free(settling);
   if (code != BD_OK) {
-    bd_sim_free(sim);
     bd_model_free(model);
     return complain(&error);
   }
-  bd_sim_state(sim, &state);
-  bd_sim_free(sim);
+
+  bd_sim *sim = NULL;
 
   const double t[] = {0.0, 0.3}, torques[] = {0.0, 0.0, -100.0, 0.0};
   const double load[] = {0.0, 100.0 / 6.283185307179586};

@@ -42,8 +42,7 @@ SPECIALISED pack shifted_back(pack here, pack next) {
 #endif
 }
 
-/* --- joints ------------------------------------------------------------------------------------
- */
+/* --- joints ---------------------------------------------------------------------------------- */
 
 /* Keeps of the last evaluation, at y, what the joints' linearisation needs: later evaluations, at
  * other states, write over the links' directions. */
@@ -224,8 +223,7 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
   }
 }
 
-/* --- contact -----------------------------------------------------------------------------------
- */
+/* --- contact --------------------------------------------------------------------------------- */
 
 static void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                               const bd_run *runs, const double *y,

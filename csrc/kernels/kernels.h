@@ -7,8 +7,7 @@
 
 #include "base/base.h"
 
-/* --- rate: rhs.h -------------------------------------------------------------------------------
- */
+/* --- rate: rhs.h ----------------------------------------------------------------------------- */
 
 /* Per-link constants, and the links' directions at the last evaluation. */
 typedef struct bd_links {
@@ -71,8 +70,7 @@ typedef struct bd_kernels {
 
 const bd_kernels *bd_kernels_choose(void);
 
-/* --- linear systems of the implicit methods: jacobian.h, ring.h --------------------------------
- */
+/* --- linear systems of the implicit methods: jacobian.h, ring.h ------------------------------ */
 
 /* One solve: g = gamma h, the mass of a link (mass-proportional damping included). */
 typedef struct bd_stage {

@@ -43,8 +43,7 @@ typedef struct ring_ends {
   pack before[REDUCTIONS + 1][9], after[REDUCTIONS + 1][9], inverse[9];
 } ring_ends;
 
-/* --- lanes -------------------------------------------------------------------------------------
- */
+/* --- lanes ----------------------------------------------------------------------------------- */
 
 /* Lane l takes what lane l + n has, round the ring. */
 #if BD_WIDTH == 8
@@ -103,8 +102,7 @@ SPECIALISED pack splat(double value) {
   return (pack){0} + value;
 }
 
-/* --- 3 x 3 blocks, rows first ------------------------------------------------------------------
- */
+/* --- 3 x 3 blocks, rows first ---------------------------------------------------------------- */
 
 /* L and U: l10 l20 l21, u01 u02 u12, reciprocal pivots; by minors, so that one division does. */
 SPECIALISED void decompose(pack *lu, const pack *d) {
@@ -185,8 +183,7 @@ SPECIALISED void take_column(const pack *a, const pack *x, pack *out) {
   }
 }
 
-/* --- separators --------------------------------------------------------------------------------
- */
+/* --- separators ------------------------------------------------------------------------------ */
 
 SPECIALISED void all_before(const pack *block, const int distance, pack *out) {
   for (int i = 0; i < 9; ++i) {
@@ -295,8 +292,7 @@ SPECIALISED void separators_solve(const ring_ends *ends, pack *r, pack *u) {
   take_column(ends->inverse, r, u);
 }
 
-/* --- factorisation -----------------------------------------------------------------------------
- */
+/* --- factorisation --------------------------------------------------------------------------- */
 
 /* What the couplings of a link need of it. */
 typedef struct ring_link {
@@ -411,8 +407,7 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
   separators_factor(ring->ends, d, left, right);
 }
 
-/* --- solve -------------------------------------------------------------------------------------
- */
+/* --- solve ----------------------------------------------------------------------------------- */
 
 /* x, y, p: right-hand side in, solution out. */
 static void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y, double *p) {

@@ -50,8 +50,7 @@ void bd_belt_line_point(int np, const double *cx, const double *cy, const double
 int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
                          int *j);
 
-/* --- state.c -----------------------------------------------------------------------------------
- */
+/* --- state.c --------------------------------------------------------------------------------- */
 
 /* Between the caller's arrays and the flat vector; import checks that all is finite and takes whole
  * turns off phi, `turns` of them. */

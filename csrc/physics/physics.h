@@ -8,8 +8,7 @@
 
 #include "model/model.h"
 
-/* --- torque.c ----------------------------------------------------------------------------------
- */
+/* --- torque.c -------------------------------------------------------------------------------- */
 
 typedef struct bd_torque_set {
   int np;
@@ -39,8 +38,7 @@ int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piec
                           const double *theta, const double *omega, const double *torque,
                           double *slope, bd_error *err);
 
-/* --- search.c ----------------------------------------------------------------------------------
- */
+/* --- search.c -------------------------------------------------------------------------------- */
 
 typedef struct bd_search {
   double margin;    /* how far outside a pulley links are still listed [m] */
@@ -53,8 +51,7 @@ typedef struct bd_search {
 
 void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay);
 
-/* --- plan.c ------------------------------------------------------------------------------------
- */
+/* --- plan.c ---------------------------------------------------------------------------------- */
 
 typedef struct bd_plan bd_plan;
 typedef int (*bd_pass)(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
@@ -76,13 +73,14 @@ struct bd_plan {
   double *best;     /* scratch of the output, per link */
   double t_piece;
   int ledger, friction_on, bending_on;
-  int skip_power;      /* power is not evaluated: settling, stages that do not need it */
-  int pulleys_locked;  /* settling: pulleys stand still */
-  double mass_damping; /* settling: mass-proportional damping [1/s] */
-  double circulation_damping,
-      circulation_inertia_scale; /* the same of circulation, and what multiplies its inertia */
-  const double *offset;          /* settling: the centres' displacement at the start */
-  double move_from, move_time;
+  int no_power;                     /* power is never evaluated: settling, runs beside the run */
+  int skip_power;                   /* nor now: stages that do not need it */
+  int pulleys_locked;               /* settling: pulleys stand still */
+  double mass_damping;              /* settling: mass-proportional damping [1/s] */
+  double circulation_damping;       /* settling: the same of circulation */
+  double circulation_inertia_scale; /* settling: what multiplies the inertia of circulation */
+  const double *offset;             /* settling: the centres' displacement at the start */
+  double move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
   int n_passes;
   bd_pass passes[BD_MAX_PASSES];
@@ -90,10 +88,10 @@ struct bd_plan {
 };
 
 typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys, skip_power;
+  int ledger, friction, hold_pulleys, no_power;
   double mass_damping;
   const double *offset;
-  double move_from, move_time;
+  double move_time;
 } bd_plan_options;
 
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
@@ -111,15 +109,13 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y);
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);
 
-/* --- search.c, on a plan -----------------------------------------------------------------------
- */
+/* --- search.c, on a plan --------------------------------------------------------------------- */
 
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
  * within the step is listed. */
 void bd_search_ready(bd_plan *plan, const double *y, double h);
 
-/* --- observe.c ---------------------------------------------------------------------------------
- */
+/* --- observe.c ------------------------------------------------------------------------------- */
 
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,

@@ -4,6 +4,7 @@
  * the scene, and run in order. An effect that is off has no pass; a kernel variant without bending,
  * friction or ledger is a different function, not a test inside the loop.
  */
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -149,6 +150,7 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
 }
 
 static void add_pass(bd_plan *plan, bd_pass pass, const char *name) {
+  assert(plan->n_passes < BD_MAX_PASSES);
   plan->passes[plan->n_passes] = pass;
   plan->names[plan->n_passes++] = name;
 }
@@ -164,9 +166,8 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   plan->mass_damping = options->mass_damping;
   plan->circulation_inertia_scale = 1.0;
   plan->pulleys_locked = options->hold_pulleys;
-  plan->skip_power = options->skip_power;
+  plan->no_power = plan->skip_power = options->no_power;
   plan->offset = options->offset;
-  plan->move_from = options->move_from;
   plan->move_time = options->move_time;
 
   links->lay = model->lay;
@@ -221,7 +222,7 @@ int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
 
 /* Smooth (quintic) motion of the centres from their offset to their place. */
 void bd_plan_place(bd_plan *plan, double t) {
-  double s = plan->move_time > 0.0 ? (t - plan->move_from) / plan->move_time : 1.0;
+  double s = plan->move_time > 0.0 ? t / plan->move_time : 1.0;
   s = s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s;
   double left = 1.0 - s * s * s * (10.0 + s * (6.0 * s - 15.0));
   double speed =

@@ -31,8 +31,8 @@ static const double COARSE = 0.02, JUMPS = 100.0;
 static const double CALL = 1.0;
 
 static double cost_of(const bd_sim *sim, const bd_method *m) {
-  const bd_torque_set *set = &sim->plan.torques;
-  double cost = m->cost[0] + m->cost[1] * sim->model->lay.n;
+  const bd_torque_set *set = &sim->stepper.plan.torques;
+  double cost = m->cost[0] + m->cost[1] * sim->stepper.model->lay.n;
   for (size_t k = 0; k < set->n_terms; ++k) {
     if (set->terms[k].kind == BD_TORQUE_CALL) {
       double calls = m->vectors - 1 + (m->implicit ? 2 * set->np + 2 : 0);
@@ -53,15 +53,15 @@ void bd_auto_pair(const bd_model *model, double rtol, bd_auto *pair) {
  * at best. */
 static double explicit_cost(const bd_sim *sim) {
   const bd_method *m = sim->choice.method[AUTO_EXPLICIT];
-  double h = 0.93 * m->stability / sim->model->info.spectral_bound;
-  return cost_of(sim, m) / (sim->options.max_step > 0.0 ? fmin(h, sim->options.max_step) : h);
+  double h = bd_method_longest(m, sim->stepper.model);
+  return cost_of(sim, m) / (sim->stepper.max_step > 0.0 ? fmin(h, sim->stepper.max_step) : h);
 }
 
 static double implicit_cost(const bd_sim *sim, double steps_a_round) {
   const bd_method *m = sim->choice.method[AUTO_IMPLICIT];
-  const bd_belt *belt = &sim->model->belt;
+  const bd_belt *belt = &sim->stepper.model->belt;
   double rounds = sqrt(belt->axial_stiffness / belt->linear_density) / belt->length;
-  double finer = pow(1e-3 / bd_method_tolerance(m, sim->options.rtol), 1.0 / m->error_order);
+  double finer = pow(1e-3 / bd_method_tolerance(m, sim->stepper.rtol), 1.0 / m->error_order);
   return cost_of(sim, m) * rounds * steps_a_round * finer;
 }
 
@@ -72,7 +72,7 @@ static long tries(const bd_sim *sim) {
 /* A new stretch: a few steps to find the step's length, then those to judge by. */
 static void begin_stretch(bd_sim *sim) {
   sim->choice.tries_begin = sim->choice.tries_judge = tries(sim);
-  sim->choice.t_judge = sim->t;
+  sim->choice.t_judge = sim->stepper.t;
 }
 
 void bd_auto_begin(bd_sim *sim) {
@@ -81,25 +81,26 @@ void bd_auto_begin(bd_sim *sim) {
   c->now = certain <= implicit_cost(sim, LEAST) ? AUTO_EXPLICIT : AUTO_IMPLICIT;
   c->doubtful = c->now == AUTO_IMPLICIT;
   c->look_after = FIRST_LOOK;
-  c->t_before = sim->t;
-  sim->method = sim->now = c->method[c->now];
+  c->t_before = sim->stepper.t;
+  sim->stepper.method = sim->stepper.now = c->method[c->now];
   begin_stretch(sim);
 }
 
 static void change(bd_sim *sim) {
   bd_auto *c = &sim->choice;
-  double kept = c->h_kept > 0.0 ? c->h_kept : sim->h;
-  c->h_kept = sim->h;
+  double kept = c->h_kept > 0.0 ? c->h_kept : sim->stepper.h;
+  c->h_kept = sim->stepper.h;
   c->now = !c->now;
   ++sim->stats.changes;
-  sim->method = c->method[c->now];
+  sim->stepper.method = c->method[c->now];
   /* a multistep method begins with its first order */
-  sim->h = bd_sim_longest(sim, c->now == AUTO_EXPLICIT    ? (double)INFINITY
-                               : sim->method->history > 0 ? 0.0625 * kept
-                                                          : kept);
+  sim->stepper.h =
+      bd_stepper_longest(&sim->stepper, c->now == AUTO_EXPLICIT            ? (double)INFINITY
+                                        : sim->stepper.method->history > 0 ? 0.0625 * kept
+                                                                           : kept);
   sim->error_before = 1.0;
-  sim->n_history = 0;
-  sim->rate_known = sim->jacobian_known = 0;
+  sim->stepper.n_history = 0;
+  sim->stepper.rate_known = sim->stepper.jacobian_known = 0;
   begin_stretch(sim);
 }
 
@@ -107,17 +108,17 @@ void bd_auto_watch(bd_sim *sim) {
   bd_auto *c = &sim->choice;
   long since = tries(sim) - c->tries_begin;
   ++c->steps[c->now];
-  c->time[c->now] += sim->t - c->t_before;
-  c->t_before = sim->t;
+  c->time[c->now] += sim->stepper.t - c->t_before;
+  c->t_before = sim->stepper.t;
   if (since < WARM_UP) {
     c->tries_judge = tries(sim);
-    c->t_judge = sim->t;
+    c->t_judge = sim->stepper.t;
   }
   if (since < WARM_UP + JUDGE) {
     return;
   }
-  double seen =
-      cost_of(sim, sim->method) * (double)(tries(sim) - c->tries_judge) / (sim->t - c->t_judge);
+  double seen = cost_of(sim, sim->stepper.method) * (double)(tries(sim) - c->tries_judge) /
+                (sim->stepper.t - c->t_judge);
   c->per_second[c->now] = seen;
   if (c->now == AUTO_IMPLICIT) {
     if (seen > MARGIN * fmax(explicit_cost(sim), c->per_second[AUTO_EXPLICIT])) {
@@ -146,13 +147,14 @@ void bd_auto_explain(const bd_sim *sim, char *text, size_t size) {
   const bd_auto *c = &sim->choice;
   const bd_method *one = c->method[AUTO_EXPLICIT], *other = c->method[AUTO_IMPLICIT];
   if (!one) {
-    snprintf(text, size, "%s, as asked", sim->method->name);
+    snprintf(text, size, "%s, as asked", sim->stepper.method->name);
     return;
   }
-  double bound = sim->model->info.spectral_bound, longest = 0.93 * one->stability / bound;
+  double bound = sim->stepper.model->info.spectral_bound,
+         longest = bd_method_longest(one, sim->stepper.model);
   if (sim->stats.changes == 0) {
     snprintf(text, size, "%s: explicit steps end at %.3g s (spectral bound %.3g 1/s), %s",
-             sim->method->name, longest, bound,
+             sim->stepper.method->name, longest, bound,
              c->now == AUTO_EXPLICIT ? "long enough for this tolerance"
                                      : "too short to be the cheaper ones");
     return;

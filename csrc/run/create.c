@@ -16,55 +16,25 @@ void bd_options_default(bd_options *options) {
 }
 
 static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_method *method,
-                  const bd_method *other, const bd_torque *torque, int settling) {
-  const bd_layout *lay = &model->lay;
-  int vectors = method->vectors, history = method->history, implicit = method->implicit;
-  if (other) {
-    vectors = other->vectors > vectors ? other->vectors : vectors;
-    history = other->history > history ? other->history : history;
-    implicit |= other->implicit;
-  }
-  BD_CARVE(carver, sim->y, lay->size);
-  BD_CARVE(carver, sim->y_new, lay->size);
-  BD_CARVE(carver, sim->y_mid, lay->size);
-  BD_CARVE(carver, sim->weights, lay->size);
-  for (int k = 0; k < vectors; ++k) {
-    BD_CARVE(carver, sim->stage[k], lay->size);
-  }
-  for (int k = 0; k < history; ++k) {
-    BD_CARVE(carver, sim->history[k], lay->size);
-  }
-  if (implicit) {
-    bd_newton_carve(carver, &sim->newton, model);
-  }
-  if (settling) {
-    BD_CARVE(carver, sim->settle_start, lay->size);
-    BD_CARVE(carver, sim->settle_offset, 2 * lay->np);
-    BD_CARVE(carver, sim->settle_centers, 2 * lay->np);
-    BD_CARVE(carver, sim->settle_wraps, lay->np);
-  }
-  bd_plan_carve(carver, &sim->plan, lay);
-  bd_opaque_carve(carver, &sim->opaque, lay->np);
-  bd_guard_carve(carver, &sim->guard, lay->np);
-  bd_twin_carve(carver, &sim->twin, lay->np);
-  bd_torque_set_carve(carver, &sim->plan.torques, lay->np, torque);
+                  const bd_method *other, const bd_torque *torque) {
+  bd_stepper_carve(carver, &sim->stepper, model, method, other, torque);
+  bd_guard_carve(carver, &sim->guard, model->lay.np);
+  bd_twin_carve(carver, &sim->twin, model->lay.np);
 }
 
 bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
-                   const bd_torque *torque, int settling) {
+                   const bd_torque *torque) {
   bd_carver carver = {0};
   bd_sim sizes, *sim;
   bd_carve(&carver, 1, sizeof *sim);
-  carve(&carver, &sizes, model, method, other, torque, settling);
+  carve(&carver, &sizes, model, method, other, torque);
   char *block = bd_block_new(carver.used);
   if (!block) {
     return NULL;
   }
   carver = (bd_carver){.base = block};
   sim = bd_carve(&carver, 1, sizeof *sim);
-  carve(&carver, sim, model, method, other, torque, settling);
-  sim->model = model;
-  sim->method = sim->now = method;
+  carve(&carver, sim, model, method, other, torque);
   sim->stats.spectral_bound = model->info.spectral_bound;
   atomic_flag_clear(&sim->running);
   return sim;
@@ -76,31 +46,6 @@ void bd_sim_free(bd_sim *sim) {
     bd_twin_free(&sim->twin);
     bd_block_free(sim->t_sample);
     bd_block_free(sim);
-  }
-}
-
-/* 1 / scale for every unknown. Stretch for positions; over half a link or a radius for angles; and
- * for velocities what a joint's stretch is worth over the time a wave needs round a belt of 60
- * links, which measured runs found as strict as the stretch itself. */
-void bd_sim_weights(bd_sim *sim) {
-  const bd_model *model = sim->model;
-  const bd_layout *lay = &model->lay;
-  const bd_info *info = &model->info;
-  double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
-  double stretch = strain * info->link_length;
-  double speed = strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / 60.0;
-  double half = 0.5 * info->link_length;
-  double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
-  memset(sim->weights, 0, lay->size * sizeof *sim->weights);
-  for (int f = F_X; f < F_MU + lay->slots; ++f) {
-    double *w = bd_field(lay, sim->weights, f);
-    for (int i = 0; i < lay->n; ++i) {
-      w[i] = f < F_MU ? 1.0 / scale[f] : 1.0;
-    }
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    sim->weights[lay->theta + j] = model->radius[j] / stretch;
-    sim->weights[lay->omega + j] = model->radius[j] / speed;
   }
 }
 
@@ -193,7 +138,7 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err) {
   int code = bd_sim_anywhere(out, model, initial, torque, t_end, options, err);
   if (code == BD_OK) {
-    code = bd_guard_initial(&(*out)->plan, (*out)->y, err, initial->t);
+    code = bd_guard_initial(&(*out)->stepper.plan, (*out)->stepper.y, err, initial->t);
   }
   if (code != BD_OK) {
     bd_sim_free(*out);
@@ -220,28 +165,32 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
     bd_auto_pair(model, options->rtol, &pair);
   }
   const bd_method *method = pair.method[0] ? pair.method[0] : bd_method_find(options->method);
-  bd_sim *sim = bd_sim_new(model, method, pair.method[1], torque, 0);
+  bd_sim *sim = bd_sim_new(model, method, pair.method[1], torque);
   if (!sim) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
-  int code = bd_torque_set_fill(&sim->plan.torques, torque, err);
+  int code = bd_torque_set_fill(&sim->stepper.plan.torques, torque, err);
   if (code == BD_OK) {
-    code = bd_state_import(model, initial, sim->y, &sim->turns, err);
+    code = bd_state_import(model, initial, sim->stepper.y, &sim->stepper.turns, err);
   }
   if (code != BD_OK) {
     bd_sim_free(sim);
     return code;
   }
   sim->options = *options;
-  sim->opaque.interval = options->torque_interval;
-  sim->opaque.rough_until = -INFINITY;
-  sim->fixed = !sim->method->adaptive || (sim->method->may_be_fixed && options->step > 0.0);
+  sim->stepper.rtol = options->rtol;
+  sim->stepper.max_step = options->max_step;
+  sim->stepper.opaque.interval = options->torque_interval;
+  sim->stepper.opaque.rough_until = -INFINITY;
+  sim->stepper.fixed =
+      !sim->stepper.method->adaptive || (sim->stepper.method->may_be_fixed && options->step > 0.0);
   sim->options.method = NULL; /* the caller's string need not live on */
   sim->choice = pair;
-  sim->t = sim->t0 = initial->t;
+  sim->stepper.t = sim->t0 = initial->t;
   sim->t_end = t_end;
-  bd_plan_make(&sim->plan, model, &(bd_plan_options){.ledger = options->ledger, .friction = 1});
-  bd_sim_weights(sim);
+  bd_plan_make(&sim->stepper.plan, model,
+               &(bd_plan_options){.ledger = options->ledger, .friction = 1});
+  bd_stepper_weigh(&sim->stepper);
   if (options->guards && bd_twin_create(sim, torque) != BD_OK) {
     bd_sim_free(sim);
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
@@ -255,7 +204,7 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
 
 int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
                       bd_error *err) {
-  if (sim->watch) {
+  if (sim->settling) {
     return bd_fail(err, BD_ERR_BUSY, "t_eval", "settling has no samples: only its end counts");
   }
   if (sim->started || sim->t_sample) {

@@ -94,12 +94,14 @@ int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double
 /* Stored energy (MODEL section 7), with the directions of the links as last evaluated; the widest
  * joint; and when each pulley was last touched. */
 static double survey(bd_sim *sim, double *gap, int *link) {
-  const bd_plan *plan = &sim->plan;
-  const bd_model *model = sim->model;
+  const bd_plan *plan = &sim->stepper.plan;
+  const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
-  const double *x = bd_cfield(lay, sim->y, F_X), *y = bd_cfield(lay, sim->y, F_Y);
-  const double *phi = bd_cfield(lay, sim->y, F_PHI), *w = bd_cfield(lay, sim->y, F_VPHI);
-  const double *vx = bd_cfield(lay, sim->y, F_VX), *vy = bd_cfield(lay, sim->y, F_VY);
+  const double *x = bd_cfield(lay, sim->stepper.y, F_X), *y = bd_cfield(lay, sim->stepper.y, F_Y);
+  const double *phi = bd_cfield(lay, sim->stepper.y, F_PHI),
+               *w = bd_cfield(lay, sim->stepper.y, F_VPHI);
+  const double *vx = bd_cfield(lay, sim->stepper.y, F_VX),
+               *vy = bd_cfield(lay, sim->stepper.y, F_VY);
   const double *co = plan->links.cos, *si = plan->links.sin, half = plan->links.half;
   const double m = model->info.link_mass, gx = model->gravity[0], gy = model->gravity[1];
   double axial = 0.0, bending = 0.0, moving = 0.0, spin = 0.0, height = 0.0, widest = 0.0;
@@ -123,7 +125,7 @@ static double survey(bd_sim *sim, double *gap, int *link) {
                   m * height;
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *d = &plan->contact_pulleys[j];
-    double omega = sim->y[lay->omega + j];
+    double omega = sim->stepper.y[lay->omega + j];
     energy += 0.5 * model->inertia[j] * omega * omega;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
@@ -132,7 +134,7 @@ static double survey(bd_sim *sim, double *gap, int *link) {
         if (rho2 < d->radius * d->radius) {
           double p = d->radius - sqrt(rho2);
           energy += p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
-          sim->guard.touched[j] = sim->t;
+          sim->guard.touched[j] = sim->stepper.t;
         }
       }
     }
@@ -142,21 +144,22 @@ static double survey(bd_sim *sim, double *gap, int *link) {
 }
 
 static int check_joints(bd_sim *sim, double gap, int link) {
-  const double strain = sim->model->info.strain;
+  const double strain = sim->stepper.model->info.strain;
   if (gap > 1.0) {
-    return bd_fail_at(&sim->failure, BD_ERR_JOINT_GAP, "joints", sim->t, link, -1, gap,
-                      "the joint on the left of link %d gapes by %.3g times a link's length at "
-                      "t = %.9g s, no belt stretches so far: %s",
-                      link, gap, sim->t,
-                      sim->fixed ? "take a shorter step or an adaptive method, or look for a "
-                                   "torque or a speed out of scale"
-                                 : "look for a torque or a speed out of scale");
+    return bd_fail_at(
+        &sim->stepper.report.failure, BD_ERR_JOINT_GAP, "joints", sim->stepper.t, link, -1, gap,
+        "the joint on the left of link %d gapes by %.3g times a link's length at "
+        "t = %.9g s, no belt stretches so far: %s",
+        link, gap, sim->stepper.t,
+        sim->stepper.fixed ? "take a shorter step or an adaptive method, or look for a "
+                             "torque or a speed out of scale"
+                           : "look for a torque or a speed out of scale");
   }
   if (gap > fmax(0.1, 3.0 * strain)) {
-    bd_sim_warn(sim, BD_WARN_stretch, sim->t, link, -1,
-                "a joint is stretched by %.3g %% of a link at t = %.6g s, %.2g %% at rest: few "
-                "belts bear that, and none is linear so far",
-                100.0 * gap, sim->t, 100.0 * strain);
+    bd_warn(&sim->stepper.report, BD_WARN_stretch, sim->stepper.t, link, -1,
+            "a joint is stretched by %.3g %% of a link at t = %.6g s, %.2g %% at rest: few "
+            "belts bear that, and none is linear so far",
+            100.0 * gap, sim->stepper.t, 100.0 * strain);
   }
   return BD_OK;
 }
@@ -166,62 +169,62 @@ static int check_joints(bd_sim *sim, double gap, int link) {
  */
 static int check_balance(bd_sim *sim, double energy) {
   bd_guard *guard = &sim->guard;
-  const double *work = sim->y + sim->model->lay.work;
+  const double *work = sim->stepper.y + sim->stepper.model->lay.work;
   double losses = work[W_JOINT] + work[W_CONTACT] + work[W_FRICTION];
   double residual = energy - sim->e0 - (work[W_DRIVE] - losses);
   guard->fed += fmax(0.0, work[W_DRIVE] - guard->drive);
   guard->drive = work[W_DRIVE];
   guard->passed = fmax(guard->passed, fmax(guard->fed, fmax(losses, fabs(energy - sim->e0))));
-  const double strain = sim->model->geometry.code == BD_OK ? sim->model->info.strain : 0.0;
-  const double preload =
-      0.5 * sim->model->belt.axial_stiffness * strain * strain * sim->model->belt.length;
+  const double strain =
+      sim->stepper.model->geometry.code == BD_OK ? sim->stepper.model->info.strain : 0.0;
+  const double preload = 0.5 * sim->stepper.model->belt.axial_stiffness * strain * strain *
+                         sim->stepper.model->belt.length;
   double share = residual / (guard->passed + 0.05 * preload + 1e-12 * fabs(sim->e0));
   /* without a ledger power is summed by the trapezoidal rule, which is off by as much as 8 % */
-  const double most = sim->plan.ledger ? 0.02 : 0.15;
+  const double most = sim->stepper.plan.ledger ? 0.02 : 0.15;
   sim->stats.balance = fabs(share) > fabs(sim->stats.balance) ? share : sim->stats.balance;
   /* the work of a torque that jumps all the time is known no better than the torque */
-  if (!(share <= 0.5) && !sim->warned[BD_WARN_rough_torque].message[0]) {
+  if (!(share <= 0.5) && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
     return bd_fail_at(
-        &sim->failure, BD_ERR_BALANCE, "energy", sim->t, -1, -1, residual,
+        &sim->stepper.report.failure, BD_ERR_BALANCE, "energy", sim->stepper.t, -1, -1, residual,
         "%.3g J have come from nowhere by t = %.9g s, where %.3g J passed through the "
         "drive: %s",
-        residual, sim->t, guard->passed,
-        sim->fixed ? "the fixed step is too long, take a shorter one or an adaptive "
-                     "method"
-                   : "take a tighter rtol or another method");
+        residual, sim->stepper.t, guard->passed,
+        sim->stepper.fixed ? "the fixed step is too long, take a shorter one or an adaptive "
+                             "method"
+                           : "take a tighter rtol or another method");
   }
   /* and needs no second warning */
-  if (fabs(share) > most && !sim->warned[BD_WARN_rough_torque].message[0]) {
-    bd_sim_warn(sim, BD_WARN_balance, sim->t, -1, -1,
-                "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
-                "take %s, or compare with another method",
-                fabs(residual), 100.0 * fabs(share),
-                residual < 0.0 ? "are lost to the integration" : "have come from nowhere", sim->t,
-                sim->fixed ? "a shorter step" : "a tighter rtol");
+  if (fabs(share) > most && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
+    bd_warn(&sim->stepper.report, BD_WARN_balance, sim->stepper.t, -1, -1,
+            "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
+            "take %s, or compare with another method",
+            fabs(residual), 100.0 * fabs(share),
+            residual < 0.0 ? "are lost to the integration" : "have come from nowhere",
+            sim->stepper.t, sim->stepper.fixed ? "a shorter step" : "a tighter rtol");
   }
   return BD_OK;
 }
 
 /* A pulley that no link has touched for ten rounds of a wave. */
 static void check_contact(bd_sim *sim) {
-  for (int j = 0; j < sim->model->lay.np; ++j) {
-    double since = sim->t - sim->guard.touched[j];
-    if (since > 10.0 * bd_round_time(sim->model)) {
-      bd_sim_warn(
-          sim, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
-          "no link touches pulley %d from t = %.6g s to %.6g s: the belt is slack there, or "
-          "its links are too long for that pulley (raise belt.n_bodies)",
-          j, sim->guard.touched[j], sim->t);
+  for (int j = 0; j < sim->stepper.model->lay.np; ++j) {
+    double since = sim->stepper.t - sim->guard.touched[j];
+    if (since > 10.0 * bd_round_time(sim->stepper.model)) {
+      bd_warn(&sim->stepper.report, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
+              "no link touches pulley %d from t = %.6g s to %.6g s: the belt is slack there, or "
+              "its links are too long for that pulley (raise belt.n_bodies)",
+              j, sim->guard.touched[j], sim->stepper.t);
     }
   }
 }
 
 void bd_guard_begin(bd_sim *sim) {
   bd_guard *guard = &sim->guard;
-  guard->t_look = guard->t_window = sim->twin.t_events = sim->t;
-  for (int j = 0; j < sim->model->lay.np; ++j) {
-    guard->touched[j] = sim->t;
-    sim->twin.theta[j] = sim->y[sim->model->lay.theta + j];
+  guard->t_look = guard->t_window = sim->twin.t_events = sim->stepper.t;
+  for (int j = 0; j < sim->stepper.model->lay.np; ++j) {
+    guard->touched[j] = sim->stepper.t;
+    sim->twin.theta[j] = sim->stepper.y[sim->stepper.model->lay.theta + j];
   }
 }
 
@@ -229,17 +232,17 @@ void bd_guard_begin(bd_sim *sim) {
  * left to the first order without being held to anything. */
 static void check_steps(bd_sim *sim) {
   const double error = sim->stats.local_error;
-  if (sim->fixed && error > 0.5) {
-    bd_sim_warn(sim, BD_WARN_fixed_step, sim->t, -1, -1,
-                "steps of %.3g s err by %.2g of the tension or more, seen by t = %.6g s: take a "
-                "shorter step, or leave step out and ask for an rtol",
-                sim->options.step > 0.0 ? sim->options.step : sim->h, error, sim->t);
+  if (sim->stepper.fixed && error > 0.5) {
+    bd_warn(&sim->stepper.report, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
+            "steps of %.3g s err by %.2g of the tension or more, seen by t = %.6g s: take a "
+            "shorter step, or leave step out and ask for an rtol",
+            sim->options.step > 0.0 ? sim->options.step : sim->stepper.h, error, sim->stepper.t);
   }
-  if (!sim->fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->options.rtol) {
-    bd_sim_warn(sim, BD_WARN_fallback, sim->t, -1, -1,
-                "%ld steps could be made by the first order alone and err by %.2g where %.2g was "
-                "asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
-                sim->stats.fallbacks, error, sim->options.rtol, sim->t);
+  if (!sim->stepper.fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->stepper.rtol) {
+    bd_warn(&sim->stepper.report, BD_WARN_fallback, sim->stepper.t, -1, -1,
+            "%ld steps could be made by the first order alone and err by %.2g where %.2g was "
+            "asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
+            sim->stats.fallbacks, error, sim->stepper.rtol, sim->stepper.t);
   }
 }
 
@@ -248,33 +251,35 @@ static void check_steps(bd_sim *sim) {
  * 170 rounds, by less than one at 100 and below. Explicit steps follow the vibration. */
 static void check_damping(bd_sim *sim) {
   enum { ROUNDS = 120 };
-  const double round = bd_round_time(sim->model), lives = bd_wave_life(sim->model);
-  if (!sim->method->implicit || lives <= ROUNDS * round || sim->t - sim->t0 <= 20.0 * round) {
+  const double round = bd_round_time(sim->stepper.model), lives = bd_wave_life(sim->stepper.model);
+  if (!sim->stepper.method->implicit || lives <= ROUNDS * round ||
+      sim->stepper.t - sim->t0 <= 20.0 * round) {
     return;
   }
   char for_long[48] = "for ever, without damping";
   if (isfinite(lives)) {
     snprintf(for_long, sizeof for_long, "for %.3g s, so small is its damping", lives);
   }
-  bd_sim_warn(sim, BD_WARN_undamped, (double)NAN, -1, -1,
-              "vibrations along the belt live %s, and the errors of %s add up over them unseen: "
-              "compare with method=\"tsit5\", or take a tighter rtol, or more axial_damping",
-              for_long, sim->method->name);
+  bd_warn(&sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
+          "vibrations along the belt live %s, and the errors of %s add up over them unseen: "
+          "compare with method=\"tsit5\", or take a tighter rtol, or more axial_damping",
+          for_long, sim->stepper.method->name);
 }
 
 int bd_guard_look(bd_sim *sim, int now) {
   bd_guard *guard = &sim->guard;
   if (!now && sim->stats.steps - guard->steps_look < STEPS &&
-      sim->t - guard->t_look < (sim->t_end - sim->t0) / PARTS) {
+      sim->stepper.t - guard->t_look < (sim->t_end - sim->t0) / PARTS) {
     return BD_OK;
   }
-  guard->t_look = sim->t;
+  guard->t_look = sim->stepper.t;
   guard->steps_look = sim->stats.steps;
   int link;
   double gap, energy = survey(sim, &gap, &link);
   int code = check_joints(sim, gap, link);
   if (code == BD_OK) {
-    code = bd_guard_winding(&sim->plan, sim->y, &sim->failure, sim->t);
+    code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, &sim->stepper.report.failure,
+                            sim->stepper.t);
   }
   if (code == BD_OK) {
     code = check_balance(sim, energy);
@@ -295,22 +300,23 @@ static const double A_ROUND = 20000.0, TO_GO = 1e6, WHATEVER_ROUND = 40000.0, WH
 
 /* Tries in which the explicit method spans the same, if it is held by the joints alone. */
 static double explicit_round(const bd_sim *sim) {
-  double stability = sim->method->implicit ? 0.0 : sim->method->stability;
-  return stability > 0.0 ? bd_round_time(sim->model) * sim->model->info.spectral_bound / stability
+  double stability = sim->stepper.method->implicit ? 0.0 : sim->stepper.method->stability;
+  return stability > 0.0 ? bd_round_time(sim->stepper.model) *
+                               sim->stepper.model->info.spectral_bound / stability
                          : 0.0;
 }
 
 /* What asks for such steps, and what to try. */
 static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, int *pulley) {
-  bd_stiffness stiff = bd_stiffness_of(sim->model, &sim->plan.torques);
-  const double joints = sim->model->info.spectral_bound;
+  bd_stiffness stiff = bd_stiffness_of(sim->stepper.model, &sim->stepper.plan.torques);
+  const double joints = sim->stepper.model->info.spectral_bound;
   const char *what = NULL;
-  *pulley = bd_opaque_jumps(sim);
-  if (sim->options.max_step > 0.0 && mean_step > 0.5 * sim->options.max_step) {
+  *pulley = bd_opaque_jumps(&sim->stepper);
+  if (sim->stepper.max_step > 0.0 && mean_step > 0.5 * sim->stepper.max_step) {
     *pulley = -1;
     snprintf(text, size, "max_step = %.3g s is far below what the drive asks for",
-             sim->options.max_step);
-  } else if (sim->fixed && sim->options.step > 0.0) {
+             sim->stepper.max_step);
+  } else if (sim->stepper.fixed && sim->options.step > 0.0) {
     *pulley = -1;
     snprintf(text, size, "step = %.3g s is far below what the drive asks for", sim->options.step);
   } else if (*pulley >= 0) {
@@ -323,20 +329,23 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
   } else if (stiff.bound > 3.0 * joints) {
     *pulley = stiff.pulley;
     what = stiff.what;
-  } else if (!sim->plan.torques.smooth && mean_step * joints < 0.3) {
+  } else if (!sim->stepper.plan.torques.smooth && mean_step * joints < 0.3) {
     what = "the torque function, which depends on angle or speed";
   } else {
-    what = sim->now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";
+    what =
+        sim->stepper.now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";
   }
   if (what) {
-    int lowest = strcmp(sim->now->name, "lbdf2") == 0 || strcmp(sim->now->name, "lie") == 0;
-    snprintf(
-        text, size, "the fastest motion is that of %s; %s", what,
-        lowest                  ? "loosen rtol, or look for parameters out of scale"
-        : sim->now->implicit    ? "loosen rtol, take method=\"lbdf2\", or look for parameters out "
-                                  "of scale"
-        : sim->choice.method[0] ? "take method=\"rodas4\" or \"lbdf2\", or loosen rtol"
-                                : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol");
+    int lowest =
+        strcmp(sim->stepper.now->name, "lbdf2") == 0 || strcmp(sim->stepper.now->name, "lie") == 0;
+    snprintf(text, size, "the fastest motion is that of %s; %s", what,
+             lowest ? "loosen rtol, or look for parameters out of scale"
+             : sim->stepper.now->implicit
+                 ? "loosen rtol, take method=\"lbdf2\", or look for parameters out "
+                   "of scale"
+             : sim->choice.method[0]
+                 ? "take method=\"rodas4\" or \"lbdf2\", or loosen rtol"
+                 : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol");
   }
 }
 
@@ -346,12 +355,13 @@ int bd_guard_progress(bd_sim *sim) {
   if (since < WINDOW) {
     return BD_OK;
   }
-  double gone = sim->t - guard->t_window, a_second = (double)since / fmax(gone, DBL_MIN);
-  guard->t_window = sim->t;
+  double gone = sim->stepper.t - guard->t_window, a_second = (double)since / fmax(gone, DBL_MIN);
+  guard->t_window = sim->stepper.t;
   guard->tries_window = tries;
-  double a_round = a_second * bd_round_time(sim->model), to_go = a_second * (sim->t_end - sim->t);
+  double a_round = a_second * bd_round_time(sim->stepper.model),
+         to_go = a_second * (sim->t_end - sim->stepper.t);
   /* Euler's method needs many steps for a tight tolerance, whatever the drive */
-  double usual = sim->method->order == 1 ? 4.0 * A_ROUND : A_ROUND;
+  double usual = sim->stepper.method->order == 1 ? 4.0 * A_ROUND : A_ROUND;
   int slow = a_round > usual + 10.0 * explicit_round(sim) && to_go > TO_GO;
   int endless = a_round > WHATEVER_ROUND && to_go > WHATEVER_TO_GO;
   /* "auto" has not tried its other method yet */
@@ -362,8 +372,9 @@ int bd_guard_progress(bd_sim *sim) {
   char text[256];
   int pulley;
   blame(sim, gone / (double)since, text, sizeof text, &pulley);
-  return bd_fail_at(&sim->failure, BD_ERR_STALLED, "step", sim->t, -1, pulley, gone,
+  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_STALLED, "step", sim->stepper.t, -1,
+                    pulley, gone,
                     "no progress at t = %.9g s: %ld steps went %.3g s, the end is %.2g steps away; "
                     "%s (or set max_steps to go on all the same)",
-                    sim->t, since, gone, to_go, text);
+                    sim->stepper.t, since, gone, to_go, text);
 }

@@ -22,10 +22,11 @@ static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *sta
   int code = bd_sim_anywhere(out, model, state, &given, later, &options, err);
   if (code == BD_OK) {
     bd_sim *sim = *out;
-    bd_plan_place(&sim->plan, sim->t);
-    sim->plan.search.travelled = INFINITY;
-    bd_search_ready(&sim->plan, sim->y, 0.0);
-    code = bd_plan_rate(&sim->plan, sim->t, sim->y, sim->stage[0], err);
+    bd_plan_place(&sim->stepper.plan, sim->stepper.t);
+    sim->stepper.plan.search.travelled = INFINITY;
+    bd_search_ready(&sim->stepper.plan, sim->stepper.y, 0.0);
+    code = bd_plan_rate(&sim->stepper.plan, sim->stepper.t, sim->stepper.y, sim->stepper.stage[0],
+                        err);
   }
   return code;
 }
@@ -43,7 +44,7 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
   int code = sim_at_state(&sim, model, state, torque, "tsit5", err);
   if (code == BD_OK) {
     out->t = 1.0;
-    export_rate(model, sim->stage[0], out);
+    export_rate(model, sim->stepper.stage[0], out);
   }
   bd_sim_free(sim);
   return code;
@@ -57,15 +58,15 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
   bd_sim *sim = NULL;
   int code = sim_at_state(&sim, model, state, NULL, "lie", err);
   if (code == BD_OK) {
-    bd_newton_linearise(&sim->newton, &sim->plan, sim->y);
+    bd_newton_linearise(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.y);
   }
   if (code == BD_OK) {
-    bd_newton_linearise_contact(&sim->newton, &sim->plan, sim->y, 0.0);
-    bd_state_put(&model->lay, c, 0.0, 0.0, sim->stage[1]);
-    bd_newton_factor(&sim->newton, &sim->plan, g);
-    bd_newton_solve(&sim->newton, &sim->plan, sim->stage[1]);
+    bd_newton_linearise_contact(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.y, 0.0);
+    bd_state_put(&model->lay, c, 0.0, 0.0, sim->stepper.stage[1]);
+    bd_newton_factor(&sim->stepper.newton, &sim->stepper.plan, g);
+    bd_newton_solve(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.stage[1]);
     k->t = g;
-    export_rate(model, sim->stage[1], k);
+    export_rate(model, sim->stepper.stage[1], k);
   }
   bd_sim_free(sim);
   return code;

@@ -16,6 +16,21 @@
 
 #include "run/run.h"
 
+struct bd_settling {
+  bd_sim *sim;
+  bd_settle_options options;
+  double *start, *offset, *centers; /* state and displacement at the start; scratch of the laying */
+  double *scratch;                  /* the belt as laid, and zeros */
+  bd_wrap *wraps;
+  double start_turns;
+  int tries, at_rest, status;
+  double force, speed, time; /* of circulation at the last check */
+  double stiffness;          /* of circulation, as seen */
+  double patience;           /* how long to wait for less than the least residual so far, */
+  double best, best_time;    /* that residual, and when it was seen */
+  bd_error failure;
+};
+
 void bd_settle_options_default(bd_settle_options *options) {
   *options = (bd_settle_options){.tolerance = 1e-9};
 }
@@ -70,13 +85,13 @@ static const bd_method *method_for(const bd_model *model, int friction, double *
 
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
  * friction would keep a trace of it. */
-static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const bd_wrap *wraps,
-                          int direction, double length, bd_state *state) {
-  const bd_model *model = sim->model;
+static void place_on_line(const bd_settling *settling, const double *cx, const double *cy,
+                          const bd_wrap *wraps, int direction, double length, bd_state *state) {
+  const bd_model *model = settling->sim->stepper.model;
   int n = model->lay.n;
   double inward = 1e-3 * model->info.strain * model->info.link_length * direction;
   for (int i = 0; i < n; ++i) {
-    double s = length * (i + 0.5) / n + sim->settle.shift, round = floor(s / length);
+    double s = length * (i + 0.5) / n + settling->options.shift, round = floor(s / length);
     bd_belt_line_point(model->lay.np, cx, cy, model->radius, wraps, direction, s - round * length,
                        &state->x[i], &state->y[i], &state->phi[i]);
     state->phi[i] += round * direction * 2.0 * BD_PI;
@@ -85,29 +100,29 @@ static void place_on_line(bd_sim *sim, const double *cx, const double *cy, const
   }
 }
 
-/* Lays the belt along the line round the centres where they start. A vector of the simulation lends
- * the room for it, before it is needed. */
-static int lay_belt(bd_sim *sim, bd_error *err) {
-  const bd_model *model = sim->model;
+/* Lays the belt along the line round the centres where they start. */
+static int lay_belt(bd_settling *settling, bd_error *err) {
+  bd_sim *sim = settling->sim;
+  const bd_model *model = sim->stepper.model;
   int n = model->lay.n, np = model->lay.np, direction;
-  double length, *room = sim->y_new;
-  double *cx = sim->settle_centers, *cy = cx + np;
-  bd_wrap *wraps = sim->settle_wraps;
+  double length, *laid = settling->scratch;
+  double *cx = settling->centers, *cy = cx + np;
+  bd_wrap *wraps = settling->wraps;
   for (int j = 0; j < np; ++j) {
-    cx[j] = model->cx[j] + (sim->plan.offset ? sim->plan.offset[2 * j] : 0.0);
-    cy[j] = model->cy[j] + (sim->plan.offset ? sim->plan.offset[2 * j + 1] : 0.0);
+    cx[j] = model->cx[j] + (sim->stepper.plan.offset ? sim->stepper.plan.offset[2 * j] : 0.0);
+    cy[j] = model->cy[j] + (sim->stepper.plan.offset ? sim->stepper.plan.offset[2 * j + 1] : 0.0);
   }
   int code = bd_belt_line_lay(np, cx, cy, model->radius, wraps, &direction, &length, err);
   if (code != BD_OK) {
-    if (err && sim->plan.offset) {
+    if (err && sim->stepper.plan.offset) {
       memmove(err->field, "offset", sizeof "offset");
     }
     return code;
   }
-  double *zero = sim->weights; /* still all zero */
-  bd_state state = {.x = room,
-                    .y = room + n,
-                    .phi = room + 2 * n,
+  double *zero = laid + 3 * n;
+  bd_state state = {.x = laid,
+                    .y = laid + n,
+                    .phi = laid + 2 * n,
                     .vx = zero,
                     .vy = zero,
                     .vphi = zero,
@@ -115,8 +130,8 @@ static int lay_belt(bd_sim *sim, bd_error *err) {
                     .slip = zero,
                     .theta = zero,
                     .omega = zero};
-  place_on_line(sim, cx, cy, wraps, direction, length, &state);
-  return bd_state_import(model, &state, sim->y, &sim->turns, err);
+  place_on_line(settling, cx, cy, wraps, direction, length, &state);
+  return bd_state_import(model, &state, sim->stepper.y, &sim->stepper.turns, err);
 }
 
 static int check_options(const bd_model *model, const bd_settle_options *options, bd_error *err) {
@@ -148,32 +163,33 @@ static int check_options(const bd_model *model, const bd_settle_options *options
   return BD_OK;
 }
 
-static void set_up(bd_sim *sim, double step) {
-  const bd_model *model = sim->model;
-  const bd_settle_options *given = &sim->settle;
+static void set_up(bd_settling *settling, double step) {
+  bd_sim *sim = settling->sim;
+  const bd_model *model = sim->stepper.model;
+  const bd_settle_options *given = &settling->options;
   double lowest, mass_damping = critical_mass_damping(model, &lowest);
   double move_time = !given->offset           ? 0.0
                      : given->move_time > 0.0 ? given->move_time
                                               : 100.0 / lowest;
-  sim->t = sim->t0 = 0.0;
+  sim->stepper.t = sim->t0 = 0.0;
   /* a fine belt's polygon holds it less, and waiting costs less with implicit steps */
-  sim->settle_patience = (sim->method->implicit ? 5000.0 : 1000.0) / lowest;
-  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : sim->settle_patience);
-  bd_plan_make(&sim->plan, model,
+  settling->patience = (sim->stepper.method->implicit ? 5000.0 : 1000.0) / lowest;
+  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : settling->patience);
+  bd_plan_make(&sim->stepper.plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
-                                  .skip_power = 1,
+                                  .no_power = 1,
                                   .mass_damping = mass_damping,
                                   .offset = given->offset,
                                   .move_time = move_time});
-  if (!sim->method->implicit) {
-    sim->plan.links.damping = easiest_damping(model);
+  if (!sim->stepper.method->implicit) {
+    sim->stepper.plan.links.damping = easiest_damping(model);
   }
   bd_options_default(&sim->options);
-  sim->options.method = sim->method->name;
+  sim->options.method = sim->stepper.method->name;
   sim->options.step = step;
   sim->options.ledger = 0;
-  sim->fixed = 1;
+  sim->stepper.fixed = 1;
 }
 
 /* Without friction the belt slides round its pulleys almost freely, and with friction a drive whose
@@ -181,38 +197,39 @@ static void set_up(bd_sim *sim, double step) {
  * and is thousands of times below all others. It is measured, from how the force along the belt
  * changes with the distance travelled since the last check, and circulation is given the inertia
  * and damping that bring it to rest as fast as the slowest of the other motions allows. */
-static void tune_circulation(bd_sim *sim, const double *dy) {
-  bd_plan *plan = &sim->plan;
-  double force = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->y);
-  double travel = 0.5 * (speed + sim->settle_speed) * (sim->t - sim->settle_time);
+static void tune_circulation(bd_settling *settling, const double *dy) {
+  const bd_sim *sim = settling->sim;
+  bd_plan *plan = &settling->sim->stepper.plan;
+  double force = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->stepper.y);
+  double travel = 0.5 * (speed + settling->speed) * (sim->stepper.t - settling->time);
   /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
-  if (sim->t > plan->move_time + 30.0 / plan->mass_damping &&
-      fabs(travel) > 1e-9 * sim->model->info.link_length) {
+  if (sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
+      fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
     /* a stiffness once seen is let go slowly: a gain that followed it round the path would pump */
-    double seen = fabs(force - sim->settle_push) / fabs(travel), pace = plan->mass_damping / 16.0;
-    sim->settle_stiffness = fmax(seen, 0.9 * sim->settle_stiffness);
-    plan->circulation_inertia_scale = fmin(1e4, fmax(1.0, pace * pace / sim->settle_stiffness));
+    double seen = fabs(force - settling->force) / fabs(travel), pace = plan->mass_damping / 16.0;
+    settling->stiffness = fmax(seen, 0.9 * settling->stiffness);
+    plan->circulation_inertia_scale = fmin(1e4, fmax(1.0, pace * pace / settling->stiffness));
     plan->circulation_damping =
-        fmin(plan->mass_damping, 2.0 * fmax(pace, sqrt(sim->settle_stiffness)));
+        fmin(plan->mass_damping, 2.0 * fmax(pace, sqrt(settling->stiffness)));
   }
-  sim->settle_push = force;
-  sim->settle_speed = speed;
-  sim->settle_time = sim->t;
+  settling->force = force;
+  settling->speed = speed;
+  settling->time = sim->stepper.t;
 }
 
 /* Takes all velocities out of y; returns the largest, of link ends and rims [m/s]. */
 static double stop(const bd_sim *sim, double *y) {
-  const bd_layout *lay = &sim->model->lay;
+  const bd_layout *lay = &sim->stepper.model->lay;
   double fastest = 0.0;
   for (int f = F_VX; f <= F_VPHI; ++f) {
-    double *v = bd_field(lay, y, f), arm = f == F_VPHI ? sim->plan.links.half : 1.0;
+    double *v = bd_field(lay, y, f), arm = f == F_VPHI ? sim->stepper.plan.links.half : 1.0;
     for (int i = 0; i < lay->n; ++i) {
       fastest = fmax(fastest, arm * fabs(v[i]));
       v[i] = 0.0;
     }
   }
   for (int j = 0; j < lay->np; ++j) {
-    fastest = fmax(fastest, sim->model->radius[j] * fabs(y[lay->omega + j]));
+    fastest = fmax(fastest, sim->stepper.model->radius[j] * fabs(y[lay->omega + j]));
     y[lay->omega + j] = 0.0;
   }
   return fastest;
@@ -220,18 +237,19 @@ static double stop(const bd_sim *sim, double *y) {
 
 /* A belt at rest that misses a pulley is at rest somewhere else. */
 static int check_laid(bd_sim *sim, bd_error *err) {
-  const bd_model *model = sim->model;
+  const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
-  const double *x = bd_cfield(lay, sim->y, F_X), *y = bd_cfield(lay, sim->y, F_Y);
-  int code = bd_guard_winding(&sim->plan, sim->y, err, sim->t);
+  const double *x = bd_cfield(lay, sim->stepper.y, F_X), *y = bd_cfield(lay, sim->stepper.y, F_Y);
+  int code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, err, sim->stepper.t);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    const bd_contact_pulley *d = &sim->plan.contact_pulleys[j];
+    const bd_contact_pulley *d = &sim->stepper.plan.contact_pulleys[j];
     int touches = 0;
     for (int i = 0; i < lay->n; ++i) {
       touches |= hypot(x[i] - d->x, y[i] - d->y) < d->radius;
     }
     if (!touches) {
-      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "settle", sim->t, -1, j, model->info.link_length,
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j,
+                        model->info.link_length,
                         "no link touches pulley %d: the belt bends round it between two links of "
                         "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
                         j, model->info.link_length,
@@ -243,32 +261,33 @@ static int check_laid(bd_sim *sim, bd_error *err) {
 
 /* The largest unbalanced force with everything stopped, over the mean tension, into
  * stats.residual; velocities must be gone to the same degree. At rest: stops the belt. */
-static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
-  const bd_model *model = sim->model;
+static int check_rest(bd_settling *settling) {
+  bd_sim *sim = settling->sim;
+  bd_error *err = &settling->failure;
+  const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
-  *at_rest = 0;
-  double *y = sim->y_mid, *dy = sim->stage[sim->method->vectors - 1];
+  double *y = sim->stepper.y_mid, *dy = sim->stepper.stage[sim->stepper.method->vectors - 1];
   double fastest, worst = 0.0;
-  memcpy(y, sim->y, lay->size * sizeof *y);
+  memcpy(y, sim->stepper.y, lay->size * sizeof *y);
   fastest = stop(sim, y);
   double wave = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
   if (!(fastest < wave)) {
     return bd_fail_at(
-        err, BD_ERR_NOT_FINITE, "settle", sim->t, -1, -1, fastest,
+        err, BD_ERR_NOT_FINITE, "settle", sim->stepper.t, -1, -1, fastest,
         "settling blew up: a link moves at %.3g m/s, faster than waves along the belt; "
         "the start is too far from rest or the contact too stiff for it",
         fastest);
   }
-  double gain = sim->plan.circulation_inertia_scale;
-  sim->plan.circulation_inertia_scale = 1.0; /* the true forces */
-  int code = bd_plan_rate(&sim->plan, sim->t, y, dy, err);
-  sim->plan.circulation_inertia_scale = gain;
+  double gain = sim->stepper.plan.circulation_inertia_scale;
+  sim->stepper.plan.circulation_inertia_scale = 1.0; /* the true forces */
+  int code = bd_plan_rate(&sim->stepper.plan, sim->stepper.t, y, dy, err);
+  sim->stepper.plan.circulation_inertia_scale = gain;
   if (code != BD_OK) {
     return code;
   }
-  ++sim->stats.nfev;
-  tune_circulation(sim, dy);
+  ++sim->stepper.nfev;
+  tune_circulation(settling, dy);
   for (int i = 0; i < lay->n; ++i) {
     double fx = bd_field(lay, dy, F_VX)[i], fy = bd_field(lay, dy, F_VY)[i];
     double turning = bd_field(lay, dy, F_VPHI)[i];
@@ -279,15 +298,16 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
     worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
   }
   sim->stats.residual = worst / info->mean_tension;
-  if (!(sim->stats.residual > 0.9 * sim->settle_best)) {
-    sim->settle_best = sim->stats.residual;
-    sim->settle_best_time = sim->t;
+  if (!(sim->stats.residual > 0.9 * settling->best)) {
+    settling->best = sim->stats.residual;
+    settling->best_time = sim->stepper.t;
   }
-  int still = sim->stats.residual <= sim->settle.tolerance &&
-              fastest <= sim->settle.tolerance * info->strain * wave &&
-              sim->t >= sim->plan.move_time;
-  if (still && !(bd_mean_force(&sim->plan, y) > 1e-6 * info->mean_tension)) {
-    return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
+  int still = sim->stats.residual <= settling->options.tolerance &&
+              fastest <= settling->options.tolerance * info->strain * wave &&
+              sim->stepper.t >= sim->stepper.plan.move_time;
+  if (still && !(bd_mean_force(&sim->stepper.plan, y) > 1e-6 * info->mean_tension)) {
+    return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, -1, -1,
+                      sim->stats.residual,
                       "the belt came to rest without tension: it has slipped off its pulleys, or "
                       "the contact is too soft, or the links too long for the pulleys");
   }
@@ -296,58 +316,118 @@ static int check_rest(bd_sim *sim, int *at_rest, bd_error *err) {
     if (code != BD_OK) {
       return code;
     }
-    memcpy(sim->y, y, lay->size * sizeof *y);
-    sim->t = sim->t0;
-    *at_rest = 1;
+    memcpy(sim->stepper.y, y, lay->size * sizeof *y);
+    sim->stepper.t = sim->t0;
+    settling->at_rest = 1;
     return BD_OK;
   }
   /* as long again as should be enough, and no nearer to rest: it will not come */
-  int hopeless = sim->t > sim->settle_best_time + sim->settle_patience &&
-                 sim->t > sim->plan.move_time + sim->settle_patience;
-  if (sim->t >= sim->t_end || hopeless) {
+  int hopeless = sim->stepper.t > settling->best_time + settling->patience &&
+                 sim->stepper.t > sim->stepper.plan.move_time + settling->patience;
+  if (sim->stepper.t >= sim->t_end || hopeless) {
     return bd_fail_at(
-        err, BD_ERR_NOT_SETTLED, "settle", sim->t, -1, -1, sim->stats.residual,
+        err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, -1, -1, sim->stats.residual,
         "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
         "mean tension, fastest motion %.3g m/s; allow %sa looser "
         "tolerance; or the contact is too soft, or the links too long for the pulleys",
-        sim->t, sim->stats.residual, fastest, hopeless ? "" : "more max_time, ");
+        sim->stepper.t, sim->stats.residual, fastest, hopeless ? "" : "more max_time, ");
   }
   return BD_OK;
 }
 
 /* Starts over with half the step, a few times: the bound on the contact is an estimate. */
-static int retry(bd_sim *sim) {
-  if (sim->settle_tries >= 8 ||
-      (sim->failure.code != BD_ERR_NOT_FINITE && sim->failure.code != BD_ERR_PASSED_THROUGH)) {
+static int retry(bd_settling *settling) {
+  enum { MOST = 8 };
+  bd_sim *sim = settling->sim;
+  const int code = settling->failure.code;
+  if (settling->tries >= MOST || (code != BD_ERR_NOT_FINITE && code != BD_ERR_PASSED_THROUGH)) {
     return 0;
   }
-  ++sim->settle_tries;
-  memcpy(sim->y, sim->settle_start, sim->model->lay.size * sizeof *sim->y);
-  sim->t = sim->t0;
-  sim->turns = sim->settle_turns;
+  ++settling->tries;
   sim->options.step *= 0.5;
-  sim->started = sim->rate_known = sim->jacobian_known = 0;
-  sim->settle_best = INFINITY;
-  sim->settle_best_time = sim->t;
-  sim->settle_push = sim->settle_speed = sim->settle_time = sim->settle_stiffness = 0.0;
-  sim->plan.circulation_damping = 0.0;
-  sim->plan.circulation_inertia_scale = 1.0;
+  bd_sim_restart(sim, settling->start, settling->start_turns);
+  settling->best = INFINITY;
+  settling->best_time = sim->stepper.t;
+  settling->force = settling->speed = settling->time = settling->stiffness = 0.0;
+  sim->stepper.plan.circulation_damping = 0.0;
+  sim->stepper.plan.circulation_inertia_scale = 1.0;
   return 1;
 }
 
 /* Now and then, every millisecond or so, looks whether the belt has come to rest. */
-static int watch(bd_sim *sim, int code, int *finished) {
-  const int every = sim->method->implicit ? 8 : 64;
-  if (code == BD_OK && (sim->stats.steps % every == 0 || sim->t >= sim->t_end)) {
-    code = check_rest(sim, finished, &sim->failure);
-    if (sim->method->implicit) {
-      sim->rate_known = sim->jacobian_known = 0; /* the look has used the scratch of the rate */
+static int advance(bd_settling *settling, long max_steps) {
+  bd_sim *sim = settling->sim;
+  const bd_stepper *stepper = &sim->stepper;
+  const long every = stepper->method->implicit ? 8 : 64;
+  for (long done = 0; !settling->at_rest && done < max_steps;) {
+    const long before = sim->stats.steps, to_look = every - before % every;
+    const long left = max_steps - done;
+    int code = bd_sim_advance(sim, to_look < left ? to_look : left, &settling->failure);
+    done += code < 0 ? to_look : sim->stats.steps - before;
+    if (code >= 0 && (sim->stats.steps % every == 0 || stepper->t >= sim->t_end)) {
+      code = check_rest(settling);
+      if (stepper->method->implicit) {
+        sim->stepper.rate_known = sim->stepper.jacobian_known = 0; /* the look used their scratch */
+      }
+    }
+    if (code < 0 && !retry(settling)) {
+      return code;
     }
   }
-  return code != BD_OK && retry(sim) ? BD_OK : code;
+  return settling->at_rest ? BD_OK : BD_MORE;
 }
 
-int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initial,
+int bd_settle_advance(bd_settling *settling, long max_steps, bd_error *err) {
+  if (settling->status >= 0) {
+    settling->status = advance(settling, max_steps);
+  }
+  if (settling->status < 0 && err) {
+    *err = settling->failure;
+  }
+  return settling->status;
+}
+
+bd_sim *bd_settle_sim(bd_settling *settling) {
+  return settling->sim;
+}
+
+void bd_settle_free(bd_settling *settling) {
+  if (settling) {
+    bd_sim_free(settling->sim);
+    bd_block_free(settling);
+  }
+}
+
+static void carve(bd_carver *carver, bd_settling *settling, const bd_layout *lay) {
+  BD_CARVE(carver, settling->start, lay->size);
+  BD_CARVE(carver, settling->scratch, 3 * (size_t)lay->n + lay->size);
+  BD_CARVE(carver, settling->offset, 2 * lay->np);
+  BD_CARVE(carver, settling->centers, 2 * lay->np);
+  BD_CARVE(carver, settling->wraps, lay->np);
+}
+
+static bd_settling *new_settling(const bd_model *model, const bd_method *method) {
+  bd_carver carver = {0};
+  bd_settling sizes, *settling;
+  bd_carve(&carver, 1, sizeof *settling);
+  carve(&carver, &sizes, &model->lay);
+  char *block = bd_block_new(carver.used);
+  if (!block) {
+    return NULL;
+  }
+  carver = (bd_carver){.base = block};
+  settling = bd_carve(&carver, 1, sizeof *settling);
+  carve(&carver, settling, &model->lay);
+  settling->sim = bd_sim_new(model, method, NULL, NULL);
+  if (!settling->sim) {
+    bd_block_free(settling);
+    return NULL;
+  }
+  settling->sim->settling = 1;
+  return settling;
+}
+
+int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *initial,
                      const bd_settle_options *options, bd_error *err) {
   *out = NULL;
   bd_settle_options defaults;
@@ -361,33 +441,33 @@ int bd_settle_create(bd_sim **out, const bd_model *model, const bd_state *initia
   }
   double step;
   const bd_method *method = method_for(model, options->friction, &step);
-  bd_sim *sim = bd_sim_new(model, method, NULL, NULL, 1);
-  if (!sim) {
+  bd_settling *settling = new_settling(model, method);
+  if (!settling) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
-  sim->settle = *options;
-  sim->settle_best = INFINITY;
-  sim->watch = watch;
+  settling->options = *options;
+  settling->best = INFINITY;
   if (options->offset) {
-    memcpy(sim->settle_offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));
-    sim->settle.offset = sim->settle_offset;
+    memcpy(settling->offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));
+    settling->options.offset = settling->offset;
   }
-  set_up(sim, step);
-  int code =
-      initial ? bd_state_import(model, initial, sim->y, &sim->turns, err) : lay_belt(sim, err);
+  set_up(settling, step);
+  bd_stepper *stepper = &settling->sim->stepper;
+  int code = initial ? bd_state_import(model, initial, stepper->y, &stepper->turns, err)
+                     : lay_belt(settling, err);
   if (code != BD_OK) {
-    bd_sim_free(sim);
+    bd_settle_free(settling);
     return code;
   }
-  stop(sim, sim->y);
-  if (!sim->plan.friction_on) {
+  stop(settling->sim, stepper->y);
+  if (!stepper->plan.friction_on) {
     for (int f = F_MU; f < F_MU + 2 * model->lay.slots; ++f) {
-      memset(bd_field(&model->lay, sim->y, f), 0, (size_t)model->lay.n * sizeof *sim->y);
+      memset(bd_field(&model->lay, stepper->y, f), 0, (size_t)model->lay.n * sizeof *stepper->y);
     }
   }
-  sim->settle_turns = sim->turns;
-  memcpy(sim->settle_start, sim->y, model->lay.size * sizeof *sim->y);
-  bd_sim_weights(sim);
-  *out = sim;
+  settling->start_turns = stepper->turns;
+  memcpy(settling->start, stepper->y, model->lay.size * sizeof *stepper->y);
+  bd_stepper_weigh(stepper);
+  *out = settling;
   return BD_OK;
 }

@@ -45,28 +45,31 @@ enum { OFTEN = 3 };
 
 static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
   const bd_auto *c = &sim->choice;
-  bd_sim *twin =
-      bd_sim_new(sim->model, c->method[0] ? c->method[0] : sim->method, c->method[1], torque, 0);
+  bd_sim *twin = bd_sim_new(sim->stepper.model, c->method[0] ? c->method[0] : sim->stepper.method,
+                            c->method[1], torque);
   if (twin) {
-    bd_torque_set_fill(&twin->plan.torques, torque, NULL);
+    bd_torque_set_fill(&twin->stepper.plan.torques, torque, NULL);
     twin->options = sim->options;
-    twin->fixed = sim->fixed;
+    twin->stepper.rtol = sim->stepper.rtol;
+    twin->stepper.max_step = sim->stepper.max_step;
+    twin->stepper.fixed = sim->stepper.fixed;
     twin->t_end = sim->t_end;
-    bd_sim_weights(twin);
-    bd_plan_make(&twin->plan, sim->model, &(bd_plan_options){.friction = 1, .skip_power = 1});
+    bd_stepper_weigh(&twin->stepper);
+    bd_plan_make(&twin->stepper.plan, sim->stepper.model,
+                 &(bd_plan_options){.friction = 1, .no_power = 1});
   }
   return twin;
 }
 
 int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   bd_twin *t = &sim->twin;
-  const bd_model *model = sim->model;
+  const bd_model *model = sim->stepper.model;
   double slip = model->has_friction ? model->dahl.mu_k / model->dahl.sigma : INFINITY;
   t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * slip;
   t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
   double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
   t->next_begin = fmin(FIRST, rounds / 3.0);
-  if (sim->plan.torques.smooth) {
+  if (sim->stepper.plan.torques.smooth) {
     t->sim = make(sim, torque);
     return t->sim ? BD_OK : BD_ERR_MEMORY;
   }
@@ -83,19 +86,21 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
 
 /* Root mean square of the difference of the joints' stretches, over the stretch at rest. */
 static double apart(const bd_sim *one, const bd_sim *other) {
-  const bd_layout *lay = &one->model->lay;
-  const double half = one->plan.links.half;
-  const double *x = bd_cfield(lay, one->y, F_X), *y = bd_cfield(lay, one->y, F_Y);
-  const double *u = bd_cfield(lay, other->y, F_X), *v = bd_cfield(lay, other->y, F_Y);
-  const double *co = one->plan.links.cos, *si = one->plan.links.sin;
-  const double *cp = other->plan.links.cos, *sp = other->plan.links.sin;
+  const bd_layout *lay = &one->stepper.model->lay;
+  const double half = one->stepper.plan.links.half;
+  const double *x = bd_cfield(lay, one->stepper.y, F_X), *y = bd_cfield(lay, one->stepper.y, F_Y);
+  const double *u = bd_cfield(lay, other->stepper.y, F_X),
+               *v = bd_cfield(lay, other->stepper.y, F_Y);
+  const double *co = one->stepper.plan.links.cos, *si = one->stepper.plan.links.sin;
+  const double *cp = other->stepper.plan.links.cos, *sp = other->stepper.plan.links.sin;
   double sum = 0.0;
   for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
     double dx = (u[i] - x[i]) - (u[l] - x[l]) - half * (cp[i] - co[i] + cp[l] - co[l]);
     double dy = (v[i] - y[i]) - (v[l] - y[l]) - half * (sp[i] - si[i] + sp[l] - si[l]);
     sum += dx * dx + dy * dy;
   }
-  return sqrt(sum / lay->n) / (one->model->info.strain * one->model->info.link_length);
+  return sqrt(sum / lay->n) /
+         (one->stepper.model->info.strain * one->stepper.model->info.link_length);
 }
 
 /* --- when to look ---------------------------------------------------------------------------- */
@@ -104,18 +109,19 @@ static double apart(const bd_sim *one, const bd_sim *other) {
  * rim makes, two a link and pulley, and two more a pulley for what sways at its ends. */
 static void watch_contacts(bd_sim *sim) {
   bd_twin *twin = &sim->twin;
-  const bd_layout *lay = &sim->model->lay;
-  if (sim->t - twin->t_events < 4.0 * bd_round_time(sim->model)) {
+  const bd_layout *lay = &sim->stepper.model->lay;
+  if (sim->stepper.t - twin->t_events < 4.0 * bd_round_time(sim->stepper.model)) {
     return;
   }
   double travel = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    double way = sim->model->radius[j] * fabs(sim->y[lay->theta + j] - twin->theta[j]);
+    double way =
+        sim->stepper.model->radius[j] * fabs(sim->stepper.y[lay->theta + j] - twin->theta[j]);
     travel = fmax(travel, way);
-    twin->theta[j] = sim->y[lay->theta + j];
+    twin->theta[j] = sim->stepper.y[lay->theta + j];
   }
-  double expected = 2.0 * lay->np * (travel / sim->model->info.link_length + 2.0);
-  double changed = (double)(sim->plan.contacts_changed - twin->events);
+  double expected = 2.0 * lay->np * (travel / sim->stepper.model->info.link_length + 2.0);
+  double changed = (double)(sim->stepper.plan.contacts_changed - twin->events);
   int chatters = changed > CHATTER * expected;
   if (chatters && !twin->chatters) {
     twin->t_chatter = twin->t_events;
@@ -123,46 +129,31 @@ static void watch_contacts(bd_sim *sim) {
   twin->chatters = chatters;
   twin->times_chattered += chatters;
   if (twin->times_chattered >= OFTEN) {
-    bd_sim_warn(
-        sim, BD_WARN_chatter, twin->t_chatter, -1, -1,
-        "links come to the pulleys and leave them %.0f times as often as the belt's travel "
-        "brings them, from t = %.6g s on: small differences may grow, and what single links "
-        "do is not to be relied on; more damping of contact or joints calms them",
-        changed / expected, twin->t_chatter);
+    bd_warn(&sim->stepper.report, BD_WARN_chatter, twin->t_chatter, -1, -1,
+            "links come to the pulleys and leave them %.0f times as often as the belt's travel "
+            "brings them, from t = %.6g s on: small differences may grow, and what single links "
+            "do is not to be relied on; more damping of contact or joints calms them",
+            changed / expected, twin->t_chatter);
   }
-  twin->events = sim->plan.contacts_changed;
-  twin->t_events = sim->t;
+  twin->events = sim->stepper.plan.contacts_changed;
+  twin->t_events = sim->stepper.t;
 }
 
 /* Another simulation where this one is. */
 static void copy(const bd_sim *sim, bd_sim *twin) {
-  const bd_layout *lay = &sim->model->lay;
-  memcpy(twin->y, sim->y, lay->size * sizeof *twin->y);
-  for (int k = 0; k < sim->n_history; ++k) {
-    memcpy(twin->history[k], sim->history[k], lay->size * sizeof *twin->y);
-    twin->history_h[k] = sim->history_h[k];
-  }
-  memcpy(twin->plan.owner, sim->plan.owner,
-         (size_t)(lay->n8 * lay->slots) * sizeof *twin->plan.owner);
-  twin->n_history = sim->n_history;
-  twin->method = twin->now = sim->method;
-  twin->t = sim->t;
-  twin->turns = sim->turns;
+  bd_stepper_copy(&twin->stepper, &sim->stepper);
   twin->started = 1;
-  twin->rate_known = twin->jacobian_known = 0;
   twin->next_break = 0;
-  bd_plan_place(&twin->plan, sim->t);
-  twin->plan.search.margin = 0.0;
-  twin->plan.search.travelled = INFINITY;
 }
 
 /* The past is displaced as well: it is the place that differs, not the speed. */
 static void displace(bd_sim *sim) {
   bd_twin *t = &sim->twin;
-  const bd_layout *lay = &sim->model->lay;
-  const double allowed =
-      sim->fixed ? FIXED_ERROR : bd_method_tolerance(sim->method, sim->options.rtol);
-  const double stretch = sim->model->info.strain * sim->model->info.link_length;
+  const bd_layout *lay = &sim->stepper.model->lay;
+  const double allowed = sim->stepper.fixed
+                             ? FIXED_ERROR
+                             : bd_method_tolerance(sim->stepper.method, sim->stepper.rtol);
+  const double stretch = sim->stepper.model->info.strain * sim->stepper.model->info.link_length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
   /* of differences of two numbers evenly spread over +-size, in x and in y */
   t->apart = sqrt(4.0 / 3.0) * size / stretch;
@@ -171,9 +162,9 @@ static void displace(bd_sim *sim) {
     for (int i = 0; i < lay->n; ++i) {
       t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
       double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
-      bd_field(lay, t->sim->y, f)[i] += shift;
-      for (int k = 0; k < t->sim->n_history; ++k) {
-        bd_field(lay, t->sim->history[k], f)[i] += shift;
+      bd_field(lay, t->sim->stepper.y, f)[i] += shift;
+      for (int k = 0; k < t->sim->stepper.n_history; ++k) {
+        bd_field(lay, t->sim->stepper.history[k], f)[i] += shift;
       }
     }
   }
@@ -187,7 +178,7 @@ static void begin(bd_sim *sim) {
   }
   displace(sim);
   t->active = 1;
-  t->t_begin = sim->t;
+  t->t_begin = sim->stepper.t;
   t->next_look = LOOK;
 }
 
@@ -196,40 +187,41 @@ static void begin(bd_sim *sim) {
 static void conclude(bd_sim *sim, double growth) {
   bd_twin *t = &sim->twin;
   double from = t->chatters ? t->t_chatter : t->t_begin;
-  double folding = (sim->t - t->t_begin) / log(growth);
+  double folding = (sim->stepper.t - t->t_begin) / log(growth);
   t->grows = 1;
   sim->stats.growth = 1.0 / folding;
-  bd_sim_warn(sim, BD_WARN_growth, from, -1, -1,
-              "histories part exponentially from t = %.6g s on: a small difference grows by e in "
-              "%.2g s, so single forces and positions cannot be trusted from then on, whatever the "
-              "tolerance; averages may be; more damping of contact or joints calms such drives",
-              from, folding);
+  bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
+          "histories part exponentially from t = %.6g s on: a small difference grows by e in "
+          "%.2g s, so single forces and positions cannot be trusted from then on, whatever the "
+          "tolerance; averages may be; more damping of contact or joints calms such drives",
+          from, folding);
 }
 
 /* The same step; whether it can be compared. */
 static int repeat(const bd_sim *sim, bd_sim *twin) {
   bd_twin *const t = (bd_twin *)&sim->twin;
-  const int np = sim->model->lay.np;
-  if (!sim->plan.torques.smooth) {
-    bd_torque_term *seen = &twin->plan.torques.terms[0];
-    memcpy(t->seen, sim->opaque.last, (size_t)np * sizeof *t->seen);
-    memcpy(t->seen + np, sim->opaque.now, (size_t)np * sizeof *t->seen);
-    t->seen_t[0] = twin->t;
-    t->seen_t[1] = sim->t;
+  const int np = sim->stepper.model->lay.np;
+  if (!sim->stepper.plan.torques.smooth) {
+    bd_torque_term *seen = &twin->stepper.plan.torques.terms[0];
+    memcpy(t->seen, sim->stepper.opaque.last, (size_t)np * sizeof *t->seen);
+    memcpy(t->seen + np, sim->stepper.opaque.now, (size_t)np * sizeof *t->seen);
+    t->seen_t[0] = twin->stepper.t;
+    t->seen_t[1] = sim->stepper.t;
     seen->t = t->seen_t;
     seen->values = t->seen;
   }
-  if (twin->method != sim->method) { /* "auto" has gone over to the other, which begins anew */
-    twin->method = sim->method;
-    twin->n_history = 0;
-    twin->rate_known = twin->jacobian_known = 0;
+  if (twin->stepper.method !=
+      sim->stepper.method) { /* "auto" has gone over to the other, which begins anew */
+    twin->stepper.method = sim->stepper.method;
+    twin->stepper.n_history = 0;
+    twin->stepper.rate_known = twin->stepper.jacobian_known = 0;
   }
-  twin->now = sim->now;
+  twin->stepper.now = sim->stepper.now;
   const long before = twin->stats.steps;
-  double tolerance = sim->fixed || sim->now != sim->method
+  double tolerance = sim->stepper.fixed || sim->stepper.now != sim->stepper.method
                          ? INFINITY
-                         : bd_method_tolerance(sim->method, sim->options.rtol);
-  int code = bd_sim_follow(twin, sim->t, sim->plan.t_piece, tolerance);
+                         : bd_method_tolerance(sim->stepper.method, sim->stepper.rtol);
+  int code = bd_sim_follow(twin, sim->stepper.t, sim->stepper.plan.t_piece, tolerance);
   t->steps += twin->stats.steps - before;
   return code == BD_OK;
 }
@@ -237,11 +229,12 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
 static void follow(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const bd_sim *still = t->still ? t->still : sim;
-  if (bd_opaque_least(sim) > 0.0 || !repeat(sim, t->sim) || (t->still && !repeat(sim, t->still))) {
+  if (bd_opaque_least(&sim->stepper) > 0.0 || !repeat(sim, t->sim) ||
+      (t->still && !repeat(sim, t->still))) {
     t->active = 0;
     return;
   }
-  double rounds = (sim->t - t->t_begin) / bd_round_time(sim->model);
+  double rounds = (sim->stepper.t - t->t_begin) / bd_round_time(sim->stepper.model);
   if (rounds < t->next_look) {
     return;
   }
@@ -269,10 +262,11 @@ void bd_twin_follow(bd_sim *sim) {
     return;
   }
   watch_contacts(sim);
-  double rounds = (sim->t - sim->t0) / bd_round_time(sim->model);
+  double rounds = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model);
   int due = (t->times_chattered > 0 || t->stiff || t->light) && rounds > LEAST &&
             (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
-  int last = !t->last && sim->t_end - sim->t < LAST * bd_round_time(sim->model) && rounds > LAST;
+  int last = !t->last && sim->t_end - sim->stepper.t < LAST * bd_round_time(sim->stepper.model) &&
+             rounds > LAST;
   if (rounds > t->next_begin || due || last) {
     t->suspected = due;
     t->last |= last;

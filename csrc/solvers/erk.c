@@ -12,7 +12,7 @@
  */
 #include <math.h>
 
-#include "run/run.h"
+#include "solvers/solvers.h"
 
 static const double tsit5_c[] = {0.0, 0.161, 0.327, 0.9, 0.9800255409045097, 1.0, 1.0};
 static const double tsit5_a[] = {
@@ -82,46 +82,48 @@ const bd_tableau bd_rk4 = {5, rk4_c, rk4_a, rk4_error, rk4_dense};
 
 /* The last stage is the rate at y_new. Without the ledger power is wanted at the steps' ends alone.
  */
-int bd_erk_attempt(bd_sim *sim, double h, double *error) {
-  const bd_tableau *m = sim->now->table;
-  const bd_layout *lay = &sim->model->lay;
-  const bd_kernels *kernels = sim->plan.kernels;
+int bd_erk_attempt(bd_stepper *stepper, double h, double *error) {
+  const bd_tableau *m = stepper->now->table;
+  const bd_layout *lay = &stepper->model->lay;
+  const bd_kernels *kernels = stepper->plan.kernels;
   const double *row = m->a;
-  int code = bd_sim_ensure_rate(sim);
+  int code = bd_stepper_ensure_rate(stepper);
   for (int s = 1; code == BD_OK && s < m->stages; ++s) {
-    double *y = s == m->stages - 1 ? sim->y_new : sim->y_mid;
-    kernels->combine(lay->size, y, sim->y, h, s, row, sim->stage);
-    sim->plan.skip_power = sim->watch || (!sim->plan.ledger && s < m->stages - 1);
-    code = bd_sim_rate(sim, sim->t + m->c[s] * h, y, sim->stage[s]);
+    double *y = s == m->stages - 1 ? stepper->y_new : stepper->y_mid;
+    kernels->combine(lay->size, y, stepper->y, h, s, row, stepper->stage);
+    stepper->plan.skip_power =
+        stepper->plan.no_power || (!stepper->plan.ledger && s < m->stages - 1);
+    code = bd_stepper_rate(stepper, stepper->t + m->c[s] * h, y, stepper->stage[s]);
     row += s;
   }
   if (code == BD_OK) {
-    *error = kernels->error_norm(lay, h, m->stages, m->error, sim->stage, sim->weights);
+    *error = kernels->error_norm(lay, h, m->stages, m->error, stepper->stage, stepper->weights);
   }
   return code;
 }
 
-int bd_erk_finish(bd_sim *sim, double h, double t_new) {
+int bd_erk_finish(bd_stepper *stepper, double h, double t_new) {
   (void)t_new;
-  const bd_layout *lay = &sim->model->lay;
-  const double *before = sim->stage[0] + lay->work;
-  const double *after = sim->stage[sim->now->vectors - 1] + lay->work;
-  for (int k = 0; !sim->plan.ledger && k < N_WORK; ++k) {
-    sim->y_new[lay->work + k] = sim->y[lay->work + k] + 0.5 * h * (before[k] + after[k]);
+  const bd_layout *lay = &stepper->model->lay;
+  const double *before = stepper->stage[0] + lay->work;
+  const double *after = stepper->stage[stepper->now->vectors - 1] + lay->work;
+  for (int k = 0; !stepper->plan.ledger && k < N_WORK; ++k) {
+    stepper->y_new[lay->work + k] = stepper->y[lay->work + k] + 0.5 * h * (before[k] + after[k]);
   }
   return BD_OK;
 }
 
-void bd_erk_inside(bd_sim *sim, double h, double s, double *y) {
-  const bd_tableau *m = sim->now->table;
+void bd_erk_inside(bd_stepper *stepper, double h, double s, double *y) {
+  const bd_tableau *m = stepper->now->table;
   double b[BD_MAX_STAGES];
   m->dense(s, b);
-  sim->plan.kernels->combine(sim->model->lay.size, y, sim->y, h, m->stages, b, sim->stage);
+  stepper->plan.kernels->combine(stepper->model->lay.size, y, stepper->y, h, m->stages, b,
+                                 stepper->stage);
 }
 
-const char *bd_erk_worst(const bd_sim *sim, double h, int *body, int *pulley) {
-  const bd_tableau *m = sim->now->table;
-  const bd_layout *lay = &sim->model->lay;
+const char *bd_erk_worst(const bd_stepper *stepper, double h, int *body, int *pulley) {
+  const bd_tableau *m = stepper->now->table;
+  const bd_layout *lay = &stepper->model->lay;
   static const char *const names[] = {"x", "y", "phi", "vx", "vy", "vphi"};
   const char *name = "the state";
   double worst = 0.0;
@@ -129,10 +131,10 @@ const char *bd_erk_worst(const bd_sim *sim, double h, int *body, int *pulley) {
   for (size_t k = 0; k < lay->size; ++k) {
     double e = 0.0;
     for (int s = 0; s < m->stages; ++s) {
-      e += h * m->error[s] * sim->stage[s][k];
+      e += h * m->error[s] * stepper->stage[s][k];
     }
-    e = sim->weights[k] * fabs(e);
-    if (!(e <= worst) && sim->weights[k] > 0.0) {
+    e = stepper->weights[k] * fabs(e);
+    if (!(e <= worst) && stepper->weights[k] > 0.0) {
       int f = (int)k / lay->stride;
       worst = e;
       *body = (int)k < lay->theta ? (int)k % lay->stride - BD_HALO : -1;

@@ -2,16 +2,16 @@
  *
  * From one step to the next: the states that a multistep method looks back on.
  */
-#include "run/run.h"
+#include "solvers/solvers.h"
 
 /* Whole turns taken off phi, of the states looked back on as well. */
-static void wind(bd_sim *sim) {
-  double before = sim->turns;
-  bd_state_wind(&sim->model->lay, sim->y, &sim->turns);
-  double taken = (sim->turns - before) * 2.0 * BD_PI;
-  for (int k = 0; taken != 0.0 && k < sim->n_history; ++k) {
-    double *phi = bd_field(&sim->model->lay, sim->history[k], F_PHI);
-    for (int i = 0; i < sim->model->lay.n; ++i) {
+static void wind(bd_stepper *stepper) {
+  double before = stepper->turns;
+  bd_state_wind(&stepper->model->lay, stepper->y, &stepper->turns);
+  double taken = (stepper->turns - before) * 2.0 * BD_PI;
+  for (int k = 0; taken != 0.0 && k < stepper->n_history; ++k) {
+    double *phi = bd_field(&stepper->model->lay, stepper->history[k], F_PHI);
+    for (int i = 0; i < stepper->model->lay.n; ++i) {
       phi[i] -= taken;
     }
   }
@@ -19,13 +19,13 @@ static void wind(bd_sim *sim) {
 
 /* What a link that has left its pulley forgot was never there: a multistep method would go on with
  * it, and take it for an error. */
-static void reset_friction(bd_sim *sim) {
-  const bd_layout *lay = &sim->model->lay;
+static void reset_friction(bd_stepper *stepper) {
+  const bd_layout *lay = &stepper->model->lay;
   for (int s = 0; s < lay->slots; ++s) {
-    const double *mu = bd_cfield(lay, sim->y, F_MU + s);
-    for (int k = 0; k < sim->n_history; ++k) {
-      double *mu_before = bd_field(lay, sim->history[k], F_MU + s);
-      double *slip_before = bd_field(lay, sim->history[k], bd_f_slip(lay) + s);
+    const double *mu = bd_cfield(lay, stepper->y, F_MU + s);
+    for (int k = 0; k < stepper->n_history; ++k) {
+      double *mu_before = bd_field(lay, stepper->history[k], F_MU + s);
+      double *slip_before = bd_field(lay, stepper->history[k], bd_f_slip(lay) + s);
       for (int i = 0; i < lay->n; ++i) {
         mu_before[i] = mu[i] == 0.0 ? 0.0 : mu_before[i];
         slip_before[i] = mu[i] == 0.0 ? 0.0 : slip_before[i];
@@ -35,23 +35,23 @@ static void reset_friction(bd_sim *sim) {
 }
 
 /* y_new becomes y, y the first of the past, and the oldest makes room for the next y_new. */
-void bd_history_push(bd_sim *sim, double h) {
-  const int most = sim->method->history;
-  double *spare = most > 0 ? sim->history[most - 1] : sim->y;
+void bd_history_push(bd_stepper *stepper, double h) {
+  const int most = stepper->method->history;
+  double *spare = most > 0 ? stepper->history[most - 1] : stepper->y;
   for (int k = most - 1; k > 0; --k) {
-    sim->history[k] = sim->history[k - 1];
-    sim->history_h[k] = sim->history_h[k - 1];
+    stepper->history[k] = stepper->history[k - 1];
+    stepper->history_h[k] = stepper->history_h[k - 1];
   }
   if (most > 0) {
-    sim->history[0] = sim->y;
-    sim->history_h[0] = h;
-    sim->n_history = sim->n_history < most ? sim->n_history + 1 : most;
+    stepper->history[0] = stepper->y;
+    stepper->history_h[0] = h;
+    stepper->n_history = stepper->n_history < most ? stepper->n_history + 1 : most;
   }
-  sim->y = sim->y_new;
-  sim->y_new = spare;
+  stepper->y = stepper->y_new;
+  stepper->y_new = spare;
 }
 
-void bd_history_rebase(bd_sim *sim) {
-  wind(sim);
-  reset_friction(sim);
+void bd_history_rebase(bd_stepper *stepper) {
+  wind(stepper);
+  reset_friction(stepper);
 }

@@ -19,17 +19,18 @@
 #include <math.h>
 #include <string.h>
 
-#include "run/run.h"
+#include "solvers/solvers.h"
 
-static int order_now(const bd_sim *sim) {
-  return sim->now->order < sim->n_history + 1 ? sim->now->order : sim->n_history + 1;
+static int order_now(const bd_stepper *stepper) {
+  return stepper->now->order < stepper->n_history + 1 ? stepper->now->order
+                                                      : stepper->n_history + 1;
 }
 
 /* Weights of y_new, y and the past in the divided difference of that order, times h^order. */
-static void differences(const bd_sim *sim, double h, int order, double *weights) {
+static void differences(const bd_stepper *stepper, double h, int order, double *weights) {
   double t[MAX_HISTORY + 2] = {1.0, 0.0};
   for (int k = 0; k < order - 1; ++k) {
-    t[k + 2] = t[k + 1] - sim->history_h[k] / h;
+    t[k + 2] = t[k + 1] - stepper->history_h[k] / h;
   }
   for (int i = 0; i <= order; ++i) {
     weights[i] = 1.0;
@@ -39,57 +40,59 @@ static void differences(const bd_sim *sim, double h, int order, double *weights)
   }
 }
 
-int bd_lbdf_attempt(bd_sim *sim, double h, double *error) {
-  const bd_layout *lay = &sim->model->lay;
-  const bd_kernels *kernels = sim->plan.kernels;
-  const int order = order_now(sim);
-  int code = bd_sim_linearise(sim);
+int bd_lbdf_attempt(bd_stepper *stepper, double h, double *error) {
+  const bd_layout *lay = &stepper->model->lay;
+  const bd_kernels *kernels = stepper->plan.kernels;
+  const int order = order_now(stepper);
+  int code = bd_implicit_linearise(stepper);
   if (code == BD_OK) {
-    code = bd_sim_torque_by_time(sim, h, 0);
+    code = bd_implicit_torque_by_time(stepper, h, 0);
   }
   if (code != BD_OK) {
     return code;
   }
-  const double w = order > 1 ? h / sim->history_h[0] : 0.0;
+  const double w = order > 1 ? h / stepper->history_h[0] : 0.0;
   const double gamma = (1.0 + w) / (1.0 + 2.0 * w), beta = w * w / (1.0 + 2.0 * w);
   const double g = gamma * h;
-  bd_newton_linearise_contact(&sim->newton, &sim->plan, sim->y, h);
-  bd_newton_factor(&sim->newton, &sim->plan, g);
-  ++sim->stats.nlu;
-  double *d = sim->stage[1];
+  bd_newton_linearise_contact(&stepper->newton, &stepper->plan, stepper->y, h);
+  bd_newton_factor(&stepper->newton, &stepper->plan, g);
+  ++stepper->nlu;
+  double *d = stepper->stage[1];
   if (order > 1) {
     const double a[] = {beta / g, -beta / g};
-    kernels->combine(lay->size, d, sim->stage[0], 1.0, 2, a, (double *[]){sim->y, sim->history[0]});
+    kernels->combine(lay->size, d, stepper->stage[0], 1.0, 2, a,
+                     (double *[]){stepper->y, stepper->history[0]});
   } else {
-    memcpy(d, sim->stage[0], lay->size * sizeof *d);
+    memcpy(d, stepper->stage[0], lay->size * sizeof *d);
   }
-  bd_sim_add_torque_by_time(sim, d, h);
-  bd_newton_add_normal_correction(&sim->newton, &sim->plan, d);
-  bd_newton_solve(&sim->newton, &sim->plan, d);
+  bd_implicit_add_torque_by_time(stepper, d, h);
+  bd_newton_add_normal_correction(&stepper->newton, &stepper->plan, d);
+  bd_newton_solve(&stepper->newton, &stepper->plan, d);
   const double one = 1.0;
-  kernels->combine(lay->size, sim->y_new, sim->y, 1.0, 1, &one, &d);
-  if (sim->n_history < order) {
-    *error = kernels->error_norm(lay, 0.0, 1, &one, &d, sim->weights); /* finite or not */
+  kernels->combine(lay->size, stepper->y_new, stepper->y, 1.0, 1, &one, &d);
+  if (stepper->n_history < order) {
+    *error = kernels->error_norm(lay, 0.0, 1, &one, &d, stepper->weights); /* finite or not */
     return BD_OK;
   }
   const double local = order > 1 ? (1.0 + w) * (1.0 + w) / (w * (1.0 + 2.0 * w)) : 1.0;
   double weights[MAX_HISTORY + 2];
-  differences(sim, h, order + 1, weights);
-  *error = kernels->error_norm(lay, local, order + 2, weights,
-                               (double *[]){sim->y_new, sim->y, sim->history[0], sim->history[1]},
-                               sim->weights);
+  differences(stepper, h, order + 1, weights);
+  *error = kernels->error_norm(
+      lay, local, order + 2, weights,
+      (double *[]){stepper->y_new, stepper->y, stepper->history[0], stepper->history[1]},
+      stepper->weights);
   return BD_OK;
 }
 
-void bd_lbdf_inside(bd_sim *sim, double h, double s, double *y) {
-  const double r = order_now(sim) > 1 ? sim->history_h[0] / h : 0.0;
+void bd_lbdf_inside(bd_stepper *stepper, double h, double s, double *y) {
+  const double r = order_now(stepper) > 1 ? stepper->history_h[0] / h : 0.0;
   const double a[] = {r > 0.0 ? s * (s + r) / (1.0 + r) : s, r > 0.0 ? -s * (s + r - 1.0) / r : -s,
                       r > 0.0 ? s * (s - 1.0) / (r * (r + 1.0)) : 0.0};
-  sim->plan.kernels->combine(sim->model->lay.size, y, sim->y, 1.0, r > 0.0 ? 3 : 2, a,
-                             (double *[]){sim->y_new, sim->y, sim->history[0]});
-  bd_sim_work_inside(sim, h, s, y);
+  stepper->plan.kernels->combine(stepper->model->lay.size, y, stepper->y, 1.0, r > 0.0 ? 3 : 2, a,
+                                 (double *[]){stepper->y_new, stepper->y, stepper->history[0]});
+  bd_implicit_work_inside(stepper, h, s, y);
 }
 
-int bd_lbdf_finish(bd_sim *sim, double h, double t_new) {
-  return bd_sim_finish_step(sim, h, t_new, 0);
+int bd_lbdf_finish(bd_stepper *stepper, double h, double t_new) {
+  return bd_implicit_finish(stepper, h, t_new, 0);
 }

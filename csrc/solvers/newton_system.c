@@ -30,7 +30,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "run/run.h"
+#include "solvers/solvers.h"
 
 /* A ring too short for the level's arcs is solved with two: the cyclic reduction of separators that
  * few links hold apart would cost digits where links weigh little against their joints. */

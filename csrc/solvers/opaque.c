@@ -28,7 +28,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "run/run.h"
+#include "solvers/solvers.h"
 
 void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np) {
   double **const arrays[] = {&opaque->begin, &opaque->middle, &opaque->end,  &opaque->impulse,
@@ -42,35 +42,36 @@ void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np) {
 /* --- looks ----------------------------------------------------------------------------------- */
 
 /* Torques at the fraction s of the step, angles and speeds along the straight line. */
-static int torque_along(bd_sim *sim, double h, double s, double *torque) {
-  const bd_layout *lay = &sim->model->lay;
-  bd_opaque *opaque = &sim->opaque;
+static int torque_along(bd_stepper *stepper, double h, double s, double *torque) {
+  const bd_layout *lay = &stepper->model->lay;
+  bd_opaque *opaque = &stepper->opaque;
   for (int j = 0; j < lay->np; ++j) {
-    double theta = sim->y[lay->theta + j], omega = sim->y[lay->omega + j];
-    opaque->theta[j] = theta + s * (sim->y_new[lay->theta + j] - theta);
-    opaque->omega[j] = omega + s * (sim->y_new[lay->omega + j] - omega);
+    double theta = stepper->y[lay->theta + j], omega = stepper->y[lay->omega + j];
+    opaque->theta[j] = theta + s * (stepper->y_new[lay->theta + j] - theta);
+    opaque->omega[j] = omega + s * (stepper->y_new[lay->omega + j] - omega);
   }
-  return bd_torque_set_eval(&sim->plan.torques, sim->t + s * h, sim->plan.t_piece, opaque->theta,
-                            opaque->omega, torque, &sim->failure);
+  return bd_torque_set_eval(&stepper->plan.torques, stepper->t + s * h, stepper->plan.t_piece,
+                            opaque->theta, opaque->omega, torque, &stepper->report.failure);
 }
 
 /* What a torque acting for a time means for the speed of pulley j, in the units of local errors. */
-static double meaning(const bd_sim *sim, int j, double torque, double time) {
-  return sim->weights[sim->model->lay.omega + j] * fabs(torque) * time / sim->model->inertia[j];
+static double meaning(const bd_stepper *stepper, int j, double torque, double time) {
+  return stepper->weights[stepper->model->lay.omega + j] * fabs(torque) * time /
+         stepper->model->inertia[j];
 }
 
 /* *until: the fraction of the step up to which nothing was missed, 1 if nothing was at all. */
-static int look_along(bd_sim *sim, double h, double tolerance, double *until) {
-  bd_opaque *opaque = &sim->opaque;
-  const int np = sim->model->lay.np;
+static int look_along(bd_stepper *stepper, double h, double tolerance, double *until) {
+  bd_opaque *opaque = &stepper->opaque;
+  const int np = stepper->model->lay.np;
   const long n = 2 * (long)ceil(0.5 * h / opaque->interval);
   double *torque = opaque->look, parted = 0.0;
-  int code = torque_along(sim, h, 0.0, opaque->begin);
+  int code = torque_along(stepper, h, 0.0, opaque->begin);
   if (code == BD_OK) {
-    code = torque_along(sim, h, 0.5, opaque->middle);
+    code = torque_along(stepper, h, 0.5, opaque->middle);
   }
   if (code == BD_OK) {
-    code = torque_along(sim, h, 1.0, opaque->end);
+    code = torque_along(stepper, h, 1.0, opaque->end);
   }
   for (int j = 0; j < np; ++j) {
     opaque->impulse[j] = (opaque->begin[j] + opaque->end[j]) / (3.0 * (double)n) -
@@ -78,13 +79,13 @@ static int look_along(bd_sim *sim, double h, double tolerance, double *until) {
   }
   for (long k = 1; code == BD_OK && k < n; ++k) {
     double s = (double)k / (double)n;
-    code = torque_along(sim, h, s, torque);
+    code = torque_along(stepper, h, s, torque);
     for (int j = 0; code == BD_OK && j < np; ++j) {
       double parabola = opaque->begin[j] * (1.0 - s) * (1.0 - 2.0 * s) +
                         opaque->middle[j] * 4.0 * s * (1.0 - s) +
                         opaque->end[j] * s * (2.0 * s - 1.0);
       opaque->impulse[j] += (k % 2 ? 4.0 : 2.0) * torque[j] / (3.0 * (double)n);
-      if (parted == 0.0 && meaning(sim, j, torque[j] - parabola, h) > tolerance) {
+      if (parted == 0.0 && meaning(stepper, j, torque[j] - parabola, h) > tolerance) {
         parted = (double)(k - 1) / (double)n;
         parted = fmax(parted, opaque->interval / h);
       }
@@ -92,7 +93,7 @@ static int look_along(bd_sim *sim, double h, double tolerance, double *until) {
   }
   *until = 1.0;
   for (int j = 0; code == BD_OK && j < np; ++j) {
-    if (meaning(sim, j, opaque->impulse[j], h) > tolerance) {
+    if (meaning(stepper, j, opaque->impulse[j], h) > tolerance) {
       *until = parted > 0.0 ? fmin(parted, 0.5) : 0.5;
     }
   }
@@ -102,27 +103,28 @@ static int look_along(bd_sim *sim, double h, double tolerance, double *until) {
 /* --- derivatives ----------------------------------------------------------------------------- */
 
 /* The torque's change over a difference of one angle or speed, into opaque->begin. */
-static int change_by(bd_sim *sim, double *moving, double step) {
-  const bd_layout *lay = &sim->model->lay;
-  double kept = *moving, *by = sim->opaque.begin;
+static int change_by(bd_stepper *stepper, double *moving, double step) {
+  const bd_layout *lay = &stepper->model->lay;
+  double kept = *moving, *by = stepper->opaque.begin;
   *moving = kept + step;
-  int code = bd_torque_set_eval(&sim->plan.torques, sim->t, sim->plan.t_piece, sim->y + lay->theta,
-                                sim->y + lay->omega, by, &sim->failure);
+  int code = bd_torque_set_eval(&stepper->plan.torques, stepper->t, stepper->plan.t_piece,
+                                stepper->y + lay->theta, stepper->y + lay->omega, by,
+                                &stepper->report.failure);
   *moving = kept;
   for (int i = 0; code == BD_OK && i < lay->np; ++i) {
-    by[i] -= sim->newton.torque[i];
+    by[i] -= stepper->newton.torque[i];
   }
   return code;
 }
 
 /* A column that is small enough to do no harm stays; another must stand up to a second look. */
-static int verify(bd_sim *sim, double *moving, double wide, double reach, double *column) {
-  const bd_layout *lay = &sim->model->lay;
-  bd_opaque *opaque = &sim->opaque;
+static int verify(bd_stepper *stepper, double *moving, double wide, double reach, double *column) {
+  const bd_layout *lay = &stepper->model->lay;
+  bd_opaque *opaque = &stepper->opaque;
   double *above = opaque->middle, *below = opaque->end, *noise = opaque->impulse;
   int doubtful = 0;
   for (int i = 0; i < lay->np; ++i) {
-    doubtful |= fabs(column[i * lay->np]) * reach > 0.1 * sim->model->inertia[i];
+    doubtful |= fabs(column[i * lay->np]) * reach > 0.1 * stepper->model->inertia[i];
   }
   if (!doubtful) {
     return BD_OK;
@@ -130,7 +132,7 @@ static int verify(bd_sim *sim, double *moving, double wide, double reach, double
   double *const into[] = {above, below, noise};
   const double steps[] = {wide, -wide, 0.0};
   for (int k = 0; k < 3; ++k) {
-    int code = change_by(sim, moving, steps[k]);
+    int code = change_by(stepper, moving, steps[k]);
     if (code != BD_OK) {
       return code;
     }
@@ -146,14 +148,15 @@ static int verify(bd_sim *sim, double *moving, double wide, double reach, double
   return BD_OK;
 }
 
-int bd_opaque_derive(bd_sim *sim) {
-  bd_newton_system *system = &sim->newton;
-  const bd_layout *lay = &sim->model->lay;
-  bd_opaque *opaque = &sim->opaque;
-  bd_torque_set *set = &sim->plan.torques;
-  double *theta = sim->y + lay->theta, *omega = sim->y + lay->omega;
-  int code = bd_torque_set_derive(set, sim->t, sim->plan.t_piece, theta, omega, system->torque,
-                                  system->by_theta, system->by_omega, &sim->failure);
+int bd_opaque_derive(bd_stepper *stepper) {
+  bd_newton_system *system = &stepper->newton;
+  const bd_layout *lay = &stepper->model->lay;
+  bd_opaque *opaque = &stepper->opaque;
+  bd_torque_set *set = &stepper->plan.torques;
+  double *theta = stepper->y + lay->theta, *omega = stepper->y + lay->omega;
+  int code =
+      bd_torque_set_derive(set, stepper->t, stepper->plan.t_piece, theta, omega, system->torque,
+                           system->by_theta, system->by_omega, &stepper->report.failure);
   if (set->smooth || code != BD_OK) {
     return code;
   }
@@ -164,27 +167,27 @@ int bd_opaque_derive(bd_sim *sim) {
     return BD_OK;
   }
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    double wide = 0.01 * fmax(fabs(omega[j]), 1.0 / sim->weights[lay->omega + j]);
-    code = verify(sim, &omega[j], wide, sim->h, system->by_omega + j);
+    double wide = 0.01 * fmax(fabs(omega[j]), 1.0 / stepper->weights[lay->omega + j]);
+    code = verify(stepper, &omega[j], wide, stepper->h, system->by_omega + j);
     if (code == BD_OK) {
-      wide = 0.01 / sim->weights[lay->theta + j];
-      code = verify(sim, &theta[j], wide, sim->h * sim->h, system->by_theta + j);
+      wide = 0.01 / stepper->weights[lay->theta + j];
+      code = verify(stepper, &theta[j], wide, stepper->h * stepper->h, system->by_theta + j);
     }
   }
   return code;
 }
 
-int bd_opaque_by_time(bd_sim *sim, double h) {
-  const bd_layout *lay = &sim->model->lay;
-  bd_newton_system *system = &sim->newton;
-  double *over = sim->opaque.begin;
-  int code = bd_torque_set_by_time(&sim->plan.torques, sim->t, 0.5 * h, sim->plan.t_piece,
-                                   sim->y + lay->theta, sim->y + lay->omega, system->torque, over,
-                                   &sim->failure);
+int bd_opaque_by_time(bd_stepper *stepper, double h) {
+  const bd_layout *lay = &stepper->model->lay;
+  bd_newton_system *system = &stepper->newton;
+  double *over = stepper->opaque.begin;
+  int code = bd_torque_set_by_time(
+      &stepper->plan.torques, stepper->t, 0.5 * h, stepper->plan.t_piece, stepper->y + lay->theta,
+      stepper->y + lay->omega, system->torque, over, &stepper->report.failure);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double apart = fabs(system->by_time[j] - over[j]);
     if (apart > 0.5 * fmax(fabs(system->by_time[j]), fabs(over[j])) &&
-        meaning(sim, j, apart * h, h) > bd_method_tolerance(sim->now, sim->options.rtol)) {
+        meaning(stepper, j, apart * h, h) > bd_method_tolerance(stepper->now, stepper->rtol)) {
       system->by_time[j] = over[j];
     }
   }
@@ -192,31 +195,32 @@ int bd_opaque_by_time(bd_sim *sim, double h) {
 }
 
 /* Whether the torque at the step's end is not what the derivatives that shaped the step said. */
-static int contradicted(bd_sim *sim, double h, double t_new, double tolerance, int *wrong) {
-  const bd_layout *lay = &sim->model->lay;
-  const bd_newton_system *system = &sim->newton;
-  bd_opaque *opaque = &sim->opaque;
+static int contradicted(bd_stepper *stepper, double h, double t_new, double tolerance, int *wrong) {
+  const bd_layout *lay = &stepper->model->lay;
+  const bd_newton_system *system = &stepper->newton;
+  bd_opaque *opaque = &stepper->opaque;
   int matters = 0, code = BD_OK;
   for (int i = 0; i < lay->np; ++i) {
     double promised = 0.0;
     for (int j = 0; j < lay->np; ++j) {
-      promised +=
-          system->by_theta[i * lay->np + j] * (sim->y_new[lay->theta + j] - sim->y[lay->theta + j]);
-      promised +=
-          system->by_omega[i * lay->np + j] * (sim->y_new[lay->omega + j] - sim->y[lay->omega + j]);
+      promised += system->by_theta[i * lay->np + j] *
+                  (stepper->y_new[lay->theta + j] - stepper->y[lay->theta + j]);
+      promised += system->by_omega[i * lay->np + j] *
+                  (stepper->y_new[lay->omega + j] - stepper->y[lay->omega + j]);
     }
     opaque->impulse[i] = promised;
-    matters |= meaning(sim, i, promised, h) > tolerance;
+    matters |= meaning(stepper, i, promised, h) > tolerance;
   }
   if (matters) {
-    code = bd_torque_set_eval(&sim->plan.torques, t_new, sim->plan.t_piece, sim->y_new + lay->theta,
-                              sim->y_new + lay->omega, opaque->look, &sim->failure);
+    code = bd_torque_set_eval(&stepper->plan.torques, t_new, stepper->plan.t_piece,
+                              stepper->y_new + lay->theta, stepper->y_new + lay->omega,
+                              opaque->look, &stepper->report.failure);
   }
   for (int i = 0; matters && code == BD_OK && i < lay->np; ++i) {
     double promised = opaque->impulse[i];
     double came = opaque->look[i] - system->torque[i] - h * system->by_time[i];
-    *wrong |=
-        meaning(sim, i, promised, h) > tolerance && fabs(came - promised) > 0.5 * fabs(promised);
+    *wrong |= meaning(stepper, i, promised, h) > tolerance &&
+              fabs(came - promised) > 0.5 * fabs(promised);
   }
   return code;
 }
@@ -230,41 +234,40 @@ static const double OWED = 800.0, PAID = 100.0, ROUGH = 20.0, AGAIN = 4.0, NEARL
 
 /* The shortest step for the sake of a torque that jumps all the time; never one in which a stretch
  * wave runs through more than a sixtieth of the belt. */
-static double grain(const bd_sim *sim) {
-  double most = fmin(sim->opaque.interval / 25.0, bd_round_time(sim->model) / 60.0);
-  return bd_sim_longest(sim, most);
+static double grain(const bd_stepper *stepper) {
+  double most = fmin(stepper->opaque.interval / 25.0, bd_round_time(stepper->model) / 60.0);
+  return bd_stepper_longest(stepper, most);
 }
 
 /* The torque of pulley j has jumped: owed are the short tries since it did so last. */
-static void count_jump(bd_sim *sim, int j, double change) {
-  bd_opaque *opaque = &sim->opaque;
-  const double least = grain(sim);
-  double paid = PAID * fmax(0.0, sim->t - opaque->t_owed) / opaque->interval;
+static void count_jump(bd_stepper *stepper, int j, double change) {
+  bd_opaque *opaque = &stepper->opaque;
+  const double least = grain(stepper);
+  double paid = PAID * fmax(0.0, stepper->t - opaque->t_owed) / opaque->interval;
   opaque->owed = fmax(0.0, opaque->owed - paid) + (double)opaque->short_tries;
   opaque->short_tries = 0;
-  opaque->t_owed = fmax(opaque->t_owed, sim->t);
-  opaque->jump = fmax(opaque->jump, meaning(sim, j, change, 1.0));
-  if (opaque->owed < OWED || sim->t < opaque->rough_until) {
+  opaque->t_owed = fmax(opaque->t_owed, stepper->t);
+  opaque->jump = fmax(opaque->jump, meaning(stepper, j, change, 1.0));
+  if (opaque->owed < OWED || stepper->t < opaque->rough_until) {
     return;
   }
   opaque->rough_for = fmax(ROUGH * opaque->interval, AGAIN * opaque->rough_for);
-  opaque->t_owed = opaque->rough_until = sim->t + opaque->rough_for;
+  opaque->t_owed = opaque->rough_until = stepper->t + opaque->rough_for;
   opaque->owed = NEARLY * OWED;
-  bd_sim_warn(
-      sim, BD_WARN_rough_torque, sim->t, -1, j,
-      "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
-      "%.3g N m round t = %.6g s: it is followed in steps of %.2g s, each worth %.2g rad/s, "
-      "and no closer; let it change over a range of time or speed, or name its jumps in "
-      "breakpoints",
-      j, fabs(change), sim->t, least, fabs(change) * least / sim->model->inertia[j]);
+  bd_warn(&stepper->report, BD_WARN_rough_torque, stepper->t, -1, j,
+          "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
+          "%.3g N m round t = %.6g s: it is followed in steps of %.2g s, each worth %.2g rad/s, "
+          "and no closer; let it change over a range of time or speed, or name its jumps in "
+          "breakpoints",
+          j, fabs(change), stepper->t, least, fabs(change) * least / stepper->model->inertia[j]);
 }
 
 /* The torques of a try into the range of the present stretch, as long as the shortest step; a
  * smooth torque changes over a short step by a part of what it changes over such a stretch. */
-static void widen(bd_sim *sim, const double *low, const double *high) {
-  bd_opaque *opaque = &sim->opaque;
-  const int np = sim->model->lay.np;
-  int over = sim->t >= opaque->t_range + grain(sim);
+static void widen(bd_stepper *stepper, const double *low, const double *high) {
+  bd_opaque *opaque = &stepper->opaque;
+  const int np = stepper->model->lay.np;
+  int over = stepper->t >= opaque->t_range + grain(stepper);
   for (int j = 0; j < np; ++j) {
     if (over) {
       opaque->range[j] = opaque->ranges > 0 ? opaque->most[j] - opaque->least[j] : 0.0;
@@ -273,120 +276,123 @@ static void widen(bd_sim *sim, const double *low, const double *high) {
     opaque->least[j] = fmin(opaque->least[j], low[j]);
     opaque->most[j] = fmax(opaque->most[j], high[j]);
   }
-  opaque->t_range = over ? sim->t : opaque->t_range;
+  opaque->t_range = over ? stepper->t : opaque->t_range;
   opaque->ranges += over;
 }
 
 /* Counts the torques that jump, by what would matter over the shortest step. */
-static void count_changes(bd_sim *sim, const double *one, const double *other) {
-  const bd_opaque *opaque = &sim->opaque;
-  const double tolerance = bd_method_tolerance(sim->method, sim->options.rtol), least = grain(sim);
-  for (int j = 0; opaque->ranges > 1 && j < sim->model->lay.np; ++j) {
+static void count_changes(bd_stepper *stepper, const double *one, const double *other) {
+  const bd_opaque *opaque = &stepper->opaque;
+  const double tolerance = bd_method_tolerance(stepper->method, stepper->rtol),
+               least = grain(stepper);
+  for (int j = 0; opaque->ranges > 1 && j < stepper->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
     double range = fmax(opaque->range[j], opaque->most[j] - opaque->least[j]);
-    if (meaning(sim, j, change, least) > tolerance && change > 0.5 * range) {
-      count_jump(sim, j, change);
+    if (meaning(stepper, j, change, least) > tolerance && change > 0.5 * range) {
+      count_jump(stepper, j, change);
     }
   }
 }
 
-void bd_opaque_try(bd_sim *sim) {
-  bd_torque_set *set = &sim->plan.torques;
-  set->watched = !set->smooth && !sim->plan.pulleys_locked;
-  for (int j = 0; set->watched && j < sim->model->lay.np; ++j) {
-    set->low[j] = set->high[j] = sim->opaque.now[j];
+void bd_opaque_try(bd_stepper *stepper) {
+  bd_torque_set *set = &stepper->plan.torques;
+  set->watched = !set->smooth && !stepper->plan.pulleys_locked;
+  for (int j = 0; set->watched && j < stepper->model->lay.np; ++j) {
+    set->low[j] = set->high[j] = stepper->opaque.now[j];
   }
 }
 
-void bd_opaque_tried(bd_sim *sim, double h) {
-  bd_torque_set *set = &sim->plan.torques;
-  const double least = grain(sim);
+void bd_opaque_tried(bd_stepper *stepper, double h) {
+  bd_torque_set *set = &stepper->plan.torques;
+  const double least = grain(stepper);
   if (set->watched) {
-    widen(sim, set->low, set->high);
+    widen(stepper, set->low, set->high);
   }
   if (!set->watched || h > 1.1 * least) {
     set->watched = 0;
     return;
   }
   set->watched = 0;
-  sim->opaque.short_tries += h < 0.5 * least;
-  count_changes(sim, set->low, set->high);
+  stepper->opaque.short_tries += h < 0.5 * least;
+  count_changes(stepper, set->low, set->high);
 }
 
-double bd_opaque_least(const bd_sim *sim) {
-  return sim->t < sim->opaque.rough_until ? grain(sim) : 0.0;
+double bd_opaque_least(const bd_stepper *stepper) {
+  return stepper->t < stepper->opaque.rough_until ? grain(stepper) : 0.0;
 }
 
-double bd_opaque_allowance(const bd_sim *sim, double h) {
-  return sim->t < sim->opaque.rough_until && h <= 1.1 * grain(sim) ? 4.0 * h * sim->opaque.jump
-                                                                   : 0.0;
+double bd_opaque_allowance(const bd_stepper *stepper, double h) {
+  return stepper->t < stepper->opaque.rough_until && h <= 1.1 * grain(stepper)
+             ? 4.0 * h * stepper->opaque.jump
+             : 0.0;
 }
 
 /* --- a step, and its samples ----------------------------------------------------------------- */
 
-int bd_opaque_check(bd_sim *sim, double h, double t_new, double tolerance, double *shrink) {
+int bd_opaque_check(bd_stepper *stepper, double h, double t_new, double tolerance, double *shrink) {
   enum { FIRST = 8, MOST = 4096 };
-  bd_opaque *opaque = &sim->opaque;
+  bd_opaque *opaque = &stepper->opaque;
   int code = BD_OK, wrong = 0;
   *shrink = 1.0;
-  if (sim->plan.torques.smooth || sim->plan.pulleys_locked) {
+  if (stepper->plan.torques.smooth || stepper->plan.pulleys_locked) {
     return BD_OK;
   }
-  if (sim->now->implicit) {
-    code = contradicted(sim, h, t_new, fmin(tolerance, 1.0), &wrong);
+  if (stepper->now->implicit) {
+    code = contradicted(stepper, h, t_new, fmin(tolerance, 1.0), &wrong);
   }
   if (wrong) {
     opaque->next_left_out = opaque->next_left_out ? 2 * opaque->next_left_out : FIRST;
     opaque->next_left_out = opaque->next_left_out < MOST ? opaque->next_left_out : MOST;
     opaque->left_out = opaque->next_left_out;
-    sim->jacobian_known = 0;
+    stepper->jacobian_known = 0;
     *shrink = 0.5;
   } else if (code == BD_OK && h > opaque->interval) {
-    code = look_along(sim, h, fmin(tolerance, 1.0), shrink);
+    code = look_along(stepper, h, fmin(tolerance, 1.0), shrink);
   }
   return code;
 }
 
-void bd_opaque_began(bd_sim *sim) {
-  memcpy(sim->opaque.now, sim->plan.torque, (size_t)sim->model->lay.np * sizeof(double));
+void bd_opaque_began(bd_stepper *stepper) {
+  memcpy(stepper->opaque.now, stepper->plan.torque,
+         (size_t)stepper->model->lay.np * sizeof(double));
 }
 
-void bd_opaque_keep(bd_sim *sim, double h) {
-  double *spare = sim->opaque.last;
-  sim->opaque.last = sim->opaque.now;
-  sim->opaque.now = spare;
-  bd_opaque_began(sim);
-  if (!sim->plan.torques.smooth && h <= 1.1 * grain(sim)) {
-    count_changes(sim, sim->opaque.last, sim->opaque.now);
+void bd_opaque_keep(bd_stepper *stepper, double h) {
+  double *spare = stepper->opaque.last;
+  stepper->opaque.last = stepper->opaque.now;
+  stepper->opaque.now = spare;
+  bd_opaque_began(stepper);
+  if (!stepper->plan.torques.smooth && h <= 1.1 * grain(stepper)) {
+    count_changes(stepper, stepper->opaque.last, stepper->opaque.now);
   }
 }
 
-int bd_opaque_jumps(const bd_sim *sim) {
-  const bd_opaque *opaque = &sim->opaque;
-  double tolerance = bd_method_tolerance(sim->method, sim->options.rtol);
-  for (int j = 0; !sim->plan.torques.smooth && j < sim->model->lay.np; ++j) {
-    if (meaning(sim, j, opaque->now[j] - opaque->last[j], sim->h) > 0.1 * tolerance) {
+int bd_opaque_jumps(const bd_stepper *stepper) {
+  const bd_opaque *opaque = &stepper->opaque;
+  double tolerance = bd_method_tolerance(stepper->method, stepper->rtol);
+  for (int j = 0; !stepper->plan.torques.smooth && j < stepper->model->lay.np; ++j) {
+    if (meaning(stepper, j, opaque->now[j] - opaque->last[j], stepper->h) > 0.1 * tolerance) {
       return j;
     }
   }
   return -1;
 }
 
-void bd_opaque_sampled(bd_sim *sim, double t, double h) {
-  const bd_layout *lay = &sim->model->lay;
-  const bd_torque_set *set = &sim->plan.torques;
-  const bd_opaque *opaque = &sim->opaque;
+void bd_opaque_sampled(bd_stepper *stepper, double t, double h) {
+  const bd_layout *lay = &stepper->model->lay;
+  const bd_torque_set *set = &stepper->plan.torques;
+  const bd_opaque *opaque = &stepper->opaque;
   for (int j = 0; j < lay->np; ++j) {
-    double torque = sim->plan.torque[j];
+    double torque = stepper->plan.torque[j];
     double low = fmin(set->low[j], opaque->now[j]), high = fmax(set->high[j], opaque->now[j]);
     double beyond = fmax(low - torque, torque - high);
-    double scale = fmax(fabs(sim->y[lay->omega + j]), 1.0 / sim->weights[lay->omega + j]);
-    if (beyond * h / sim->model->inertia[j] > 0.02 * scale) {
-      bd_sim_warn(sim, BD_WARN_torque, t, -1, j,
-                  "the torque function gives %.4g N m on pulley %d at t = %.9g s, where the step "
-                  "round it saw %.4g to %.4g N m: it changes faster than steps of %.3g s follow; "
-                  "name the times of its jumps in breakpoints, or take a smaller max_step",
-                  torque, j, t, low, high, h);
+    double scale = fmax(fabs(stepper->y[lay->omega + j]), 1.0 / stepper->weights[lay->omega + j]);
+    if (beyond * h / stepper->model->inertia[j] > 0.02 * scale) {
+      bd_warn(&stepper->report, BD_WARN_torque, t, -1, j,
+              "the torque function gives %.4g N m on pulley %d at t = %.9g s, where the step "
+              "round it saw %.4g to %.4g N m: it changes faster than steps of %.3g s follow; "
+              "name the times of its jumps in breakpoints, or take a smaller max_step",
+              torque, j, t, low, high, h);
     }
   }
 }

@@ -12,7 +12,7 @@
  */
 #include <string.h>
 
-#include "run/run.h"
+#include "solvers/solvers.h"
 
 static const double rodas4_a[] = {
     1.544000000000000,   0.9466785280815826,  0.2557011698983284,
@@ -55,31 +55,31 @@ const bd_rosenbrock bd_rodas4 = {
     .dense = {rodas4_d2, rodas4_d3},
 };
 
-/* The stages u_i stand in sim->stage[1] ... */
-int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
-  const bd_rosenbrock *m = sim->now->table;
-  const size_t size = sim->model->lay.size;
-  const bd_kernels *kernels = sim->plan.kernels;
-  double **u = sim->stage + 1, scaled[BD_MAX_STAGES];
+/* The stages u_i stand in stepper->stage[1] ... */
+int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
+  const bd_rosenbrock *m = stepper->now->table;
+  const size_t size = stepper->model->lay.size;
+  const bd_kernels *kernels = stepper->plan.kernels;
+  double **u = stepper->stage + 1, scaled[BD_MAX_STAGES];
   const double *a = m->a, *c = m->c, one = 1.0;
-  int code = bd_sim_linearise(sim);
+  int code = bd_implicit_linearise(stepper);
   if (code == BD_OK) {
-    code = bd_sim_torque_by_time(sim, h, 1);
+    code = bd_implicit_torque_by_time(stepper, h, 1);
   }
   if (code != BD_OK) {
     return code;
   }
-  bd_newton_linearise_contact(&sim->newton, &sim->plan, sim->y, 0.0);
-  bd_newton_factor(&sim->newton, &sim->plan, m->gamma * h);
-  ++sim->stats.nlu;
-  sim->plan.skip_power = 1;
+  bd_newton_linearise_contact(&stepper->newton, &stepper->plan, stepper->y, 0.0);
+  bd_newton_factor(&stepper->newton, &stepper->plan, m->gamma * h);
+  ++stepper->nlu;
+  stepper->plan.skip_power = 1;
   for (int s = 0; s < m->stages; ++s) {
     if (s == 0) {
-      memcpy(u[0], sim->stage[0], size * sizeof *u[0]);
+      memcpy(u[0], stepper->stage[0], size * sizeof *u[0]);
     } else {
-      double *f = sim->stage[m->stages + 1];
-      kernels->combine(size, sim->y_mid, sim->y, 1.0, s, a, u);
-      code = bd_sim_rate(sim, sim->t + m->time[s] * h, sim->y_mid, f);
+      double *f = stepper->stage[m->stages + 1];
+      kernels->combine(size, stepper->y_mid, stepper->y, 1.0, s, a, u);
+      code = bd_stepper_rate(stepper, stepper->t + m->time[s] * h, stepper->y_mid, f);
       if (code != BD_OK) {
         break;
       }
@@ -90,30 +90,31 @@ int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error) {
       a += s;
       c += s;
     }
-    bd_sim_add_torque_by_time(sim, u[s], h * m->slope[s]);
-    bd_newton_solve(&sim->newton, &sim->plan, u[s]);
+    bd_implicit_add_torque_by_time(stepper, u[s], h * m->slope[s]);
+    bd_newton_solve(&stepper->newton, &stepper->plan, u[s]);
   }
-  sim->plan.skip_power = 0;
+  stepper->plan.skip_power = stepper->plan.no_power;
   if (code == BD_OK) {
     double *last = u[m->stages - 1];
-    kernels->combine(size, sim->y_new, sim->y_mid, 1.0, 1, &one, &last);
-    *error = kernels->error_norm(&sim->model->lay, 1.0, 1, &one, &last, sim->weights);
+    kernels->combine(size, stepper->y_new, stepper->y_mid, 1.0, 1, &one, &last);
+    *error = kernels->error_norm(&stepper->model->lay, 1.0, 1, &one, &last, stepper->weights);
   }
   return code;
 }
 
-void bd_rosenbrock_inside(bd_sim *sim, double h, double s, double *y) {
-  const bd_rosenbrock *m = sim->now->table;
+void bd_rosenbrock_inside(bd_stepper *stepper, double h, double s, double *y) {
+  const bd_rosenbrock *m = stepper->now->table;
   const double *whole = m->a + (m->stages - 1) * (m->stages - 2) / 2;
   double b[BD_MAX_STAGES];
   for (int k = 0; k < m->stages; ++k) {
     double full = k < m->stages - 1 ? whole[k] : 1.0;
     b[k] = s * (full + (1.0 - s) * (m->dense[0][k] + s * m->dense[1][k]));
   }
-  sim->plan.kernels->combine(sim->model->lay.size, y, sim->y, 1.0, m->stages, b, sim->stage + 1);
-  bd_sim_work_inside(sim, h, s, y);
+  stepper->plan.kernels->combine(stepper->model->lay.size, y, stepper->y, 1.0, m->stages, b,
+                                 stepper->stage + 1);
+  bd_implicit_work_inside(stepper, h, s, y);
 }
 
-int bd_rosenbrock_finish(bd_sim *sim, double h, double t_new) {
-  return bd_sim_finish_step(sim, h, t_new, 1);
+int bd_rosenbrock_finish(bd_stepper *stepper, double h, double t_new) {
+  return bd_implicit_finish(stepper, h, t_new, 1);
 }

@@ -7,8 +7,7 @@
 
 #include "physics/physics.h"
 
-/* --- newton_system.c ---------------------------------------------------------------------------
- */
+/* --- newton_system.c ------------------------------------------------------------------------- */
 
 typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
@@ -43,8 +42,9 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
-/* --- methods.c ---------------------------------------------------------------------------------
- */
+typedef struct bd_stepper bd_stepper;
+
+/* --- methods.c ------------------------------------------------------------------------------- */
 
 enum { MAX_HISTORY = 2 }; /* earlier states that a multistep method may look back on */
 
@@ -54,7 +54,7 @@ typedef struct bd_method {
   int implicit;
   int order;
   int error_order;  /* local errors go with this power of the step */
-  int vectors;      /* of the size of the state, in bd_sim.stage */
+  int vectors;      /* of the size of the state, in bd_stepper.stage */
   int history;      /* earlier states it looks back on */
   int adaptive;     /* its errors can set its step */
   int may_be_fixed; /* bd_options.step is the step, not the first one */
@@ -62,13 +62,13 @@ typedef struct bd_method {
   double growth;    /* of the step, at most */
   double aim[2];    /* local errors are held below aim[0] rtol^aim[1] */
   double cost[2];   /* microseconds of a step and of a link in it, measured; only ratios count */
-  /* A step of length h from sim->y into sim->y_new; *error: its estimate over the weights, infinite
-   * if a number is not finite. */
-  int (*attempt)(bd_sim *sim, double h, double *error);
+  /* A step of length h from stepper->y into stepper->y_new; *error: its estimate over the weights,
+   * infinite if a number is not finite. */
+  int (*attempt)(bd_stepper *stepper, double h, double *error);
   /* What an accepted step leaves behind for the next. */
-  int (*finish)(bd_sim *sim, double h, double t_new);
+  int (*finish)(bd_stepper *stepper, double h, double t_new);
   /* The state at the fraction s of the step just made, into y. */
-  void (*inside)(bd_sim *sim, double h, double s, double *y);
+  void (*inside)(bd_stepper *stepper, double h, double s, double *y);
   const void *table;
 } bd_method;
 
@@ -77,6 +77,8 @@ const bd_method *bd_method_find(const char *name); /* NULL if there is none */
 double bd_method_tolerance(const bd_method *method, double rtol);
 double bd_method_error(const bd_method *method, double local);
 const bd_method *bd_method_at(size_t k); /* NULL past the last */
+/* The longest step of an adaptive explicit method. */
+double bd_method_longest(const bd_method *method, const bd_model *model);
 
 /* Coefficients of explicit Runge-Kutta methods, erk.c. */
 typedef struct bd_tableau {
@@ -87,11 +89,11 @@ typedef struct bd_tableau {
 } bd_tableau;
 
 extern const bd_tableau bd_tsit5, bd_rk4;
-int bd_erk_attempt(bd_sim *sim, double h, double *error);
-int bd_erk_finish(bd_sim *sim, double h, double t_new);
-void bd_erk_inside(bd_sim *sim, double h, double s, double *y);
+int bd_erk_attempt(bd_stepper *stepper, double h, double *error);
+int bd_erk_finish(bd_stepper *stepper, double h, double t_new);
+void bd_erk_inside(bd_stepper *stepper, double h, double s, double *y);
 /* Where the error of the last attempt is largest: the field's name, the link or the pulley. */
-const char *bd_erk_worst(const bd_sim *sim, double h, int *body, int *pulley);
+const char *bd_erk_worst(const bd_stepper *stepper, double h, int *body, int *pulley);
 
 /* Coefficients of Rosenbrock methods, rosenbrock.c. */
 typedef struct bd_rosenbrock {
@@ -103,40 +105,127 @@ typedef struct bd_rosenbrock {
 } bd_rosenbrock;
 
 extern const bd_rosenbrock bd_rodas4;
-int bd_rosenbrock_attempt(bd_sim *sim, double h, double *error);
-int bd_rosenbrock_finish(bd_sim *sim, double h, double t_new);
-void bd_rosenbrock_inside(bd_sim *sim, double h, double s, double *y);
+int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error);
+int bd_rosenbrock_finish(bd_stepper *stepper, double h, double t_new);
+void bd_rosenbrock_inside(bd_stepper *stepper, double h, double s, double *y);
 
 /* Linearly implicit backward differentiation, lbdf.c. */
-int bd_lbdf_attempt(bd_sim *sim, double h, double *error);
-int bd_lbdf_finish(bd_sim *sim, double h, double t_new);
-void bd_lbdf_inside(bd_sim *sim, double h, double s, double *y);
+int bd_lbdf_attempt(bd_stepper *stepper, double h, double *error);
+int bd_lbdf_finish(bd_stepper *stepper, double h, double t_new);
+void bd_lbdf_inside(bd_stepper *stepper, double h, double s, double *y);
 
-/* --- implicit.c --------------------------------------------------------------------------------
- */
+/* --- stepper.c ------------------------------------------------------------------------------- */
+
+/* What is known of torque functions, and scratch for asking them; arrays by pulley. */
+typedef struct bd_opaque {
+  double interval;              /* longest time between two calls [s] */
+  int left_out, next_left_out;  /* linearisations without their derivatives: still, and next time */
+  long short_tries;             /* since its last jump */
+  double owed, t_owed;          /* short tries for its jumps, and when last counted */
+  double jump;                  /* the largest, as local error per second */
+  double rough_for;             /* how long errors of that size are let pass, */
+  double rough_until;           /* and until when */
+  double t_range;               /* start of the stretch whose range is being taken */
+  long ranges;                  /* stretches so far */
+  double *look;                 /* torques of a look */
+  double *range, *least, *most; /* of the torques: over the last stretch; in this one */
+  double *last, *now;           /* torques at the ends of the step just made */
+  double *begin, *middle, *end, *impulse, *theta, *omega;
+} bd_opaque;
+
+/* What an integration method sees: the state, its stages, the states before it, the linear system,
+ * the torques. Nothing of the run: stops, samples, guards. */
+struct bd_stepper {
+  const bd_model *model;
+  const bd_method *method, *now; /* in use; of the step being made or just made */
+  double rtol, max_step;         /* asked for; max_step 0: none */
+  int fixed;                     /* the step is given, errors do not set it */
+  bd_plan plan;
+  bd_newton_system newton;
+  bd_opaque opaque;
+  double t, h, turns;            /* h: length of the next step */
+  double *y, *y_new, *y_mid;     /* at t; after the attempt; scratch */
+  double *weights;               /* of errors, by unknown */
+  double *stage[MAX_VECTORS];    /* stage[0]: the rate at y, if it is known; the last one of the
+                                  * method: that at y_new, once the step is finished */
+  double *history[MAX_HISTORY];  /* states before y */
+  double history_h[MAX_HISTORY]; /* and the lengths of the steps that led from them */
+  int n_history;
+  int rate_known, jacobian_known;
+  double work_middle[N_WORK]; /* power in the middle of the step just made */
+  long nfev, njev, nlu;
+  bd_report report;
+};
+
+/* Room for a method, and for another one that may take over (or NULL). */
+void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *model,
+                      const bd_method *method, const bd_method *other, const bd_torque *torque);
+void bd_stepper_weigh(bd_stepper *stepper);
+/* Rate at any time and state; counted. */
+int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
+/* The rate at y, where it is not known yet, into stage[0]. */
+int bd_stepper_ensure_rate(bd_stepper *stepper);
+/* Longest step that the method in use is allowed to make, h at most. */
+double bd_stepper_longest(const bd_stepper *stepper, double h);
+/* Goes on from the finished step of length h: y_new becomes y, y the first state of the history,
+ * and the last stage, the rate at y_new, becomes stage[0]. rate_holds: y_new has not been changed
+ * since that rate was taken. */
+void bd_stepper_advance(bd_stepper *stepper, double h, double t_new, int rate_holds);
+/* Goes back to y as another state altogether: no rate, no Jacobian, no list of links is right. */
+void bd_stepper_reset(bd_stepper *stepper);
+/* Makes one stepper stand where another stands. */
+void bd_stepper_copy(bd_stepper *to, const bd_stepper *from);
+
+/* --- implicit.c ------------------------------------------------------------------------------ */
 
 /* Sees that the Jacobian at y, and the rate, are there. */
-int bd_sim_linearise(bd_sim *sim);
+int bd_implicit_linearise(bd_stepper *stepper);
 /* The set torques' change with time: over the step of length h, or at its start; and factor times
  * what it means for the pulleys, added to c. */
-int bd_sim_torque_by_time(bd_sim *sim, double h, int at_start);
-void bd_sim_add_torque_by_time(const bd_sim *sim, double *c, double factor);
+int bd_implicit_torque_by_time(bd_stepper *stepper, double h, int at_start);
+void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double factor);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
-int bd_sim_finish_step(bd_sim *sim, double h, double t_new, int middle);
+int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
 /* The ledger's part of a state inside the step just made. */
-void bd_sim_work_inside(const bd_sim *sim, double h, double s, double *y);
+void bd_implicit_work_inside(const bd_stepper *stepper, double h, double s, double *y);
 
-/* --- history.c ---------------------------------------------------------------------------------
- */
+/* --- history.c ------------------------------------------------------------------------------- */
 
 /* y_new becomes y, y the first of the past. */
-void bd_history_push(bd_sim *sim, double h);
+void bd_history_push(bd_stepper *stepper, double h);
 /* What happens to y after a step, whole turns taken off and friction forgotten, to the past, too.
  */
-void bd_history_rebase(bd_sim *sim);
+void bd_history_rebase(bd_stepper *stepper);
 
-/* --- stiffness.c -------------------------------------------------------------------------------
- */
+/* --- opaque.c -------------------------------------------------------------------------------- */
+
+void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np);
+/* The set torques' derivatives to angles and speeds, as far as they can be believed. */
+int bd_opaque_derive(bd_stepper *stepper);
+/* The change with time at the start of a step of length h is in newton.by_time; puts that over half
+ * the step in its place where the two have nothing to do with each other. */
+int bd_opaque_by_time(bd_stepper *stepper, double h);
+/* Before a step of length h is accepted: *shrink < 1 if it is to be made again, so much shorter,
+ * for what a torque function does within it. */
+int bd_opaque_check(bd_stepper *stepper, double h, double t_new, double tolerance, double *shrink);
+/* For a torque function that jumps all the time: the length that steps need not go below, and what
+ * a step of that length may err by more; 0: it does not. */
+double bd_opaque_least(const bd_stepper *stepper);
+double bd_opaque_allowance(const bd_stepper *stepper, double h);
+/* Before and after every try. */
+void bd_opaque_try(bd_stepper *stepper);
+void bd_opaque_tried(bd_stepper *stepper, double h);
+/* Keeps the torque just evaluated: at the start of a step, where it was not known; at its end. */
+void bd_opaque_began(bd_stepper *stepper);
+void bd_opaque_keep(bd_stepper *stepper, double h);
+/* Warns of a sample at t, inside the step of length h just made, whose torque no step has seen. */
+void bd_opaque_sampled(bd_stepper *stepper, double t, double h);
+
+/* The pulley whose torque function moves its speed by what errors may be, from one step to the
+ * next; -1: none. */
+int bd_opaque_jumps(const bd_stepper *stepper);
+
+/* --- stiffness.c ----------------------------------------------------------------------------- */
 
 typedef struct bd_stiffness {
   double bound;     /* of |lambda| [1/s], everything together */
@@ -144,7 +233,7 @@ typedef struct bd_stiffness {
   int pulley;       /* and which pulley, -1: none in particular */
 } bd_stiffness;
 
-/* load: may be NULL. */
+/* set: may be NULL. */
 bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
 
 #endif

@@ -7,7 +7,7 @@
  */
 #include <math.h>
 
-#include "run/run.h"
+#include "solvers/solvers.h"
 
 /* |lambda| of an oscillator of unit mass. */
 static double lambda(double stiffness, double damping) {

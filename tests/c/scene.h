@@ -49,20 +49,28 @@ static inline int finish(bd_sim *sim, bd_error *err) {
   return code;
 }
 
+static inline int come_to_rest(bd_settling *settling, bd_error *err) {
+  int code;
+  do {
+    code = bd_settle_advance(settling, 100, err);
+  } while (code == BD_MORE);
+  return code;
+}
+
 /* Settles the drive into `state`; a negative code if anything fails on the way. */
 static inline int settle_into(const bd_model *model, bd_state *state, bd_error *err) {
-  bd_sim *sim = NULL;
+  bd_settling *settling = NULL;
   bd_settle_options options;
   bd_settle_options_default(&options);
   options.friction = 1;
-  int code = bd_settle_create(&sim, model, NULL, &options, err);
+  int code = bd_settle_create(&settling, model, NULL, &options, err);
   if (code == BD_OK) {
-    code = finish(sim, err);
+    code = come_to_rest(settling, err);
   }
   if (code == BD_OK) {
-    bd_sim_state(sim, state);
+    bd_sim_state(bd_settle_sim(settling), state);
   }
-  bd_sim_free(sim);
+  bd_settle_free(settling);
   return code;
 }
 

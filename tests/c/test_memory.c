@@ -34,6 +34,7 @@ static int session(bd_error *err) {
   static double force[11 * N];
   bd_model *model = NULL;
   bd_sim *sim = NULL;
+  bd_settling *settling = NULL;
   bd_scene scene = test_scene();
   bd_state state = state_in(&r);
   const double offset[2 * NP] = {0, 0, -2e-3, -2e-3, 0, 0};
@@ -44,16 +45,15 @@ static int session(bd_error *err) {
   options.friction = 1;
   int code = bd_model_create(&model, &scene, err);
   if (code == BD_OK) {
-    code = bd_settle_create(&sim, model, NULL, &options, err);
+    code = bd_settle_create(&settling, model, NULL, &options, err);
   }
   if (code == BD_OK) {
     running = 1;
-    code = finish(sim, err);
+    code = come_to_rest(settling, err);
     running = 0;
-    bd_sim_state(sim, &state);
+    bd_sim_state(bd_settle_sim(settling), &state);
   }
-  bd_sim_free(sim);
-  sim = NULL;
+  bd_settle_free(settling);
   const double drag[NP] = {1, 1, 1}, t[] = {0, 1e-3}, values[2 * NP] = {0, 0, 0, -5, 0, 0};
   const bd_torque_term terms[] = {
       {.kind = BD_TORQUE_VISCOUS, .coefficients = drag},

@@ -1,0 +1,122 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The stepper: what integration methods share, and what becomes of a state from step to step.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "solvers/solvers.h"
+
+void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *model,
+                      const bd_method *method, const bd_method *other, const bd_torque *torque) {
+  const bd_layout *lay = &model->lay;
+  int vectors = method->vectors, history = method->history, implicit = method->implicit;
+  if (other) {
+    vectors = other->vectors > vectors ? other->vectors : vectors;
+    history = other->history > history ? other->history : history;
+    implicit |= other->implicit;
+  }
+  BD_CARVE(carver, stepper->y, lay->size);
+  BD_CARVE(carver, stepper->y_new, lay->size);
+  BD_CARVE(carver, stepper->y_mid, lay->size);
+  BD_CARVE(carver, stepper->weights, lay->size);
+  for (int k = 0; k < vectors; ++k) {
+    BD_CARVE(carver, stepper->stage[k], lay->size);
+  }
+  for (int k = 0; k < history; ++k) {
+    BD_CARVE(carver, stepper->history[k], lay->size);
+  }
+  if (implicit) {
+    bd_newton_carve(carver, &stepper->newton, model);
+  }
+  bd_plan_carve(carver, &stepper->plan, lay);
+  bd_opaque_carve(carver, &stepper->opaque, lay->np);
+  bd_torque_set_carve(carver, &stepper->plan.torques, lay->np, torque);
+  stepper->model = model;
+  stepper->method = stepper->now = method;
+}
+
+/* 1 / scale for every unknown. Stretch for positions; over half a link or a radius for angles; and
+ * for velocities what a joint's stretch is worth over the time a wave needs round a belt of 60
+ * links, which measured runs found as strict as the stretch itself. */
+void bd_stepper_weigh(bd_stepper *stepper) {
+  const bd_model *model = stepper->model;
+  const bd_layout *lay = &model->lay;
+  const bd_info *info = &model->info;
+  double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
+  double stretch = strain * info->link_length;
+  double speed = strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / 60.0;
+  double half = 0.5 * info->link_length;
+  double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
+  memset(stepper->weights, 0, lay->size * sizeof *stepper->weights);
+  for (int f = F_X; f < F_MU + lay->slots; ++f) {
+    double *w = bd_field(lay, stepper->weights, f);
+    for (int i = 0; i < lay->n; ++i) {
+      w[i] = f < F_MU ? 1.0 / scale[f] : 1.0;
+    }
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    stepper->weights[lay->theta + j] = model->radius[j] / stretch;
+    stepper->weights[lay->omega + j] = model->radius[j] / speed;
+  }
+}
+
+int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy) {
+  ++stepper->nfev;
+  return bd_plan_rate(&stepper->plan, t, y, dy, &stepper->report.failure);
+}
+
+int bd_stepper_ensure_rate(bd_stepper *stepper) {
+  if (stepper->rate_known) {
+    return BD_OK;
+  }
+  int code = bd_stepper_rate(stepper, stepper->t, stepper->y, stepper->stage[0]);
+  stepper->rate_known = code == BD_OK;
+  bd_opaque_began(stepper);
+  return code;
+}
+
+double bd_stepper_longest(const bd_stepper *stepper, double h) {
+  const double MOST_LOOKS = 1000.0; /* in a step, between two answers to Ctrl-C */
+  if (!stepper->fixed && stepper->method->stability > 0.0) {
+    h = fmin(h, bd_method_longest(stepper->method, stepper->model));
+  }
+  if (!stepper->plan.torques.smooth && !stepper->fixed) {
+    h = fmin(h, MOST_LOOKS * stepper->opaque.interval);
+  }
+  return stepper->max_step > 0.0 ? fmin(h, stepper->max_step) : h;
+}
+
+void bd_stepper_advance(bd_stepper *stepper, double h, double t_new, int rate_holds) {
+  const int last = stepper->now->vectors - 1;
+  double *first = stepper->stage[0];
+  bd_history_push(stepper, h);
+  stepper->stage[0] = stepper->stage[last];
+  stepper->stage[last] = first;
+  stepper->t = t_new;
+  stepper->rate_known = rate_holds;
+  stepper->jacobian_known = 0;
+  bd_history_rebase(stepper);
+}
+
+void bd_stepper_reset(bd_stepper *stepper) {
+  stepper->rate_known = stepper->jacobian_known = 0;
+  bd_plan_place(&stepper->plan, stepper->t);
+  stepper->plan.search.margin = 0.0;
+  stepper->plan.search.travelled = INFINITY;
+}
+
+void bd_stepper_copy(bd_stepper *to, const bd_stepper *from) {
+  const bd_layout *lay = &from->model->lay;
+  memcpy(to->y, from->y, lay->size * sizeof *to->y);
+  for (int k = 0; k < from->n_history; ++k) {
+    memcpy(to->history[k], from->history[k], lay->size * sizeof *to->y);
+    to->history_h[k] = from->history_h[k];
+  }
+  memcpy(to->plan.owner, from->plan.owner, (size_t)(lay->n8 * lay->slots) * sizeof *to->plan.owner);
+  to->n_history = from->n_history;
+  to->method = to->now = from->method;
+  to->t = from->t;
+  to->turns = from->turns;
+  bd_stepper_reset(to);
+}
