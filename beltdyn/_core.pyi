@@ -1,4 +1,4 @@
-"""The C core as Python sees it: thin, positional, unforgiving. Users want :mod:`beltdyn`."""
+"""The C core's interface to Python: low level, strict. Users should use :mod:`beltdyn`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 
 #: Rows of the tables in ``csrc/fields.h``.
-RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, above it, most
+RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, excluded, most
 PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
 STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
@@ -87,8 +87,8 @@ class Simulation:
         run fills row by row.
         """
     def advance(self, seconds: float) -> bool:
-        """Run for about this much wall time, without the GIL where no Python callback is needed,
-        answering signals; True at the end of the run. KeyboardInterrupt after stop().
+        """Run for about this much wall time [s] and answer signals; True at the end of the run.
+        The GIL is held only while a Python function is called. KeyboardInterrupt after stop().
         """
     def stop(self) -> None:
         """End the run soon, from any thread: advance() raises KeyboardInterrupt, now or later."""
@@ -108,6 +108,6 @@ class Simulation:
     def warnings(self) -> list[dict[str, Any]]: ...  # fields of beltdyn.RunWarning
     def state(self) -> dict[str, Any]: ...
     def export_record(self) -> bytes:
-        """Everything that the run needs to go on bit for bit, in another process too."""
+        """Give all that the run needs to continue bit for bit, in another process too."""
     def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
-        """Go on from a record, in a new simulation of the same model, torque and options."""
+        """Continue from a record, in a new simulation of the same model, torque and options."""

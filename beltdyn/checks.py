@@ -1,4 +1,4 @@
-"""Checks of plain values, for everything a user can build; messages name field and rule."""
+"""Checks of values given by users; messages name the field and the rule."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _DEEPEST = 64
 
 
 def shown(value: object) -> str:
-    """Write a value, short; Python refuses to write an int of thousands of digits."""
+    """Write a value in short; Python itself refuses to print ints of thousands of digits."""
     try:
         return reprlib.repr(value)
     except ValueError:
@@ -46,7 +46,7 @@ def _with_unit(unit: str) -> str:
 
 
 def real(name: str, value: object, unit: str = "1") -> float:
-    """Check a real number; give it as a plain float.
+    """Check a real number; return it as a plain float.
 
     Raises:
         TypeError: Not a real number (bool, str, None and complex are not).
@@ -122,10 +122,10 @@ def pair(name: str, value: object, unit: str) -> tuple[float, float]:
 
 
 def refuse_masked(name: str, value: object) -> None:
-    """Refuse masked values, alone or in sequences: as numbers they would be taken for real.
+    """Refuse masked values, alone or in sequences: NumPy would use the numbers under the mask.
 
     Raises:
-        ValueError: There are some. An array whose mask hides nothing may pass.
+        ValueError: There are masked values. An array whose mask is empty passes.
     """
     masked = sys.modules.get("numpy.ma")
     if masked is not None and _holds_masked(value, masked, _DEEPEST):
@@ -159,14 +159,14 @@ def real_array(name: str, value: Any, *, ndim: int, shape: tuple[int, ...] | Non
         given = np.asanyarray(value)
     except ValueError:
         raise ValueError(f"{name} must be a regular array, its rows differ in length") from None
-    refuse_masked(name, given)  # what its __array__ gave
+    refuse_masked(name, given)  # an object with __array__ may have returned a masked array
     if given.dtype.kind not in "iuf" and given.size:
         raise TypeError(f"{name} must hold real numbers, got {shown(value)}")
     if given.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimension(s), got shape {given.shape}")
     if shape is not None and given.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {given.shape}")
-    with np.errstate(over="ignore"):  # what is too large for a float becomes infinite
+    with np.errstate(over="ignore"):  # numbers too large for a float become infinite
         array = np.array(given if given.size else np.empty(given.shape), np.float64, order="C")
     if not np.isfinite(array).all():
         where = np.argwhere(~np.isfinite(array))[0]
@@ -182,13 +182,19 @@ def sample_times(name: str, value: Any, start: float, end: float) -> Array:
         TypeError: Not real numbers.
         ValueError: Wrong shape, NaN, infinite, decreasing or outside the run.
     """
+    if isinstance(value, numbers.Real):
+        count = int(value) if isinstance(value, numbers.Integral) and int(value) > 1 else 100
+        raise ValueError(
+            f"{name} must have 1 dimension: it takes the times themselves [s], such as "
+            f"np.linspace({start:g}, {end:g}, {count}), got {shown(value)}"
+        )
     times = real_array(name, value, ndim=1)
     if (np.diff(times) < 0.0).any():
         k = int(np.argmax(np.diff(times) < 0.0))
         raise ValueError(
             f"{name} must be non-decreasing, got {times[k]:g} s before {times[k + 1]:g} s"
         )
-    # What np.arange leaves by rounding beyond an end is meant to be that end.
+    # np.arange may go beyond an end by rounding.
     slack = 8 * np.spacing(max(abs(start), abs(end)))
     if times.size and (times[0] < start - slack or times[-1] > end + slack):
         raise ValueError(

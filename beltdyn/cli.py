@@ -1,9 +1,8 @@
 """The command line: ``beltdyn run SCENE``, ``beltdyn scenes``, ``beltdyn figures``.
 
 Exit codes: 0 fine, 1 the run failed or a file could not be written, 2 bad input, 130 interrupted. A
-run that fails or is interrupted still writes what it computed. Results go to stdout; errors, and
-the warnings of a run, one line each after the results, to stderr. Warnings leave the exit code
-alone.
+run that fails or is interrupted still writes what it computed. Results go to stdout; errors and
+warnings, one line each after the results, to stderr. Warnings do not change the exit code.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from .simulation import METHODS, simulate
 __all__ = ["main"]
 
 _FAILED, _BAD_INPUT, _INTERRUPTED = 1, 2, 130
-#: What ends a batch job, or a terminal that is closed; Windows has no SIGHUP.
+#: Signals sent by batch systems and closed terminals; Windows has no SIGHUP.
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -51,7 +50,7 @@ def _warn(noticed: Iterable[RunWarning], quiet: bool) -> None:
 
 
 def _interrupt_once(*_: object) -> NoReturn:
-    """Answer the first signal; whatever an impatient user sends after it must not lose the rest."""
+    """Answer the first signal and ignore those after it, so that results are still written."""
     for one in (signal.SIGINT, *_ENDING):
         signal.signal(one, signal.SIG_IGN)
     raise KeyboardInterrupt
@@ -59,18 +58,18 @@ def _interrupt_once(*_: object) -> NoReturn:
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """Answer what asks a batch job to end like Ctrl-C, and both but once."""
+    """Treat the signals that end a batch job like Ctrl-C, and answer only the first."""
     before = [(one, signal.signal(one, _interrupt_once)) for one in (signal.SIGINT, *_ENDING)]
     try:
         yield
     finally:
         for one, old in before:
-            if signal.getsignal(one) is _interrupt_once:  # else the end is near
+            if signal.getsignal(one) is _interrupt_once:  # not so once a signal was answered
                 signal.signal(one, old)
 
 
 class _Group(click.Group):
-    """Says what is wrong in one line, never by a traceback."""
+    """Reports errors in one line, never as a traceback."""
 
     def main(self, *args: Any, **options: Any) -> Any:
         try:
@@ -87,7 +86,7 @@ class _Group(click.Group):
         except MemoryError as error:
             _stop(str(error) or "out of memory", _FAILED)
         except OSError as error:
-            # Standard output is gone or full: nothing more can be said there.
+            # Standard output is closed or full: nothing more can be printed there.
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115
             _stop(f"cannot write: {error.strerror}", _FAILED)
         sys.exit(code if isinstance(code, int) else 0)
@@ -96,7 +95,22 @@ class _Group(click.Group):
 @click.group("beltdyn", cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="beltdyn")
 def main() -> None:
-    """Dynamics of belt drives."""
+    """Dynamics of belt drives.
+
+    \b
+    beltdyn scenes                                   list the built-in scenes
+    beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
+    beltdyn run drive.toml --out drive.npz           run a scene of your own
+    beltdyn figures --out figures                    draw the paper's figures
+
+    Write a scene file to start from with
+    beltdyn.scenes.kubas_case_1().to_toml("drive.toml"), and read results with
+    beltdyn.Result.load("drive.npz").
+
+    Exit codes: 0 done, 1 the run failed or a file could not be written, 2 bad input, 130
+    interrupted (Ctrl-C or SIGTERM). What was computed before is written in each case. Warnings
+    go to stderr after the results and do not change the exit code.
+    """
 
 
 @main.command("scenes")
@@ -253,12 +267,12 @@ def _write_figures(
 
 
 def _check_folder(folder: Path) -> None:
-    """Before the runs: that files can be written there, or the folder be made."""
+    """Check before the runs that files can be written there, or the folder be made."""
     if folder.exists() and not folder.is_dir():
         _stop(f"cannot write to {folder}: it is a file", _BAD_INPUT)
     if not folder.exists() and not folder.parent.is_dir():
         _stop(f"cannot write to {folder}: there is no folder {folder.parent}", _BAD_INPUT)
-    # A file that will not be there: what counts is whether one can be made.
+    # Any name serves to find out whether files can be made there.
     files.check_writable((folder if folder.exists() else folder.parent) / "table.txt")
 
 
@@ -271,13 +285,13 @@ def _find(scene: str) -> scenes.Scene:
 
 
 def _check_writable(path: Path) -> None:
-    """Before the run: a run is too dear to find out afterwards."""
+    """Check before the run, which may take long, that the file can be written after it."""
     folder = path.parent
     if not folder.is_dir():
         _stop(f"cannot write {path}: there is no folder {folder}", _BAD_INPUT)
     if path.is_dir():
         _stop(f"cannot write {path}: it is a folder", _BAD_INPUT)
-    # In the folder first, where a file is made to take the place of what is there.
+    # Makes and removes a temporary file in the folder, as writing will.
     files.check_writable(path)
 
 
@@ -324,7 +338,7 @@ class _Outputs(NamedTuple):
     quiet: bool
 
     def check(self) -> None:
-        """Stop, before the run, if one could not be written after it."""
+        """Stop before the run if a file could not be written after it."""
         named = {
             option: path
             for option, path in (
@@ -348,7 +362,7 @@ class _Outputs(NamedTuple):
             _check_film(self.animate)
 
     def write(self, result: Result | None) -> str:
-        """Write them; say what was written."""
+        """Write them; return a line that lists what was written."""
         if result is None:
             return ""
         drawable = result.t.size > 0
@@ -365,7 +379,7 @@ class _Outputs(NamedTuple):
             except OSError as error:
                 _stop(f"cannot write {path}: {error.strerror or error}", _FAILED)
             written.append(str(path))
-        what = "" if result.success else ", up to there"
+        what = "" if result.success else " (up to that time)"
         return f"\nwritten{what}: {', '.join(written)}" if written else ""
 
 

@@ -12,28 +12,28 @@ __all__ = ["Interrupted", "SimulationError", "annotate"]
 
 
 class SimulationError(RuntimeError):
-    """A run that cannot go on.
+    """A run that cannot go on, or can no longer be that of a belt drive.
 
-    The message names the time, the body or pulley, the reason and what to try; what was noticed
-    before is in the notes of the error. The symbols::
+    The message names the time, the link or pulley, the reason and what to try; warnings found
+    before are in the notes of the error. The symbols::
 
         BD_ERR_OFF_PULLEY      the belt has come off a pulley, or settled without touching it
-        BD_ERR_JOINT_GAP       a joint gapes by more than a link's length
-        BD_ERR_BALANCE         more than half of the energy that passed has come from nowhere
-        BD_ERR_FIXED_STEP      a fixed explicit step errs by many times the stretch of a joint
-        BD_ERR_STALLED         steps so short that the end is out of reach, and what asks for them;
-                               ``max_steps``, a budget of the user's own, lifts this one
+        BD_ERR_JOINT_GAP       a joint is open by more than a link's length
+        BD_ERR_BALANCE         more energy has appeared than half of what was transmitted
+        BD_ERR_FIXED_STEP      the error of a fixed explicit step is many times a joint's stretch
+        BD_ERR_STALLED         the steps are too short to reach the end; the message says why.
+                               ``max_steps``, a limit of the user's own, replaces this check
         BD_ERR_MAX_STEPS       ``max_steps`` were made
-        BD_ERR_STEP_FLOOR      no step that moves the time meets the tolerance
+        BD_ERR_STEP_FLOOR      even the shortest possible step does not meet the tolerance
         BD_ERR_NOT_FINITE      no step gives finite numbers
         BD_ERR_PASSED_THROUGH  a link passed through a pulley
         BD_ERR_TORQUE_VALUE    the torque function gave a number that is not finite
         BD_ERR_NOT_SETTLED     settling only: the belt did not come to rest, or came off
 
-    Bad values, an initial state that is none of this drive among them, are ``ValueError``.
+    Bad values are ``ValueError``, also an initial state that does not belong to the drive.
 
     Attributes:
-        symbol: Which of these, as in ``csrc/fields.h``.
+        symbol: One of these.
         t: Time of the failure [s].
         body: Index of the link concerned, or -1.
         pulley: Index of the pulley concerned, or -1.
@@ -72,6 +72,6 @@ class Interrupted(KeyboardInterrupt):
 
 
 def annotate(error: SimulationError, noticed: Iterable[RunWarning]) -> None:
-    """Add to an error what was noticed, which may be its cause: a traceback shows it."""
+    """Add warnings, which may name the cause, to an error as notes: a traceback shows them."""
     for one in noticed:
-        error.add_note(f"noticed before: {one}")
+        error.add_note(f"warning before this error: {one}")

@@ -1,9 +1,8 @@
 """Exceptions that a compiled torque function cannot raise.
 
-Python code called back through ctypes, cffi or Numba has no way to hand an exception on: they
-report it to ``sys.unraisablehook`` and return, and the torque is whatever was left in the array. So
-while a run with such a function goes on, the hook takes the exception, and stops the core at that
-very call.
+Python code called through ctypes, cffi or Numba cannot pass an exception on: these report it to
+``sys.unraisablehook`` and return, and the torque is whatever was in the array before. So during a
+run with such a function the hook keeps the exception, and stops the core at this call.
 """
 
 from __future__ import annotations
@@ -17,14 +16,15 @@ from typing import Any
 __all__ = ["Escaped"]
 
 _lock = threading.Lock()
-#: By thread, the innermost last; the hook of before stands in for all.
+#: By thread, the innermost last; other reports go to the hook that was there before.
 _watching: dict[int, list[Escaped]] = {}
 _before: list[Any] = []
 
 
 def _hook(report: Any) -> None:
     watching = _watching.get(threading.get_ident())
-    # A __del__ that fails names itself; callbacks are named in the message, Numba by a text.
+    # Reports of failed __del__ methods hold the object; callbacks are recognised by the message,
+    # those of Numba by a text in place of the object.
     is_callback = "callback" in (report.err_msg or "") or isinstance(report.object, str)
     if watching and is_callback:
         watching[-1].take(report)
@@ -33,7 +33,7 @@ def _hook(report: Any) -> None:
 
 
 class Escaped:
-    """Within it, the first exception of this thread that a callback could not raise.
+    """A context that keeps the first exception of this thread that a callback could not raise.
 
     Attributes:
         error: The exception, or None.
@@ -44,7 +44,7 @@ class Escaped:
         self.error: BaseException | None = None
 
     def take(self, report: Any) -> None:
-        """Keep what ``sys.unraisablehook`` was given, if it is the first."""
+        """Keep the exception of a report to ``sys.unraisablehook``, if it is the first."""
         if self.error is None:
             error = report.exc_value if report.exc_value is not None else report.exc_type()
             self.error = error.with_traceback(report.exc_traceback)
@@ -52,7 +52,7 @@ class Escaped:
 
     def __enter__(self) -> Escaped:
         with _lock:
-            if sys.unraisablehook is not _hook:  # somebody else may have put it back
+            if sys.unraisablehook is not _hook:  # other code may have replaced it
                 _before[:] = [sys.unraisablehook]
                 sys.unraisablehook = _hook
             _watching.setdefault(threading.get_ident(), []).append(self)

@@ -1,4 +1,4 @@
-"""Writing a file whole or not at all: what was there before stays until the new one is complete."""
+"""Replacing files in one step: the old file stays until the new one is complete."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from pathlib import Path
 
 __all__ = ["check_writable", "replacing", "write_bytes"]
 
-#: Of a name at most this much goes into that of the temporary file, which must not get too long.
+#: Characters of a name and its ending used in that of the temporary file, to limit its length.
 _STEM, _ENDING = 40, 12
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give the path of a temporary file, of the same ending, that then takes the place of ``path``.
+    """Give the path of a temporary file with the same ending, which then replaces ``path``.
 
-    The temporary file lies in the same folder, for only there replacing is one step: whoever looks
-    finds the old file or the new one, after a power failure too. If the body raises, Ctrl-C
-    included, the temporary file is removed and ``path`` is as it was. A file keeps its permission
-    bits, and its owner where the system allows it; a link is followed; other hard links to a file
-    keep the old contents. What is no file, such as a pipe or /dev/null, is written to as it is.
+    The temporary file is in the same folder, because only there it can replace another in one step:
+    there is always either the old file or the new one, also after a power failure. If the body
+    raises, Ctrl-C included, the temporary file is removed and ``path`` is unchanged. A file keeps
+    its permission bits, and its owner where the system allows it; a link is followed; other hard
+    links to a file keep the old contents. Anything but a regular file, such as a pipe or
+    /dev/null, is written to directly.
 
     Raises:
         OSError: It cannot be written; the message names ``path`` and says what is there now.
@@ -46,7 +47,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         with suppress(OSError):
             temporary.unlink()
         if isinstance(error, OSError):
-            now = "no file was left there" if before is None else "the file there is as it was"
+            now = "no file was left there" if before is None else "the file there is unchanged"
             raise _explained(error, path, now) from error
         raise
     _flush_folder(target.parent)
@@ -63,7 +64,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Check, without leaving anything, that :func:`replacing` could begin; disks fill up later.
+    """Check that :func:`replacing` could begin, without leaving a file behind.
 
     Raises:
         OSError: No such folder, no right to make a file in it or to change the one there.
@@ -75,7 +76,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         return
     temporary = _beside(target)
     try:
-        # The rights alone do not tell: the file system may be read-only.
+        # Rights are not enough: the file system may be read-only.
         _create(temporary, private=True)
     except OSError as error:
         raise _explained(error, path, "") from error
@@ -85,7 +86,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def _find(path: str | os.PathLike[str]) -> tuple[Path, os.stat_result | None]:
-    """Give what a path leads to, and what is known of it if it is there."""
+    """Give the file that a path leads to and, if it exists, its status."""
     try:
         before = os.stat(path)
     except FileNotFoundError:
@@ -95,7 +96,7 @@ def _find(path: str | os.PathLike[str]) -> tuple[Path, os.stat_result | None]:
             raise IsADirectoryError(errno.EISDIR, "it is a folder", os.fspath(path))
         return Path(path), before  # not resolved: /dev/stdout may lead to a pipe without a name
     if before is not None and not os.access(path, os.W_OK):
-        # Replacing would get round the protection.
+        # Replacing needs no right to write to the file itself, so it would ignore the protection.
         raise PermissionError(errno.EACCES, "the file there is write-protected", os.fspath(path))
     return Path(os.path.realpath(path)), before
 
@@ -112,19 +113,19 @@ def _create(temporary: Path, private: bool) -> None:
 
 
 def _complete(temporary: Path, before: os.stat_result | None) -> None:
-    """Have all of it on the disk, with the owner and the rights of the file it replaces."""
+    """Flush the file to disk; give it the owner and the rights of the file it replaces."""
     with open(temporary, "r+b") as file:
         os.fsync(file.fileno())
     if before is None:
         return
     if hasattr(os, "chown"):
-        with suppress(OSError):  # not ours to give away
+        with suppress(OSError):  # only root may change the owner
             os.chown(temporary, before.st_uid, before.st_gid)
     os.chmod(temporary, stat.S_IMODE(before.st_mode))
 
 
 def _flush_folder(folder: Path) -> None:
-    """Have the new name on the disk; not every system can, and the file is whole either way."""
+    """Flush the folder to disk where the system can; the file is complete either way."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:
@@ -134,7 +135,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def _explained(error: OSError, path: str | os.PathLike[str], now: str) -> OSError:
-    """Give the same error about the path meant, not the temporary file, that says what is there."""
+    """Give the same error for the path of the user, with a note on what is there now."""
     what = "; ".join(part for part in (error.strerror or str(error), now) if part)
     if error.errno is None:
         return OSError(what)

@@ -1,4 +1,4 @@
-"""Histories by group, the energy ledger, and what a run cost: the parts of a result.
+"""Parts of a result: histories by group, the energy ledger, and counters.
 
 Each class has exactly the rows of a table in ``csrc/fields.h``; a row of the core without a field
 here, or a field without a row, is an error.
@@ -121,7 +121,7 @@ class ContactHistory(Group):
 
 @attrs.frozen(eq=False, repr=False)
 class EnergyLedger(Group):
-    """Where the energy is and where it went, each (n_t,) [J].
+    """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
     Attributes:
         kinetic: Of links and pulleys.
@@ -133,10 +133,11 @@ class EnergyLedger(Group):
         joint_loss: Lost in the dampers of the joints since the start.
         contact_loss: Lost in the dampers of the contact since the start.
         friction_loss: Work of friction against slip since the start.
-        residual: E(t) - E(0) - (drive - losses): 0 but for the error of integration. It needs no
-            reference solution.
-        passed: Energy that passed through the drive so far, the scale to judge the residual by:
-            the energy fed in at the samples, or what was lost or stored, whichever is more.
+        residual: E(t) - E(0) - (drive - losses): zero but for the error of integration. It needs
+            no reference solution.
+        passed: Energy transmitted so far, the scale to judge the residual by: the largest of the
+            energy put in (summed over the samples), the net work, the losses and the change of
+            the stored energy.
     """
 
     kinetic: Array
@@ -158,7 +159,7 @@ class EnergyLedger(Group):
 
     @property
     def losses(self) -> Array:
-        """What the dampers and friction took since the start (n_t,) [J]."""
+        """Energy dissipated by dampers and friction since the start (n_t,) [J]."""
         return self.joint_loss + self.contact_loss + self.friction_loss
 
     @classmethod
@@ -176,19 +177,19 @@ class EnergyLedger(Group):
 
 @attrs.frozen(kw_only=True)
 class Stats:
-    """What a run cost.
+    """Counters, times and error estimates of a run.
 
     Attributes:
-        method: Integrator used; "auto" if it went to and fro between two.
+        method: Integration method used; "auto" if the run changed between two.
         choice: Why that one, or what share each of the two had.
-        kernels: Kernel level of the C core.
+        kernels: Instruction level of the C core's inner loops: "baseline", "avx2" or "avx512".
         steps: Accepted steps.
         rejected: Rejected steps.
         nfev: Evaluations of the right-hand side.
         njev: Evaluations of the Jacobian; explicit methods need none.
         nlu: Factorisations; explicit methods need none.
         changes: Changes of method, by "auto".
-        fallbacks: Steps that only the linearly implicit Euler method could make.
+        fallbacks: Steps in which only the linearly implicit Euler method succeeded.
         searches: Rebuilds of the list of links that can touch a pulley.
         smallest_step: Smallest accepted step [s].
         largest_step: Largest accepted step [s].
@@ -196,22 +197,26 @@ class Stats:
         cpu_time: CPU time of the run [s], without settling.
         wall_time: Wall time of the run [s], without settling.
         settle_time: Wall time of settling before the run [s], 0 if there was none.
-        balance: Largest residual of the balance of energy, over the energy that passed: 0 but for
+        balance: Largest residual of the energy balance, over the energy transmitted: zero but for
             the error of integration, whatever the method; negative where energy was lost. It is
-            watched with ``ledger=False`` as well.
-        growth: Rate at which a small difference was seen to grow exponentially [1/s]; 0: none was.
-        twin_steps: Steps made once more by a slightly displaced twin, to see whether it does.
-        error: Estimated true error of the joint forces over the mean tension (root mean square over
-            joints and time): ``local_error`` (five times that where a joint's stretch is more than
-            three times the slip mu_k / sigma) or five times ``balance``, whichever is more; of
-            "lbdf2" and "lie", whose errors add up, times the root of the run's length beyond that
-            of a second of the paper's drive. Right to within a factor of five in 98 of 100 random
-            drives, mostly too large. None where nothing is known: fixed steps, histories that part
-            exponentially, links that chatter, torques that are not followed.
-        local_error: Largest local error of a step, in the units of ``rtol``: what is held below it
-            where errors are controlled. Of fixed steps, what they err by: from 0.5 on they are
-            warned of; at least 1 where some were made again, shorter. None if none was estimated,
-            as in the first steps of "lbdf2" and "lie".
+            checked with ``ledger=False`` as well.
+        growth: Exponential growth rate of a small difference between two runs [1/s]; 0: none was
+            seen. Slow growth may go undetected, because it is measured over short intervals only.
+        twin_steps: Steps repeated from a slightly displaced state to measure this growth.
+        error: Estimated error in time of the joint forces over the mean tension (root mean square
+            over joints and time): the larger of ``local_error`` (five times that where a joint's
+            stretch is more than three times the slip mu_k / sigma) and, with the ledger, five times
+            ``balance``, multiplied by the growth of small differences where some was seen. Errors
+            of "lbdf2" and "lie" accumulate: theirs is also multiplied by sqrt(k), where the run is
+            k > 1 times as long as 780 round trips of a stretch wave along the belt, a second of
+            the paper's drive. Within a factor of five of the true error, mostly above it, in 98 of
+            100 random drives. It does not include the error of the mesh. None where no estimate
+            holds: fixed steps, belts almost without damping, histories that diverge exponentially,
+            links that chatter, torque functions that change faster than the steps, slack spans.
+        local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
+            errors are controlled. With fixed steps, their error: from 0.5 on there is a warning,
+            and it is at least 1 if some had to be repeated with shorter ones. None if none was
+            estimated, as in the first steps of "lbdf2" and "lie".
     """
 
     method: str

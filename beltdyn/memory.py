@@ -1,4 +1,4 @@
-"""How much memory there is, asked before much of it is taken: Linux grants more and kills later."""
+"""Available memory, checked before large arrays are made: Linux would grant them and kill later."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from . import _core
 
 __all__ = ["available", "check_samples", "no_room"]
 
-_LEDGER_COPIES = 12  #: Columns like the times that building an energy ledger takes besides.
+_LEDGER_COPIES = 12  #: Temporary columns, each as long as the times, for building a ledger.
 _V1, _V2 = Path("/sys/fs/cgroup/memory"), Path("/sys/fs/cgroup")
 
 
 def available() -> int | None:
-    """Give the memory that this process can still get [byte]; None if the system does not tell."""
+    """Give the memory that this process can still get [byte]; None if it is not known."""
     known = [size for size in (_of_machine(), _of_group()) if size is not None]
     return min(known) if known else None
 
 
 def check_samples(n_t: int, n_bodies: int, n_pulleys: int, ledger: bool) -> int:
-    """Give the memory that the samples of a run need [byte], if there is as much.
+    """Give the memory that the samples of a run need [byte], if it is available.
 
     Raises:
-        MemoryError: There is not; the message says what they take, what there is, what to try.
+        MemoryError: It is not; the message says what is needed, what is available, what to try.
     """
     widths = {
         "LINKS": n_bodies,
@@ -39,7 +39,7 @@ def check_samples(n_t: int, n_bodies: int, n_pulleys: int, ledger: bool) -> int:
 
 
 def no_room(n_t: int, needed: int, why: str) -> MemoryError:
-    """Give the error of samples that need more than can be had."""
+    """Make the error of samples that need more memory than there is."""
     return MemoryError(
         f"t_eval is too long for the memory: the {n_t} samples need {_bytes(needed)}, {why}; "
         "take fewer times, or run in parts, each from the final_state of the one before"
@@ -64,7 +64,7 @@ def _of_machine() -> int | None:
 
 
 def _of_group() -> int | None:
-    """Give what the tightest control group (a container, a batch job) leaves."""
+    """Give the memory left by the control groups (container, batch job), the least of them."""
     left = []
     with suppress(OSError):
         for line in Path("/proc/self/cgroup").read_text().splitlines():
@@ -77,7 +77,7 @@ def _of_group() -> int | None:
 
 
 def _left(root: Path, path: str, limit: str, usage: str) -> list[int]:
-    """Give what each group from this one up to the root leaves; in a container some are hidden."""
+    """List the memory left by each group up to the root; in a container some are hidden."""
     folder, left = root / path.lstrip("/"), []
     while True:
         with suppress(OSError, ValueError):  # "max" is no number: no limit
@@ -90,7 +90,7 @@ def _left(root: Path, path: str, limit: str, usage: str) -> list[int]:
 
 
 def _reclaimable(folder: Path) -> int:
-    """Give what the group's files in memory take: counted as used, given back when needed."""
+    """Give the size of the group's file cache: counted as used, but freed when needed."""
     with suppress(OSError, ValueError):
         rows = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
         return sum(int(rows.get(name, 0)) for name in ("active_file", "inactive_file"))

@@ -1,7 +1,7 @@
 """Files of named arrays, the form in which states and results are saved.
 
-Reading trusts nothing: a file may come from anywhere. It runs no code (no pickles), and what it
-makes us allocate is bounded by its own size, for only uncompressed members are read, each of them
+A file may come from anywhere, so nothing in it is trusted. No code in it is run (no pickles), and
+the memory it takes is bounded by its own size: only uncompressed members are read, each of them
 once, and the header of an array must agree with the size of its member.
 """
 
@@ -29,7 +29,7 @@ def write(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
     """Write an ``.npz`` file, exactly to ``path``: NumPy alone would add an ending.
 
     Raises:
-        OSError: It cannot be written; what was there before is as it was.
+        OSError: It cannot be written; a file that was there before is unchanged.
     """
     with files.replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **values)
@@ -47,12 +47,12 @@ def read(
         path: Where it is.
         what: What it should hold, for messages.
         names: The arrays that may be in it.
-        build: Makes it; raises KeyError, TypeError or ValueError for arrays that do not fit.
+        build: Builds it; raises KeyError, TypeError or ValueError for arrays that do not fit.
 
     Raises:
         OSError: The file cannot be read.
         MemoryError: It is larger than the memory.
-        ValueError: It is no such file, or ``build`` cannot use what it holds.
+        ValueError: It is not such a file, or ``build`` cannot use its contents.
     """
     with open(path, "rb") as file:
         try:
@@ -60,19 +60,19 @@ def read(
         except OSError as error:
             if error.errno not in (None, errno.EINVAL, errno.ESPIPE):
                 raise
-            why = "not an archive of arrays"  # it sends us to a place before its own beginning
+            why = "not an archive of arrays"  # it refers to a place before its own beginning
         except MemoryError:
             raise
         except KeyError as error:
             why = f"{error.args[0]} is missing"
         except Exception as error:
-            # What zipfile and NumPy raise for a damaged file is documented nowhere.
+            # The exceptions of zipfile and NumPy for damaged files are not documented.
             why = str(error) or type(error).__name__
     raise ValueError(f"{os.fspath(path)} is not a saved {what}: {_line(why)}")
 
 
 def _line(words: str) -> str:
-    """Give one line that is not too long, whatever a crafted file put into it."""
+    """Shorten a message to one line of limited length, whatever a crafted file put into it."""
     line = " ".join(words.split())
     return line if len(line) <= 300 else f"{line[:300]}..."
 
@@ -93,7 +93,7 @@ def _arrays(file: IO[bytes], names: Collection[str]) -> dict[str, NDArray[Any]]:
                 raise ValueError(f"{name} is compressed or encrypted")
             members[name] = member
         if sum(member.file_size for member in members.values()) > size:
-            raise ValueError("it claims to hold more than there is")
+            raise ValueError("its members claim to be larger than the file")
         return {name: _array(archive, member, name) for name, member in members.items()}
 
 
@@ -103,16 +103,16 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, name: str) -> NDAr
             shape, fortran, dtype = _header(data)
         except (Exception, MemoryError) as error:
             # The header is parsed as Python; a crafted one can exhaust the parser.
-            raise ValueError(f"{name} has no header of an array ({error})") from None
+            raise ValueError(f"{name} has no valid array header ({error})") from None
         if dtype.kind not in "fiubU" or dtype.hasobject:
             raise ValueError(f"{name} must hold numbers or text, got {dtype}")
         count = math.prod(shape) if all(length >= 0 for length in shape) else -1
         rest = member.file_size - data.tell()
         if count * dtype.itemsize != rest:
             raise ValueError(f"{name} has {rest} bytes, which are not those of {shape} {dtype}")
-        content = bytearray(data.read())  # checks the sum of the bytes; writeable, unlike bytes
+        content = bytearray(data.read())  # verifies the checksum; writeable, unlike bytes
         if len(content) != rest:
-            raise ValueError(f"{name} ends before its time")
+            raise ValueError(f"{name} is truncated")
     array: NDArray[Any] = np.ndarray(shape, dtype, content, order="F" if fortran else "C")
     return array
 
@@ -152,6 +152,6 @@ def text(name: str, value: NDArray[Any]) -> str:
         raise ValueError(f"{name} must be a text, got an array of {value.dtype}")
     codes = np.frombuffer(value.tobytes(), np.dtype(np.uint32).newbyteorder(value.dtype.byteorder))
     if ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any():
-        # NumPy would give a str that Python itself could not have made.
-        raise ValueError(f"{name} holds what is no character")
+        # NumPy would return a str that is not valid in Python.
+        raise ValueError(f"{name} holds invalid characters")
     return str(value)

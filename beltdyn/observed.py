@@ -1,6 +1,7 @@
-"""What the samples of a run show that is hardly meant, told after it.
+"""Implausible data and unexpected behaviour, as found in the samples of a run.
 
-Every limit below stands with the argument for it. These are warnings: nothing is changed by them.
+Every limit below stands with the argument for it. They lead to warnings only; nothing is refused
+or changed.
 """
 
 from __future__ import annotations
@@ -19,25 +20,25 @@ __all__ = ["observe"]
 
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
-#: Friction over the most there could be, |sum mu N| / sum mu_k N, from which on all of the wrap
-#: slips; a link just landed has yet to slip some mu_k/sigma. A steady drive stays below: 0.88 in
-#: case 1 of the paper, which is loaded almost to its limit.
+#: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
+#: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
+#: below: 0.88 in case 1 of the paper, which is loaded almost to its limit.
 SATURATED = 0.98
-#: Slip, in units of the bristles' mu_k/sigma, below which a pulley only jerked.
+#: Slip in units of mu_k/sigma, below which a pulley has only moved within its friction joint.
 SLIPPED = 10.0
-#: Friction below this part of the belt's tension is nobody's loss.
+#: Friction below this share of the belt's tension is neglected.
 FAINT = 0.01
 
 
 def observe(result: Result) -> tuple[RunWarning, ...]:
-    """Give what a run shows at its samples: no_friction, full_slip, slack_span, units (of torque).
+    """Give the warnings of a run's samples: no_friction, full_slip, slack_span, units (of torque).
 
     Args:
         result: A run, finished or not.
     """
     if result.t.size == 0:
         return ()
-    with np.errstate(all="ignore"):  # a failed run may end in huge numbers
+    with np.errstate(all="ignore"):  # a failed run may end with huge numbers
         return (
             *_torques(result),
             *_full_slip(result),
@@ -54,7 +55,7 @@ def _torques(result: Result) -> Iterator[RunWarning]:
             yield RunWarning(
                 code="no_friction",
                 text=f"pulley {driven} is driven, with up to {np.nanmax(fed[:, driven]):.3g} W, "
-                "but friction is off: the belt takes nothing over; set Params.friction",
+                "but friction is off, so the belt transmits nothing: set Params.friction",
                 t=float(result.t[first]),
                 where=f"pulley {driven}",
             )
@@ -62,14 +63,14 @@ def _torques(result: Result) -> Iterator[RunWarning]:
     tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
     carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
     size = np.abs(pulleys.torque)
-    # in a twentieth of the samples, for a controller may ask for anything for a moment
+    # in a twentieth of the samples: a controller may set extreme torques for a moment
     over = np.quantile(size, 0.95, axis=0) / carried
     worst = int(np.argmax(over))
     if over[worst] > TORQUE:
         most = size[:, worst].max()
         yield units(
             f"a torque of {most:.3g} N m acts on pulley {worst}, but a belt of {tension:.3g} N "
-            f"carries {carried[worst]:.3g} N m over at most: is it in N mm?",
+            f"transmits at most {carried[worst]:.3g} N m: is it in N mm?",
             f"pulley {worst}",
             t=float(result.t[np.argmax(size[:, worst] > TORQUE * carried[worst])]),
         )
@@ -96,7 +97,7 @@ def _full_slip(result: Result) -> Iterator[RunWarning]:
     least = SLIPPED * params.friction.mu_k / params.friction.sigma
     for k, pulley in enumerate(params.pulleys):
         speed = np.where(saturated[:, k], lost[:, k] / np.abs(friction[:, k]), 0.0)
-        # Where a wrap is locked by what it was laid with, nothing slips.
+        # A wrap whose friction is fully developed from tensioning alone does not slip.
         slips = speed > 0.01 * speed.max()
         slip = float(np.sum(lasts * speed, where=slips))
         if not slip > least:
@@ -104,12 +105,12 @@ def _full_slip(result: Result) -> Iterator[RunWarning]:
         first, last, whole = _when(result.t, lasts, slips)
         carried = float(np.max(np.abs(friction[slips, k]))) * pulley.radius
         given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
-        of_set = f", {given:.3g} N m are set" if given > carried else ""
+        of_set = f", the set torque is {given:.3g} N m" if given > carried else ""
         yield RunWarning(
             code="full_slip",
             text=f"pulley {k} slips over its whole wrap, by {slip:.2g} m, {whole} between "
-            f"t = {first:.4g} and {last:.4g} s, which takes "
-            f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction carries "
+            f"t = {first:.4g} and {last:.4g} s, which dissipates "
+            f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction transmits "
             f"{carried:.3g} N m at most{of_set}; raise the preload (a shorter belt.length) or "
             "lower the torque",
             t=first,
@@ -118,7 +119,7 @@ def _full_slip(result: Result) -> Iterator[RunWarning]:
 
 
 def _slack_spans(result: Result) -> Iterator[RunWarning]:
-    # Spans are told apart only where any joint is without tension at all: seldom, and dear.
+    # Span tensions are costly to compute, so only at samples where any joint has no tension.
     rows = np.flatnonzero(result.joints.force.min(axis=1) <= 0.0)
     if rows.size == 0:
         return
@@ -136,7 +137,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             text=f"span {k}, from pulley {k} to pulley {(k + 1) % n_p}, is slack, down to "
             f"{np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and {last:.4g} s; "
             "raise the preload (a shorter belt.length) or lower the torque; how a slack span "
-            "comes back may hang on little, so errors are unknown",
+            "becomes tight again may depend on very small differences, so the error is unknown",
             t=first,
             where=f"span {k}",
             accuracy=True,
@@ -144,7 +145,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
 
 
 def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
-    """Give each (sample, pulley) a number; pulley -1, none, comes first in a sample."""
+    """Give every (sample, pulley) a number; pulley -1, no contact, is the first of a sample."""
     rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
     return (touched + (rows * (n_p + 1) + 1)).ravel()
 

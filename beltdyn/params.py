@@ -1,4 +1,4 @@
-"""A belt drive as a whole: everything but its loads."""
+"""Parameters of a belt drive: everything but its loads."""
 
 from __future__ import annotations
 
@@ -53,8 +53,9 @@ class Params:
     """A belt drive: everything but its loads.
 
     The belt visits the pulleys in the order of the list, all inside its loop, and its links are
-    numbered along it; two pulleys: clockwise, the upper span first. Change a field with
-    ``attrs.evolve(params, gravity=(0, -9.81))``.
+    numbered along it; with two pulleys they run clockwise, the upper span first. Change a field
+    with ``attrs.evolve(params, gravity=(0, -9.81))``. ``print(params)`` shows the strain and
+    tension at rest, how much of it is an error of the mesh, and the warnings of the drive.
 
     Attributes:
         belt: The belt.
@@ -106,10 +107,11 @@ class Params:
 
     @property
     def info(self) -> Mapping[str, float | int]:
-        """What follows from the parameters, ``bd_info`` of the C core, SI units.
+        """Quantities derived from the parameters (MODEL section 6), SI units.
 
-        Among others ``link_length`` [m], ``path_length`` of the tight belt line [m], ``strain``,
-        ``mean_tension`` [N] and ``spectral_bound``, the highest joint frequency [1/s].
+        Among others ``link_length`` [m], ``path_length`` of the belt line [m], ``strain`` of the
+        belt on it, ``mean_tension`` [N], ``mesh_strain`` and ``contact_strain``, which the mesh
+        adds and the contact takes off, and ``spectral_bound``, the highest joint frequency [1/s].
         """
         return MappingProxyType(self._model.info)
 
@@ -135,13 +137,13 @@ class Params:
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
                 *lines(rows, indent="  "),
                 f"  tensioned {self.tensioning}",
-                f"  tight belt line {info['path_length']:.6g} m: strain "
-                f"{100 * info['strain']:.3g} %, {info['mean_tension']:.4g} N; "
-                f"straight links on the pulleys add up to {100 * info['mesh_strain']:.2g} %, "
-                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N, its sinking into them "
-                f"takes off {100 * info['contact_strain']:.2g} %, "
+                f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
+                f"tension {info['mean_tension']:.4g} N; straight links add up to "
+                f"{100 * info['mesh_strain']:.2g} %, "
+                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N; sinking into the "
+                f"pulleys takes off {100 * info['contact_strain']:.2g} %, "
                 f"{info['contact_strain'] * self.belt.axial_stiffness:.3g} N",
-                *(f"  note  {noticed}" for noticed in sanity.check(self)),
+                *(f"  note  {warning}" for warning in sanity.check(self)),
             ]
         )
 
@@ -163,7 +165,7 @@ class Params:
         """Give the parameters as TOML text, also written to ``path``; exact both ways.
 
         Raises:
-            OSError: The file cannot be written; what was there before is as it was.
+            OSError: The file cannot be written; a file that was there before is unchanged.
         """
         return toml.write(self._document(), path)
 

@@ -1,7 +1,7 @@
-"""The parts of a belt drive: parameter objects that check themselves and print themselves.
+"""Parts of a belt drive: objects that check their values and print themselves.
 
 Rules, units and meanings of the numbers are those of :mod:`beltdyn.rules`. Data of the belt are per
-unit length, so ``n_bodies`` refines the mesh of one and the same belt.
+unit length, so ``n_bodies`` refines the mesh of the same belt.
 
 Source of the model: K. Kubas, "A model for the dynamic analysis of a belt transmission using the
 Dahl friction model", equations (2.1)-(2.13).
@@ -51,7 +51,7 @@ class Pulley(Printable):
 
     Attributes:
         center: Position of the axis (x, y) [m].
-        radius: Radius on which the mass centres of the links run, r_p [m], > 0.
+        radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
         inertia: Moment of inertia about the axis [kg m^2], > 0.
 
     Raises:

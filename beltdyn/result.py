@@ -1,4 +1,4 @@
-"""What a run gives."""
+"""Results of a run."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["Result"]
 
 
 def _mean(values: Array) -> Array:
-    """Mean over time of what is there; NaN where nothing ever is."""
+    """Mean over time, without NaN; NaN where there is nothing else."""
     there = ~np.isnan(values)
     count = there.sum(axis=0)
     total = np.where(there, values, 0.0).sum(axis=0)
@@ -39,26 +39,36 @@ def _mean(values: Array) -> Array:
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Result:
-    """A run, finished or not: time is the first axis of every array.
+    """A run, finished or not.
+
+    Time is the first axis of every array, of n_t samples; n_b links, joints, and n_p pulleys::
+
+        pulleys   theta, omega, torque                             (n_t, n_p)
+        belt      x, y, phi, vx, vy, vphi                          (n_t, n_b)
+        joints    deformation, force                               (n_t, n_b)
+        contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
+        span_tension, slip                                         (n_t, n_p)
+        energy    kinetic, ..., residual, passed                   (n_t,)
 
     Attributes:
         t: Sample times (n_t,) [s]; those reached, if the run did not finish.
         pulleys: Angles, speeds and set torques of the pulleys.
         belt: Coordinates and velocities of the links.
         joints: Deformation and force of the joints.
-        contact: Contact and friction of the links; a link on two pulleys shows the one that
-            presses harder.
-        energy: The energy ledger, None if it was not carried along.
-        stats: What the run cost.
-        effects: Names of the effects that were simulated.
+        contact: Contact and friction of the links; for a link on two pulleys those of the one with
+            the larger normal force.
+        energy: The energy ledger, None for ``ledger=False``.
+        stats: Counters, times and error estimates.
+        effects: Names of the effects that were simulated; one that the drive does not have
+            (bending, gravity, friction, the ledger) is not computed either.
         success: Whether the run reached its end.
         status: "finished", "failed" or "interrupted".
         message: How the run ended, in words.
         params: The drive.
-        final_state: State at the end of the run or, if it did not finish, where it got to; may be
-            passed as ``initial`` to go on.
-        warnings: What was noticed that may make the results other than expected; each was also
-            issued as a :class:`beltdyn.BeltdynWarning`.
+        final_state: State at the end of the run or, if it did not finish, at the last step; pass
+            it as ``initial`` to continue.
+        warnings: Everything found that a user may not expect, or that may make the results less
+            accurate; each was also issued as a :class:`beltdyn.BeltdynWarning`.
     """
 
     t: Array
@@ -94,7 +104,7 @@ class Result:
         return self._span_tension(slice(None))
 
     def _span_tension(self, rows: Any) -> Array:
-        """Do the same at some of the samples."""
+        """Compute :attr:`span_tension` at some of the samples."""
         touched, force = self.contact.pulley[rows], self.joints.force[rows]
         n_t, n_p = touched.shape[0], len(self.params.pulleys)
         before = _last_touched(touched)
@@ -116,7 +126,7 @@ class Result:
     def slip(self) -> Array:
         """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
 
-        NaN while pulley 0 all but stands, below a thousandth of its highest speed.
+        NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
         """
         return self._slip(self.pulleys.omega)
 
@@ -140,10 +150,10 @@ class Result:
         return "\n".join([repr(self), *(f"  {label:<{width}}  {value}" for label, value in rows)])
 
     def summary(self) -> list[tuple[str, str]]:
-        """List what one looks at first: label and value.
+        """List the most important results as pairs of label and value.
 
-        Speeds, tensions and slip are means over the last tenth of the run, for a link that comes
-        or goes shakes them from sample to sample.
+        Speeds, tensions and slip are means over the last tenth of the run, because links that
+        arrive at a pulley or leave it make them fluctuate from sample to sample.
         """
 
         def per_pulley(values: Array, form: str, unit: str) -> str:
@@ -152,8 +162,7 @@ class Result:
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
         if self.warnings:
-            codes = dict.fromkeys(one.code for one in self.warnings)
-            rows.append(("warnings", f"{len(self.warnings)}: {', '.join(codes)}"))
+            rows.append(("warnings", f"{len(self.warnings)}: {', '.join(_named(self.warnings))}"))
         if self.t.size:
             late = self.t >= self.t[-1] - 0.1 * (self.t[-1] - self.t[0])
             speeds = self.pulleys.omega[late].mean(axis=0)
@@ -163,7 +172,7 @@ class Result:
                 ("  pulley speeds", per_pulley(speeds, ".5g", " rad/s")),
                 ("  span tensions", per_pulley(_mean(self.span_tension[late]), ".5g", " N")),
             ]
-            # Beyond 100 % the pulleys turn against each other and slip says nothing.
+            # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
                 rows.append(("  slip against pulley 0", per_pulley(100 * slip, ".3g", " %")))
         if self.t.size and self.energy is not None:
@@ -178,20 +187,20 @@ class Result:
             ("local error", "-" if stats.local_error is None else f"{stats.local_error:.2g}"),
             ("evaluations", f"{stats.nfev}"),
             ("CPU time", f"{stats.cpu_time:.3g} s"),
-            ("kernels", stats.kernels),
+            ("instruction level", stats.kernels),
         ]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x".
 
         Raises:
-            OSError: It cannot be written; what was there before is as it was.
+            OSError: It cannot be written; a file that was there before is unchanged.
         """
         saved.write(attrs.asdict(self, recurse=False), path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:
-        """Read what :meth:`save` wrote; everything is checked against the parameters in it.
+        """Read a file of :meth:`save`; nothing in it is executed, everything is checked.
 
         Raises:
             OSError: The file cannot be read.
@@ -202,8 +211,17 @@ class Result:
         return saved.read(path, lambda fields: cls(**fields))
 
 
+def _named(warnings: tuple[RunWarning, ...]) -> list[str]:
+    """Name each warning, with the pulley or span if several have the same code."""
+    codes = [one.code for one in warnings]
+    return [
+        f"{one.code} ({one.where})" if codes.count(one.code) > 1 and one.where else one.code
+        for one in warnings
+    ]
+
+
 def _last_touched(touched: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Along the ring, the pulley each link or the nearest one before it touches, else -1."""
+    """Give the pulley touched by each link, or else by the nearest one before it; -1: none."""
     n_b = touched.shape[1]
     twice = np.concatenate([touched, touched], axis=1)
     index = np.where(twice >= 0, np.arange(2 * n_b), 0)

@@ -1,6 +1,6 @@
-"""Rules of parameters: what a number must be, its unit and meaning, from ``csrc/fields.h``.
+"""Rules of parameters: bounds, unit and meaning of every number, from ``csrc/fields.h``.
 
-The table there is shared by the C core, which checks it once more, and by the classes of
+The table there is shared by the C core, which checks the numbers again, and the classes of
 :mod:`beltdyn.parts`, whose fields are checked and printed by it.
 """
 
@@ -15,12 +15,12 @@ from . import _core, checks
 
 __all__ = ["Printable", "Rule", "from_table", "lines", "rules_of"]
 
-#: By name: wording, least, whether above that, most.
+#: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
 
 
 class Rule(NamedTuple):
-    """What a field must be: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
+    """The rule of a field: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
 
     group: str
     name: str

@@ -1,7 +1,7 @@
-"""Data of a drive that are allowed but hardly meant, told before it runs.
+"""Implausible data of a drive, found before it runs.
 
-Every limit below stands with the argument for it. Whoever knows better may go beyond it: these are
-warnings, and nothing is changed by them.
+Every limit below stands with the argument for it. They lead to warnings only; nothing is refused
+or changed.
 """
 
 from __future__ import annotations
@@ -21,40 +21,46 @@ __all__ = ["check", "contact_depth", "mesh_share", "units"]
 
 # --- accuracy and plausibility of the drive ---
 
-#: Tension at rest that the mesh adds, of the tension without it: 2 %, as much as a belt's stiffness
-#: is known to at best.
+#: Tension at rest that the mesh adds, as a share of the tension without it: 2 %, the best accuracy
+#: to which the stiffness of a belt is known.
 MESH = 0.02
-#: Reinforced belts are laid on at 0.1 to 2 %; from about 3 % on no EA is constant.
+#: Reinforced belts are installed at 0.1 to 2 %; from about 3 % on EA is not constant.
 STRAIN = 0.03
-#: Share of the radius by which contact may shrink the running circle: half the speed lost to creep
-#: in a drive that is loaded well, some 1 %.
+#: Share of the radius by which the contact may shrink the circle on which the belt runs: half the
+#: speed that a well loaded drive loses to creep, some 1 %.
 COMPLIANCE = 0.005
 #: Links longer than this part of the radius turn by more than 29 degrees each on the pulley.
 LONG_LINK = 0.5
 
-# --- units: what no belt drive is, by a wide margin ---
+# --- units: values that no belt drive has, by a wide margin ---
 
 #: Wheels of cable cars and mine hoists, the largest there are, have radii of 2 to 4 m [m].
 RADIUS = 5.0
 #: I of a disc is pi/2 rho h R^4: here of water (1000 kg/m^3), 1 um thick [kg/m^2]. Lengths in mm
-#: make I/R^4 1e12 times too small; a "massless" pulley stays well above.
+#: make I/R^4 1e12 times too small; a "massless" pulley stays well above. An inertia that is too
+#: large (in kg mm^2, a million times) is not doubted: flywheels, generators and pulleys that are to
+#: keep their speed whatever happens have inertias as large.
 DISC = 0.5 * math.pi * 1000.0 * 1e-6
-#: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it hangs
-#: rather than is tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in g/m
-#: divide it by 32 [m/s].
+#: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it is
+#: slack rather than tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in
+#: g/m divide it by 32 [m/s].
 WAVE_LOW = 5.0
 #: Longitudinal waves sqrt(EA/rho A): steel 5000 m/s, carbon fibre 18 000 m/s [m/s].
 WAVE_HIGH = 20e3
 #: Earth has 9.81; in mm/s^2 that is 9810. A hundred times Earth's is no machine [m/s^2].
 GRAVITY = 1000.0
-#: Friction is there after slips of a few mu_k/sigma (1/sigma where a huge mu_k says that nothing
-#: is to slip); if that is most of a radius, no belt ever creeps so far on its wrap. Measured:
-#: micrometres on metal, a millimetre on rubber [radii].
+#: Friction develops over slips of a few mu_k/sigma (1/sigma where a huge mu_k is to prevent all
+#: slip); no belt creeps on its wrap by most of a radius. Measured: micrometres on metal, a
+#: millimetre on rubber [radii].
 BRISTLE = 0.25
+#: Belts have friction coefficients of 0.15 to 1.5 (V-belts three times that, at most 5), which are
+#: 15 to 500 in percent. With 15 a wrap of half a turn could already carry any torque (e^(15 pi)).
+#: Values above 500 are taken as the wish that nothing slips [1].
+PERCENT = (15.0, 500.0)
 
 
 class Drive(Protocol):
-    """What is looked at of a drive, that is of :class:`beltdyn.Params`, which prints the notes."""
+    """The part of :class:`beltdyn.Params` that is checked; it imports this module to print them."""
 
     @property
     def belt(self) -> Belt: ...
@@ -71,7 +77,7 @@ class Drive(Protocol):
 
 
 def check(params: Drive) -> tuple[RunWarning, ...]:
-    """Give what the parameters alone call for: mesh, strain, compliance, long_links, units.
+    """Give the warnings of the parameters alone: mesh, strain, compliance, long_links, units.
 
     Args:
         params: The drive.
@@ -86,8 +92,8 @@ def mesh_share(params: Drive) -> float:
     """Give what the mesh adds to the tension at rest, as a share of the tension without it [1].
 
     Links lie on the pulleys as tangents and are longer than their arcs by (tan a)/a - 1, a half the
-    angle of a link; the belt is stretched by as much, ``info["mesh_strain"]``. Contact gives way
-    under either strain alike, so their ratio is that of the tensions. It fades as 1/n_bodies^2.
+    angle of a link; this stretches the belt by ``info["mesh_strain"]``. The contact yields to both
+    strains alike, so their ratio is that of the tensions. It decreases as 1/n_bodies^2.
     """
     info = params.info
     return float(info["mesh_strain"] / info["strain"])
@@ -96,10 +102,10 @@ def mesh_share(params: Drive) -> float:
 def contact_depth(params: Drive) -> Array:
     """Give how far the belt sinks into each pulley at rest (n_p,) [m].
 
-    The p of c1' p^2 + c2' p = T/R, with T the preload EA strain of the belt line. Under torque one
-    side of a wrap sinks deeper and the other less; with fixed centres the mean of the tension, and
-    so about that of the depth, stays what it is at rest.
-    What the mesh adds to T is left out; :func:`mesh_share` has it.
+    The solution p of c1' p^2 + c2' p = T/R, where T is EA times the strain of the belt line. Under
+    torque one side of a wrap sinks in deeper and the other less; with fixed centres the mean
+    tension, and so about the mean depth, is that of rest. The tension that the mesh adds,
+    :func:`mesh_share`, is left out.
     """
     contact, radii = params.contact, np.array([pulley.radius for pulley in params.pulleys])
     pressure = params.info["mean_tension"] / radii
@@ -116,7 +122,7 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
             code="mesh",
             text=f"{belt.n_bodies} straight links are longer than the arcs they lie on and raise "
             f"the tension at rest by some {_percent(share)}; "
-            # tan a / a - 1 grows faster than a^2, so this many are enough
+            # tan a / a - 1 grows faster than a^2, so this number is enough
             f"{_links(belt.n_bodies * math.sqrt(share / MESH))} keeps that below "
             f"{_percent(MESH)}",
             accuracy=True,
@@ -127,9 +133,9 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
         yield RunWarning(
             code="strain",
             text=f"the belt is stretched by {_percent(strain)} at rest, to "
-            f"{info['mean_tension']:.3g} N, with EA taken as constant: is it {belt.length:.4g} m "
-            f"long? On a line of {path:.4g} m belt.length = {_up(path / (1.0 + STRAIN), 4):.4g} "
-            f"makes that {_percent(STRAIN)}",
+            f"{info['mean_tension']:.3g} N, with EA taken as constant: is belt.length = "
+            f"{belt.length:.4g} m right? The belt line is {path:.4g} m long; belt.length = "
+            f"{_up(path / (1.0 + STRAIN), 4):.4g} gives {_percent(STRAIN)}",
         )
 
 
@@ -144,10 +150,10 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
         yield RunWarning(
             code="compliance",
             text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into pulley {worst}, "
-            f"{_percent(depth[worst] / radii[worst])} of its radius, and runs on a circle that "
-            f"much smaller, which takes {_percent(info['contact_strain'] / info['strain'])} off "
-            f"its tension at rest; contact.linear = {_up(needed, 2):.2g} keeps that below "
-            f"{_percent(COMPLIANCE)}",
+            f"{_percent(depth[worst] / radii[worst])} of its radius, and runs on a circle smaller "
+            f"by that, which lowers its tension at rest by "
+            f"{_percent(info['contact_strain'] / info['strain'])}; contact.linear = "
+            f"{_up(needed, 2):.2g} keeps the depth below {_percent(COMPLIANCE)}",
             where=f"pulley {worst}",
             accuracy=True,
         )
@@ -180,35 +186,41 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
         thickness = pulley.inertia / (DISC * pulley.radius**4)
         yield units(
             f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m pulley {light} "
-            f"weighs as much as a film of water of {thickness:.2g} um: are lengths in mm?",
+            f"has the inertia of a film of water of {thickness:.2g} um: are lengths in mm?",
             f"pulley {light}",
         )
     wave = math.sqrt(info["mean_tension"] / belt.linear_density)
     if wave < WAVE_LOW:
         yield units(
             f"a preload of {info['mean_tension']:.3g} N is little for a belt of "
-            f"{belt.linear_density:.3g} kg/m, which would hang rather than be tight: is EA in kN, "
-            "or the density in g/m?",
+            f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
+            "kN, or the density in g/m?",
             "belt",
         )
     sound = math.sqrt(belt.axial_stiffness / belt.linear_density)
     if sound > WAVE_HIGH:
         yield units(
-            f"with EA = {belt.axial_stiffness:.3g} N and {belt.linear_density:.3g} kg/m sound runs "
-            f"along the belt at {sound:.3g} m/s, in steel at 5000: is EA a modulus in Pa, or the "
-            "density in kg/mm or t/m?",
+            f"with EA = {belt.axial_stiffness:.3g} N and {belt.linear_density:.3g} kg/m stretch "
+            f"waves run along the belt at {sound:.3g} m/s, in steel at 5000: is EA a modulus in "
+            "Pa, or the density in kg/mm or t/m?",
             "belt",
         )
     pull = math.hypot(*params.gravity)
     if pull > GRAVITY:
         yield units(f"gravity is {pull:.4g} m/s^2: is it in mm/s^2?", "gravity")
+    if friction is not None and PERCENT[0] <= friction.mu_k <= PERCENT[1]:
+        yield units(
+            f"a friction coefficient of mu_k = {friction.mu_k:.4g} is far above those of belts, "
+            "0.15 to 5: is it in percent? (To prevent all slip, take 1e3 or more.)",
+            "friction",
+        )
     if friction is not None:
         bristle = min(friction.mu_k, 1.0) / friction.sigma
         least = min(pulley.radius for pulley in params.pulleys)
         if bristle > BRISTLE * least:
             yield units(
-                f"with sigma = {friction.sigma:.3g} 1/m friction takes slips of more than "
-                f"{1e3 * bristle:.3g} mm to build up, on a radius of {1e3 * least:.3g} mm: "
+                f"with sigma = {friction.sigma:.3g} 1/m friction develops over slips of more than "
+                f"{1e3 * bristle:.3g} mm, on a pulley radius of {1e3 * least:.3g} mm: "
                 "is sigma in 1/mm?",
                 "friction",
             )
@@ -233,5 +245,5 @@ def _links(least: float) -> str:
     """Suggest a number of links: the next ten."""
     number = 10 * math.ceil(least / 10.0)
     if number > _core.MAX_LINKS:
-        return "no number of links allowed here, only more preload,"
+        return "no allowed number of links, only more preload,"
     return f"n_bodies = {number}"

@@ -1,4 +1,4 @@
-"""Results as files: written whole, and believed only as far as they fit together."""
+"""Results as files; whatever is read is checked against the parameters in the file."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ __all__ = ["read", "write"]
 
 _T = TypeVar("_T")
 
-#: Counts up whenever a file of before could be misread.
+#: Raised whenever older files could be misread.
 _FORMAT = 2
 _STATUS = ("finished", "failed", "interrupted")
 _FINAL = {f"final_state.{name}": size for name, size in _core.STATE_FIELDS}
-#: A step counts only if the state after it is finite, but before a run fails the forces and
-#: energies of such a state may be beyond the range of floats. What is the state itself is finite.
+#: A step is accepted only if the state after it is finite, but before a run fails the forces and
+#: energies of such a state may exceed the range of floats. The state itself is always finite.
 _MAY_OVERFLOW = {
     "pulleys.torque",
     "joints.deformation",
@@ -84,7 +84,7 @@ def _must(good: bool, name: str, rule: str, value: object) -> None:
 def _text(name: str, value: Any) -> str:
     _must(isinstance(value, str), name, "a text", value)
     if any("\ud800" <= character <= "\udfff" for character in value):
-        raise ValueError(f"{name} holds what is no character")
+        raise ValueError(f"{name} holds invalid characters")
     return str(value)
 
 
@@ -185,7 +185,7 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
 def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     meta = _meta(values["meta.json"])
     try:
-        # The line break makes it text, whatever it holds: never the path of another file.
+        # With a line break it is always read as text, never as the path of another file.
         params = Params.from_toml(npz.text("params.toml", values["params.toml"]) + "\n")
     except (TypeError, ValueError) as error:
         raise ValueError(f"params.toml: {error}") from None

@@ -55,6 +55,30 @@ class Scene(NamedTuple):
     def from_toml(cls, source: str | os.PathLike[str]) -> Scene:
         """Read a scene: the tables of :meth:`beltdyn.Params.to_toml`, ``t_end`` and [[torque]].
 
+        A complete one; ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a
+        row for each time and a torque for each pulley in it::
+
+            t_end = 1.0
+            gravity = [0.0, -9.81]
+            contact = { linear = 2.5e7, damping = 1e3 }
+            friction = { mu_k = 1.0, sigma = 1e4 }
+            pulleys = [
+              { center = [0.0, 0.0], radius = 0.1, inertia = 0.01 },
+              { center = [0.29, 0.0], radius = 0.1, inertia = 0.01 },
+            ]
+            torque = [
+              { kind = "piecewise_linear", t = [0.0, 0.3], values = [[0, 0], [-60, 0]] },
+              { kind = "viscous", coefficients = [0.0, 15.9] },
+            ]
+            tensioning = { friction = true, offset = { 1 = [-0.006, 0.0] } }
+
+            [belt]
+            length = 1.2
+            n_bodies = 240
+            linear_density = 0.1
+            axial_stiffness = 70e3
+            axial_damping = 1.4
+
         Args:
             source: A path; a str with a line break in it is the TOML text itself.
 
@@ -71,7 +95,7 @@ class Scene(NamedTuple):
         Raises:
             TypeError: The torque is a function; only torque objects can be written.
             ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
-            OSError: The file cannot be written; what was there before is as it was.
+            OSError: The file cannot be written; a file that was there before is unchanged.
         """
         self.check()
         return toml.write(self._document(), path)
@@ -138,11 +162,11 @@ def kubas_case_1() -> Scene:
     Not in the paper: EA, rho A, eta A, EI, contact, mu_k, inertia, gravity (none here) and how the
     belt was stabilised. They were identified from the numbers the paper states for both cases, in
     ``notebooks/2-identification.ipynb``: the belt is laid round held pulleys at the strain of the
-    belt line, with friction on, and the pulleys are let go at t = 0, when each carries 0.13 N m.
+    belt line, with friction on, and the pulleys are released at t = 0, when each carries 0.13 N m.
     EA, together with the contact, is determined to 3 %, mu_k to 7 %; EI and the contact within a
-    factor; the dampings not at all, mass and inertia only together with the phase in which the
-    speeds ring. The notebook has the intervals, where the paper's numbers contradict each other,
-    and what a drive that rests by itself would miss (row 11).
+    factor; the dampings not at all, mass and inertia only together with the phase of the speeds'
+    oscillation. The notebook has the intervals, where the paper's numbers contradict each other,
+    and which number a drive that rests without holding its pulleys would miss (row 11).
     """
     torque = PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
     return Scene(_kubas_drive(1e4), torque + Viscous([0.0, 100.0 / (2.0 * math.pi)]), 1.0)
@@ -151,7 +175,7 @@ def kubas_case_1() -> Scene:
 def kubas_case_2(sigma: float = 1e4) -> Scene:
     """Load the paper's drive both ways, opposite on the two pulleys: case 2.
 
-    The drive is that of :func:`kubas_case_1`, where the origin of every number is told. The
+    The drive is that of :func:`kubas_case_1`, which explains the origin of every number. The
     driving torque is piecewise linear, 0, -100, +100, 0 N m at 0, 0.25, 0.75, 1 s; the paper's
     text has 50, its joint forces from 100 to 1110 N need 100.
 
@@ -167,8 +191,9 @@ def three_pulleys() -> Scene:
     """Drive an alternator and a pump from a crank pulley, with gravity.
 
     Not from the paper: numbers of the size found on a small engine, a belt strained by 0.7 %. The
-    crank torque ramps up in 0.05 s; 0.25 s in, the alternator is loaded within 1 ms. With 72
-    links the belt's polygon shakes the spans by some 20 N; 120 links shake them four times less.
+    crank torque ramps up in 0.05 s; at 0.25 s the alternator is loaded within 1 ms. With 72
+    links the belt's polygon makes the span tensions ripple by some 20 N, with 120 links by a
+    quarter of that.
     """
     params = Params(
         belt=Belt(
@@ -223,8 +248,8 @@ def unequal_pulleys() -> Scene:
 def flywheel_start() -> Scene:
     """Start a flywheel through a belt that slips fully, then sticks again.
 
-    Not from the paper. For 0.1 s the driving torque is above what friction can carry, the driving
-    pulley runs away and the belt rubs; then the torque drops and the belt takes hold.
+    Not from the paper. For 0.1 s the driving torque is above what friction can transmit and the
+    driving pulley slips; then the torque drops and the belt sticks again.
     """
     params = Params(
         belt=Belt(

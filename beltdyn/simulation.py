@@ -25,16 +25,12 @@ from .torques import TorqueLike, as_terms
 
 __all__ = ["METHODS", "settle", "simulate"]
 
-#: Integrators. Explicit: "tsit5", a Runge-Kutta 5(4) pair with error control, and "rk4", the
-#: classical method with fixed steps. Linearly implicit, for stiff drives: "rodas4", a Rosenbrock
-#: 4(3) method with error control; "lbdf2", of order 2 and one linear system a step, and "lie",
-#: Euler's method, both with error control or fixed steps. "auto" goes between "tsit5" and "rodas4"
-#: ("lbdf2" from rtol = 0.02, or for very stiff friction); ``result.stats.choice`` says how and why.
+#: Integration methods; :func:`simulate` describes them.
 METHODS = ("auto", "tsit5", "rk4", "lbdf2", "rodas4", "lie")
 
 _RTOL_RANGE = (1e-12, 1.0)
 _DEFAULT_SAMPLES = 1001
-#: Wall time between two looks at the progress [s].
+#: Wall time between two updates of the progress bar and two checks for Ctrl-C [s].
 _CHUNK = 0.1
 
 
@@ -57,50 +53,74 @@ def simulate(
 ) -> Result:
     """Integrate the equations of motion (2.11), (2.12) under given torques.
 
+    The methods, of which the default, "auto", needs no choice::
+
+        auto    tries "tsit5" and an implicit method ("rodas4"; "lbdf2" from rtol = 0.02, or for
+                very stiff friction), goes on with the one that advances further for the same
+                cost, and tries again now and then; ``result.stats.choice`` says what it did
+        tsit5   explicit Runge-Kutta 5(4) with error control; the stiffest vibration of the joints,
+                known beforehand, limits its step. For coarse, lightly damped belts at tight
+                tolerances
+        rodas4  Rosenbrock 4(3), L-stable, with error control; stiffness does not limit its step.
+                For fine belts, heavy damping, stiff contact
+        lbdf2   linearly implicit BDF of order 2, one linear system a step, fixed step or error
+                control. For quick estimates (rtol >= 0.01: a second of the paper's case 1 in
+                16 ms, accurate to 1.5 %) and for very stiff friction
+        lie     linearly implicit Euler method, fixed step or error control. Inaccurate, but the
+                most strongly damped; the other implicit methods fall back on it where they fail
+        rk4     classical Runge-Kutta, fixed step; for comparison
+
+    The accuracy asked for, ``rtol``, is that of the integration in time. The mesh has an error of
+    its own (warning "mesh"), which only more links reduce.
+
     Args:
         params: The drive.
         torque_fn: The set torques M_d of (2.12), one per pulley [N m], counter-clockwise positive:
             a Python callable ``f(t, theta, omega)`` that returns n_p values, torque objects
             (:class:`PiecewiseLinear`, :class:`Viscous`, sums), or a compiled function
             ``void f(double t, const double *theta, const double *omega, double *torque, void *)``
-            from Numba's ``cfunc``, ctypes, cffi or SciPy's ``LowLevelCallable``.
+            from Numba's ``cfunc``, ctypes, cffi or SciPy's ``LowLevelCallable``. A Python function
+            makes a run take twice as long if it computes with plain floats, six times as long if
+            it uses NumPy.
         t_end: End of the run [s], after ``initial.t``.
         t_eval: Times of the samples (n_t,) [s], non-decreasing, within the run; None: 1001
             equally spaced ones.
-        method: One of :data:`METHODS`.
-        rtol: Error asked for, of the joint forces over the mean tension; 1e-12 to 1. Every method
-            holds the local errors of its steps, in the largest component over the stretch of a
-            joint, below what was measured to keep the forces' error (root mean square, over a
-            second of the paper's drive) there; very stiff friction may cost some times as much.
-            From 0.1 on nothing is loosened any more; fixed steps take no notice of it.
+        method: One of :data:`METHODS`, see above.
+        rtol: Error asked for, of the joint forces over the mean tension (root mean square over
+            joints and time, for a second of the paper's drive); 1e-12 to 1. Every method keeps its
+            local errors, relative to the stretch of a joint, below a limit that was measured to
+            give this error. Very stiff friction (sigma times a joint's stretch beyond a hundred,
+            as for sigma = 1e7 1/m) reverses in jumps; errors were up to three times as large
+            there. Values above 0.1 loosen nothing further. Fixed steps ignore it.
         initial: State to start from; None: the belt at rest under preload, from :func:`settle`,
             tensioned as ``params.tensioning`` says.
         progress: Whether to show a progress bar on stderr (needs ``rich``).
-        breakpoints: Times at which ``torque_fn`` has a kink or jump (k,) [s], to be stepped on
-            exactly; those of torque objects are known.
+        breakpoints: Times at which ``torque_fn`` has a kink or jump (k,) [s]; steps end exactly
+            there. The kinks of torque objects are known.
         step: "rk4", "lbdf2", "lie": the fixed step [s], without error control or estimate; "tsit5",
             "rodas4", "auto": the first step [s]. None: chosen; "lbdf2" and "lie" then control their
             error, "rk4" takes three quarters of what is stable for joints, contact, friction,
-            pulleys and viscous loads.
+            pulleys and viscous loads. A fixed step whose error is many times the stretch of a
+            joint is not accepted: "rk4" ends with BD_ERR_FIXED_STEP, implicit methods repeat it
+            with shorter ones, and ``result.message`` says so.
         max_step: Longest step [s]; None: no limit.
         max_steps: Most steps; None: no limit, but a run that makes no progress ends in an error.
-        ledger: Whether to carry the energy ledger along; the balance of energy is watched anyway.
-        torque_interval: A torque function, Python or compiled, is called at least this often [s],
-            so that steps, however long, miss no pulse that lasts longer; torque objects hide
-            nothing and need none. One that jumps all the time (noise, a relay) is not followed in
-            steps shorter than a twenty-fifth of it, unless the joints ask for them, and is warned
-            of.
+        ledger: Whether to record the energies; their balance is checked in any case.
+        torque_interval: A torque function, Python or compiled, is called at least once in every
+            interval of this length [s], so that no pulse longer than that is missed, however long
+            the steps are. (Torque objects need no such calls.) If a function jumps all the time
+            (noise, a relay), steps do not become shorter than a twenty-fifth of the interval,
+            unless the joints ask for it, and a warning says so.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; or ``torque_fn``
-            returned something else than n_p numbers.
-        SimulationError: The run cannot go on, or failed a guard; ``.symbol`` says why,
-            ``.result`` holds what was computed, notes of the error say what was noticed.
+            returned something other than n_p numbers.
+        SimulationError: The run cannot go on, or failed a check; ``.symbol`` says why,
+            ``.result`` holds what was computed, notes of the error list the warnings before it.
         Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
-        MemoryError: The samples do not fit into memory; said before anything runs.
-        BeltdynWarning: Not raised but issued, for each of ``result.warnings``: what the drive
-            alone calls for before the run, the rest after it; :class:`beltdyn.RunWarning` lists
-            all.
+        MemoryError: The samples do not fit into memory; raised before anything runs.
+        BeltdynWarning: Not raised but issued, for each of ``result.warnings``: those of the drive
+            alone before the run, the rest after it; :class:`beltdyn.RunWarning` lists all.
         Exception: Whatever ``torque_fn`` raises comes out unchanged, from ctypes, cffi and Numba
             callbacks as well; what was computed is in its attribute ``result``.
     """
@@ -126,7 +146,7 @@ def simulate(
         times.size, params.belt.n_bodies, len(params.pulleys), ledger=options["ledger"]
     )
 
-    # Before anything that may take long, or fail because of what they say.
+    # Before settling, which may take long, and may fail for the very reason they name.
     of_drive = sanity.check(params)
     issue(of_drive, stacklevel=2)
     settle_start = time.perf_counter()
@@ -145,7 +165,7 @@ def simulate(
         cpu_start, wall_start = time.thread_time(), time.perf_counter()
     except MemoryError:
         raise memory.no_room(times.size, needed, "which could not be had") from None
-    except KeyboardInterrupt as error:  # a million rows take their time
+    except KeyboardInterrupt as error:  # arrays of a million rows take time to make
         raise Interrupted("interrupted before the first step, nothing was computed") from error
 
     def result(status: str, message: str) -> Result:
@@ -193,8 +213,8 @@ def simulate(
             message += f"; {sim.choice}"
         elif step is not None and sim.stats["local_error"] >= 1.0 and sim.stats["rejected"]:
             message += (
-                f"; {sim.stats['rejected']} steps of the length asked erred by many times a "
-                "joint's stretch and were made again, shorter: take a shorter step"
+                f"; {sim.stats['rejected']} steps of the length asked for had errors of many times "
+                "a joint's stretch and were repeated with shorter ones: take a shorter step"
             )
         finished = result("finished", message)
     except SimulationError as error:
@@ -215,7 +235,7 @@ def simulate(
         raise raised from None
     try:
         issue(finished.warnings[len(of_drive) :], stacklevel=2)
-    except Warning as error:  # made an error by a filter
+    except Warning as error:  # a warning filter has turned it into an error
         _keep_result(error, finished)
         raise
     return finished
@@ -236,8 +256,8 @@ def settle(
 ) -> State:
     """Bring the belt to rest under preload: what the paper calls the stabilisation phase.
 
-    How the wraps are locked depends on how the belt was tensioned: ``params.tensioning``. The
-    arguments of the same names, where given, take the place of its fields; see
+    The friction that remains in the wraps depends on how the belt was tensioned:
+    ``params.tensioning``. Arguments that are given replace its fields of the same names; see
     :class:`beltdyn.Tensioning`.
 
     Args:
@@ -248,9 +268,9 @@ def settle(
         offset: Where the centres start, relative to their places: {index: (dx, dy)} or one
             (dx, dy) per pulley [m].
         move_time: Duration of the motion from there [s].
-        shift: How far link 0 is laid past its place along the belt line [m].
-        tolerance: At rest when the largest unbalanced force is below this times the mean tension;
-            None: the core's default.
+        shift: How far all links are moved along the belt line [m].
+        tolerance: The belt is at rest when the largest unbalanced force is below this times the
+            mean tension; None: 1e-9.
         max_time: Simulated time after which to give up [s]; None: chosen.
         progress: Whether to show progress on stderr (needs ``rich``).
 
@@ -259,7 +279,7 @@ def settle(
 
     Raises:
         TypeError, ValueError: An argument breaks its rule.
-        SimulationError: The belt did not come to rest, or came to rest beside a pulley.
+        SimulationError: The belt did not come to rest, or rests without touching a pulley.
         Interrupted: Ctrl-C.
     """
     _check_params(params)
@@ -295,7 +315,7 @@ def settle(
 
 
 def _keep_result(error: BaseException, result: Result) -> None:
-    """Give an exception of the user's the finished part, unless it has something there already."""
+    """Attach the finished part of a run to the user's exception, unless it has a ``result``."""
     if not hasattr(error, "result"):
         with suppress(AttributeError, TypeError):
             error.result = result  # type: ignore[attr-defined]
@@ -338,7 +358,7 @@ def _rtol(rtol: object) -> float:
 
 
 def _positive(name: str, value: object, unit: str) -> float:
-    """0, the core's "not given", for None."""
+    """Check a positive number; None becomes 0, which the core takes as "not given"."""
     if value is None:
         return 0.0
     return positive(name, value, unit)
@@ -357,7 +377,7 @@ def _progress(
 
     console = Console(stderr=True)
     if not (console.is_terminal or console.is_jupyter):
-        # In a file or pipe a bar is but noise.
+        # In a file or pipe a progress bar would only be clutter.
         yield lambda _time: None
         return
     bar = Progress(

@@ -1,4 +1,4 @@
-"""The state of a drive: exactly what a restart needs."""
+"""The state of a drive: positions, velocities and friction, from which a run can start."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _SIZES: dict[str, str] = dict(_core.STATE_FIELDS)
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Give every field its converter, and arrays the size of the leader of their kind."""
+    """Give every field its converter, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
-        leader = "theta" if _SIZES[name] == "PULLEYS" else "x"
+        like = "theta" if _SIZES[name] == "PULLEYS" else "x"
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
-            expected = getattr(state, leader).shape
+            expected = getattr(state, like).shape
             if value.shape != expected:
                 raise ValueError(
-                    f"State.{name} must have shape {expected} like {leader}, got {value.shape}"
+                    f"State.{name} must have shape {expected} like {like}, got {value.shape}"
                 )
 
         return {
@@ -55,14 +55,16 @@ _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self
 
 @attrs.frozen(kw_only=True, repr=False, field_transformer=_checked)
 class State:
-    """Positions, velocities and friction of every link, and the turning of every pulley.
+    """Positions, velocities and friction of every link, angle and speed of every pulley.
 
-    Arrays are copies that cannot be changed. What is not given is zero, but for the positions.
+    Arrays are copies that cannot be changed. Everything but positions and angles is zero if not
+    given.
 
     Attributes:
         x: Mass centres of the links (n_b,) [m].
         y: The same.
-        phi: Angles of the links (n_b,) [rad], continuous: joint 0 carries the winding of the ring.
+        phi: Angles of the links (n_b,) [rad], continuous; only across joint 0, between the last
+            link and the first, they differ by a whole turn (MODEL section 1).
         vx: Velocities of the mass centres (n_b,) [m/s].
         vy: The same.
         vphi: Angular velocities of the links (n_b,) [rad/s].
@@ -119,7 +121,7 @@ class State:
 
     @classmethod
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
-        # Without friction the core has no friction state; the fields are zero then.
+        # Without friction the core has no friction state; mu and slip are zero then.
         fields = {name: state[name] for name in _SIZES if np.size(state[name])}
         return cls(**{"t": state["t"], **fields, **changes})
 
@@ -136,7 +138,7 @@ class State:
         """Write an ``.npz`` file, exactly to ``path``.
 
         Raises:
-            OSError: It cannot be written; what was there before is as it was.
+            OSError: It cannot be written; a file that was there before is unchanged.
         """
         values: dict[str, Any] = {name: getattr(self, name) for name in (*_SIZES, "t")}
         if self.residual is not None:

@@ -1,4 +1,4 @@
-"""Stopping runs from another thread: signals reach the main thread alone."""
+"""Stopping runs from another thread: Python delivers signals to the main thread alone."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from . import _core
 
 __all__ = ["Stopper", "stoppable"]
 
-#: Of this thread: what may stop its runs.
+#: The stopper of the runs of this thread.
 _STOPPER: ContextVar[Stopper | None] = ContextVar("stopper", default=None)
 
 
 class Stopper:
-    """Stops all runs of the threads that are within :meth:`watch`, at once and from then on.
+    """Stops all runs of the threads within :meth:`watch`, present and later ones.
 
-    They end as by Ctrl-C, with :class:`beltdyn.Interrupted`.
+    They end as with Ctrl-C, by :class:`beltdyn.Interrupted`.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class Stopper:
 
     @contextmanager
     def watch(self) -> Iterator[None]:
-        """Have the runs of this thread stopped."""
+        """Let this stopper stop the runs of this thread."""
         token = _STOPPER.set(self)
         try:
             yield
@@ -36,7 +36,7 @@ class Stopper:
             _STOPPER.reset(token)
 
     def stop(self) -> None:
-        """Stop the runs under way, and any that are begun later."""
+        """Stop the runs in progress, and any that are started later."""
         with self._lock:
             self._stopped = True
             for sim in self._running:

@@ -24,7 +24,7 @@ def _index(value: object) -> int:
 
 
 def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
-    """Give one (dx, dy) for each pulley up to the last that moves."""
+    """Give one (dx, dy) for each pulley up to the last one that moves."""
     if value is None:
         return ()
     if isinstance(value, Mapping):
@@ -65,8 +65,13 @@ class Tensioning:
     """How the belt was tensioned: what :func:`beltdyn.settle` does, the paper's stabilisation.
 
     The default lays the belt round the pulleys without friction, so its tension is the same
-    everywhere. A belt is really tensioned with friction on it: laid round the pulleys at the strain
-    of the belt line, or by moving a pulley, and what friction builds up then stays in the wraps.
+    everywhere. A real belt is tensioned with friction: laid round the pulleys at the strain of the
+    belt line, or by moving a pulley, and the friction forces that build up then stay in the wraps.
+    For a belt that is tensioned by moving pulley 1 outwards by 6 mm::
+
+        params = attrs.evolve(
+            params, tensioning=bd.Tensioning(friction=True, offset={1: (-0.006, 0.0)})
+        )
 
     Attributes:
         friction: Whether friction acts; its state is then kept.
@@ -75,9 +80,9 @@ class Tensioning:
             (dx, dy) per pulley from pulley 0 on [m]; pulleys left out, None or (): in their
             places. Kept as a tuple of pairs.
         move_time: Duration of the motion from there [s]; None: chosen.
-        shift: How far link 0 is laid past its place along the belt line [m], at most the belt's
-            length either way; its place begins where the belt leaves pulley 0. Without friction
-            the belt slides on to one of the resting places of its polygon all the same.
+        shift: How far all links are moved along the belt line [m], at most the belt's length either
+            way; unmoved, link 0 begins where the belt leaves pulley 0. Without friction the belt
+            slides from there to one of the equilibria of its polygon all the same.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -103,12 +108,12 @@ class Tensioning:
             "pulleys free to turn" if self.pulleys == "free" else "pulleys held",
         ]
         words += [
-            f"pulley {index} moved to its place from ({dx:g}, {dy:g}) m off"
+            f"pulley {index} moved to its place from an offset of ({dx:g}, {dy:g}) m"
             for index, (dx, dy) in enumerate(self.offset)
             if (dx, dy) != (0.0, 0.0)
         ]
         if self.shift:
-            words.append(f"laid {self.shift:g} m on")
+            words.append(f"links moved along the belt line by {self.shift:g} m")
         return ", ".join(words)
 
     def _options(self, n_pulleys: int, has_friction: bool) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """Reading and writing TOML: tables and the classes they stand for.
 
-Errors name the path of the field. What a drive and a scene are as a whole is not known here but in
-:mod:`beltdyn.params` and :mod:`beltdyn.scenes`, which use this. The libraries that do the work
-are imported when there is some: ``import beltdyn`` stays light.
+Errors name the path of the field. The documents of a drive and of a scene are put together in
+:mod:`beltdyn.params` and :mod:`beltdyn.scenes`, which use this module. cattrs and tomli-w are
+imported on first use, so that ``import beltdyn`` takes little time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _T = TypeVar("_T")
 _FRICTION: dict[str, type] = {"dahl": Dahl}
 _TORQUES: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "viscous": Viscous}
 _KIND_OF = {cls: kind for kinds in (_FRICTION, _TORQUES) for kind, cls in kinds.items()}
-#: What a scene has beside the tables of its drive.
+#: Fields of a scene besides the tables of its drive.
 SCENE_ONLY = ("t_end", "torque")
 
 Source = str | os.PathLike[str]
@@ -76,7 +76,7 @@ def _converter() -> Any:
         element: Any = get_args(kind)[0]
         return converter.structure(value, cast(Any, list[element]))
 
-    # Plain values pass as they are: the classes check them and know the rule.
+    # Plain values pass unchanged: the classes check them against their rules.
     for kind in (bool, float, int, str):
         converter.register_structure_hook(kind, lambda value, _kind: value)
     converter.register_structure_hook_func(
@@ -98,7 +98,7 @@ def _join(path: str, field: str) -> str:
 
 
 def _explain(error: BaseException, path: str) -> str:
-    """Say the first thing wrong, in one line that names its path."""
+    """Describe the first error, in one line that names the path of the field."""
     from cattrs.errors import (
         ClassValidationError,
         ForbiddenExtraKeysError,
@@ -107,7 +107,7 @@ def _explain(error: BaseException, path: str) -> str:
 
     if isinstance(error, (ClassValidationError, IterableValidationError)):
         noted, others = error.group_exceptions()
-        # Unknown fields first: a misspelt field is also a missing one.
+        # Unknown fields first: a misspelt field is reported as a missing one, too.
         if others:
             return _explain(others[0], path)
         inner, note = noted[0]
@@ -121,7 +121,8 @@ def _explain(error: BaseException, path: str) -> str:
     if isinstance(error, KeyError):
         return f"{path}: missing"
     message = str(error)
-    # The classes name themselves ("pulley.radius must ..."); the path says which one it is.
+    # Messages of the classes begin with their name ("pulley.radius must ..."), which the more
+    # precise path replaces.
     own = re.match(r"[A-Za-z]+\.(?=\w)", message)
     if not path:
         return message
@@ -145,7 +146,7 @@ def structure(value: Any, kind: Any, path: str = "") -> Any:
 
 
 def _document(source: Source) -> tuple[dict[str, Any], str]:
-    """Parse; give also what errors begin with: the file's name, if there is one."""
+    """Parse; also return the prefix of error messages: the name of the file, if there is one."""
     if isinstance(source, str) and "\n" in source:
         text, prefix = source, ""
     else:

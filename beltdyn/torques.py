@@ -1,4 +1,4 @@
-"""Torques that the C core evaluates itself, and what else may stand for a torque.
+"""Torques that the C core evaluates itself, and other objects that can be used as torques.
 
 All torques are the set torques M_d of (2.12), counter-clockwise positive, one per pulley [N m].
 """
@@ -27,9 +27,9 @@ _SIGNATURE = "void f(double t, double *theta, double *omega, double *torque, voi
 
 
 class Torque:
-    """Base of the torques that the C core evaluates itself; ``+`` adds them.
+    """Base class of the torques that the C core evaluates itself; ``+`` adds them.
 
-    Also callable like any torque function, with the numbers the core computes.
+    They can also be called like any torque function, and then give the numbers of the core.
     """
 
     __slots__ = ()
@@ -205,7 +205,7 @@ class TorqueSum(Torque):
         parts: The summands, all for the same number of pulleys.
 
     Raises:
-        TypeError, ValueError: A summand is no torque object, or for another number of pulleys.
+        TypeError, ValueError: A summand is not a torque object, or has another number of pulleys.
     """
 
     parts: tuple[Torque, ...] = attrs.field(converter=_summands)
@@ -231,9 +231,9 @@ class TorqueSum(Torque):
 
 
 def as_terms(torque_fn: TorqueLike, n_pulleys: int) -> list[_core.TorqueTerm]:
-    """Turn anything a user may pass as torque into the terms the C core evaluates.
+    """Turn anything a user may pass as torque into terms for the C core.
 
-    Compiled functions are passed as addresses: whoever runs the core keeps ``torque_fn`` alive.
+    Compiled functions are passed as addresses: the caller must keep ``torque_fn`` alive.
 
     Args:
         torque_fn: A torque object; a compiled function (ctypes, cffi, Numba ``cfunc``, SciPy's
@@ -243,7 +243,7 @@ def as_terms(torque_fn: TorqueLike, n_pulleys: int) -> list[_core.TorqueTerm]:
         n_pulleys: Number of pulleys, n_p.
 
     Raises:
-        TypeError: Nothing of the kind, or a compiled function of another signature.
+        TypeError: None of these, or a compiled function with another signature.
         ValueError: A torque object for another number of pulleys.
     """
     if isinstance(torque_fn, Torque):

@@ -1,11 +1,11 @@
-"""What a torque function costs: Python, ctypes and Numba against torques the core evaluates itself.
+"""Cost of a torque function: Python, ctypes and Numba against torques the core evaluates itself.
 
     python benchmarks/callback.py [--quick] [--write]
 
 The paper's case 1 over the ramp of its torque, the same torque in every form. Nanoseconds per call
-are the time beyond that of a run with torque objects, over the calls, which are counted in a run of
-their own. Below, what the plain Python function does to the run time of each method.
-`common.py` says what is timed.
+are the additional time compared with torque objects, divided by the calls, which are counted in a
+run of their own. Below, the run time of each method with the plain Python function.
+`common.py` defines the times.
 """
 
 from __future__ import annotations

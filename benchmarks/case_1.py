@@ -1,9 +1,9 @@
-"""What accuracy costs on the paper's case 1: CPU time and error of a ladder of tolerances.
+"""CPU time and error of the paper's case 1 for a series of tolerances.
 
     python benchmarks/case_1.py [--quick] [--write]
 
-The whole second, the default method. `common.py` says what is timed and what error means; here the
-error's maximum over joints and times stands beside its root mean square.
+The whole second, the default method. `common.py` defines times and errors; the largest error over
+joints and times is given beside the root mean square.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Whether runs keep what they claim: random drives, each against a reference of its own.
+"""Errors of random drives against the errors that the runs claim, each with its own reference.
 
     python benchmarks/claims.py [--quick] [--seeds A:B] [--short] [--records FILE] [--write]
 
 `tests/random_drives.py` draws the drives, `tests/judged.py` runs and judges them; every record goes
-to a file of JSON lines as it is made, with all of ``stats``, and seeds that are there already are
+to a file of JSON lines as soon as it is made, with all of ``stats``; seeds already in the file are
 not run again. A run is QUIET if it finished without a warning of its accuracy in time;
-warnings of mesh and contact compliance excuse nothing.
+warnings of mesh and contact compliance do not count as such.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""What the benchmarks share: the methods measured, times, errors, references, output.
+"""Common to all benchmarks: the methods measured, times, errors, references, output.
 
 ERROR is the root mean square, over joints and over irregular sample times, of the joint force
 against a reference, relative to the mean tension. A reference is a run at a tolerance far below all
-others, and is believed as far as a second run by an unrelated method agrees: that difference is the
-floor, below which no error means anything.
+others. Its difference to a second one by an unrelated method is the floor: smaller errors cannot
+be measured.
 
-TIMES are CPU seconds, settling and getting to the start of the window apart, medians of repeats
-that are interleaved: setting by setting, round after round, so that a machine that slows down
-slows all. A setting dearer than a second or so is repeated less, as the tables tell.
+TIMES are CPU seconds without settling and without the run up to the start of the window. They are
+medians of interleaved repeats, all settings once per round, so that a machine that slows down
+slows all of them. Settings that take longer than a second or so are repeated less often, as the
+tables show.
 """
 
 from __future__ import annotations

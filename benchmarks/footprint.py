@@ -1,11 +1,11 @@
-"""What the package takes besides time: memory against the number of links, and to be imported.
+"""Memory of the package against the number of links, and memory and time of its import.
 
     python benchmarks/footprint.py [--quick] [--write]
 
-Bytes are what the C allocator handed out (glibc's mallinfo2), so they repeat exactly. A simulation
-is what one integration needs, a result what is kept of 1001 samples of everything. Peak memory and
-import times are of fresh interpreters; CPU time of the whole process, medians of interleaved
-repeats, against NumPy alone. Needs Linux.
+Bytes are those allocated from the C library (glibc's mallinfo2), so they repeat exactly.
+"Simulation" is the memory of one integration, "result" that of 1001 samples of everything. Peak
+memory and import times are of fresh interpreters; CPU time of the whole process, medians of
+interleaved repeats, against NumPy alone. Needs Linux.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether a change left every bit of the results where it was: two builds, side by side.
+"""Compares two builds bit for bit: does a change leave all results as they were?
 
     python benchmarks/freeze.py BEFORE [AFTER] [--only TEXT] [--sizes]
 

@@ -1,12 +1,12 @@
-"""How the cost grows with the number of links, at a fixed setting of each method.
+"""Cost against the number of links, at a fixed setting of each method.
 
     python benchmarks/growth.py [--quick] [--write]
 
 One and the same belt, that of the paper's case 1, in 60, 120, ... links, from rest over the ramp
 of the torque. Explicit steps follow the joints' spectrum, whose bound grows as n and, once damping
 has taken over, as n^2; steps of implicit methods are set by accuracy. A method goes up to the first
-size that takes more than a limit, and the sizes go on as long as some method goes on. `common.py`
-says what is timed.
+size that takes more than a limit, and sizes grow as long as some method is below it. `common.py`
+defines the times.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""What the guards of a run cost together, on the paper's case 1.
+"""Cost of the checks (guards) of a run together, on the paper's case 1.
 
     python benchmarks/guards.py [--quick] [--write]
 
-The core with and without what it watches (joints, winding, contact, balance of energy, progress,
-twins), in turn in one process; the same where no ledger is asked for; and the checks of the drive
-and of the result in Python, of 1001 samples. Torque objects hide nothing: the looks at a torque
-function are counted in calls.
+The core with and without its checks (joints, winding, contact, balance of energy, progress, growth
+of small differences), in turn in one process; the same without a ledger; and the checks of the
+drive and of the result in Python, for 1001 samples. The additional calls of a torque function are
+counted; torque objects need none.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python benchmarks/kernels.py [--quick] [--write]
 
 Compiles benchmarks/kernels.c against csrc/ with the flags of setup.py and runs it on the paper's
-case 1 as it stands 0.4 s into its run. A belt of more links gets that state drawn out over them: on
+case 1 at the state of 0.4 s. For belts of more links this state is interpolated along the belt: on
 a pulley links sink in as deep as their neighbours did, the penetration being the same per metre.
 Medians over interleaved repeats of CPU time.
 """

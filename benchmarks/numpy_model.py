@@ -1,7 +1,7 @@
 """The drive's equations of motion as a NumPy user would write them: arrays over links, no loops.
 
 For `peers.py`. The state vector is x, y, phi, vx, vy, vphi, mu (n_b each), theta, omega (n_p each):
-what the dynamics need and no more, no slip displacements, no energy ledger. A general integrator
+only what the dynamics need, without slip displacements and energy ledger. A general integrator
 cannot set mu to zero when a link leaves its pulley, so here mu decays off the pulleys at the rate
 DECAY.
 """

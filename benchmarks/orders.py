@@ -1,12 +1,12 @@
-"""Orders of convergence: error against step, where nothing kinks and where everything does.
+"""Orders of convergence: error against step, on a smooth drive and on one with many kinks.
 
     python benchmarks/orders.py [--quick] [--write]
 
 Left, a smooth drive: friction far from saturation, no contact damping, nothing makes or breaks
 contact, so each method must show its order. Right, the paper's case 1 after its ramp: links that
 stick vibrate through v_T = 0, links make and lose contact, and a step that straddles a kink has
-order one, whatever the method. Adaptive steps get the better of that (`work_precision.py`), which
-is why they are the default. Methods that control their error are held to a step by `max_step`.
+order one, whatever the method. Error control makes up for it (`work_precision.py`), which is why
+adaptive steps are the default. Methods that control their error are held to a step by `max_step`.
 Smooth: joint forces at the end. Case 1: at irregular times, dense output included.
 """
 

@@ -3,21 +3,22 @@
     python benchmarks/peers.py [--quick] [--write]
 
 The drive is the paper's case 1, from 0.3 to 0.4 s: the torque's ramp is over, friction has
-developed, links run on to and off both pulleys, stuck ones creep. Everyone gets that one window,
-from the same state, with the same irregular sample times. A whole second, or its quiet beginning
-from rest, would favour nobody but take the slowest peers an hour.
+developed, links arrive at and leave both pulleys, and links that stick creep. All solvers integrate
+this window, from the same state, with the same irregular sample times. A whole second would favour
+none of them but take the slowest an hour.
 
 Peers: SciPy's `solve_ivp` with a plain NumPy model (`numpy_model.py`) and with a compiled one
 (`numba_model.py`), and SUNDIALS CVODE through scikit-sundae with the compiled one. The compiled
 model comes with its analytic Jacobian, sparse and, links renumbered, banded; NumPy's comes by
-grouped differences. Where a peer has a choice of linear solver all are tried at one tolerance,
-and the cheapest goes up the ladder. Tolerances are absolute, on the scale that matters for joint
-forces, a joint's stretch: relative to coordinates they would be a thousand times too loose. BLAS is
-held to one thread. Models are checked first: against the oracle of the tests, which knows
+grouped differences. Where a solver has a choice of linear solvers, all are tried at one tolerance
+and the cheapest is used for the others. Tolerances are absolute, on the scale that matters for
+joint forces, a joint's stretch: relative to coordinates they would be a thousand times too loose.
+BLAS is held to one thread. Models are checked first: against the oracle of the tests, which knows
 neither, to rounding, and the Jacobian against differences.
 
 A peer cannot reset mu when a link leaves its pulley; its model lets mu decay there. So peers have a
-reference of their own, agreed by two of them, and the report says how far it is from the package's.
+reference of their own, on which two of them agree, and the report gives its distance from the
+package's.
 All times here are process CPU seconds round the whole call, Python's part and samples included; the
 package carries its energy ledger along, as it does by default, the peers none.
 """

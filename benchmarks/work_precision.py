@@ -1,12 +1,12 @@
-"""Work against precision: what each method and setting costs, and how right its forces are.
+"""Work against precision: CPU time and error of each method and setting.
 
     python benchmarks/work_precision.py [--quick] [--write]
 
 Drives on which different methods should win: the paper's case 1, lightly damped, over its whole
-second; the same with ten times the axial damping, and with 240 links, both of which shrink the
+second; the same with ten times the axial damping, and with 240 links, both of which shorten the
 steps of explicit methods; three pulleys with gravity; a stiff belt on unequal pulleys. Windows are
-short where a reference at a tight tolerance is dear; those in the middle of a run start from where
-it got to by itself. `common.py` says what is timed and what error means.
+short where a reference at a tight tolerance takes long; those in the middle of a run start from its
+state there. `common.py` defines times and errors.
 """
 
 from __future__ import annotations

@@ -222,7 +222,7 @@ def test_interrupted_run_writes_the_finished_part(
     assert result.exit_code == 130
     assert result.stdout == ""
     assert "interrupted at t = 0.0" in result.stderr
-    assert f"written, up to there: {out}, {plot}" in result.stderr
+    assert f"written (up to that time): {out}, {plot}" in result.stderr
     partial = bd.Result.load(out)
     assert partial.status == "interrupted" and 0 < partial.t.size < 1001
     assert plot.is_file()
@@ -239,7 +239,7 @@ def test_failed_run_writes_the_finished_part(
     out = tmp_path / "run.npz"
     result = call("run", "kubas-case-1", *SHORT, "--out", out)
     assert result.exit_code == 1
-    assert "torque" in result.stderr and f"written, up to there: {out}" in result.stderr
+    assert "torque" in result.stderr and f"written (up to that time): {out}" in result.stderr
     first, *error = result.stderr.strip().splitlines()
     only_the_mesh(first)
     assert len(error) == 2

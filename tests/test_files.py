@@ -132,7 +132,7 @@ def test_what_stops_it_leaves_what_was_there(
         [(name, OLD)] if there else []
     )
     if isinstance(caught.value, OSError):
-        now = "the file there is as it was" if there else "no file was left there"
+        now = "the file there is unchanged" if there else "no file was left there"
         assert caught.value.errno == errno.ENOSPC and caught.value.filename == str(path)
         assert caught.value.strerror == f"No space left; {now}"
 
@@ -192,11 +192,11 @@ def test_a_disk_that_is_full(tmp_path: Path) -> None:
     for name in names:
         old, new = tmp_path / name, tmp_path / f"new-{name}"
         too_large = f"[Errno {errno.EFBIG}] File too large; "
-        assert f"{too_large}the file there is as it was: {str(old)!r}" in lines
+        assert f"{too_large}the file there is unchanged: {str(old)!r}" in lines
         assert f"{too_large}no file was left there: {str(new)!r}" in lines
     assert done.returncode == 1
     assert done.stderr == (
-        f"beltdyn: cannot write {out}: File too large; the file there is as it was\n"
+        f"beltdyn: cannot write {out}: File too large; the file there is unchanged\n"
     )
     assert {entry.name: entry.read_bytes() for entry in tmp_path.iterdir()} == dict.fromkeys(
         names, OLD
@@ -222,7 +222,7 @@ def test_pictures_on_a_disk_that_is_full(
     done = CliRunner().invoke(cli.main, call)
     assert done.exit_code == 1
     assert done.stderr == (
-        f"beltdyn: cannot write {path}: No space left on device; the file there is as it was\n"
+        f"beltdyn: cannot write {path}: No space left on device; the file there is unchanged\n"
     )
     assert [entry.read_bytes() for entry in tmp_path.iterdir()] == [OLD]
 
@@ -285,7 +285,7 @@ def test_without_rights(public_folder: Path) -> None:
     done = python(RIGHTS, folder)
     denied, protected = (f"[Errno {errno.EACCES}] {why}" for why in ("Permission denied", "the"))
     assert done.stdout.splitlines() == [
-        f"{denied}; the file there is as it was: '{folder}/good.npz'",
+        f"{denied}; the file there is unchanged: '{folder}/good.npz'",
         f"{denied}; no file was left there: '{folder}/none.npz'",
         f"{protected} file there is write-protected: '{folder}/locked.npz'",
         f"{protected} file there is write-protected: '{folder}/open/locked.npz'",
@@ -319,7 +319,7 @@ def test_a_read_only_file_system(
 
     (tmp_path / "run.npz").write_bytes(OLD)
     read_only(monkeypatch, tmp_path)
-    with pytest.raises(OSError, match="Read-only file system; the file there is as it was"):
+    with pytest.raises(OSError, match="Read-only file system; the file there is unchanged"):
         result.save(tmp_path / "run.npz")
     monkeypatch.setattr(cli, "simulate", never)
     for option, name in (("--out", "run.npz"), ("--plot", "a.png"), ("--animate", "a.gif")):

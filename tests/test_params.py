@@ -254,6 +254,6 @@ def test_printing_shows_every_field_with_its_unit(params: bd.Params) -> None:
     text = str(params)
     for line in ("belt.length", "1.2 m", "pulleys[1].center", "(0.29, 0) m", "friction.sigma"):
         assert line in text
-    assert "0.693 %, 485.2 N" in text
+    assert "0.693 %, tension 485.2 N" in text
     assert "friction" in str(attrs.evolve(params, friction=None))
     assert str(params.belt).splitlines()[1].split()[:3] == ["length", "1.2", "m"]

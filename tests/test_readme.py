@@ -1,17 +1,21 @@
-"""What the README shows runs as it stands there."""
+"""What README, docstrings and CONTRIBUTING show runs as it stands there, and names what exists."""
 
 from __future__ import annotations
 
+import inspect
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import beltdyn as bd
-from beltdyn import _core
+from beltdyn import _core, cli
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
@@ -20,10 +24,17 @@ def blocks(language: str) -> list[str]:
     return found
 
 
+def example(thing: object) -> str:
+    """The first indented example of a docstring, after a paragraph that ends in two colons."""
+    found = re.search(r"::\n\n((?:    .*\n|\n)+)", inspect.getdoc(thing) or "")
+    assert found, thing
+    return textwrap.dedent(found[1])
+
+
 def test_the_examples(capsys: pytest.CaptureFixture[str]) -> None:
     """One after the other, as a reader would; over a shorter time."""
     names: dict[str, object] = {}
-    for code in blocks("python"):
+    for code in [*blocks("python"), example(bd.identify)]:
         short = re.sub(r"t_end=1\.0(, progress=True)?", "t_end=0.02", code)
         assert short != code
         exec(compile(short, "README.md", "exec"), names)
@@ -32,20 +43,33 @@ def test_the_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert isinstance(found, bd.Identification)
     # 70e3 N was put in: half a percent is several standard deviations
     assert found.values["belt.axial_stiffness"] == pytest.approx(70e3, rel=5e-3)
+    exec(example(bd.Tensioning), names)
+    params = names["params"]
+    assert isinstance(params, bd.Params) and params.tensioning.friction
 
 
 def test_the_scene_file() -> None:
-    scene = bd.Scene.from_toml(blocks("toml")[0])
+    scene = bd.Scene.from_toml(example(bd.Scene.from_toml))
+    assert scene.params.tensioning.offset == ((0.0, 0.0), (-0.006, 0.0))
     assert bd.simulate(*scene[:2], 0.005).success
 
 
 def test_the_table_of_results_names_what_is_there() -> None:
     result = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3)
-    rows = re.findall(r"^\| `(\w+)\.(\w+), ([^`]*)` \|", README, re.MULTILINE)
-    assert {group for group, *_ in rows} == {"pulleys", "belt", "joints", "contact"}
-    for group, first, others in rows:
-        for name in [first, *(other.strip(" .") for other in others.split(","))]:
-            assert hasattr(getattr(result, group), name), f"{group}.{name}"
+    rows = re.findall(r"^(\w+) +(\w+, .*?) +\((.*)\)$", example(bd.Result), re.MULTILINE)
+    assert {group for group, *_ in rows} == {"pulleys", "belt", "joints", "contact", "energy"}
+    n_t, n_b = result.belt.x.shape
+    sizes = {"n_t": n_t, "n_b": n_b, "n_p": 2}
+    for group, names, sizes_of in rows:
+        shape = tuple(sizes[size] for size in sizes_of.replace(",", " ").split())
+        for name in names.replace("..., ", "").split(", "):
+            assert getattr(getattr(result, group), name).shape == shape, f"{group}.{name}"
+    assert result.span_tension.shape == result.slip.shape == (n_t, 2)
+
+
+def test_the_table_of_methods_names_all() -> None:
+    rows = re.findall(r"^(\w+) +\w", example(bd.simulate), re.MULTILINE)
+    assert sorted(rows) == sorted(bd.METHODS)
 
 
 def test_the_commands_are_there() -> None:
@@ -54,8 +78,46 @@ def test_the_commands_are_there() -> None:
     assert 'python -m pip install ".[test]" && python -m pytest' in lines
 
 
+def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
+    assert len(README.splitlines()) <= 100
+    for text, folder in [
+        (README, ROOT),
+        (CONTRIBUTING, ROOT),
+        *(
+            ((ROOT / page).read_text(encoding="utf-8"), (ROOT / page).parent)
+            for page in ("csrc/MODEL.md", "benchmarks/README.md", "notebooks/README.md")
+        ),
+    ]:
+        for link in re.findall(r"\]\(([^)#:]+)\)", text):
+            assert (folder / link).exists(), link
+
+
+def test_the_files_that_contributing_names_are_there() -> None:
+    paths = re.findall(r"`((?:csrc|beltdyn|tests|benchmarks)/[\w/.]+)`", CONTRIBUTING)
+    assert len(paths) > 30
+    missing = [path for path in paths if not (ROOT / path).exists()]
+    assert not missing
+
+
+def test_the_sections_of_the_model_that_the_code_cites_are_there() -> None:
+    page = (ROOT / "csrc" / "MODEL.md").read_text(encoding="utf-8")
+    there = set(re.findall(r"^## (\d+)\. ", page, re.MULTILINE))
+    for folder, pattern in (("csrc", "*.[ch]"), ("beltdyn", "*.py"), ("tests", "*.py")):
+        for path in (ROOT / folder).rglob(pattern):
+            for cited in re.findall(r"MODEL\W+sections? (\d+)", path.read_text(encoding="utf-8")):
+                assert cited in there, (path, cited)
+
+
+def test_the_help_of_the_command_line_names_every_command_and_exit_code() -> None:
+    shown = CliRunner().invoke(cli.main, ["--help"]).output
+    for command in cli.main.commands:
+        assert f"beltdyn {command}" in shown
+    for code in (0, 1, 2, 130):
+        assert re.search(rf"\b{code} \w", shown)
+
+
 def test_help_lists_every_warning_and_error() -> None:
-    """One table each, of what the core and the package can say; the README names the warnings."""
+    """One table each, of what the core and the package can say; the README leads to it."""
     fields = (ROOT / "csrc" / "fields.h").read_text(encoding="utf-8")
     of_core = re.findall(r"X\((\w+), [01], \"", fields)
     of_package = {
@@ -70,7 +132,7 @@ def test_help_lists_every_warning_and_error() -> None:
         row = re.search(rf"^ +{code}( \*)? +\S", bd.RunWarning.__doc__ or "", re.MULTILINE)
         assert row, code
         assert code not in starred or bool(row[1]) == (starred[code] == "1"), code
-        assert f"`{code}`" in README
+    assert "`help(bd.RunWarning)`" in README
     symbols = [symbol for symbol, _, kind, _ in _core.ERRORS if kind == "RUN"]
     assert symbols
     for symbol in symbols:

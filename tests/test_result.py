@@ -437,6 +437,7 @@ def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
         ({"t_eval": [-0.01, 0.01]}, ValueError, "^t_eval must lie within the run"),
         ({"t_eval": [0.0, np.nan]}, ValueError, "^t_eval must be finite"),
         ({"t_eval": 0.01}, ValueError, "^t_eval must have 1 dimension"),
+        ({"t_eval": 100}, ValueError, r"such as np\.linspace\(0, 0\.02, 100\), got 100$"),
         ({"t_eval": [[0.0]]}, ValueError, "^t_eval must have 1 dimension"),
         ({"t_eval": "all"}, TypeError, "^t_eval must hold real numbers"),
         (

@@ -261,6 +261,11 @@ def test_other_units() -> None:
     assert codes(drive(friction=bd.Dahl(mu_k=1.0, sigma=1e3))) == []
     # A huge coefficient says that nothing is to slip.
     assert codes(drive(friction=bd.Dahl(mu_k=1e9, sigma=1e4))) == []
+    # 30 percent is 0.3; 3 is a V-belt, 1000 again a wish that nothing slips.
+    (one,) = sanity.check(drive(friction=bd.Dahl(mu_k=30.0, sigma=1e4)))
+    assert one.code == "units" and one.where == "friction" and "percent" in one.text
+    for mu_k in (0.1, 3.0, 10.0, 1e3):
+        assert codes(drive(friction=bd.Dahl(mu_k=mu_k, sigma=1e4))) == []
     # Ten times Earth's gravity is a test rig.
     assert codes(drive(gravity=(0.0, -98.1))) == []
 
@@ -284,7 +289,7 @@ def test_lengths_in_millimetres_fail_with_the_word() -> None:
     params = at_scale(drive(links=60, contact=bd.Contact(linear=2.5e7, damping=1e3)), 1e3)
     with pytest.raises(bd.SimulationError) as failed, run_warnings.silenced():
         bd.simulate(params, steady(-100.0), 1.0)
-    assert any("noticed before: units" in note for note in failed.value.__notes__)
+    assert any("warning before this error: units" in note for note in failed.value.__notes__)
 
 
 def test_a_belt_far_too_short() -> None:
@@ -317,7 +322,8 @@ def test_full_slip_says_where_when_and_how_much() -> None:
     assert stick[-100:].all()
     # What it says to be lost is the ledger's friction loss, but for the little lost in creep.
     joules = [
-        float(one.text.partition("which takes ")[2].partition(" J")[0]) for one in (driving, driven)
+        float(one.text.partition("which dissipates ")[2].partition(" J")[0])
+        for one in (driving, driven)
     ]
     assert sum(joules) == pytest.approx(result.energy.friction_loss[-1], rel=0.02)
 
@@ -440,7 +446,13 @@ def test_the_command_line_says_it_last_and_once(call: Callable[..., Any]) -> Non
         ["beltdyn", " warning", " full_slip"],
     ]
     assert "UserWarning" not in "".join(lines) and "\x1b" not in "".join(lines)
-    assert "3: mesh, full_slip" in " ".join(table.split())
+    assert "3: mesh, full_slip (pulley 0)" in " ".join(table.split())
+
+
+def test_the_summary_lists_every_warning_it_counts() -> None:
+    params, torque, t_end = bd.scenes.flywheel_start()
+    listed = dict(run(params, torque, 0.5 * t_end).summary())["warnings"]
+    assert listed == "3: mesh, full_slip (pulley 0), full_slip (pulley 1)"
 
 
 def test_colours_of_the_command_line(call: Callable[..., Any]) -> None:

@@ -184,7 +184,7 @@ def test_numbers_beyond_floats_only_where_a_run_may_have_them(good: Arrays, path
         (lambda m: m.update(status="ok"), "status must be one of finished, failed, interrupted"),
         (lambda m: m.update(status=[]), "status must be a text"),
         (lambda m: m.update(message=None), "message must be a text"),
-        (lambda m: m.update(message="\ud800"), "message holds what is no character"),
+        (lambda m: m.update(message="\ud800"), "message holds invalid characters"),
         (lambda m: m.update(final_t="0"), "final_t must be a finite number"),
         (lambda m: m.update(final_t=float("nan")), "final_t must be a finite number"),
         (lambda m: m.update(final_t=10**400), "final_t must be a finite number"),
@@ -337,7 +337,7 @@ def test_one_place_for_many_members(good: Arrays, path: Path) -> None:
                 info.header_offset = one.header_offset
                 info.file_size = info.compress_size = one.file_size
         archive._didModify = True  # type: ignore[attr-defined]
-    refused(path, "it claims to hold more than there is", kind=bd.State)
+    refused(path, "its members claim to be larger than the file", kind=bd.State)
 
 
 def test_unreadable_is_an_oserror(tmp_path: Path) -> None:

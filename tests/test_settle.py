@@ -273,7 +273,7 @@ def test_tensioning_survives_toml_and_says_itself() -> None:
         params
     )
     assert how.offset == ((0.0, 0.0), (1e-3, 0.0))
-    assert str(bd.Tensioning(shift=-2e-3)).endswith("laid -0.002 m on")
+    assert str(bd.Tensioning(shift=-2e-3)).endswith("moved along the belt line by -0.002 m")
 
 
 def test_a_tensioning_table_may_name_the_pulley() -> None:

@@ -1,4 +1,4 @@
-"""Finding the parameters of a drive from measurements: values, intervals, what stays unknown.
+"""Identification of a drive's parameters from measurements, with confidence intervals.
 
 Needs SciPy, which is imported when :func:`identify` is called.
 """

@@ -1,4 +1,4 @@
-"""Experiments on the rig, and what was measured in them."""
+"""Experiments on a test rig, and what was measured in them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from . import names
 
 __all__ = ["Experiment", "Read", "Target"]
 
-#: Reads numbers off a run.
+#: Gets numbers from a run.
 Read: TypeAlias = "Callable[[Result], ArrayLike]"
 
 _QUANTITY = re.compile(r"([a-z_.]+)(?:\[(\d+)\])?")
@@ -70,23 +70,24 @@ def _t_end(value: object) -> float:
 
 @attrs.frozen(eq=False)
 class Experiment:
-    """One run of the rig: its loads, how long it took, how it began.
+    """One run on the test rig: its loads, its duration, its initial state.
 
-    What was measured in it is added with :meth:`curve` and :meth:`number`; all of it is read off
-    one and the same simulation.
+    Measurements are added with :meth:`curve` and :meth:`number`; all of them are compared with one
+    and the same simulation.
 
     Attributes:
         torque_fn: The set torques, as :func:`beltdyn.simulate` takes them; a Python function is
             called from several threads.
         t_end: End of the run [s].
-        settling: Arguments of :func:`beltdyn.settle` that go before ``params.tensioning``, such as
+        settling: Arguments of :func:`beltdyn.settle` that override ``params.tensioning``, such as
             ``{"friction": True, "tolerance": 1e-5}``.
-        changes: What differs in this run, by name, in place of the value in ``params`` or the one
-            that is searched: ``{"friction.sigma": 5e3}``, ``{"pulleys[1].center": (0.3, 0.0)}``.
-        initial: How the run begins: a State, or ``initial(params) -> State``, called from several
-            threads; None: settled.
+        changes: Parameters that differ in this run, by name; they replace the values in ``params``
+            and those searched for: ``{"friction.sigma": 5e3}``,
+            ``{"pulleys[1].center": (0.3, 0.0)}``.
+        initial: The initial state: a State, or ``initial(params) -> State``, called from several
+            threads; None: from :func:`beltdyn.settle`.
         options: Arguments of :func:`beltdyn.simulate`, such as ``{"rtol": 1e-3}``.
-        name: What messages and tables call it; None: "run", numbered if there are several.
+        name: Its name in messages and tables; None: "run", numbered if there are several.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule.
@@ -115,7 +116,7 @@ class Experiment:
                 f"got {type(self.initial).__name__}"
             )
         if self.initial is not None and self.settling:
-            raise ValueError("Experiment.settling says nothing where initial is given")
+            raise ValueError("Experiment.settling has no effect where initial is given")
         if self.start >= self.t_end:
             raise ValueError(
                 f"Experiment.t_end must be > initial.t ({self.start:g} s), got {self.t_end:g} s"
@@ -169,7 +170,7 @@ class Experiment:
             values: The measured values (n_t,) or (n_t, k).
             sigma: Standard deviation of a measured value, one or an array that broadcasts to
                 ``values``; None: unknown, see :func:`beltdyn.identify`.
-            name: What messages and tables call it; None: the quantity.
+            name: Its name in messages and tables; None: the quantity.
 
         Raises:
             TypeError, ValueError: An argument breaks its rule.
@@ -212,11 +213,11 @@ class Experiment:
             read: ``read(result)`` gives the number, or an array like ``values``; it is called from
                 several threads.
             values: The measured value, or values (n,).
-            t: Times of the samples in the Result that ``read`` is given [s]; None: 1001 equally
+            t: Times of the samples in the Result that ``read`` receives [s]; None: 1001 equally
                 spaced ones.
             sigma: Standard deviation of a measured value, one or (n,); None: unknown, see
                 :func:`beltdyn.identify`.
-            name: What messages and tables call it; None: the name of ``read``.
+            name: Its name in messages and tables; None: the name of ``read``.
             names: The same for each of several values (n,).
 
         Raises:
@@ -249,15 +250,15 @@ class Experiment:
 
 @attrs.frozen(eq=False, kw_only=True)
 class Target:
-    """What was measured, and how to read the same off a run; see :class:`Experiment`.
+    """What was measured, and how to get the same from a simulation; see :class:`Experiment`.
 
     Attributes:
         experiment: The run in which it was measured.
-        read: Reads it off a Result.
+        read: Gets it from a Result.
         t: Sample times of that Result (n_t,) [s].
         values: What was measured (n,), (n_t,) or (n_t, k).
         sigma: Standard deviation of the values, of their shape; None: unknown.
-        name: What messages and tables call it.
+        name: Its name in messages and tables.
         parts: Names of the single numbers, if they have any.
         is_curve: Whether the values belong to the sample times.
     """
@@ -285,10 +286,10 @@ class Target:
         )
 
     def compute(self, name: str, result: Result) -> Array:
-        """Read the target off a run at its own times; NaN where the run has no value.
+        """Get the target from a run at its own times; NaN where the run has no value.
 
         Raises:
-            TypeError, ValueError: It does not give what was measured.
+            TypeError, ValueError: It does not have the type or shape of the measurement.
         """
         read = self.read(result)
         refuse_masked(f"target {name!r}: what read gives", read)

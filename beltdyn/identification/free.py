@@ -26,14 +26,15 @@ class Free:
         lower: Least value, in the unit of the parameter; None: what its rule says.
         upper: Largest value; None: no limit.
         scale: "log": searched as its logarithm, so it stays positive and its interval is a factor;
-            "linear"; None: "log" for what may not be negative, unless it starts at 0, and "linear"
-            for the rest and with ``set``.
+            "linear"; None: "log" for parameters that must not be negative and do not start at 0,
+            "linear" for all others and with ``set``.
         start: Where the search begins; None: the value in ``params``.
-        size: For "linear": the change that counts as large, 1 on its scale; None: |start|. The
-            differences that give the derivatives are ``diff_step`` times this, and a standard
-            deviation of ln(limit) times this counts as undetermined.
-        set: ``set(params, value) -> params``, for what has no name of its own; needs ``start``.
-            Called from several threads; a ValueError in it is a value that cannot be.
+        size: For "linear": the change that counts as large, the unit of the search; None: |start|.
+            Derivatives are taken by differences of ``diff_step`` times this; from a standard
+            deviation of ln(limit) times this on, the parameter counts as undetermined.
+        set: ``set(params, value) -> params``, for a parameter that is no single number of the
+            drive; needs ``start``. Called from several threads; a ValueError in it means that this
+            value is not possible.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -68,7 +69,7 @@ class Free:
 
 @attrs.frozen
 class Parameter:
-    """A free parameter with nothing left open.
+    """A free parameter with its start, scale and limits resolved.
 
     Its coordinate is u = 1 + ln(value/start) or u = 1 + (value - start)/size, so every search
     begins at ones and a change of 1 is large.
@@ -142,7 +143,7 @@ def _resolve(params: Params, free: Free) -> Parameter:
     size = free.size or abs(start)
     if not log and size == 0.0:
         raise ValueError(
-            f"{free.name} starts at 0: say what change of it is large, "
+            f"{free.name} starts at 0: give the change of it that counts as large, "
             f"bd.Free({free.name!r}, size=...)"
         )
     unit = "" if rule is None or rule.unit == "1" else rule.unit

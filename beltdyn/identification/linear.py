@@ -1,4 +1,4 @@
-"""What the linearised problem says: covariance, and directions in which the data say nothing."""
+"""The linearised problem: covariance, and directions that the data do not determine."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from ..checks import Array
 
 __all__ = ["Combination", "combinations", "correlation", "covariance", "leverage"]
 
-#: Singular values below this part of the largest are nothing but rounding.
+#: Singular values below this share of the largest are rounding errors.
 _RANK = 1e-9
-#: A parameter whose part of a direction is smaller has no part in it.
-_PART = 0.1
-#: Pairs whose estimates are correlated more than this are entangled.
-_ENTANGLED = 0.95
+#: Smaller components of a direction, relative to its largest, are left out.
+_LEAST_WEIGHT = 0.1
+#: Pairs of parameters whose estimates are correlated more strongly are listed.
+_CORRELATED = 0.95
 
 
 @attrs.frozen(kw_only=True)
 class Combination:
-    """Parameters that can change together without the data taking notice.
+    """Parameters that can change together with hardly any effect on the data.
 
     Attributes:
-        weights: How much each of them changes, as its logarithm or in parts of its size; the
+        weights: How much each of them changes, as its logarithm or as a share of its size; the
             squares add up to 1.
         std: Standard deviation along this direction, the other directions unchanged; for
-            logarithms exp(std) is a factor. Infinite if nothing changes at all.
-        correlation: Of the estimates, for an entangled pair; else None.
+            logarithms exp(std) is a factor. Infinite if the data do not change at all.
+        correlation: Of the estimates, for a pair listed for its correlation; else None.
     """
 
     weights: Mapping[str, float]
@@ -62,7 +62,7 @@ def _split(jacobian: Array) -> tuple[Array, Array, int]:
 def covariance(jacobian: Array) -> Array:
     """Give the covariance (n_free, n_free) from a Jacobian in standard deviations.
 
-    Infinite, with a sign off the diagonal, where the data leave a direction open.
+    Infinite, with a sign off the diagonal, along directions that the data do not determine.
     """
     singular, vectors, rank = _split(jacobian)
     known, open_ = vectors[:, :rank], vectors[:, rank:]
@@ -72,7 +72,7 @@ def covariance(jacobian: Array) -> Array:
 
 
 def correlation(jacobian: Array) -> Array:
-    """Give the correlation (n_free, n_free); open directions count as very wide, not infinite."""
+    """Give the correlation (n_free, n_free); undetermined directions count as very wide."""
     singular, vectors, rank = _split(jacobian)
     # Wide enough to outweigh everything known, narrow enough for 1 - |r| to be right to 1e-6.
     least = (singular[rank - 1] if rank else 1.0) * 1e-4
@@ -109,7 +109,7 @@ def _combination(
 ) -> Combination:
     # Rounding does not decide which of two equal parts comes first.
     order = np.argsort(-np.abs(weights).round(6), kind="stable")
-    kept = [k for k in order if abs(weights[k]) >= _PART * abs(weights[order[0]])]
+    kept = [k for k in order if abs(weights[k]) >= _LEAST_WEIGHT * abs(weights[order[0]])]
     sign = math.copysign(1.0, weights[order[0]])
     return Combination(
         weights={names[k]: sign * float(weights[k]) for k in kept},
@@ -119,7 +119,7 @@ def _combination(
 
 
 def combinations(names: Sequence[str], jacobian: Array, limit: float) -> tuple[Combination, ...]:
-    """List what the data cannot tell apart.
+    """List the combinations of parameters that the data cannot distinguish.
 
     Args:
         names: Names of the free parameters.
@@ -141,7 +141,7 @@ def combinations(names: Sequence[str], jacobian: Array, limit: float) -> tuple[C
     for i in range(len(names)):
         for k in range(i):
             pair = {names[i], names[k]}
-            if abs(related[i, k]) > _ENTANGLED and not any(pair <= others for others in together):
+            if abs(related[i, k]) > _CORRELATED and not any(pair <= others for others in together):
                 weights = np.zeros(len(names))
                 weights[k], weights[i] = spread[k], math.copysign(spread[i], related[i, k])
                 if not np.isfinite(weights).all():

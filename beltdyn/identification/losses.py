@@ -1,4 +1,4 @@
-"""SciPy's losses: how much a residual costs, and what weight it keeps once linearised."""
+"""SciPy's losses: the cost of residuals and their weights in the linearised problem."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from ..checks import Array
 
 __all__ = ["LOSSES", "cost_and_weights"]
 
-#: Those of ``scipy.optimize.least_squares`` under which an outlier costs ever more.
+#: Those of ``scipy.optimize.least_squares`` whose cost grows without bound with the residual.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
 def cost_and_weights(residuals: Array, loss: str) -> tuple[float, Array]:
     """Give the cost, 1/2 sum rho(f^2), and the weights rho'(f^2) of residuals f.
 
-    SciPy names its losses but does not hand them out. It gives the cost of a function and its
-    gradient at a starting point, though, and those of f itself, by f, are these: the gradient of
-    the cost is rho'(f^2) f. Infinite where a residual is not finite.
+    SciPy has no public functions for its losses, but it returns the cost and its gradient at the
+    starting point of a search. For the identity as a function of f the gradient is rho'(f^2) f. The
+    cost is infinite if a residual is not finite.
     """
     if not np.isfinite(residuals).all():
         return np.inf, np.zeros_like(residuals)

@@ -80,10 +80,10 @@ def _step(node: Any, step: str | int, so_far: str) -> Any:
 
 
 def read(params: Params, name: str) -> list[Any]:
-    """Give what stands under a name: one value, or one for each index of a "*".
+    """Give the value of a name, or one value for each index of a "*".
 
     Raises:
-        ValueError: Nothing is called that.
+        ValueError: No parameter has this name.
     """
     nodes: list[Any] = [params]
     so_far = ""
@@ -106,7 +106,7 @@ def read(params: Params, name: str) -> list[Any]:
 
 
 def rule_of(params: Params, name: str) -> Rule | None:
-    """Give the rule of the number under a name, None if it has none of its own."""
+    """Give the rule of a named number, None if it has none of its own."""
     path = parse(name)
     if not isinstance(path[-1], str) or path[-1] == "*":
         return None
@@ -118,9 +118,9 @@ def rule_of(params: Params, name: str) -> Rule | None:
 
 
 def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:
-    """Give a copy with values changed, all at once: drives in between need not be possible.
+    """Give a copy with several values changed at once; each change alone need not be valid.
 
-    The paths must be there, as :func:`read` makes sure; the last of two to one place counts.
+    The paths must exist, as :func:`read` checks; of two values for one path the last one counts.
 
     Raises:
         TypeError, ValueError: The drive with these values breaks a rule.

@@ -1,4 +1,4 @@
-"""What an identification found, how sure it is, and what it cannot tell."""
+"""What an identification found, how certain it is, and what it cannot determine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["Identification", "IdentificationInterrupted", "Sensitivity", "confid
 
 
 def confidence_of(value: object) -> float:
-    """Check a confidence."""
+    """Check a confidence: between 0 and 1."""
     confidence = real("confidence", value)
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must be between 0 and 1, got {confidence:g}")
@@ -65,10 +65,10 @@ def _table(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Identification:
-    """Fitted parameters, how sure they are, and what the data cannot tell apart.
+    """Fitted parameters, how certain they are, and what the data cannot distinguish.
 
     All uncertainties come from the problem linearised at the solution, in the coordinates of the
-    search: the logarithm of a parameter, or its change in parts of its size.
+    search: the logarithm of a parameter, or its change as a share of its size.
 
     Attributes:
         params: The fitted drive.
@@ -84,11 +84,11 @@ class Identification:
         computed: The computed numbers themselves (n,).
         weighted: The Jacobian that counts for the uncertainty (n + n_prior, n_free): outliers
             with less weight, and a row for each prior.
-        cost: What was made least, half the sum of squares (or of the loss).
+        cost: The minimised sum, half the sum of squares (or of the loss).
         dof: Degrees of freedom of Student's t, infinite if every sigma was given.
         nfev: Points tried by the search, without those for derivatives.
         failed: How many of these could not be simulated.
-        runs: Simulations in all.
+        runs: Total number of simulations.
         success: Whether the search converged.
         message: How it ended, in words.
         results: Run of every experiment with the fitted parameters, by name.
@@ -125,10 +125,10 @@ class Identification:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the coordinates (n_free, n_free): logarithms, or parts of the size.
+        """Covariance of the coordinates (n_free, n_free): logarithms, or shares of the size.
 
-        Infinite where the data leave a direction open; NaN if the search was interrupted before
-        there was a Jacobian.
+        Infinite along directions that the data do not determine; NaN if the search was interrupted
+        before there was a Jacobian.
         """
         if not np.isfinite(self.weighted).all():
             return np.full((len(self.values),) * 2, np.nan)
@@ -152,12 +152,12 @@ class Identification:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Confidence intervals, each by itself at :attr:`confidence`: (low, high) by name."""
+        """Confidence intervals, each on its own at :attr:`confidence`: (low, high) by name."""
         return self.interval()
 
     @property
     def joint_intervals(self) -> dict[str, tuple[float, float]]:
-        """Intervals that hold together at :attr:`confidence`: (low, high) by name."""
+        """Simultaneous intervals at :attr:`confidence`: (low, high) by name."""
         return self.interval(simultaneous=True)
 
     def interval(
@@ -166,13 +166,13 @@ class Identification:
         """Give confidence intervals, (low, high) by name in the parameters' units.
 
         Linearised, from Student's t with :attr:`dof` degrees of freedom, which is the normal
-        distribution if every sigma was given. For logarithms low and high are the value over and
-        times one factor. The limits of a parameter cut its interval, so that of one on a limit is
-        one-sided. Without any information it reaches from limit to limit.
+        distribution if every sigma was given. For logarithms low and high are the value divided by
+        and multiplied by one factor. Intervals end at the limits of their parameter, so one at a
+        limit has a one-sided interval. Without any information it reaches from limit to limit.
 
         Args:
             confidence: Between 0 and 1; None: :attr:`confidence`.
-            simultaneous: Whether all intervals are to hold together (Bonferroni).
+            simultaneous: Whether all intervals together are to have this confidence (Bonferroni).
 
         Raises:
             ValueError: ``confidence`` is not between 0 and 1.
@@ -200,7 +200,7 @@ class Identification:
 
     @property
     def misfit(self) -> float:
-        """Root mean square residual, per degree of freedom left, in standard deviations.
+        """Root mean square residual per remaining degree of freedom, in standard deviations.
 
         About 1 if the model can be fitted within the given sigmas; NaN if there are no more numbers
         than parameters.
@@ -211,12 +211,12 @@ class Identification:
 
     @cached_property
     def indistinguishable(self) -> tuple[Combination, ...]:
-        """What the data cannot tell apart, widest first.
+        """Combinations of parameters that the data cannot distinguish, widest first.
 
-        First the directions along which the parameters can go by more than :attr:`limit` (a
-        factor; of the size for linear ones, its logarithm) within one standard deviation, written
-        with as few parameters each as possible; then pairs whose estimates are correlated by more
-        than 0.95.
+        First the directions along which the parameters can change by more than :attr:`limit` (a
+        factor; for linear ones, its logarithm times the size) within one standard deviation, each
+        written with as few parameters as possible; then pairs whose estimates are correlated by
+        more than 0.95.
         """
         if not np.isfinite(self.weighted).all():
             return ()
@@ -288,19 +288,19 @@ class Identification:
             )
         lines = [repr(self)]
         if not self.success:
-            lines.append(f"  not finished, values and intervals are those so far: {self.message}")
+            lines.append(f"  not finished, values and intervals so far: {self.message}")
         lines += _table(rows, "  ")
         if len(self.labels) < len(self.values):
             lines.append(f"  {len(self.labels)} numbers cannot fix {len(self.values)} parameters")
         if self.indistinguishable:
-            lines.append("  the data cannot tell:")
+            lines.append("  the data cannot distinguish:")
             lines += [f"    {combination}" for combination in self.indistinguishable]
         left = len(self.labels) - len(self.values)
         # Five standard deviations of the mean square of normal residuals.
         if self.misfit**2 > 1.0 + 5.0 * math.sqrt(2.0 / max(left, 1)):
             lines.append(
                 f"  the fit misses the data by {self.misfit:.3g} times sigma: the intervals are "
-                "too narrow, for the model or sigma is wrong"
+                "too narrow, because the model or sigma is wrong"
             )
         rows = [["target", "numbers", "rms residual", "sigma"]]
         for name, residuals in self.residuals.items():
@@ -317,7 +317,7 @@ class Identification:
         if name in self.undetermined:
             return "undetermined"
         if any(name in combination.names for combination in self.indistinguishable):
-            return "entangled"
+            return "correlated"
         return ""
 
 

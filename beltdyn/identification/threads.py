@@ -46,7 +46,7 @@ class Workers:
     def map(self, work: Callable[[_Job], _Out], jobs: Iterable[_Job]) -> list[_Out]:
         """Give ``work(job)`` for every job, in their order.
 
-        What the first failing job raises comes out, and so does Ctrl-C, once the rest was stopped.
+        If a job raises or Ctrl-C is pressed, the others are stopped and the exception is raised.
         """
         if self._pool is None:
             return [work(job) for job in jobs]

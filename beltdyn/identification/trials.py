@@ -1,4 +1,4 @@
-"""Trials: the experiments, simulated with the parameters at some point of the search."""
+"""Trials: all experiments simulated at one point of the search."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ __all__ = ["Rig", "Trial"]
 
 @attrs.frozen(eq=False, kw_only=True)
 class Trial:
-    """What the experiments give at a point, or why they cannot be done there.
+    """What the experiments give at a point, or why they cannot be simulated there.
 
     Attributes:
         u: The point: coordinates of the free parameters (n_free,).
         y: Every computed number (n,), empty after an error.
-        error: Why there are none.
+        error: Why there are no numbers, or None.
         params: The drive there.
-        results: The runs, one per experiment, if they were to be kept.
+        results: The runs, one per experiment, if they were kept.
     """
 
     u: Array
@@ -65,12 +65,12 @@ def _rows(result: Result, rows: Any) -> Result:
 
 
 class Rig:
-    """All experiments, with the numbers measured in them in one row.
+    """All experiments, with all measured numbers in one vector.
 
     Attributes:
         targets: The targets by name.
-        slices: Where each target stands in the row.
-        labels: A name for every number of the row.
+        slices: Where the numbers of each target are in the vector.
+        labels: A name for every number of the vector.
         runs: Runs simulated so far.
     """
 
@@ -241,6 +241,6 @@ def _simulate(
         if not np.isfinite(values).all():
             first = int(np.argmin(np.isfinite(values.ravel())))
             label = target.labels(name)[first]
-            return ValueError(f"{label}: the run has no value there (NaN): leave it out")
+            return ValueError(f"{label}: the run has no value there (NaN): leave this sample out")
         parts.append(values.ravel())
     return np.concatenate(parts), result if keep else None

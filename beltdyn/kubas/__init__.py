@@ -1,11 +1,11 @@
-"""The paper this package starts from: its stated numbers and its figures, beside our runs.
+"""The paper on which this package is based: its numbers and figures beside ours.
 
 K. Kubas, "A model for the dynamic analysis of a belt transmission using the Dahl friction model".
 
-:func:`runs` simulates the paper's cases, :func:`compare` sets its numbers beside ours, and
+:func:`runs` simulates the paper's cases, :func:`compare` compares its numbers with ours, and
 :mod:`beltdyn.kubas.figures` (which needs matplotlib) draws its figures.
 
-The library knows nothing of this package, which only the command ``beltdyn figures`` imports. This
+The library does not depend on this package; only the command ``beltdyn figures`` imports it. This
 package uses the library; the paper's drives are scenes there (:func:`beltdyn.scenes.kubas_case_1`).
 """
 

@@ -17,7 +17,7 @@ __all__ = ["LINKS", "RAMP_END", "REVERSALS", "SOFT_SIGMA", "Runs", "runs"]
 #: End of the ramp of the driving torque in case 1, its two reversals in case 2 [s].
 RAMP_END, REVERSALS = 0.3, (0.25, 0.75)
 
-#: Samples of a run, 0.5 ms apart: the readers of the table need 2 ms.
+#: Samples of a run, 0.5 ms apart: :func:`beltdyn.kubas.rows.read` needs 2 ms.
 _SAMPLES = 2001
 #: The smaller of the two values of sigma that the paper compares [1/m].
 SOFT_SIGMA = 5e3
@@ -48,7 +48,7 @@ def runs(*, progress: bool = False) -> Runs:
     Raises:
         SimulationError: A run cannot go on.
         Interrupted: Ctrl-C.
-        BeltdynWarning: Not raised but issued, each once for the three: the paper's 60 links.
+        BeltdynWarning: Not raised but issued, each once for all three runs: the paper's 60 links.
     """
 
     def run(scene: scenes.Scene) -> Result:

@@ -4,7 +4,7 @@
 those of the package: counter-clockwise is positive, so the speeds of case 1 are negative, and a
 driving torque of -100 N m stands where the paper's text has -50. Elements are numbered from 1, as
 in the paper. A mark is as wide as the scale of its quantity in :data:`beltdyn.kubas.QUANTITIES`,
-the agreement demanded or the precision to which the text can be read.
+the deviation accepted or the precision to which the text can be read.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _HEADING_TORQUE = -100.0
 #: The time at which the paper shows the forces along the belt [s].
 _SNAPSHOT = 0.4
 _GREY = "0.45"
-#: Lines that swing too fast for dashes: a dark and a light colour, apart in grey as well.
+#: For lines that oscillate too fast for dashes: a dark and a light colour, distinct in grey too.
 _DENSE = {"linestyle": "-", "linewidth": 0.7}
 _DARK_AND_LIGHT = (COLOURS[0], COLOURS[4])
 
@@ -74,7 +74,7 @@ SIZES = {
 
 
 class _Panel(NamedTuple):
-    """What a panel is drawn with and into."""
+    """Axes, runs, links, marks and line style of a panel."""
 
     ax: Axes
     runs: Runs
@@ -149,7 +149,7 @@ def figure(number: int, runs: Runs, *, links: Links = LINKS, size: str = "notebo
 
 
 def _add_legend(drawn: Figure) -> None:
-    """One legend for all panels, beneath them: it covers nothing and says a thing once."""
+    """Add one legend for all panels, below them."""
     handles: dict[str, Any] = {}
     marked = False
     for ax in drawn.axes:
@@ -291,7 +291,7 @@ def _mark_passage(panel: _Panel) -> None:
 
 
 def _along(panel: _Panel) -> None:
-    """Fig. 9; a joint stands half a number before its element, and so do the marks."""
+    """Fig. 9; joints and marks are half a number to the left of their elements."""
     result, marks = panel.runs.case_1, panel.marks
     force_along_belt(
         result, _SNAPSHOT, first=1, wraps=False, ax=panel.ax, label="joint force", **panel.line
@@ -388,7 +388,7 @@ def _speeds_2(panel: _Panel) -> None:
 
 
 def _mark_differences(panel: _Panel, result: Result) -> None:
-    """Two bars as far apart as the paper says that the speeds are, about where ours are."""
+    """Draw two bars at the distance of the paper's speeds, centred on ours."""
     for k, time in enumerate(REVERSALS, start=1):
         quantity = _Q[f"difference_{k}"]
         before = (result.t >= time - 0.02) & (result.t <= time)

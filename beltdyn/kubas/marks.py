@@ -17,12 +17,12 @@ __all__ = ["BAND", "INK", "LINE", "PAPER", "Marks", "legend_entry", "number"]
 PAPER, INK = "#E69F00", "#8A5A00"
 BAND: dict[str, Any] = {"facecolor": PAPER, "alpha": 0.35, "edgecolor": "none", "zorder": 1.5}
 LINE: dict[str, Any] = {"color": INK, "linewidth": 0.9, "zorder": 1.6}
-#: Numbers nearer than this part of the axis share a label, or stand upright.
+#: Numbers closer than these shares of the axis have one label, or are turned upright.
 _SAME, _NEAR = 0.035, 0.14
 
 
 class Marks:
-    """Marks in one panel: a band is as wide as the scale of the quantity, its line the number.
+    """Marks in one panel: a line at the number, with a band as wide as its scale.
 
     :meth:`finish` writes the numbers on the upper and the right axis, away from the curves.
     """
@@ -92,7 +92,7 @@ class Marks:
 def _arranged(
     numbers: list[tuple[float, str]], limits: tuple[float, float]
 ) -> tuple[list[float], list[str], bool]:
-    """Sort, put together what is too near; say whether the rest needs to stand upright."""
+    """Sort and group what is too close together; tell whether labels must be upright."""
     extent = abs(limits[1] - limits[0])
     groups: list[list[tuple[float, str]]] = []
     for place, text in sorted(set(numbers)):
@@ -108,7 +108,7 @@ def _arranged(
 
 
 def number(value: float) -> str:
-    """Write a number as the axes do, with a minus sign that is none of a dash."""
+    """Write a number as the axes do, with a typographic minus sign."""
     return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 

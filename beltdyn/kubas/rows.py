@@ -1,13 +1,13 @@
-"""What the paper states as numbers, and the same numbers read off a run.
+"""Numbers stated in the paper, and the same numbers read from a run.
 
-The misfit was fixed before any parameter was searched for. Every statement of the paper is a
-:class:`Quantity` with the value it prints and a scale: the agreement demanded or, where the paper's
-own numbers conflict and none is demanded, the precision to which the text can be read. With
-z = (computed - paper)/scale,
+Every statement of the paper is a :class:`Quantity` with the printed value and a scale: the
+deviation that is accepted or, where the paper's own numbers conflict, the precision to which its
+text can be read. With z = (computed - paper)/scale, the misfit, fixed before the search for
+parameters, is
 
-    misfit = sum z^2, to be least while |z| <= 1 for every demanded quantity.
+    misfit = sum z^2, to be minimised with |z| <= 1 for every demanded quantity.
 
-A least-squares search has no constraints; :func:`demands` stands in for them with
+A least-squares search has no constraints; :func:`demands` replaces them by residuals
 40 max(0, |z| - 0.85).
 """
 
@@ -36,12 +36,12 @@ __all__ = [
     "residuals",
 ]
 
-#: Full friction counts from here on, as a part of mu_k.
+#: Share of mu_k from which on friction counts as fully developed.
 _FULL = 0.95
 _ALMOST_EQUAL = 0.90
-#: A joint is off the level of a span from this part of the difference of the two spans on.
+#: A joint force deviates from a span's level from this share of the spans' difference on.
 _OFF_LEVEL = 0.01
-#: Weight and start of what keeps a search within the demands.
+#: Weight of the residuals that keep a search within the demands, and |z| at which they begin.
 _HINGE, _HINGE_FROM = 40.0, 0.85
 
 
@@ -57,8 +57,8 @@ class Quantity:
         unit: Its unit.
         paper: What the paper prints.
         scale: Deviation that counts as 1, in the unit.
-        demanded: Whether it must come out within the scale; the others are in conflict with each
-            other and come out as near as they can.
+        demanded: Whether it must agree within the scale; the others are in conflict with each
+            other and agree as well as possible.
     """
 
     name: str
@@ -122,7 +122,7 @@ QUANTITIES = _table()
 
 
 def paper_values(case: int | None = None) -> dict[str, float]:
-    """Give what the paper prints, by name; of one case only, if given."""
+    """Give the paper's values by name; of one case only, if given."""
     return {q.name: q.paper for q in QUANTITIES if case in (None, q.case)}
 
 
@@ -132,7 +132,7 @@ def residuals(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def demands(values: Mapping[str, float]) -> Array:
-    """Give what a search adds to z to keep the demanded quantities within their scales."""
+    """Give the residuals that keep the demanded quantities of a search within their scales."""
     z = residuals(values)
     excess = [abs(z[q.name]) - _HINGE_FROM for q in QUANTITIES if q.demanded and q.name in z]
     return _HINGE * np.maximum(excess, 0.0)
@@ -144,12 +144,12 @@ def misfit(values: Mapping[str, float]) -> float:
 
 
 def cost(values: Mapping[str, float]) -> float:
-    """Give what a search makes least: the misfit and the squares of :func:`demands`."""
+    """Give the objective of a search: the misfit and the squares of :func:`demands`."""
     return misfit(values) + float(np.sum(demands(values) ** 2))
 
 
 def read(result: Result, case: int, link: int) -> dict[str, float]:
-    """Read every quantity of a case off its run.
+    """Read every quantity of a case from its run.
 
     Args:
         result: The run of that case; its samples must lie within 2 ms of each other.
@@ -157,8 +157,8 @@ def read(result: Result, case: int, link: int) -> dict[str, float]:
         link: Index of the chosen element.
 
     Returns:
-        Values by name. What does not happen in the run (a link that never arrives, friction that
-        never develops) is given the end of the time span in which it was looked for.
+        Values by name. The time of an event that does not occur (a link that never arrives,
+        friction that never develops) is the end of the interval searched.
     """
     return _read_case_1(result, link) if case == 1 else _read_case_2(result, link)
 
@@ -179,7 +179,7 @@ def candidates(result: Result, case: int) -> tuple[int, ...]:
 
 
 def best_links(case_1: Result, case_2: Result) -> Links:
-    """Choose the elements with which the two runs fit the paper best."""
+    """Choose the elements with which the two runs agree best with the paper."""
 
     def best(result: Result, case: int) -> int:
         return min(candidates(result, case), key=lambda link: cost(read(result, case, link)))
@@ -260,7 +260,7 @@ def _passage(result: Result, link: int) -> dict[str, float]:
     mu = np.where(touching, np.abs(result.contact.mu[:, link]), 0.0)
     mu_k = result.params.friction.mu_k if result.params.friction else 1.0
     here = np.arange(first, last + 1)
-    # The first lobe ends where |mu| is least within 0.12 s, in a gap or not.
+    # The first peak ends at the least |mu| within 0.12 s, with or without loss of contact.
     early = here[t[here] <= arrival + 0.04]
     dip = here[_within(t[here], arrival + 0.04, arrival + 0.12)]
     floor = float(mu[dip].min()) if dip.size else 1.0
@@ -279,7 +279,7 @@ def _passage(result: Result, link: int) -> dict[str, float]:
 
 
 def _damping_share(result: Result, link: int) -> float:
-    """Row 8: rms of what deformation does not explain, over the rms of the force's changes."""
+    """Row 8: rms of the force from damping over the rms of the changes of the force."""
     info = result.params.info
     force = result.joints.force[:, link]
     damping = force - info["joint_stiffness"] * result.joints.deformation[:, link]
@@ -294,7 +294,7 @@ def _read_case_2(result: Result, link: int) -> dict[str, float]:
     speeds = result.pulleys.omega
     difference = np.abs(speeds[:, 0] - speeds[:, 1])
     negative, positive = _within(t, 0.05, 0.4), _within(t, 0.45, 0.9)
-    # What was slipped before 0.5 s: the reversal at 0.25 s, then the way back.
+    # Slip until 0.5 s, with the reversal at 0.25 s, then the return.
     first = _within(t, 0.0, 0.5)
     extreme = float(slip[first].min())
     after = t >= t[first][slip[first].argmin()]

@@ -1,9 +1,10 @@
-"""The search for what the paper leaves out: starting sets, trials, targets for least squares.
+"""The search for the parameters the paper does not print: starting sets, trials, targets.
 
-Two stages. The landscape is rugged on the scale of a percent, because a link of the 60 touches or
-lifts, and readings such as the moment a link arrives jump with it. :func:`explore` crosses it with
-an evolution strategy (CMA-ES, the package ``cma``); :func:`beltdyn.identify` with :func:`targets`
-then finds the least squares nearby, with the Jacobian from which sensitivities and intervals come.
+Two stages. The objective has many local minima a percent apart, because one of the 60 links more or
+less touches a pulley, and times such as that of its arrival jump with it. :func:`explore` searches
+widely with an evolution strategy (CMA-ES, the package ``cma``); :func:`beltdyn.identify` with
+:func:`targets` then finds the least squares nearby, with the Jacobian for sensitivities and
+intervals.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ __all__ = [
 ]
 
 _T = np.linspace(0.0, 1.0, 2001)
-#: No run of a sensible drive takes this many steps; a trial that would is given up.
+#: No run of a reasonable drive takes this many steps; a trial that does is abandoned.
 _MAX_STEPS = 500_000
-#: One method for all trials: that two of them differ must come from their parameters alone.
+#: One method for all trials, so that differences between them come from the parameters alone.
 _METHOD = "tsit5"
 
 
@@ -72,14 +73,14 @@ def _drive(
     )
 
 
-#: Where searches begin: a stiff and a soft contact, from an earlier thin search of 1100 runs.
+#: Starting points: a stiff and a soft contact, from an earlier coarse search of 1100 runs.
 STARTS = {
     "S1": _drive(61.1e3, 0.089, 0.074, 0.245, 0.0, 3.31e8, 2.6e3, 0.0129, 0.978),
     "S2": _drive(70e3, 0.010, 0.100, 1.4, 5e10, 2.5e7, 1.0e3, 0.0100, 1.000),
 }
 
-#: Where the search begins: S1 laid round held pulleys with friction on, damped as much as it takes
-#: not to be chaotic (see below), and with a little c1' for its logarithm.
+#: Start of the search: S1 laid round held pulleys with friction on, with enough damping not to be
+#: chaotic (see below), and a small c1' so that its logarithm exists.
 BEGIN = attrs.evolve(
     STARTS["S1"],
     belt=attrs.evolve(STARTS["S1"].belt, axial_damping=0.3),
@@ -87,9 +88,9 @@ BEGIN = attrs.evolve(
     tensioning=Tensioning(friction=True, offset=((0.0, 0.0), (0.0, 0.0))),
 )
 
-#: What is searched, and within which limits. A heavy belt with little damping in its contact, such
-#: as S1, is chaotic: a tighter tolerance changes its forces by a percent after a second, and what
-#: is read off then is noise. The limits of density and damping keep clear of that.
+#: The unknowns and their limits. A heavy belt with little damping in its contact, such as S1, is
+#: chaotic: a tighter tolerance changes its forces by a percent after a second, and numbers read
+#: from such runs are noise. The limits of density and damping exclude this.
 UNKNOWNS = (
     Free("belt.axial_stiffness", lower=4e4, upper=1.6e5),
     Free("belt.bending_stiffness", lower=2e-3, upper=0.4),
@@ -104,8 +105,8 @@ UNKNOWNS = (
     Free("tensioning.offset[1][0]", lower=-2e-3, upper=2e-3, scale="linear", size=1e-3),
 )
 
-#: How far a starting set may be off: a standard deviation of the logarithm (mm for the offset).
-_DOUBT = {
+#: Uncertainty of a starting set: a standard deviation of the logarithm (mm for the offset).
+_UNCERTAINTY = {
     "belt.axial_stiffness": 0.1,
     "pulleys[*].inertia": 0.4,
     "friction.mu_k": 0.06,
@@ -129,7 +130,7 @@ class Trial:
         links: The chosen elements with which it fits best.
         values: The quantities of the table, by name; empty if the misfit is infinite.
         misfit: Sum z^2, infinite if a run failed or no link can be a chosen element.
-        cost: The same with what keeps a search within the demands.
+        cost: The same with the terms that keep a search within the demands.
     """
 
     params: Params
@@ -161,7 +162,7 @@ def _runs(params: Params) -> tuple[Result, Result]:
 
 
 def evaluate(params: Params, links: Links | None = None) -> Trial:
-    """Simulate both cases and read the table off them; what the runs noticed is not issued.
+    """Simulate both cases and read the table from them, without issuing warnings.
 
     Args:
         params: The drive, with its tensioning.
@@ -196,14 +197,14 @@ def explore(
     free: Sequence[Free] = UNKNOWNS,
     workers: int | None = None,
 ) -> list[Trial]:
-    """Cross the landscape with an evolution strategy (CMA-ES); needs the package ``cma``.
+    """Search widely with an evolution strategy (CMA-ES); needs the package ``cma``.
 
     Args:
         params: Where to begin.
         generations: How many generations.
         population: Trials in each.
         spread: Standard deviation of the first generation, in units of the parameters'
-            logarithms (of ``size`` for linear ones) times how far each may be off.
+            logarithms (of ``size`` for linear ones) times the uncertainty of each.
         seed: Of the random numbers; the same seed gives the same trials.
         free: What is searched.
         workers: Threads; None: one per processor.
@@ -214,7 +215,7 @@ def explore(
     strategy_of = import_module("cma").CMAEvolutionStrategy
 
     parameters = resolve(params, free)
-    stds = np.array([_DOUBT.get(parameter.name, 0.5) for parameter in parameters])
+    stds = np.array([_UNCERTAINTY.get(parameter.name, 0.5) for parameter in parameters])
     limits = [
         [parameter.coordinate(bound) for parameter, bound in zip(parameters, bounds, strict=True)]
         for bounds in ([p.low for p in parameters], [p.high for p in parameters])
@@ -246,8 +247,8 @@ def targets(links: Links, *, within_demands: bool = True) -> list[Target]:
 
     Args:
         links: The chosen elements.
-        within_demands: Whether to add the terms that keep a search within the demands. They have
-            no place where sensitivities and intervals are asked for.
+        within_demands: Whether to add the terms that keep a search within the demands; not for
+            sensitivities and intervals.
     """
     found = []
     for case, scene in ((1, scenes.kubas_case_1()), (2, scenes.kubas_case_2())):
@@ -288,10 +289,10 @@ def trade_off(
     free: Sequence[Free] = UNKNOWNS,
     workers: int | None = None,
 ) -> list[Trial]:
-    """Pull one quantity towards the paper and simulate what that costs the others.
+    """Give one quantity more weight and simulate the effect on the others.
 
     The step is that of the linearised least squares with the quantity's scale divided by a weight,
-    held to the parameters' doubts; the trials are simulated, not linearised.
+    limited by the uncertainty of the parameters; the trials are simulated, not linearised.
 
     Args:
         found: The least-squares solution, from :func:`targets` without the demands' terms.
@@ -305,16 +306,16 @@ def trade_off(
         The solution itself, then a trial for each weight.
     """
     parameters = resolve(found.params, free)
-    doubts = np.array([_DOUBT[parameter.name] for parameter in parameters])
+    uncertainty = np.array([_UNCERTAINTY[parameter.name] for parameter in parameters])
     z = np.concatenate([np.ravel(values) for values in found.residuals.values()])
     row = found.labels.index(name)
 
     def step(weight: float) -> Array:
         scale = np.ones(z.size)
         scale[row] = weight
-        matrix = np.concatenate([found.jacobian * scale[:, None], np.diag(1.0 / doubts)])
+        matrix = np.concatenate([found.jacobian * scale[:, None], np.diag(1.0 / uncertainty)])
         change, *_ = np.linalg.lstsq(
-            matrix, np.concatenate([-z * (scale - 1.0), np.zeros(doubts.size)]), rcond=None
+            matrix, np.concatenate([-z * (scale - 1.0), np.zeros(uncertainty.size)]), rcond=None
         )
         limit = [(p.coordinate(p.low), p.coordinate(p.high)) for p in parameters]
         return np.asarray(np.clip(1.0 + change, *np.transpose(limit)))

@@ -1,7 +1,7 @@
 """The paper's numbers and ours side by side.
 
 Rows 1 to 13 are those of :mod:`beltdyn.kubas.rows`. Added here: row 0, that every run starts from
-rest, and row 14, what a smaller sigma changes.
+rest, and row 14, the effect of a smaller sigma.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Comparison", "Line", "compare"]
 
 _HEAD = ("row", "quantity", "unit", "paper", "computed", "deviation", "scale", "demanded", "")
 _TEXT_COLUMNS = (1, 2, 7, 8)
-#: Time in which no force may jump [s].
+#: Time at the start in which no force may jump [s].
 _AT_ONCE = 1e-3
 #: Time after a reversal of the torque in which the speeds are seen to oscillate [s].
 _RINGS = 0.1
@@ -54,7 +54,7 @@ class Line:
 
     @property
     def verdict(self) -> str:
-        """What is to be said about it."""
+        """The last column: within, missed, or in conflict."""
         if self.within:
             return "within"
         return "MISSED" if self.quantity.demanded else "conflict, see identification"
@@ -163,7 +163,7 @@ def _aligned(rows: list[tuple[str, ...]]) -> str:
 
 
 def compare(runs: Runs, links: Links = LINKS) -> Comparison:
-    """Read every number that the paper states off the runs.
+    """Read every number that the paper states from the runs.
 
     Args:
         runs: The three runs, of :func:`beltdyn.kubas.runs`.
@@ -180,10 +180,10 @@ def compare(runs: Runs, links: Links = LINKS) -> Comparison:
 
 
 def _rest(result: Result, case: int) -> Line:
-    """Row 0: in the first millisecond only the torque that has come on by then can move a force.
+    """Row 0: in the first millisecond forces change by no more than the set torque can explain.
 
-    It says that nothing jumps when the run starts, not that the drive would stay where it is:
-    pulleys that were held while the belt was laid may carry a torque when they are let go.
+    So nothing jumps when the run starts. The drive need not be in equilibrium: pulleys that were
+    held while the belt was laid may carry a torque when they are released.
 
     At rest a torque M on the pulleys changes the tension of each span by M/(2 r), one up and one
     down. The ramp starts from 0, and a ramp overshoots its own static answer by less than 22 %
@@ -231,8 +231,8 @@ def _slope_at_reversal(result: Result, link: int) -> float:
     """Slope of mu over the slip displacement where it leaves -mu_k [1/m].
 
     Where the belt slips forward, the local slope of (2.9) falls along a straight line in mu; its
-    value at -mu_k is read off the line through the samples between the turn and mu = 0. The
-    little strokes back and forth of a belt that shakes are left out, not averaged in.
+    value at -mu_k is taken from the line through the samples between the reversal and mu = 0.
+    Short back-and-forth motions of a vibrating belt are left out.
     """
     t, contact = result.t, result.contact
     mu_k = result.params.friction.mu_k if result.params.friction else np.nan
@@ -244,7 +244,7 @@ def _slope_at_reversal(result: Result, link: int) -> float:
     rising = rising[forward & (x[rising + 1] > x[rising]) & (mu[rising + 1] < 0.0)]
     dx, dmu = x[rising + 1] - x[rising], mu[rising + 1] - mu[rising]
     middle = 0.5 * (mu[rising + 1] + mu[rising])
-    # Weighted by the stroke: dividing by a short one magnifies the errors of its ends.
+    # Weighted by the slip between samples: division by a short one magnifies errors.
     line = np.polynomial.Polynomial.fit(middle, dmu / dx, 1, w=dx)
     return float(line(-mu_k))
 

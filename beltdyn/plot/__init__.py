@@ -1,11 +1,22 @@
 """Figures and animations of results. Needs matplotlib; nothing global is changed.
 
-Every function takes a :class:`beltdyn.Result`, finished or not, and ``ax=``, the axes to draw into,
-and gives these axes. Without ``ax`` it makes a figure of its own, at ``.figure`` of what it gives,
-without pyplot and without a window. Further keywords of the functions that draw lines go to
-matplotlib's ``plot``: a ``label``, a ``color``. Drawn into axes that hold lines already, new ones
-take the next style, so two runs can be compared in one picture. Colours are those of Okabe and
-Ito, and lines differ by their dashes too.
+Each function draws one panel::
+
+    over time    speeds, torques, span_tensions, joint_force, joint_deformation, contact_forces,
+                 friction_coefficient (also over slip), relative_velocity, energy
+    at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
+                 and slip arcs
+    several      overview (a figure of four panels), animate (GIF, MP4, HTML or in a notebook)
+
+It takes a :class:`beltdyn.Result`, finished or not, and ``ax=``, the axes to draw into (make them
+with ``plt.subplots(..., layout="constrained")``), and returns these axes. Without ``ax`` it makes a
+figure of its own, ``.figure`` of the returned axes, without pyplot and without a window. Further
+keywords of the functions that draw lines go to matplotlib's ``plot``: a ``label``, a ``color``. In
+axes that already hold lines, new ones take the next style, so two runs can be compared in one
+picture. Colours are those of Okabe and Ito; lines also differ by their dashes.
+
+What changes fast, such as friction over slip, needs more samples than the default of 1001:
+``t_eval=np.linspace(0, 1, 5001)``.
 """
 
 from __future__ import annotations

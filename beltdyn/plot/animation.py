@@ -1,4 +1,4 @@
-"""The belt running: a film of a result, for files and notebooks."""
+"""Animations of the running belt, for files and notebooks."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ from .select import Indices, choice, named_links, with_samples
 
 __all__ = ["ENDINGS", "Animation", "animate", "film_writer"]
 
-#: What a film can be written as.
+#: Endings of files an animation can be written to.
 ENDINGS = ("gif", "mp4", "html")
 _PANELS: dict[str, Any] = {"tensions": span_tensions, "speeds": speeds}
-#: Matplotlib drops the frames beyond its limit without an error; this is beyond any film [MB].
+#: Matplotlib silently drops the frames beyond its size limit; no animation is this large [MB].
 _NO_LIMIT = 1e5
 
 
@@ -59,20 +59,21 @@ def animate(
 
     A notebook shows it; ``.save("drive.gif")`` writes it, as does ``"drive.mp4"`` and
     ``"drive.html"``. The frames are samples of the run, equally spaced in time as nearly as the
-    samples are; fewer samples than frames give fewer frames, each shown for longer. The picture
-    tells the time and by how much the film is slower than the drive.
+    samples are; fewer samples than frames give fewer frames, each shown for longer. The title
+    shows the time and by how much the animation is slower than the drive. An MP4 needs ffmpeg, or
+    ``pip install imageio-ffmpeg``.
 
     Args:
         result: A run with at least one sample.
-        duration: How long the film runs [s].
-        fps: Frames per second. Those of a GIF last whole hundredths of a second: 10, 20, 25 and
-            50 are exact.
+        duration: Duration of the animation [s].
+        fps: Frames per second. A frame of a GIF lasts whole hundredths of a second, so 10, 20, 25
+            and 50 are exact.
         colour: What colours the belt, as in :func:`drive`; the scale is one for the whole run.
         panel: What to draw below the drive over time: "tensions", "speeds" or None.
         arcs: Whether to mark where the belt sticks and where it slips.
         slip_from: A link slips from this share of mu_k on, in (0, 1].
-        links: Links to highlight: an index, a sequence of them, {name: index} or None; one lets
-            see the belt run.
+        links: Links to highlight: an index, a sequence of them, {name: index} or None; one makes
+            the motion of the belt visible.
         limits: Ends of the colour scale; None: the extremes of the run for the tension, -mu_k and
             mu_k for friction.
 
@@ -139,7 +140,7 @@ def _pace(film: float, run: float) -> str:
 
 
 def _digits(times: NDArray[np.float64]) -> int:
-    """Decimals that tell one frame's time from the next."""
+    """Decimals needed to distinguish the times of successive frames."""
     step = (times[-1] - times[0]) / max(len(times) - 1, 1)
     return int(np.clip(np.ceil(-np.log10(step)) if step > 0.0 else 3, 0, 9))
 
@@ -148,11 +149,11 @@ def _digits(times: NDArray[np.float64]) -> int:
 
 
 class Animation(FuncAnimation):
-    """A film of a drive, from :func:`animate`.
+    """An animation of a drive, from :func:`animate`.
 
     Attributes:
         fps: Frames per second.
-        frames: How many there are.
+        frames: Number of frames.
     """
 
     def __init__(
@@ -175,16 +176,16 @@ class Animation(FuncAnimation):
         """Write a GIF, an MP4 or an HTML file, by the ending of its name.
 
         Args:
-            filename: Where to; its ending is one of gif, mp4 and html.
+            filename: The file; its ending is one of gif, mp4 and html.
             writer: One of matplotlib's, instead of that of the ending.
             *args: As of ``matplotlib.animation.Animation.save``.
             **options: As of ``matplotlib.animation.Animation.save``: ``dpi``,
                 ``progress_callback(frame, n_frames)``.
 
         Raises:
-            ValueError: No film can have this ending.
+            ValueError: Animations cannot be written with this ending.
             ImportError: An MP4 needs ffmpeg and there is none; the message says what to install.
-            OSError: The file cannot be written; what was there before is as it was.
+            OSError: The file cannot be written; a file that was there before is unchanged.
         """
         if writer is None:
             fps = args[0] if args else options.get("fps")
@@ -199,7 +200,7 @@ class Animation(FuncAnimation):
                 raise OSError(f"ffmpeg could not write {os.fspath(filename)}: {why}") from error
 
     def _repr_html_(self) -> str:
-        """Show it in a notebook: as a video, or as single frames where there is no ffmpeg."""
+        """Show it in a notebook: as a video, or as single frames without ffmpeg."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "film.mp4"
             try:
@@ -216,7 +217,7 @@ class Animation(FuncAnimation):
 def _destination(
     filename: str | os.PathLike[str], writer: AbstractMovieWriter | str
 ) -> AbstractContextManager[Path]:
-    """Give where to write: beside the file, but for a page that names a folder of frames by it."""
+    """Give the path to write to: a temporary one, unless a page refers to a folder by its name."""
     apart = not writer.embed_frames if isinstance(writer, HTMLWriter) else writer == "html"
     return nullcontext(Path(filename)) if apart else files.replacing(filename)
 
@@ -239,18 +240,18 @@ class _FFMpeg(FFMpegWriter):
 
 
 def film_writer(path: str | os.PathLike[str], fps: float = 20.0) -> AbstractMovieWriter:
-    """Give what writes a film to such a file.
+    """Give matplotlib's writer for an animation with this ending.
 
     Raises:
         ValueError: The ending is none of :data:`ENDINGS`.
-        ImportError: What it takes is not installed.
+        ImportError: A package it needs is not installed.
     """
     ending = Path(path).suffix[1:].lower()
     if ending not in ENDINGS:
         raise ValueError(f"the ending of {os.fspath(path)} must be one of {', '.join(ENDINGS)}")
     if ending == "mp4":
         _FFMpeg.bin_path()
-    rate: Any = fps  # matplotlib's stubs want an int, its writers do not
+    rate: Any = fps  # matplotlib's stubs require an int, its writers do not
     writers: dict[str, Callable[[], AbstractMovieWriter]] = {
         "gif": lambda: PillowWriter(fps=rate),
         "mp4": lambda: _FFMpeg(fps=rate),

@@ -30,8 +30,8 @@ def force_along_belt(
 ) -> Axes:
     """Draw the joint forces along the belt at one time: Fig. 9 of the paper.
 
-    The force of a joint stands at the left end of its element, half a number before it. Drawn into
-    axes that hold such forces already, with ``wraps=False``, it shows several times in one picture.
+    The force of a joint is drawn at the left end of its element, half a number before it. With
+    ``wraps=False`` and axes that already hold such forces, several times can be compared.
 
     Args:
         result: A run with at least one sample.
@@ -72,7 +72,7 @@ def force_along_belt(
 
 
 def _shade_wraps(ax: Axes, touched: NDArray[np.int32], first: int) -> None:
-    """Shade each wrap; its longest part carries the name."""
+    """Shade each wrap and label its longest part."""
     longest: dict[int, tuple[int, int]] = {}
     for begin, end, pulley in _runs(touched):
         if pulley < 0:
@@ -124,10 +124,10 @@ def drive(
             "friction" (mu; grey off the pulleys) or None.
         arcs: Whether to mark, within the rims, where the belt sticks and where it slips; not
             for a drive without friction.
-        slip_from: A link slips from this share of mu_k on, in (0, 1].
+        slip_from: A link counts as slipping from this share of mu_k on, in (0, 1].
         links: Links to highlight: an index, a sequence of them, or {name: index}.
-        limits: Ends of the colour scale; None: what is there at this time for the tension,
-            -mu_k and mu_k for friction.
+        limits: Ends of the colour scale; None: least and largest tension at this time, or -mu_k
+            and mu_k for friction.
         ax: Axes to draw into; None: those of a new figure.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Contact and friction of single links: forces, the loop of the Dahl law, relative velocity."""
+"""Contact and friction of single links: forces, friction coefficient, relative velocity."""
 
 from __future__ import annotations
 
@@ -69,13 +69,14 @@ def friction_coefficient(
 ) -> Axes:
     """Draw the friction coefficient (2.9) of links: Figs 11, 17 and 18 of the paper.
 
-    Off the pulleys it does not exist and the line has a gap; so it has where contact was lost and
-    begun anew between two samples.
+    The line has a gap where the link touches no pulley, and where contact was lost and regained
+    between two samples.
 
     Args:
         result: A run with at least one sample.
         link: Index or indices of links, from 0.
-        against: "time", or "slip": over the slip displacement in mm, the loop of the Dahl law.
+        against: "time", or "slip": over the slip displacement in mm, which shows the hysteresis
+            loop of the Dahl law.
         ax: Axes to draw into; None: those of a new figure.
         **line: For matplotlib's ``plot``. A ``label`` stands before the name of the link when
             there are several.
@@ -98,7 +99,7 @@ def relative_velocity(
 ) -> Axes:
     """Draw the velocity v_T of links relative to the rim over time: Fig. 12 of the paper.
 
-    Off the pulleys it does not exist and the line has a gap.
+    The line has a gap where the link touches no pulley.
 
     Args:
         result: A run with at least one sample.
@@ -143,11 +144,11 @@ def _in_contact(
 
 
 def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:
-    """Find the samples just before which link k lost contact and found it again.
+    """Find the samples just before which link k lost contact and regained it.
 
-    Another pulley is one sign. On the same one the slip displacement, the integral of v_T since
-    contact began, has started from 0 again: then it is nearer to what v_T adds within the interval
-    than to its old value with that added, and farther from this than v_T can take it.
+    One sign is another pulley. On the same pulley the slip displacement, the integral of v_T since
+    contact began, has started from 0 again: then it is closer to the integral over this interval
+    alone than to its old value plus that integral, and farther from the latter than v_T allows.
     """
     contact = result.contact
     pulley, slip, speed = contact.pulley[:, k], contact.slip[:, k], contact.velocity[:, k]
@@ -158,7 +159,7 @@ def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:
     off_old = np.abs(slip[1:] - slip[:-1] - added)
     off_new = np.abs(slip[1:] - np.clip(slip[1:], np.minimum(added, 0), np.maximum(added, 0)))
     reset = (off_new < off_old) & (off_old > 3.0 * within)
-    # A stroke too short to be seen is no reason to break a line.
+    # Displacements too short to be visible do not break the line.
     reset &= np.abs(slip[:-1]) > 0.01 * np.max(np.abs(slip), initial=0.0)
     found: NDArray[np.intp] = np.flatnonzero(touches & (reset | (pulley[:-1] != pulley[1:]))) + 1
     return found

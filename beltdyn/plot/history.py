@@ -45,7 +45,7 @@ def _over_time(
     *,
     fixed_styles: bool = True,
 ) -> Axes:
-    """One line per column; with ``fixed_styles`` a column looks the same in every figure."""
+    """Draw a line per column; with ``fixed_styles`` a column has the same style in every figure."""
     ax = style.axes(ax)
     lines(
         ax,

@@ -19,11 +19,11 @@ _LOSSES = (
 
 
 def energy(result: Result, *, ax: Axes | None = None) -> Axes:
-    """Draw where the work of the set torques went: losses stacked, what is stored on top.
+    """Draw where the work of the set torques went: losses stacked, stored energy on top.
 
-    The top of the stack, losses and stored energy together, is the net work of all set torques,
-    motors less loads, but for the residual E(t) - E(0) - (drive - losses). The title tells its
-    size, also as a part of the energy that passed through the drive.
+    Losses and stored energy together differ from the net work of all set torques, motors less
+    loads, by the residual E(t) - E(0) - (drive - losses) alone. The title shows its size, also as a
+    share of the energy transmitted.
 
     Args:
         result: A run with at least one sample and its ledger.
@@ -51,7 +51,7 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
             label=label,
         )
         base = top
-    # E(t) - E(0), where E(0) is that of the start of the run, maybe before the first sample.
+    # E(t) - E(0), where E(0) is that of the start of the run, which may precede the first sample.
     stored = ledger.residual + ledger.drive - ledger.losses
     ax.plot(result.t, base + stored, color=style.COLOURS[0], lw=2.4, label="losses + stored")
     ax.plot(
@@ -65,7 +65,7 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
     ax.plot(result.t, stored, color=style.COLOURS[0], ls=style.DASHES[3], lw=1.4, label="stored")
     worst = float(np.abs(ledger.residual).max())
     passed = float(ledger.passed[-1])
-    share = f", {worst / passed:.1g} of {passed:.3g} J passed on" if passed > 0 else ""
+    share = f", {worst / passed:.1g} of {passed:.3g} J transmitted" if passed > 0 else ""
     ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="medium")
     style.dress(ax, "time [s]", "energy [J]")
     style.add_headroom(ax, rows=3)

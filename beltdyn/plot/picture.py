@@ -27,7 +27,7 @@ _LABELS = {"tension": "joint force [N]", "friction": "friction coefficient [1]"}
 #: Marks of stick and slip: name, colour, dashes; and where they run, in radii.
 _ARCS = (("stick", style.COLOURS[0], "-"), ("slip", style.COLOURS[1], (0, (1.0, 0.8))))
 _ARC_AT, _SPOKE, _ARROW_AT = 0.86, (0.55, 0.80), 0.42
-#: A pulley turns above this share of the highest speed of its run.
+#: Arrows show pulleys that turn faster than this share of the highest speed in the run.
 _TURNS = 1e-3
 
 
@@ -36,10 +36,10 @@ class DrivePicture:
 
     Args:
         result: A run with at least one sample.
-        rows: Samples it will be moved to: axes, colours and legend suit them all.
+        rows: Samples it will be moved to; axes, colours and legend fit all of them.
         colour: "tension", "friction" or None.
         arcs: Whether to mark where the belt sticks and slips.
-        slip_from: A link slips from this share of mu_k on.
+        slip_from: A link counts as slipping from this share of mu_k on.
         links: Links to highlight, by name.
         limits: Ends of the colour scale; None: chosen.
 
@@ -91,7 +91,7 @@ class DrivePicture:
     # --- drawing once ----------------------------------------------------------------------------
 
     def draw(self, ax: Axes) -> None:
-        """Put everything on the axes; :meth:`move` says where."""
+        """Add all artists to the axes; :meth:`move` then places them."""
         params = self._result.params
         self._spokes, self._arrows = [], []
         for k, pulley in enumerate(params.pulleys):
@@ -106,7 +106,7 @@ class DrivePicture:
             LineCollection([], colors=colour, linestyles=[dashes], linewidths=3.2, zorder=2)
             for _, colour, dashes in (_ARCS if self._arcs_on else ())
         ]
-        # The dark edge keeps the light end of a colour map apart from the paper.
+        # The dark edge separates the light end of the colour map from the background.
         self._edge = LineCollection([], colors="0.15", linewidths=5.0, capstyle="round", zorder=3)
         self._belt = LineCollection([], linewidths=3.6, capstyle="round", zorder=3.1)
         if self._colour is None:
@@ -236,7 +236,7 @@ class DrivePicture:
         return np.stack([centre - along, centre + along], axis=1)
 
     def _states(self, rows: int | slice) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which links touch a pulley, and which of them slip."""
+        """Find the links that touch a pulley, and those of them that slip."""
         contact = self._result.contact
         on = contact.pulley[rows] >= 0
         return on, on & (np.abs(contact.mu[rows]) >= self._slips_at)
@@ -266,7 +266,7 @@ class DrivePicture:
     # --- legend ----------------------------------------------------------------------------------
 
     def add_legend(self, ax: Axes) -> None:
-        """Name arcs and highlighted links beneath the axes, what there is of them."""
+        """Add a legend below the axes for the arcs and highlighted links that are shown."""
         handles: list[Artist] = []
         if self._arcs:
             on, slips = self._states(self._rows)

@@ -1,4 +1,4 @@
-"""What is to be drawn: checks of results, samples, indices and words."""
+"""Checks of what is to be drawn: results, samples, indices and options."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Indices = int | Sequence[int]
 
 
 def with_samples(result: object) -> Result:
-    """Check that this is a result one can draw.
+    """Check that this is a result with samples.
 
     Raises:
         TypeError: Not a result.
@@ -80,7 +80,7 @@ def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[s
 
 
 def choice(name: str, value: object, options: Sequence[str | None]) -> None:
-    """Check a word against those there are.
+    """Check an option against those allowed.
 
     Raises:
         ValueError: Not one of ``options``.

@@ -1,4 +1,4 @@
-"""The looks of all figures, in one place; no rcParams are touched."""
+"""The style of all figures; matplotlib's rcParams are not changed."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ __all__ = [
     "unused",
 ]
 
-# Okabe and Ito: told apart with any colour vision; the dashes do in black and white.
+# Okabe and Ito: distinguishable with any colour vision; the dashes also in black and white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1, 1.5)), (0, (1.2, 1.2)), (0, (9, 2)))
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----")
-#: The belt where the quantity of its colour does not exist; pulleys.
+#: Colours of the belt where the quantity shown does not exist, and of pulleys.
 FREE, METAL = "0.72", "0.93"
 #: Of a legend below the axes, and how far below [heights of the text].
 LEGEND_COLUMNS, _LEGEND_BELOW = 3, 3.2
-#: Above this many points the search for the place of a legend takes longer than the drawing.
+#: Above this number of points finding a place for a legend takes longer than drawing.
 _MANY_POINTS = 100_000
 
 
@@ -53,7 +53,7 @@ class OwnFigure(Figure):
     _frozen = False
 
     def freeze_layout(self) -> None:
-        """Find the layout now, once and for all: it takes as long as drawing does."""
+        """Compute the layout now and keep it, because it takes as long as drawing."""
         self.draw_without_rendering()
         self._frozen = True
 
@@ -103,7 +103,7 @@ def unused(ax: Axes, k: int) -> int:
 
 
 def dress(ax: Axes, xlabel: str, ylabel: str) -> None:
-    """Label the axes; light grid, no box."""
+    """Label the axes; draw a light grid and no box."""
     ax.set(xlabel=xlabel, ylabel=ylabel)
     ax.spines[["top", "right"]].set_visible(False)
     ax.grid(color="0.9", linewidth=0.6)
@@ -114,7 +114,7 @@ def add_headroom(ax: Axes, rows: int) -> None:
     """Leave the height of this many rows of small text free above the data."""
     share = min((1.5 * rows + 0.8) * _points("small") / _height(ax), 0.6)
     low, high = ax.get_ylim()
-    # auto: lines drawn later are still given room.
+    # auto: limits still adapt to lines drawn later.
     ax.set_ylim(low, high + (high - low) * share / (1.0 - share), auto=True)
 
 
@@ -133,12 +133,12 @@ def _points(size: str) -> float:
 
 
 def legend(ax: Axes, **options: Any) -> None:
-    """Put the legend where it covers no data, above them if need be; or as ``options`` say."""
+    """Put the legend where it covers no data, above them if necessary; or as ``options`` say."""
     look = {"framealpha": 0.8, "edgecolor": "none", "fontsize": "small"} | options
     if "loc" in options:
         ax.legend(**look)
         return
-    # How large axes and legend will be is known once the labels have their places.
+    # The sizes of axes and legend are known only after the layout.
     settle_layout(ax)
     points = sum(np.size(line.get_xdata()) for line in ax.lines)
     box = ax.legend(**look, loc="best" if points <= _MANY_POINTS else "upper left").get_tightbbox()
@@ -158,7 +158,7 @@ def _covers_data(ax: Axes, box: BboxBase) -> bool:
 
 
 def settle_layout(ax: Axes) -> None:
-    """Let the layout find its place: one of equal aspect takes it two rounds, a drawing is one."""
+    """Run the layout once: with equal aspect it takes two passes, and drawing is the second."""
     figure = _root(ax)
     engine = figure.get_layout_engine()
     if engine is not None:
@@ -166,7 +166,7 @@ def settle_layout(ax: Axes) -> None:
 
 
 def room_below(ax: Axes, rows: int) -> dict[str, float]:
-    """Give the ``pad`` of a colour bar beneath a legend, where no layout finds it."""
+    """Give the ``pad`` of a colour bar below a legend in figures without a layout engine."""
     if _root(ax).get_layout_engine() is not None:
         return {}
     points = _LEGEND_BELOW * _points("medium") + (1.6 * rows + 1.3) * _points("small")
