@@ -1,4 +1,4 @@
-"""The C core as Python sees it: thin, positional, unforgiving. Users want :mod:`beltdyn`."""
+"""The C core as Python sees it: positional arguments, strict checks. Users want :mod:`beltdyn`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -191,8 +191,8 @@ static void conclude(bd_sim *sim, double growth) {
   t->grows = 1;
   sim->stats.growth = 1.0 / folding;
   bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
-          "histories part exponentially from t = %.6g s on: a small difference grows by e in "
-          "%.2g s, so single forces and positions cannot be trusted from then on, whatever the "
+          "small differences grow exponentially from t = %.6g s on, by a factor of e in "
+          "%.2g s: single forces and positions cannot be trusted from then on, whatever the "
           "tolerance; averages may be; more damping of contact or joints calms such drives",
           from, folding);
 }

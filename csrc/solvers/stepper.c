@@ -43,9 +43,11 @@ void bd_stepper_weigh(bd_stepper *stepper) {
   const bd_model *model = stepper->model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
+  const double LINKS_OF_THE_PAPER = 60.0;
   double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
   double stretch = strain * info->link_length;
-  double speed = strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / 60.0;
+  double speed =
+      strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / LINKS_OF_THE_PAPER;
   double half = 0.5 * info->link_length;
   double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
   memset(stepper->weights, 0, lay->size * sizeof *stepper->weights);
