@@ -189,7 +189,7 @@ static int torque_jumps(bd_sim *sim, int *jumps) {
   int code = bd_torque_set_eval(&sim->stepper.plan.torques, sim->stepper.t, piece, y + lay->theta,
                                 y + lay->omega, torque, &sim->stepper.report.failure);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    double before = sim->stepper.newton.torque[j];
+    double before = sim->stepper.opaque.now[j];
     *jumps |= fabs(torque[j] - before) > 1e-9 * (fabs(torque[j]) + fabs(before));
   }
   return code;

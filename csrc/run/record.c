@@ -124,9 +124,6 @@ static void visit_stepper(visitor *v, bd_stepper *stepper) {
       MANY(v, stepper->history[k], lay->size);
     }
   }
-  if (stepper->newton.torque) {
-    MANY(v, stepper->newton.torque, lay->np);
-  }
   ONE(v, stepper->nfev);
   ONE(v, stepper->njev);
   ONE(v, stepper->nlu);

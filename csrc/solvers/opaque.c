@@ -112,7 +112,7 @@ static int change_by(bd_stepper *stepper, double *moving, double step) {
                                 &stepper->report.failure);
   *moving = kept;
   for (int i = 0; code == BD_OK && i < lay->np; ++i) {
-    by[i] -= stepper->newton.torque[i];
+    by[i] -= stepper->opaque.now[i];
   }
   return code;
 }
@@ -154,9 +154,8 @@ int bd_opaque_derive(bd_stepper *stepper) {
   bd_opaque *opaque = &stepper->opaque;
   bd_torque_set *set = &stepper->plan.torques;
   double *theta = stepper->y + lay->theta, *omega = stepper->y + lay->omega;
-  int code =
-      bd_torque_set_derive(set, stepper->t, stepper->plan.t_piece, theta, omega, system->torque,
-                           system->by_theta, system->by_omega, &stepper->report.failure);
+  int code = bd_torque_set_derive(set, stepper->t, stepper->plan.t_piece, theta, omega, opaque->now,
+                                  system->by_theta, system->by_omega, &stepper->report.failure);
   if (set->smooth || code != BD_OK) {
     return code;
   }
@@ -183,7 +182,7 @@ int bd_opaque_by_time(bd_stepper *stepper, double h) {
   double *over = stepper->opaque.begin;
   int code = bd_torque_set_by_time(
       &stepper->plan.torques, stepper->t, 0.5 * h, stepper->plan.t_piece, stepper->y + lay->theta,
-      stepper->y + lay->omega, system->torque, over, &stepper->report.failure);
+      stepper->y + lay->omega, stepper->opaque.now, over, &stepper->report.failure);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double apart = fabs(system->by_time[j] - over[j]);
     if (apart > 0.5 * fmax(fabs(system->by_time[j]), fabs(over[j])) &&
@@ -218,7 +217,7 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
   }
   for (int i = 0; matters && code == BD_OK && i < lay->np; ++i) {
     double promised = opaque->impulse[i];
-    double came = opaque->look[i] - system->torque[i] - h * system->by_time[i];
+    double came = opaque->look[i] - opaque->now[i] - h * system->by_time[i];
     *wrong |= meaning(stepper, i, promised, h) > tolerance &&
               fabs(came - promised) > 0.5 * fabs(promised);
   }

@@ -23,7 +23,7 @@ typedef struct bd_newton_system {
   bd_run *runs;
   double *own, *rhs, *matrix;
   int *pivots;
-  double *by_theta, *by_omega, *by_time, *torque; /* of the set torques */
+  double *by_theta, *by_omega, *by_time; /* of the set torques */
 } bd_newton_system;
 
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
@@ -129,7 +129,7 @@ typedef struct bd_opaque {
   long ranges;                  /* stretches so far */
   double *look;                 /* torques of a look */
   double *range, *least, *most; /* of the torques: over the last stretch; in this one */
-  double *last, *now;           /* torques at the ends of the step just made */
+  double *last, *now;           /* torques at the ends of the step just made; now: at y */
   double *begin, *middle, *end, *impulse, *theta, *omega;
 } bd_opaque;
 
