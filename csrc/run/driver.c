@@ -41,7 +41,7 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
       return code;
     }
     if (t < t_new && !sim->stepper.plan.torques.smooth) {
-      bd_opaque_sampled(&sim->stepper, t, h);
+      bd_torque_functions_check_sample(&sim->stepper, t, h);
     }
   }
   return BD_OK;
@@ -56,7 +56,7 @@ static int accept(bd_sim *sim, double h, double t_new) {
     code = sim->stepper.now->finish(&sim->stepper, h, t_new);
   }
   if (code == BD_OK) {
-    bd_opaque_keep(&sim->stepper, h);
+    bd_torque_functions_push_torque(&sim->stepper, h);
     code = sample_step(sim, h, t_new);
   }
   if (code != BD_OK) {
@@ -189,7 +189,7 @@ static int torque_jumps(bd_sim *sim, int *jumps) {
   int code = bd_torque_set_eval(&sim->stepper.plan.torques, sim->stepper.t, piece, y + lay->theta,
                                 y + lay->omega, torque, &sim->stepper.report.failure);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    double before = sim->stepper.opaque.now[j];
+    double before = sim->stepper.functions.now[j];
     *jumps |= fabs(torque[j] - before) > 1e-9 * (fabs(torque[j]) + fabs(before));
   }
   return code;
@@ -265,15 +265,15 @@ static int try_step(bd_sim *sim, trial *t) {
   bd_stepper *stepper = &sim->stepper;
   stepper->plan.t_piece = stepper->t + 0.5 * t->h;
   bd_search_ready(&stepper->plan, stepper->y, t->h);
-  bd_opaque_try(stepper);
+  bd_torque_functions_before_try(stepper);
   int code = stepper->now->attempt(stepper, t->h, &t->error);
-  bd_opaque_tried(stepper, t->h);
+  bd_torque_functions_after_try(stepper, t->h);
   int within = isfinite(t->error) && t->error <= t->tolerance;
-  t->least = stepper->fixed ? 0.0 : bd_opaque_least(stepper);
+  t->least = stepper->fixed ? 0.0 : bd_torque_functions_shortest_step(stepper);
   t->rough = !within && !stepper->fixed && isfinite(t->error) &&
-             t->error <= t->tolerance + bd_opaque_allowance(stepper, t->h);
+             t->error <= t->tolerance + bd_torque_functions_extra_error(stepper, t->h);
   if (code == BD_OK && within) {
-    code = bd_opaque_check(stepper, t->h, t->t_new, t->tolerance, &t->shortened_by);
+    code = bd_torque_functions_check_step(stepper, t->h, t->t_new, t->tolerance, &t->shortened_by);
     within = t->shortened_by >= 1.0;
   }
   if (code != BD_OK) {

@@ -317,7 +317,7 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
   bd_stiffness stiff = bd_stiffness_of(sim->stepper.model, &sim->stepper.plan.torques);
   const double joints = sim->stepper.model->info.spectral_bound;
   const char *what = NULL;
-  *pulley = bd_opaque_jumps(&sim->stepper);
+  *pulley = bd_torque_functions_jumping(&sim->stepper);
   if (sim->stepper.max_step > 0.0 && mean_step > 0.5 * sim->stepper.max_step) {
     *pulley = -1;
     snprintf(text, size, "max_step = %.3g s is far below what the drive asks for",
