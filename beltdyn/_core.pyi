@@ -1,4 +1,4 @@
-"""The C core's interface to Python: low level, strict. Users should use :mod:`beltdyn`."""
+"""The C core's interface to Python: positional, strict. Users should use :mod:`beltdyn`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

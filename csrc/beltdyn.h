@@ -188,7 +188,7 @@ typedef struct bd_options {
   double torque_interval; /* torque functions are called at least this often [s]; those that jump
                            * all the time are followed in steps of a twenty-fifth of it */
   int ledger;             /* carry the energy ledger */
-  int guards; /* 0: without what guards.c and twin.c watch, to measure what that costs */
+  int guards; /* 0: without what guards.c and growth.c watch, to measure what that costs */
 } bd_options;
 
 void bd_options_default(bd_options *options);

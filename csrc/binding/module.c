@@ -353,7 +353,7 @@ static PyModuleDef_Slot module_slots[] = {
 };
 
 PyDoc_STRVAR(module_doc,
-             "The C core of beltdyn as Python sees it: thin, positional, unforgiving.\n\n"
+             "The C core of beltdyn as Python sees it: positional arguments, strict checks.\n\n"
              "Use beltdyn instead. SI units, angles in rad.");
 
 static struct PyModuleDef module_definition = {

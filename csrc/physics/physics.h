@@ -115,7 +115,7 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
  * within the step is listed. */
 void bd_search_ready(bd_plan *plan, const double *y, double h);
 
-/* --- observe.c ------------------------------------------------------------------------------- */
+/* --- outputs.c ------------------------------------------------------------------------------- */
 
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,

@@ -50,8 +50,10 @@ void bd_search_ready(bd_plan *plan, const double *y, double h) {
     double speed = plan->move_time > 0.0 ? 1.875 * reach / plan->move_time : 0.0;
     fastest = fmax(fastest, speed * speed);
   }
-  /* twice the speed at the step's start covers what a step can gain, and what two bodies close */
-  double step = 4.0 * h * sqrt(fastest);
+  /* Twice for what a link can gain on the speed at the step's start, twice for what link and
+   * pulley close on each other. */
+  const double SAFETY = 2.0 * 2.0;
+  double step = SAFETY * h * sqrt(fastest);
   search->travelled += step;
   if (!(search->travelled <= search->margin)) {
     search->margin = fmax(plan->model->info.link_length, 4.0 * step);

@@ -180,8 +180,8 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   sim->options = *options;
   sim->stepper.rtol = options->rtol;
   sim->stepper.max_step = options->max_step;
-  sim->stepper.opaque.interval = options->torque_interval;
-  sim->stepper.opaque.rough_until = -INFINITY;
+  sim->stepper.functions.interval = options->torque_interval;
+  sim->stepper.functions.rough_until = -INFINITY;
   sim->stepper.fixed =
       !sim->stepper.method->adaptive || (sim->stepper.method->may_be_fixed && options->step > 0.0);
   sim->options.method = NULL; /* the caller's string need not live on */

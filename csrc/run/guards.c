@@ -76,17 +76,19 @@ int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double
   int link;
   double gap = widest_gap(plan, y, &link);
   if (gap > 1.0) {
-    return bd_fail_at(err, BD_ERR_STATE, "initial", t, link, -1, gap,
-                      "the initial state is none of this belt: the joint on the left of link %d "
-                      "gapes by %.3g times a link's length; x, y and phi must belong together",
-                      link, gap);
+    return bd_fail_at(
+        err, BD_ERR_STATE, "initial", t, link, -1, gap,
+        "the initial state does not belong to this belt: the joint on the left of "
+        "link %d is open by %.3g times a link's length; x, y and phi must belong together",
+        link, gap);
   }
   bd_error off;
   if (bd_guard_winding(plan, y, &off, t) != BD_OK) {
-    return bd_fail_at(err, BD_ERR_STATE, "initial", t, -1, off.pulley, off.value,
-                      "the initial state is none of this drive: its belt does not run round "
-                      "pulley %d in the direction of its links",
-                      off.pulley);
+    return bd_fail_at(
+        err, BD_ERR_STATE, "initial", t, -1, off.pulley, off.value,
+        "the initial state does not belong to this drive: its belt does not run round "
+        "pulley %d in the direction of its links",
+        off.pulley);
   }
   return BD_OK;
 }
@@ -148,8 +150,8 @@ static int check_joints(bd_sim *sim, double gap, int link) {
   if (gap > 1.0) {
     return bd_fail_at(
         &sim->stepper.report.failure, BD_ERR_JOINT_GAP, "joints", sim->stepper.t, link, -1, gap,
-        "the joint on the left of link %d gapes by %.3g times a link's length at "
-        "t = %.9g s, no belt stretches so far: %s",
+        "the joint on the left of link %d is open by %.3g times a link's length at "
+        "t = %.9g s, which no belt stretches: %s",
         link, gap, sim->stepper.t,
         sim->stepper.fixed ? "take a shorter step or an adaptive method, or look for a "
                              "torque or a speed out of scale"
@@ -158,7 +160,7 @@ static int check_joints(bd_sim *sim, double gap, int link) {
   if (gap > fmax(0.1, 3.0 * strain)) {
     bd_warn(&sim->stepper.report, BD_WARN_stretch, sim->stepper.t, link, -1,
             "a joint is stretched by %.3g %% of a link at t = %.6g s, %.2g %% at rest: few "
-            "belts bear that, and none is linear so far",
+            "belts bear that, and none is linear up to there",
             100.0 * gap, sim->stepper.t, 100.0 * strain);
   }
   return BD_OK;
@@ -187,7 +189,8 @@ static int check_balance(bd_sim *sim, double energy) {
   if (!(share <= 0.5) && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
     return bd_fail_at(
         &sim->stepper.report.failure, BD_ERR_BALANCE, "energy", sim->stepper.t, -1, -1, residual,
-        "%.3g J have come from nowhere by t = %.9g s, where %.3g J passed through the "
+        "the energy balance is off by %.3g J too much at t = %.9g s, where %.3g J passed through "
+        "the "
         "drive: %s",
         residual, sim->stepper.t, guard->passed,
         sim->stepper.fixed ? "the fixed step is too long, take a shorter one or an adaptive "
@@ -200,7 +203,8 @@ static int check_balance(bd_sim *sim, double energy) {
             "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
             "take %s, or compare with another method",
             fabs(residual), 100.0 * fabs(share),
-            residual < 0.0 ? "are lost to the integration" : "have come from nowhere",
+            residual < 0.0 ? "have been lost by the integration"
+                           : "have been added by the integration",
             sim->stepper.t, sim->stepper.fixed ? "a shorter step" : "a tighter rtol");
   }
   return BD_OK;
@@ -233,16 +237,18 @@ void bd_guard_begin(bd_sim *sim) {
 static void check_steps(bd_sim *sim) {
   const double error = sim->stats.local_error;
   if (sim->stepper.fixed && error > 0.5) {
-    bd_warn(&sim->stepper.report, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
-            "steps of %.3g s err by %.2g of the tension or more, seen by t = %.6g s: take a "
-            "shorter step, or leave step out and ask for an rtol",
-            sim->options.step > 0.0 ? sim->options.step : sim->stepper.h, error, sim->stepper.t);
+    bd_warn(
+        &sim->stepper.report, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
+        "steps of %.3g s have errors of %.2g of the tension or more, seen by t = %.6g s: take a "
+        "shorter step, or leave step out and ask for an rtol",
+        sim->options.step > 0.0 ? sim->options.step : sim->stepper.h, error, sim->stepper.t);
   }
   if (!sim->stepper.fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->stepper.rtol) {
-    bd_warn(&sim->stepper.report, BD_WARN_fallback, sim->stepper.t, -1, -1,
-            "%ld steps could be made by the first order alone and err by %.2g where %.2g was "
-            "asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
-            sim->stats.fallbacks, error, sim->stepper.rtol, sim->stepper.t);
+    bd_warn(
+        &sim->stepper.report, BD_WARN_fallback, sim->stepper.t, -1, -1,
+        "%ld steps could only be made by the method of first order, with an error of %.2g where "
+        "%.2g was asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
+        sim->stats.fallbacks, error, sim->stepper.rtol, sim->stepper.t);
   }
 }
 
@@ -261,7 +267,7 @@ static void check_damping(bd_sim *sim) {
     snprintf(for_long, sizeof for_long, "for %.3g s, so small is its damping", lives);
   }
   bd_warn(&sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
-          "vibrations along the belt live %s, and the errors of %s add up over them unseen: "
+          "vibrations along the belt last %s, and the errors of %s add up over them unseen: "
           "compare with method=\"tsit5\", or take a tighter rtol, or more axial_damping",
           for_long, sim->stepper.method->name);
 }
@@ -311,7 +317,7 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
   bd_stiffness stiff = bd_stiffness_of(sim->stepper.model, &sim->stepper.plan.torques);
   const double joints = sim->stepper.model->info.spectral_bound;
   const char *what = NULL;
-  *pulley = bd_opaque_jumps(&sim->stepper);
+  *pulley = bd_torque_functions_jumping(&sim->stepper);
   if (sim->stepper.max_step > 0.0 && mean_step > 0.5 * sim->stepper.max_step) {
     *pulley = -1;
     snprintf(text, size, "max_step = %.3g s is far below what the drive asks for",
@@ -372,9 +378,9 @@ int bd_guard_progress(bd_sim *sim) {
   char text[256];
   int pulley;
   blame(sim, gone / (double)since, text, sizeof text, &pulley);
-  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_STALLED, "step", sim->stepper.t, -1,
-                    pulley, gone,
-                    "no progress at t = %.9g s: %ld steps went %.3g s, the end is %.2g steps away; "
-                    "%s (or set max_steps to go on all the same)",
-                    sim->stepper.t, since, gone, to_go, text);
+  return bd_fail_at(
+      &sim->stepper.report.failure, BD_ERR_STALLED, "step", sim->stepper.t, -1, pulley, gone,
+      "no progress at t = %.9g s: %ld steps covered %.3g s, the end is %.2g steps away; "
+      "%s (or set max_steps to go on all the same)",
+      sim->stepper.t, since, gone, to_go, text);
 }

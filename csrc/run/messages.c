@@ -58,13 +58,14 @@ int bd_sim_fail_floor(bd_sim *sim, double h) {
     snprintf(where, sizeof where, "; the largest error is in %s of %s %d", name,
              pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body);
   }
-  return bd_fail_at(
-      &sim->stepper.report.failure, BD_ERR_STEP_FLOOR, name, sim->stepper.t, body, pulley, h,
-      "the step fell to its floor, %.3g s, at t = %.9g s%s%s: %s", h, sim->stepper.t, asked, where,
-      sim->settling        ? "look for parameters far out of scale"
-      : sim->stepper.fixed ? "take a shorter step or an adaptive method"
-                           : "loosen rtol, or look for a jump in the torque and name its time in "
-                             "breakpoints");
+  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_STEP_FLOOR, name, sim->stepper.t, body,
+                    pulley, h, "the step reached its lower limit, %.3g s, at t = %.9g s%s%s: %s", h,
+                    sim->stepper.t, asked, where,
+                    sim->settling ? "look for parameters far out of scale"
+                    : sim->stepper.fixed
+                        ? "take a shorter step or an adaptive method"
+                        : "loosen rtol, or look for a jump in the torque and name its time in "
+                          "breakpoints");
 }
 
 int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {
@@ -72,7 +73,7 @@ int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {
   const char *name = bd_erk_worst(&sim->stepper, h, &body, &pulley);
   return bd_fail_at(
       &sim->stepper.report.failure, BD_ERR_FIXED_STEP, name, sim->stepper.t, body, pulley, h,
-      "the step of %.3g s after t = %.9g s errs by %.3g times the stretch of a joint, "
+      "the step of %.3g s after t = %.9g s has an error of %.3g times the stretch of a joint, "
       "most in %s of %s %d: take a shorter step than %.3g s or an adaptive method",
       h, sim->stepper.t, error, name, pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body,
       fmin(0.5 * h, 0.75 * sim->stepper.now->stability /

@@ -70,22 +70,22 @@ static void visit_method(visitor *v, const bd_method **method) {
   }
 }
 
-static void visit_torque(visitor *v, bd_opaque *opaque, int np) {
-  ONE(v, opaque->left_out);
-  ONE(v, opaque->next_left_out);
-  ONE(v, opaque->short_tries);
-  ONE(v, opaque->owed);
-  ONE(v, opaque->t_owed);
-  ONE(v, opaque->jump);
-  ONE(v, opaque->rough_for);
-  ONE(v, opaque->rough_until);
-  ONE(v, opaque->t_range);
-  ONE(v, opaque->ranges);
-  MANY(v, opaque->range, np);
-  MANY(v, opaque->least, np);
-  MANY(v, opaque->most, np);
-  MANY(v, opaque->last, np);
-  MANY(v, opaque->now, np);
+static void visit_torque(visitor *v, bd_torque_functions *functions, int np) {
+  ONE(v, functions->left_out);
+  ONE(v, functions->next_left_out);
+  ONE(v, functions->short_tries);
+  ONE(v, functions->owed);
+  ONE(v, functions->t_owed);
+  ONE(v, functions->jump);
+  ONE(v, functions->rough_for);
+  ONE(v, functions->rough_until);
+  ONE(v, functions->t_range);
+  ONE(v, functions->ranges);
+  MANY(v, functions->range, np);
+  MANY(v, functions->least, np);
+  MANY(v, functions->most, np);
+  MANY(v, functions->last, np);
+  MANY(v, functions->now, np);
 }
 
 static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
@@ -124,15 +124,12 @@ static void visit_stepper(visitor *v, bd_stepper *stepper) {
       MANY(v, stepper->history[k], lay->size);
     }
   }
-  if (stepper->newton.torque) {
-    MANY(v, stepper->newton.torque, lay->np);
-  }
   ONE(v, stepper->nfev);
   ONE(v, stepper->njev);
   ONE(v, stepper->nlu);
   ONE(v, stepper->report);
   visit_plan(v, &stepper->plan, lay);
-  visit_torque(v, &stepper->opaque, lay->np);
+  visit_torque(v, &stepper->functions, lay->np);
 }
 
 static void visit_choice(visitor *v, bd_auto *choice) {

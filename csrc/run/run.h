@@ -88,7 +88,8 @@ void bd_guard_begin(bd_sim *sim);
 int bd_guard_look(bd_sim *sim, int now);
 int bd_guard_progress(bd_sim *sim);
 
-/* --- twin.c ---------------------------------------------------------------------------------- */
+/* --- growth.c ----------------------------------------------------------------------------------
+ */
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np);
 int bd_twin_create(bd_sim *sim, const bd_torque *torque);

@@ -48,7 +48,8 @@ static double easiest_damping(const bd_model *model) {
 }
 
 /* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
- * stiffens with penetration: take that of four times the belt line's normal force. */
+ * stiffens with penetration: taken is that of PRESSED times the normal force on the belt line, as
+ * much as links were seen to be pressed while they come to rest. */
 static double fastest_mode(const bd_model *model, int friction) {
   const bd_info *info = &model->info;
   double tightest = model->radius[0], lowest;
@@ -56,7 +57,8 @@ static double fastest_mode(const bd_model *model, int friction) {
     tightest = fmin(tightest, model->radius[j]);
   }
   double tension = model->belt.axial_stiffness * (info->strain + info->mesh_strain);
-  double normal = 4.0 * tension * info->link_length / tightest;
+  const double PRESSED = 4.0;
+  double normal = PRESSED * tension * info->link_length / tightest;
   double c1 = info->contact_quadratic, c2 = info->contact_linear;
   double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
   double grip = friction && model->has_friction ? model->dahl.sigma * normal : 0.0;
@@ -68,14 +70,18 @@ static double fastest_mode(const bd_model *model, int friction) {
   return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
 }
 
-/* An implicit step takes as long as three explicit ones; the margin keeps what coarse belts gave.
- */
-static const double IMPLICIT_STEP = 0.25, WORTH = 15.0;
+/* Implicit steps, times the mass-proportional damping; how many explicit steps one of them must
+ * replace: it takes as long as three, and the margin keeps what coarse belts gave. The share of the
+ * stability limit that an explicit step takes; if that was too much, it is halved (retry). Centres
+ * move in, and settling is given up without progress, after so many radians of the lowest
+ * transverse mode: the polygon of links holds a fine belt less. */
+static const double IMPLICIT_STEP = 0.25, WORTH = 15.0, STABILITY_SHARE = 0.8;
+static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0;
 
 static const bd_method *method_for(const bd_model *model, int friction, double *step) {
   const bd_method *explicit = bd_method_find("rk4");
   double lowest, most = IMPLICIT_STEP / critical_mass_damping(model, &lowest);
-  *step = 0.8 * explicit->stability / fastest_mode(model, friction);
+  *step = STABILITY_SHARE * explicit->stability / fastest_mode(model, friction);
   if (WORTH * *step >= most) {
     return explicit;
   }
@@ -170,10 +176,9 @@ static void set_up(bd_settling *settling, double step) {
   double lowest, mass_damping = critical_mass_damping(model, &lowest);
   double move_time = !given->offset           ? 0.0
                      : given->move_time > 0.0 ? given->move_time
-                                              : 100.0 / lowest;
+                                              : MOVE / lowest;
   sim->stepper.t = sim->t0 = 0.0;
-  /* a fine belt's polygon holds it less, and waiting costs less with implicit steps */
-  settling->patience = (sim->stepper.method->implicit ? 5000.0 : 1000.0) / lowest;
+  settling->patience = (sim->stepper.method->implicit ? PATIENCE_FINE : PATIENCE) / lowest;
   sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : settling->patience);
   bd_plan_make(&sim->stepper.plan, model,
                &(bd_plan_options){.friction = given->friction,

@@ -8,11 +8,6 @@
 
 #include "solvers/solvers.h"
 
-static void keep_torque(bd_stepper *stepper) {
-  memcpy(stepper->newton.torque, stepper->plan.torque,
-         (size_t)stepper->model->lay.np * sizeof(double));
-}
-
 int bd_implicit_linearise(bd_stepper *stepper) {
   if (stepper->jacobian_known) {
     return BD_OK;
@@ -22,12 +17,11 @@ int bd_implicit_linearise(bd_stepper *stepper) {
     if (code != BD_OK) {
       return code;
     }
-    keep_torque(stepper);
   }
   bd_newton_linearise(&stepper->newton, &stepper->plan, stepper->y);
   const int watched = stepper->plan.torques.watched;
   stepper->plan.torques.watched = 0; /* what is asked for derivatives is not the step's */
-  int code = stepper->plan.pulleys_locked ? BD_OK : bd_opaque_derive(stepper);
+  int code = stepper->plan.pulleys_locked ? BD_OK : bd_torque_functions_derive(stepper);
   stepper->plan.torques.watched = watched;
   stepper->jacobian_known = code == BD_OK;
   ++stepper->njev;
@@ -41,11 +35,12 @@ int bd_implicit_torque_by_time(bd_stepper *stepper, double h, int at_start) {
     return BD_OK;
   }
   double dt = at_start ? 1e-4 * h : h;
-  int code = bd_torque_set_by_time(&stepper->plan.torques, stepper->t, dt, stepper->plan.t_piece,
-                                   stepper->y + lay->theta, stepper->y + lay->omega, system->torque,
-                                   system->by_time, &stepper->report.failure);
-  return code == BD_OK && at_start && !stepper->plan.torques.smooth ? bd_opaque_by_time(stepper, h)
-                                                                    : code;
+  int code = bd_torque_set_by_time(
+      &stepper->plan.torques, stepper->t, dt, stepper->plan.t_piece, stepper->y + lay->theta,
+      stepper->y + lay->omega, stepper->functions.now, system->by_time, &stepper->report.failure);
+  return code == BD_OK && at_start && !stepper->plan.torques.smooth
+             ? bd_torque_functions_by_time(stepper, h)
+             : code;
 }
 
 void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double factor) {
@@ -72,7 +67,6 @@ int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle) 
   if (code != BD_OK) {
     return code;
   }
-  keep_torque(stepper);
   for (int k = 0; k < N_WORK; ++k) {
     double mean = middle ? stepper->work_middle[k] : 0.5 * (before[k] + after[k]);
     stepper->work_middle[k] = mean;

@@ -109,7 +109,6 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->by_theta, np * np);
   BD_CARVE(carver, system->by_omega, np * np);
   BD_CARVE(carver, system->by_time, np);
-  BD_CARVE(carver, system->torque, np);
   if (!carver->base) {
     return;
   }

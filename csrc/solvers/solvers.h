@@ -23,7 +23,7 @@ typedef struct bd_newton_system {
   bd_run *runs;
   double *own, *rhs, *matrix;
   int *pivots;
-  double *by_theta, *by_omega, *by_time, *torque; /* of the set torques */
+  double *by_theta, *by_omega, *by_time; /* of the set torques */
 } bd_newton_system;
 
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
@@ -116,22 +116,23 @@ void bd_lbdf_inside(bd_stepper *stepper, double h, double s, double *y);
 
 /* --- stepper.c ------------------------------------------------------------------------------- */
 
-/* What is known of torque functions, and scratch for asking them; arrays by pulley. */
-typedef struct bd_opaque {
-  double interval;              /* longest time between two calls [s] */
-  int left_out, next_left_out;  /* linearisations without their derivatives: still, and next time */
-  long short_tries;             /* since its last jump */
-  double owed, t_owed;          /* short tries for its jumps, and when last counted */
-  double jump;                  /* the largest, as local error per second */
-  double rough_for;             /* how long errors of that size are let pass, */
-  double rough_until;           /* and until when */
-  double t_range;               /* start of the stretch whose range is being taken */
-  long ranges;                  /* stretches so far */
-  double *look;                 /* torques of a look */
-  double *range, *least, *most; /* of the torques: over the last stretch; in this one */
-  double *last, *now;           /* torques at the ends of the step just made */
-  double *begin, *middle, *end, *impulse, *theta, *omega;
-} bd_opaque;
+/* What steps know of torque functions (torque_functions.c); arrays by pulley. */
+typedef struct bd_torque_functions {
+  double interval;             /* longest time between two calls [s] */
+  int left_out, next_left_out; /* linearisations without derivatives: still to come, next time */
+  long short_tries;            /* tries shorter than the shortest step since the last jump */
+  double owed, t_owed;         /* short tries spent on jumps, less what time has paid; as of when */
+  double jump;                 /* the largest jump, as local error per second */
+  double rough_for;            /* how long errors of that size are accepted, */
+  double rough_until;          /* and until when */
+  double t_range;              /* start of the interval whose range of torques is being taken */
+  long ranges;                 /* such intervals so far */
+  double *look;                /* torques of one call along a step */
+  double *range, *least, *most; /* of the torques: over the last interval; in this one */
+  double *last, *now;           /* torques at the ends of the step just made; now: at y */
+  double *begin, *middle, *end; /* scratch: torques along a step */
+  double *impulse, *theta, *omega;
+} bd_torque_functions;
 
 /* What an integration method sees: the state, its stages, the states before it, the linear system,
  * the torques. Nothing of the run: stops, samples, guards. */
@@ -142,7 +143,7 @@ struct bd_stepper {
   int fixed;                     /* the step is given, errors do not set it */
   bd_plan plan;
   bd_newton_system newton;
-  bd_opaque opaque;
+  bd_torque_functions functions;
   double t, h, turns;            /* h: length of the next step */
   double *y, *y_new, *y_mid;     /* at t; after the attempt; scratch */
   double *weights;               /* of errors, by unknown */
@@ -178,7 +179,7 @@ void bd_stepper_copy(bd_stepper *to, const bd_stepper *from);
 
 /* --- implicit.c ------------------------------------------------------------------------------ */
 
-/* Sees that the Jacobian at y, and the rate, are there. */
+/* Evaluates the Jacobian at y, and the rate, unless they are known. */
 int bd_implicit_linearise(bd_stepper *stepper);
 /* The set torques' change with time: over the step of length h, or at its start; and factor times
  * what it means for the pulleys, added to c. */
@@ -191,39 +192,41 @@ void bd_implicit_work_inside(const bd_stepper *stepper, double h, double s, doub
 
 /* --- history.c ------------------------------------------------------------------------------- */
 
-/* y_new becomes y, y the first of the past. */
+/* y_new becomes y, y the first state of the history. */
 void bd_history_push(bd_stepper *stepper, double h);
-/* What happens to y after a step, whole turns taken off and friction forgotten, to the past, too.
- */
+/* Applies to the history what happened to y after a step: whole turns taken off, friction states
+ * reset. */
 void bd_history_rebase(bd_stepper *stepper);
 
-/* --- opaque.c -------------------------------------------------------------------------------- */
+/* --- torque_functions.c
+ * -------------------------------------------------------------------------------- */
 
-void bd_opaque_carve(bd_carver *carver, bd_opaque *opaque, int np);
-/* The set torques' derivatives to angles and speeds, as far as they can be believed. */
-int bd_opaque_derive(bd_stepper *stepper);
-/* The change with time at the start of a step of length h is in newton.by_time; puts that over half
- * the step in its place where the two have nothing to do with each other. */
-int bd_opaque_by_time(bd_stepper *stepper, double h);
-/* Before a step of length h is accepted: *shrink < 1 if it is to be made again, so much shorter,
- * for what a torque function does within it. */
-int bd_opaque_check(bd_stepper *stepper, double h, double t_new, double tolerance, double *shrink);
-/* For a torque function that jumps all the time: the length that steps need not go below, and what
- * a step of that length may err by more; 0: it does not. */
-double bd_opaque_least(const bd_stepper *stepper);
-double bd_opaque_allowance(const bd_stepper *stepper, double h);
+void bd_torque_functions_carve(bd_carver *carver, bd_torque_functions *functions, int np);
+/* The set torques' derivatives to angles and speeds, as far as a second look confirms them. */
+int bd_torque_functions_derive(bd_stepper *stepper);
+/* The change with time at the start of a step of length h is in newton.by_time; replaces it by that
+ * over half the step where the two differ by more than half. */
+int bd_torque_functions_by_time(bd_stepper *stepper, double h);
+/* Before a step of length h is accepted: *shrink < 1 if it is to be made again, shorter by that
+ * factor, for what a torque function does within it. */
+int bd_torque_functions_check_step(bd_stepper *stepper, double h, double t_new, double tolerance,
+                                   double *shrink);
+/* For a torque function that jumps all the time: the shortest step made for its sake, and the error
+ * accepted of a step of that length beyond the tolerance; 0: it does not jump. */
+double bd_torque_functions_shortest_step(const bd_stepper *stepper);
+double bd_torque_functions_extra_error(const bd_stepper *stepper, double h);
 /* Before and after every try. */
-void bd_opaque_try(bd_stepper *stepper);
-void bd_opaque_tried(bd_stepper *stepper, double h);
+void bd_torque_functions_before_try(bd_stepper *stepper);
+void bd_torque_functions_after_try(bd_stepper *stepper, double h);
 /* Keeps the torque just evaluated: at the start of a step, where it was not known; at its end. */
-void bd_opaque_began(bd_stepper *stepper);
-void bd_opaque_keep(bd_stepper *stepper, double h);
+void bd_torque_functions_set_torque(bd_stepper *stepper);
+void bd_torque_functions_push_torque(bd_stepper *stepper, double h);
 /* Warns of a sample at t, inside the step of length h just made, whose torque no step has seen. */
-void bd_opaque_sampled(bd_stepper *stepper, double t, double h);
+void bd_torque_functions_check_sample(bd_stepper *stepper, double t, double h);
 
 /* The pulley whose torque function moves its speed by what errors may be, from one step to the
  * next; -1: none. */
-int bd_opaque_jumps(const bd_stepper *stepper);
+int bd_torque_functions_jumping(const bd_stepper *stepper);
 
 /* --- stiffness.c ----------------------------------------------------------------------------- */
 

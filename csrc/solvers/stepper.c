@@ -30,7 +30,7 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
     bd_newton_carve(carver, &stepper->newton, model);
   }
   bd_plan_carve(carver, &stepper->plan, lay);
-  bd_opaque_carve(carver, &stepper->opaque, lay->np);
+  bd_torque_functions_carve(carver, &stepper->functions, lay->np);
   bd_torque_set_carve(carver, &stepper->plan.torques, lay->np, torque);
   stepper->model = model;
   stepper->method = stepper->now = method;
@@ -43,9 +43,11 @@ void bd_stepper_weigh(bd_stepper *stepper) {
   const bd_model *model = stepper->model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
+  const double LINKS_OF_THE_PAPER = 60.0;
   double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
   double stretch = strain * info->link_length;
-  double speed = strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / 60.0;
+  double speed =
+      strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / LINKS_OF_THE_PAPER;
   double half = 0.5 * info->link_length;
   double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
   memset(stepper->weights, 0, lay->size * sizeof *stepper->weights);
@@ -72,7 +74,7 @@ int bd_stepper_ensure_rate(bd_stepper *stepper) {
   }
   int code = bd_stepper_rate(stepper, stepper->t, stepper->y, stepper->stage[0]);
   stepper->rate_known = code == BD_OK;
-  bd_opaque_began(stepper);
+  bd_torque_functions_set_torque(stepper);
   return code;
 }
 
@@ -82,7 +84,7 @@ double bd_stepper_longest(const bd_stepper *stepper, double h) {
     h = fmin(h, bd_method_longest(stepper->method, stepper->model));
   }
   if (!stepper->plan.torques.smooth && !stepper->fixed) {
-    h = fmin(h, MOST_LOOKS * stepper->opaque.interval);
+    h = fmin(h, MOST_LOOKS * stepper->functions.interval);
   }
   return stepper->max_step > 0.0 ? fmin(h, stepper->max_step) : h;
 }

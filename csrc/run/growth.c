@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: MIT
  *
- * Whether histories part exponentially. In a lightly damped drive whose links chatter on the
- * pulleys every impact multiplies a small difference, and after some tens of milliseconds no
+ * Whether small differences grow exponentially. In a lightly damped drive whose links chatter on
+ * the pulleys every impact multiplies a small difference, and after some tens of milliseconds no
  * tolerance can say where a link is, while averages stay what they are. Neither local errors nor
- * the balance of energy know of it.
+ * the balance of energy show it.
  *
- * So for short stretches a twin runs along, displaced by a hundredth of the local error allowed, in
- * the very same steps (shorter ones only where its own error asks for them), so that nothing but
- * the displacement makes a difference. Of a calm drive the difference decays or stays, to within a
- * few times, for links that come and go change it; of one that chatters it has grown a thousandfold
- * within ten rounds of a stretch wave. Every run has a few such stretches, ever further apart.
- * Where links are seen to come and go many times as often as the belt's travel brings them, or
- * friction is so stiff that each reversal is a jump, or the belt's vibrations live for long,
- * stretches are longer, and one begins as soon as twins have made less than a fifth of the steps.
+ * So for short stretches a second simulation, the twin, runs beside the run, displaced by a
+ * hundredth of the local error allowed, in the very same steps (shorter ones only where its own
+ * error asks for them), so that nothing but the displacement makes a difference. In a calm drive
+ * the difference decays or stays, to within a few times, since links reach and leave the pulleys at
+ * slightly different times; in one that chatters it has grown a thousandfold within ten rounds of a
+ * stretch wave. Every run has a few such stretches, ever further apart, and one at its end. Where
+ * links come and go many times as often as the belt's travel brings them, or friction is so stiff
+ * that each reversal is a jump, or the belt's vibrations last for long, stretches are longer, and
+ * one begins as soon as twins have made less than a fifth of the steps.
  *
- * A torque function is not to be called twice: where there is one, two twins run along, one of them
- * not displaced, under the torques that the run saw at the ends of its steps. Guarded by
+ * A torque function is not to be called twice: where there is one, two twins run, one of them not
+ * displaced, under the torques that the run had at the ends of its steps. Guarded by
  * tests/test_growth.py.
  */
 #include <math.h>
@@ -191,8 +192,8 @@ static void conclude(bd_sim *sim, double growth) {
   t->grows = 1;
   sim->stats.growth = 1.0 / folding;
   bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
-          "histories part exponentially from t = %.6g s on: a small difference grows by e in "
-          "%.2g s, so single forces and positions cannot be trusted from then on, whatever the "
+          "small differences grow exponentially from t = %.6g s on, by a factor of e in "
+          "%.2g s: single forces and positions cannot be trusted from then on, whatever the "
           "tolerance; averages may be; more damping of contact or joints calms such drives",
           from, folding);
 }
@@ -203,8 +204,8 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
   const int np = sim->stepper.model->lay.np;
   if (!sim->stepper.plan.torques.smooth) {
     bd_torque_term *seen = &twin->stepper.plan.torques.terms[0];
-    memcpy(t->seen, sim->stepper.opaque.last, (size_t)np * sizeof *t->seen);
-    memcpy(t->seen + np, sim->stepper.opaque.now, (size_t)np * sizeof *t->seen);
+    memcpy(t->seen, sim->stepper.functions.last, (size_t)np * sizeof *t->seen);
+    memcpy(t->seen + np, sim->stepper.functions.now, (size_t)np * sizeof *t->seen);
     t->seen_t[0] = twin->stepper.t;
     t->seen_t[1] = sim->stepper.t;
     seen->t = t->seen_t;
@@ -229,7 +230,7 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
 static void follow(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const bd_sim *still = t->still ? t->still : sim;
-  if (bd_opaque_least(&sim->stepper) > 0.0 || !repeat(sim, t->sim) ||
+  if (bd_torque_functions_shortest_step(&sim->stepper) > 0.0 || !repeat(sim, t->sim) ||
       (t->still && !repeat(sim, t->still))) {
     t->active = 0;
     return;
