@@ -37,7 +37,8 @@
   X(dahl, sigma, POSITIVE, "1/m", "stiffness of the friction joint at rest (2.9)")
 
 /* Fields of a state: X(name, size): LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS
- * n_p. With time they are exactly what a restart needs. */
+ * n_p. With time they are the physical state; to go on bit for bit a run
+ * needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
   X(x, LINKS)                                                                                      \
   X(y, LINKS)                                                                                      \
@@ -66,7 +67,7 @@
   X(double, contact_quadratic, "c1 of a link [N/m^2]")                                             \
   X(double, contact_linear, "c2 of a link [N/m]")                                                  \
   X(double, contact_damping, "b of a link [N s/m]")                                                \
-  X(double, path_length, "of the tight belt line round the pulleys [m]")                           \
+  X(double, path_length, "of the belt line round the pulleys [m]")                                 \
   X(double, strain, "path_length / length - 1")                                                    \
   X(double, mean_tension, "axial_stiffness * strain, the scale of forces [N]")                     \
   X(double, mesh_strain, "what tangent links, longer than the arcs they span, add to the strain")  \
@@ -132,7 +133,7 @@
   X(balance, 1, "the balance of energy does not close")                                            \
   X(stretch, 0, "joints stretched further than belts are")                                         \
   X(no_contact, 1, "no link touches a pulley")                                                     \
-  X(growth, 1, "histories part exponentially")                                                     \
+  X(growth, 1, "small differences grow exponentially")                                             \
   X(chatter, 1, "links chatter on the pulleys")                                                    \
   X(undamped, 1, "vibrations of the belt live for long, and so do errors")                         \
   X(torque, 1, "the torque function changes faster than steps follow")                             \
