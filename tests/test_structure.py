@@ -138,6 +138,11 @@ def include_graph() -> Graph:
     }
 
 
+def test_contributing_states_the_direction() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    assert f"`{' -> '.join(FOLDERS)}`" in text
+
+
 def test_every_file_of_the_core_stands_in_a_folder() -> None:
     files = set(include_graph())
     assert {file.partition("/")[0] for file in files} == {*FOLDERS, "examples", *PUBLIC}
