@@ -18,7 +18,7 @@ typedef struct bd_links {
   double wind;             /* phi of link 0 seen from link n-1: 2 pi winding */
   const double *link_mask; /* 1 for links, 0 for the padding */
   double *cos, *sin;
-  double *rx, *ry, *fx, *fy; /* scratch of solvers/newton_system.c */
+  double *rx, *ry, *fx, *fy; /* scratch of jacobian.h */
 } bd_links;
 
 /* One pulley as the contact pass sees it. */

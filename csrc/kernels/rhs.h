@@ -13,7 +13,6 @@
 #include <math.h>
 
 #include "kernels/kernels.h"
-#include "kernels/simd.h"
 #include "kernels/vector.h"
 
 /* sin and cos together: quadrant by the nearest multiple of pi/2, Cody-Waite reduction with three
