@@ -334,6 +334,10 @@ static double fastest(const bd_layout *lay, const double *y) {
   return largest(most);
 }
 
+/* The numbers of vectors that sums are made for, each with a loop of its own. */
+#define COUNTS(X) X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8)
+_Static_assert(MAX_VECTORS == 8, "COUNTS goes up to MAX_VECTORS");
+
 INLINE void scaled(double h, const int m, const double *a, vec *ha) {
   for (int j = 0; j < m; ++j) {
     ha[j] = splat(h * a[j]);
@@ -350,7 +354,7 @@ INLINE vec weighted_sum(size_t i, const int m, const vec *a, double *const *k) {
 
 INLINE void combine_fixed(size_t n, double *restrict out, const double *restrict y, double h,
                           const int m, const double *a, double *const *k) {
-  vec ha[BD_MAX_STAGES];
+  vec ha[MAX_VECTORS];
   scaled(h, m, a, ha);
   for (size_t i = 0; i < n; i += WIDTH) {
     store(out + i, load(y + i) + weighted_sum(i, m, ha, k));
@@ -363,17 +367,9 @@ static void combine(size_t n, double *out, const double *y, double h, int m, con
 #define CASE(count)                                                                                \
   case count:                                                                                      \
     combine_fixed(n, out, y, h, count, a, k);                                                      \
-    break
-    CASE(1);
-    CASE(2);
-    CASE(3);
-    CASE(4);
-    CASE(5);
-    CASE(6);
-    CASE(7);
-#undef CASE
-  default:
     break;
+    COUNTS(CASE)
+#undef CASE
   }
 }
 
@@ -397,7 +393,7 @@ INLINE void weigh(size_t i, const size_t pair, const int m, const vec *e, double
 
 INLINE double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
                           double *const *k, const double *w) {
-  vec he[BD_MAX_STAGES];
+  vec he[MAX_VECTORS];
   scaled(h, m, e, he);
   const size_t stride = (size_t)lay->stride;
   const vec none = {0.0};
@@ -421,17 +417,13 @@ INLINE double error_fixed(const bd_layout *lay, double h, const int m, const dou
 static double error_norm(const bd_layout *lay, double h, int m, const double *e, double *const *k,
                          const double *w) {
   switch (m) {
-  case 1:
-    return error_fixed(lay, h, 1, e, k, w);
-  case 3:
-    return error_fixed(lay, h, 3, e, k, w);
-  case 4:
-    return error_fixed(lay, h, 4, e, k, w);
-  case 5:
-    return error_fixed(lay, h, 5, e, k, w);
-  default:
-    return error_fixed(lay, h, 7, e, k, w);
+#define CASE(count)                                                                                \
+  case count:                                                                                      \
+    return error_fixed(lay, h, count, e, k, w);
+    COUNTS(CASE)
+#undef CASE
   }
+  return INFINITY; /* no such number of vectors */
 }
 
 extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL);
