@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
-FLAGS = ["-std=c11", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fopenmp-simd"]
+FLAGS = ["-std=c11", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off"]
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 #: Everything that does not see Python or a particular processor.
 SOURCES = sorted(
@@ -53,7 +54,7 @@ def test_only_the_binding_sees_python() -> None:
     [["-O3"], ["-O1", *SANITIZERS], ["-O1", *SANITIZERS, "-DBD_SCALAR"]],
     ids=["plain", "sanitized", "sanitized-scalar"],
 )
-@pytest.mark.parametrize("program", ["test_core", "test_memory"])
+@pytest.mark.parametrize("program", ["test_core", "test_memory", "test_kernels"])
 def test_c_tests(tmp_path: Path, program: str, flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
     counting = ["-DBD_MALLOC=counting_malloc", "-DBD_FREE=counting_free"]
@@ -68,6 +69,22 @@ def test_c_tests(tmp_path: Path, program: str, flags: list[str]) -> None:
     match = re.search(r"(\d+) tests, 0 failures", out)
     assert match, out
     assert int(match[1]) >= 1
+
+
+@pytest.mark.skipif(platform.machine().lower() not in {"x86_64", "amd64"}, reason="levels of x86")
+def test_kernels_at_every_level(tmp_path: Path) -> None:
+    """What the processor does not have is left out by the program."""
+    levels = {"avx2": ["-mavx2", "-mfma"],
+              "avx512": ["-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma"]}  # fmt: skip
+    objects = []
+    for source in sorted(CORE.glob("kernels/*avx*.c")):
+        objects.append(tmp_path / f"{source.stem}.o")
+        flags = [*FLAGS, *STRICT, "-O3", *levels[source.stem.rpartition("_")[2]], f"-I{CORE}"]
+        subprocess.run([COMPILER, *flags, "-c", str(source), "-o", str(objects[-1])], check=True)
+    assert len(objects) == 4
+    target, test = tmp_path / "test_kernels", ROOT / "tests" / "c" / "test_kernels.c"
+    compile_and_link(target, [test, *SOURCES, *objects], "-O3", "-DBD_X86_LEVELS=1")
+    assert "1 tests, 0 failures" in run(target)
 
 
 def test_a_leak_is_seen(tmp_path: Path) -> None:
