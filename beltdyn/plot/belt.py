@@ -57,7 +57,7 @@ def force_along_belt(
     look = {key: value for key, value in look.items() if short[key] not in line}
     label = {"label": f"t = {result.t[row]:.4g} s"}
     ax.plot(first + np.arange(n_b) - 0.5, result.joints.force[row], **(look | label | line))
-    style.dress(ax, "link along the belt", "joint force [N]")
+    style.dress(ax, "element along the belt", "joint force [N]")
     ax.set_xlim(first - 0.5, first + n_b - 0.5)
     if wraps:
         style.add_headroom(ax, rows=1)
