@@ -53,7 +53,7 @@ def test_only_the_binding_sees_python() -> None:
     [["-O3"], ["-O1", *SANITIZERS], ["-O1", *SANITIZERS, "-DBD_SCALAR"]],
     ids=["plain", "sanitized", "sanitized-scalar"],
 )
-@pytest.mark.parametrize("program", ["test_core", "test_memory"])
+@pytest.mark.parametrize("program", ["test_core", "test_effects", "test_memory"])
 def test_c_tests(tmp_path: Path, program: str, flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
     counting = ["-DBD_MALLOC=counting_malloc", "-DBD_FREE=counting_free"]

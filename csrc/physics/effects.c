@@ -135,6 +135,32 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
+/* --- bearing drag ----------------------------------------------------------------------------- */
+
+static int has_drag(const bd_model *model, const bd_plan_options *options) {
+  return options->drag && !options->hold_pulleys && model->drag != NULL;
+}
+
+static int pass_drag(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  double loss = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    double omega = y[lay->omega + j], torque = bd_drag_torque(model, j, omega);
+    dy[lay->omega + j] -= torque / model->inertia[j];
+    loss += torque * omega;
+  }
+  dy[lay->work + W_DRAG] = loss;
+  return BD_OK;
+}
+
+static void tangent_drag(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  for (int j = 0; j < plan->model->lay.np; ++j) {
+    out->pulley_damping[j] = bd_drag_slope(plan->model, j, y[plan->model->lay.omega + j]);
+  }
+}
+
 /* --- mass-proportional damping (settling) ----------------------------------------------------- */
 
 static int has_mass_damping(const bd_model *model, const bd_plan_options *options) {
@@ -259,6 +285,14 @@ static const bd_effect table[] = {
         .tangent = tangent_none,
         .n_works = 1,
         .works = {W_DRIVE},
+    },
+    {
+        .name = "bearing drag",
+        .enabled = has_drag,
+        .rate = pass_drag,
+        .tangent = tangent_drag,
+        .n_works = 1,
+        .works = {W_DRAG},
     },
     {
         .name = "mass-proportional damping",

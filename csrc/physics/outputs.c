@@ -121,12 +121,26 @@ static double kinetic_energy(const bd_model *model, const double *y) {
 }
 
 /* Ledger column of every work integral. */
-static const int column_of[N_WORK] = {
-    [W_DRIVE] = BD_ENERGY_drive,
-    [W_JOINT] = BD_ENERGY_joint_loss,
-    [W_CONTACT] = BD_ENERGY_contact_loss,
-    [W_FRICTION] = BD_ENERGY_friction_loss,
+static const int column_of[MAX_WORK] = {
+    [W_DRIVE] = BD_ENERGY_drive,          [W_JOINT] = BD_ENERGY_joint_loss,
+    [W_CONTACT] = BD_ENERGY_contact_loss, [W_FRICTION] = BD_ENERGY_friction_loss,
+    [W_DRAG] = BD_ENERGY_drag_loss,
 };
+
+void bd_energy_choose_columns(bd_plan *plan) {
+  plan->n_columns = 0;
+  for (int c = 0; c <= BD_ENERGY_residual; ++c) {
+    plan->columns[plan->n_columns++] = c;
+  }
+  for (int e = 0; e < plan->n_effects; ++e) {
+    for (int k = 0; k < plan->effects[e]->n_works; ++k) {
+      int column = column_of[plan->effects[e]->works[k]];
+      if (column > BD_ENERGY_residual) {
+        plan->columns[plan->n_columns++] = column;
+      }
+    }
+  }
+}
 
 double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
   memset(terms, 0, BD_N_ENERGY * sizeof *terms);
@@ -146,7 +160,7 @@ double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]
 
 double bd_losses(const bd_layout *lay, const double *y) {
   double sum = 0.0;
-  for (int k = W_DRIVE + 1; k < N_WORK; ++k) {
+  for (int k = W_DRIVE + 1; k < lay->n_work; ++k) {
     sum += y[lay->work + k];
   }
   return sum;
@@ -229,11 +243,14 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   put_joints(plan, y, out, k);
   put_contact(plan, y, out, k);
   if (out->energy) {
-    double *terms = out->energy + k * BD_N_ENERGY;
+    double terms[BD_N_ENERGY], *row = out->energy + k * (size_t)plan->n_columns;
     double total = bd_energy(plan, y, terms), supplied = y[lay->work + W_DRIVE];
-    for (int w = W_DRIVE + 1; w < N_WORK; ++w) {
+    for (int w = W_DRIVE + 1; w < lay->n_work; ++w) {
       supplied -= y[lay->work + w];
     }
     terms[BD_ENERGY_residual] = total - e0 - supplied;
+    for (int c = 0; c < plan->n_columns; ++c) {
+      row[c] = terms[plan->columns[c]];
+    }
   }
 }

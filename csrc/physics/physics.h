@@ -56,7 +56,7 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
 typedef struct bd_plan bd_plan;
 
 typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys, no_power;
+  int ledger, friction, drag, hold_pulleys, no_power;
   double mass_damping;
   const double *offset;
   double move_time;
@@ -70,6 +70,8 @@ typedef struct bd_derivatives {
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
   double mass_damping; /* [1/s] */
+  double
+      *pulley_damping; /* of torques on a pulley by its own speed, by pulley [N m s]; NULL: none */
 } bd_derivatives;
 
 /* A row of the table in effects.c: another effect is another row, and the functions it names. */
@@ -93,6 +95,14 @@ int bd_effects_of(const bd_model *model, const bd_plan_options *options,
                   const bd_effect *effects[BD_MAX_EFFECTS]);
 /* Settling only: speed of circulation. */
 double bd_plan_circulation(const bd_plan *plan, const double *y);
+
+/* --- drag.c ---------------------------------------------------------------------------------- */
+
+/* Torque of the drag on pulley j, against omega > 0; its derivative, and a bound of that for the
+ * speeds at which a belt under this tension can run. For models with drag. */
+double bd_drag_torque(const bd_model *model, int j, double omega);
+double bd_drag_slope(const bd_model *model, int j, double omega);
+double bd_drag_steepest(const bd_model *model, int j, double tension);
 
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
@@ -120,6 +130,7 @@ struct bd_plan {
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
+  int n_columns, columns[BD_N_ENERGY]; /* of the output `energy` */
   int n_effects;
   const bd_effect *effects[BD_MAX_EFFECTS];
 };
@@ -157,6 +168,8 @@ void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */
 double bd_mean_force(const bd_plan *plan, const double *y);
+/* Which columns the ledger of this plan has, into plan->columns. */
+void bd_energy_choose_columns(bd_plan *plan);
 /* E of MODEL section 7; its terms, and the works since the start. */
 double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 

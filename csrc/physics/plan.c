@@ -70,6 +70,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
                                                    .slot = model->slot[j]};
   }
   plan->n_effects = bd_effects_of(model, options, plan->effects);
+  bd_energy_choose_columns(plan);
 }
 
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {

@@ -109,6 +109,9 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->by_theta, np * np);
   BD_CARVE(carver, system->by_omega, np * np);
   BD_CARVE(carver, system->by_time, np);
+  if (model->drag) {
+    BD_CARVE(carver, system->at.pulley_damping, np);
+  }
   if (!carver->base) {
     return;
   }
@@ -250,6 +253,9 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
     for (int i = 0; i < np; ++i) {
       double inertia =
           i == j ? model->inertia[i] * (1.0 + g * system->at.mass_damping) + system->own[i] : 0.0;
+      if (i == j && system->at.pulley_damping) {
+        inertia += g * system->at.pulley_damping[i];
+      }
       double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
       system->matrix[i * np + j] = inertia - g * torque -
                                    kernels->border_row(system->at.n_runs[i], runs_of(system, i),
@@ -295,7 +301,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
                               runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
     }
   }
-  for (int k = 0; k < N_WORK; ++k) {
+  for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
   }
 }

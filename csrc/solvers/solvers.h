@@ -152,7 +152,7 @@ struct bd_stepper {
   double history_h[MAX_HISTORY]; /* and the lengths of the steps that led from them */
   int n_history;
   int rate_known, jacobian_known;
-  double work_middle[N_WORK]; /* power in the middle of the step just made */
+  double *work_middle; /* power in the middle of the step just made */
   long nfev, njev, nlu;
   bd_report report;
 };
