@@ -19,27 +19,25 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 CORE = Path("csrc")
-# No -ffast-math: only what lets loops vectorise without changing any result but errno and flags.
+# No -ffast-math: only what changes no result but errno and flags. Nothing is fused but where the
+# kernels say so (csrc/kernels/vector.h): results do not depend on how a compiler reads the code.
 FLAGS = [
     "-std=c11",
     "-O3",
     "-fno-math-errno",
     "-fno-trapping-math",
     "-ffp-contract=off",
-    "-fopenmp-simd",
     "-fvisibility=hidden",
     "-fno-wrapv",  # Python builds with -fwrapv, which hides from the compiler how far loops run
 ]
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
 AVX2 = ["-mavx2", "-mfma"]
 AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-width=512"]
-# The linear solver is checked by its residual: there a compiler may fuse multiplications and sums.
-FUSED = ["-ffp-contract=fast"]
 LEVELS = {
     CORE / "kernels" / "rhs_avx2.c": AVX2,
     CORE / "kernels" / "rhs_avx512.c": AVX512,
-    CORE / "kernels" / "newton_avx2.c": AVX2 + FUSED,
-    CORE / "kernels" / "newton_avx512.c": AVX512 + FUSED,
+    CORE / "kernels" / "newton_avx2.c": AVX2,
+    CORE / "kernels" / "newton_avx512.c": AVX512,
 }
 SOURCES = sorted(p for p in CORE.glob("*/*.c") if p.parent.name != "examples" and p not in LEVELS)
 X86 = platform.machine().lower() in {"x86_64", "amd64"} and "arm64" not in os.environ.get(

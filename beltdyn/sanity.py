@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Protocol
 
+import attrs
 import numpy as np
 
 from . import _core
@@ -102,16 +103,34 @@ def mesh_share(params: Drive) -> float:
 def contact_depth(params: Drive) -> Array:
     """Give how far the belt sinks into each pulley at rest (n_p,) [m].
 
-    The solution p of c1' p^2 + c2' p = T/R, where T is EA times the strain of the belt line. Under
+    The solution p of c1' p^2 + c2' p = T/r, where T is EA times the strain of the belt line less
+    what the sinking takes off it (MODEL section 6), ``info["contact_strain"]``. Under
     torque one side of a wrap sinks in deeper and the other less; with fixed centres the mean
     tension, and so about the mean depth, is that of rest. The tension that the mesh adds,
     :func:`mesh_share`, is left out.
     """
     contact, radii = params.contact, np.array([pulley.radius for pulley in params.pulleys])
-    pressure = params.info["mean_tension"] / radii
+    info = params.info
+    held = 1.0 - info["contact_strain"] / info["strain"]
+    pressure = held * info["mean_tension"] / radii
     # The root in the form that is exact for c1' = 0 and for c2' = 0.
     root = np.sqrt(contact.linear**2 + 4.0 * contact.quadratic * pressure)
     return np.asarray(2.0 * pressure / (contact.linear + root))
+
+
+def _stiff_enough(params: Drive, allowed: Array) -> float:
+    """Give the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    low, high = 0.0, float(np.max(params.info["mean_tension"] / (radii * allowed)))
+    for _ in range(20):  # to 1e-6
+        middle = 0.5 * (low + high)
+        contact = attrs.evolve(params.contact, linear=middle)
+        stiffer: Drive = attrs.evolve(params, contact=contact)  # type: ignore[misc]
+        if np.all(contact_depth(stiffer) <= allowed):
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def _of_belt(params: Drive) -> Iterator[RunWarning]:
@@ -140,13 +159,12 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
 
 
 def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
-    belt, contact, info = params.belt, params.contact, params.info
+    belt, info = params.belt, params.info
     radii = np.array([pulley.radius for pulley in params.pulleys])
     depth = contact_depth(params)
     worst = int(np.argmax(depth / radii))
     if depth[worst] > COMPLIANCE * radii[worst]:
-        allowed = COMPLIANCE * radii
-        needed = np.max(info["mean_tension"] / (radii * allowed) - contact.quadratic * allowed)
+        needed = _stiff_enough(params, COMPLIANCE * radii)
         yield RunWarning(
             code="compliance",
             text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into pulley {worst}, "
@@ -186,7 +204,7 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
         thickness = pulley.inertia / (DISC * pulley.radius**4)
         yield units(
             f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m pulley {light} "
-            f"has the inertia of a film of water of {thickness:.2g} um: are lengths in mm?",
+            f"is as light as a disc of water {thickness:.2g} um thick: are lengths in mm?",
             f"pulley {light}",
         )
     wave = math.sqrt(info["mean_tension"] / belt.linear_density)
@@ -194,7 +212,7 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
         yield units(
             f"a preload of {info['mean_tension']:.3g} N is little for a belt of "
             f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
-            "kN, or the density in g/m?",
+            "kN, or linear_density in g/m or kg/m^3 (density times cross-section is needed)?",
             "belt",
         )
     sound = math.sqrt(belt.axial_stiffness / belt.linear_density)
@@ -232,7 +250,7 @@ def units(text: str, where: str, t: float | None = None) -> RunWarning:
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
+    return f"{100.0 * share:.2g} %" if share < 0.0995 else f"{100.0 * share:.0f} %"
 
 
 def _up(value: float, digits: int) -> float:

@@ -162,18 +162,18 @@ static void row_search(bench *b) {
 }
 
 static void row_linearise(bench *b) {
-  bd_newton_linearise(&b->linear, &b->plan, b->y);
-  bd_newton_linearise_contact(&b->linear, &b->plan, b->y, 0.0);
+  bd_newton_linearise(&b->newton, &b->plan, b->y);
+  bd_newton_linearise_contact(&b->newton, &b->plan, b->y, 0.0);
 }
 
 static void row_factor(bench *b) {
-  bd_newton_factor(&b->linear, &b->plan, 1e-5);
+  bd_newton_factor(&b->newton, &b->plan, 1e-5);
 }
 
 /* of rates, which have to be fetched anew, for they become the solution */
 static void row_solve(bench *b) {
   memcpy(b->stage[1], b->stage[0], b->model->lay.size * sizeof *b->stage[0]);
-  bd_newton_solve(&b->linear, &b->plan, b->stage[1]);
+  bd_newton_solve(&b->newton, &b->plan, b->stage[1]);
 }
 
 static void row_tsit5(bench *b) {
@@ -276,11 +276,11 @@ static void carve(bd_carver *carver, bench *b, const bd_torque *torque) {
   for (int k = 0; k < STAGES; ++k) {
     BD_CARVE(carver, b->stage[k], lay->size);
   }
-  bd_newton_carve(carver, &b->linear, b->model);
+  bd_newton_carve(carver, &b->newton, b->model);
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
     bd_plan_carve(carver, plans[k], lay);
-    bd_torque_set_carve(carver, &plans[k]->load, lay->np, torque);
+    bd_torque_set_carve(carver, &plans[k]->torques, lay->np, torque);
   }
 }
 
@@ -312,7 +312,7 @@ static void open_bench(bench *b, const drive *d) {
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
     bd_plan_make(plans[k], model, &(bd_plan_options){.ledger = k, .friction = 1});
-    if (bd_torque_set_fill(&plans[k]->load, &torque, &err) != BD_OK) {
+    if (bd_torque_set_fill(&plans[k]->torques, &torque, &err) != BD_OK) {
       die(err.message);
     }
     bd_plan_place(plans[k], 0.0);

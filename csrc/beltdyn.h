@@ -101,8 +101,9 @@ typedef struct bd_dahl {
   double mu_k, sigma;
 } bd_dahl;
 
-/* The belt visits the pulleys in their order, all inside the loop; two pulleys: clockwise, the
- * upper span first. friction NULL: none, and no friction state either. */
+/* The belt visits the pulleys in their order, all inside the loop; one or two pulleys:
+ * clockwise, beginning where the belt leaves pulley 0. friction NULL: none, and no friction state
+ * either. */
 typedef struct bd_scene {
   bd_belt belt;
   int n_pulleys;
@@ -202,8 +203,8 @@ void bd_options_default(bd_options *options);
 
 typedef struct bd_sim bd_sim;
 
-/* Ready to run from `initial` to t_end under `torque`. A state whose joints gape or that does not
- * run round every pulley is BD_ERR_STATE. */
+/* Ready to run from `initial` to t_end under `torque`. A state with a joint stretched by more than
+ * a link, or that does not run round every pulley, is BD_ERR_STATE. */
 int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err);
 

@@ -37,7 +37,7 @@
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
   X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                        \
   X(dahl, mu_k, POSITIVE, "1", "kinetic friction coefficient (2.9)")                               \
-  X(dahl, sigma, POSITIVE, "1/m", "stiffness of the friction joint at rest (2.9)")
+  X(dahl, sigma, POSITIVE, "1/m", "Dahl stiffness, the slope dmu/ds at mu = 0 (2.9)")
 
 /* Fields of a state: X(name, size): LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS
  * n_p. With time they are the physical state; to go on bit for bit a run

@@ -1,5 +1,6 @@
 """Tests run against the installed package, not the checkout that happens to lie beside them."""
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -8,7 +9,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+# Tests run side by side: threads of BLAS, which it starts for small matrices too, only get in their
+# way. Before anything imports NumPy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """With -s no workers: what tests print would be lost in theirs."""
+    return 0 if config.getoption("capture") == "no" else None
 
 
 @pytest.fixture

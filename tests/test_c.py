@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import platform
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -14,18 +16,61 @@ ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
-FLAGS = ["-std=c11", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fopenmp-simd"]
+FLAGS = [
+    "-std=c11", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off",
+    "-fno-pic",  # tables of constants stay read-only, as the test of the symbols wants to see
+]  # fmt: skip
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
+COUNTING = ["-DBD_MALLOC=counting_malloc", "-DBD_FREE=counting_free"]
 #: Everything that does not see Python or a particular processor.
 SOURCES = sorted(
     p for p in CORE.glob("*/*.c")
     if p.parent.name not in ("binding", "examples") and "avx" not in p.name
 )  # fmt: skip
+#: Of these, what asks the heap and can be told to ask another.
+HEAP = [p for p in SOURCES if "BD_MALLOC" in p.read_text()]
 
 
-def compile_and_link(target: Path, sources: list[Path], *flags: str) -> None:
-    command = [COMPILER, *FLAGS, *STRICT, *flags, f"-I{CORE}", *map(str, sources)]
-    subprocess.run([*command, "-lm", "-o", str(target)], check=True)
+class Core:
+    """The core's objects in a folder: each is compiled once for its flags, whoever links it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.known: dict[tuple[Path, tuple[str, ...]], Path] = {}
+
+    def object(self, source: Path, *flags: str) -> Path:
+        """Compile one file, with warnings as errors."""
+        if (source, flags) not in self.known:
+            target = self.folder / f"{source.stem}-{len(self.known)}.o"
+            self.known[source, flags] = target
+            command = [COMPILER, *FLAGS, *STRICT, *flags, f"-I{CORE}", "-c", str(source)]
+            subprocess.run([*command, "-o", str(target)], check=True)
+        return self.known[source, flags]
+
+    def objects(self, *flags: str, heap: Sequence[str] = ()) -> list[Path]:
+        """Compile the core; `heap` are flags of what asks for memory."""
+        return [self.object(path, *flags, *(heap if path in HEAP else ())) for path in SOURCES]
+
+    def program(
+        self,
+        source: Path,
+        *flags: str,
+        own: Sequence[str] = (),
+        heap: Sequence[str] = (),
+        more: Sequence[Path] = (),
+    ) -> Path:
+        """Link a program with the core and more; `own` are flags of its own source alone."""
+        flags = (*flags, *os.environ.get("CFLAGS", "").split())
+        objects = [self.object(source, *flags, *own), *self.objects(*flags, heap=heap), *more]
+        target = objects[0].with_suffix("")
+        link = [*flags, "-no-pie", *os.environ.get("LDFLAGS", "").split()]
+        subprocess.run([COMPILER, *link, *map(str, objects), "-lm", "-o", str(target)], check=True)
+        return target
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
+    return Core(tmp_path_factory.mktemp("core"))
 
 
 def run(program: Path, *arguments: str) -> str:
@@ -50,50 +95,61 @@ def test_only_the_binding_sees_python() -> None:
 
 @pytest.mark.parametrize(
     "flags",
-    [["-O3"], ["-O1", *SANITIZERS], ["-O1", *SANITIZERS, "-DBD_SCALAR"]],
-    ids=["plain", "sanitized", "sanitized-scalar"],
+    [
+        pytest.param(["-O3"], id="plain"),
+        pytest.param(["-O1", *SANITIZERS], id="sanitized"),
+        pytest.param(
+            ["-O1", *SANITIZERS, "-DBD_SCALAR"], id="sanitized-scalar", marks=pytest.mark.slow
+        ),
+    ],
 )
-@pytest.mark.parametrize("program", ["test_core", "test_effects", "test_memory"])
-def test_c_tests(tmp_path: Path, program: str, flags: list[str]) -> None:
+@pytest.mark.parametrize("program", ["test_core", "test_effects", "test_memory", "test_kernels"])
+def test_c_tests(core: Core, program: str, flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
-    counting = ["-DBD_MALLOC=counting_malloc", "-DBD_FREE=counting_free"]
-    target = tmp_path / program
-    compile_and_link(
-        target,
-        [ROOT / "tests" / "c" / f"{program}.c", *SOURCES],
-        *flags,
-        *(counting if program == "test_memory" else []),
-    )
+    source = ROOT / "tests" / "c" / f"{program}.c"
+    target = core.program(source, *flags, heap=COUNTING if program == "test_memory" else ())
     out = run(target)
     match = re.search(r"(\d+) tests, 0 failures", out)
     assert match, out
     assert int(match[1]) >= 1
 
 
-def test_a_leak_is_seen(tmp_path: Path) -> None:
+@pytest.mark.skipif(platform.machine().lower() not in {"x86_64", "amd64"}, reason="levels of x86")
+def test_kernels_at_every_level(core: Core) -> None:
+    """What the processor does not have is left out by the program."""
+    levels = {"avx2": ["-mavx2", "-mfma"],
+              "avx512": ["-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma"]}  # fmt: skip
+    sources = sorted(CORE.glob("kernels/*avx*.c"))
+    assert len(sources) == 4
+    objects = [core.object(path, "-O3", *levels[path.stem.rpartition("_")[2]]) for path in sources]
+    test = ROOT / "tests" / "c" / "test_kernels.c"
+    target = core.program(test, "-O3", "-DBD_X86_LEVELS=1", more=objects)
+    assert "1 tests, 0 failures" in run(target)
+
+
+def test_a_leak_is_seen(core: Core, tmp_path: Path) -> None:
     """The sanitized build itself: a program that forgets its model must fail."""
     source = tmp_path / "leak.c"
     source.write_text(
         '#include "scene.h"\nint main(void) { bd_model *model; bd_scene scene = test_scene();\n'
         "  int code = bd_model_create(&model, &scene, NULL); model = NULL; return code; }\n"
     )
-    target = tmp_path / "leak"
-    compile_and_link(target, [source, *SOURCES], "-O0", *SANITIZERS, f"-I{ROOT / 'tests' / 'c'}",
-                     "-Wno-unused-function", "-Wno-unused-const-variable")  # fmt: skip
+    own = ["-O0", f"-I{ROOT / 'tests' / 'c'}", "-Wno-unused-function",
+           "-Wno-unused-const-variable"]  # fmt: skip
+    target = core.program(source, "-O1", *SANITIZERS, own=own)
     done = subprocess.run([target], capture_output=True, text=True)
     assert done.returncode != 0
     assert "LeakSanitizer" in done.stderr
 
 
-def test_example_runs(tmp_path: Path) -> None:
+def test_example_runs(core: Core) -> None:
     """The example of csrc/examples, and that its numbers are those of the Python package."""
     import drives
     import numpy as np
 
     import beltdyn as bd
 
-    target = tmp_path / "two_pulleys"
-    compile_and_link(target, [CORE / "examples" / "two_pulleys.c", *SOURCES], "-O3")
+    target = core.program(CORE / "examples" / "two_pulleys.c", "-O3")
     lines = run(target).splitlines()
     rows = np.array([[float(v) for v in line.split()] for line in lines[1:7]])
     result = bd.simulate(*drives.plain_scene()[:2], 0.05, t_eval=rows[:, 0])
@@ -102,13 +158,8 @@ def test_example_runs(tmp_path: Path) -> None:
     assert rows[:, 4] == pytest.approx(result.joints.force.max(axis=1), abs=0.1)
 
 
-def test_exported_symbols_carry_the_prefix(tmp_path: Path) -> None:
-    objects = []
-    for source in SOURCES:
-        target = tmp_path / f"{source.stem}.o"
-        command = [COMPILER, *FLAGS, "-fno-pic", f"-I{CORE}", "-c", str(source), "-o", target]
-        subprocess.run(command, check=True)
-        objects.append(target)
+def test_exported_symbols_carry_the_prefix(core: Core) -> None:
+    objects = core.objects("-O3")
     nm = shutil.which("nm")
     assert nm, "nm (binutils) comes with every C compiler"
     out = subprocess.run([nm, "-g", "--defined-only", *objects], capture_output=True, text=True,

@@ -278,6 +278,7 @@ def one_figure(three_runs: kubas.Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kubas, "runs", lambda progress: three_runs)
 
 
+@pytest.mark.slow
 def test_all_figures_of_the_paper(call: Callable[..., Result], tmp_path: Path) -> None:
     folder = tmp_path / "figures"
     result = call("figures", "--out", folder)

@@ -9,16 +9,19 @@ from __future__ import annotations
 import inspect
 import math
 import shlex
+from itertools import product
 from typing import Any
 
 import attrs
 import numpy as np
 import pytest
 import reference_curves as rc
+from slow import slow_if
 
 import beltdyn as bd
 from beltdyn.simulation import METHODS
 
+LONGEST = {("1", "lie"), ("2-5e3", "lie")}.__contains__
 DEFAULT_RTOL = float(inspect.signature(bd.simulate).parameters["rtol"].default)
 
 
@@ -140,8 +143,7 @@ def legs_by_defaults(
 
 
 @pytest.mark.filterwarnings("ignore:balance")  # Euler's method damps, and says so
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("case", rc.CASES)
+@pytest.mark.parametrize(("case", "method"), slow_if(LONGEST, product(rc.CASES, METHODS)))
 def test_defaults_against_the_curves(case: str, method: str) -> None:
     """From A's states at the start of each leg: joint forces to what the default tolerance allows.
 

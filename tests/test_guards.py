@@ -40,7 +40,7 @@ def test_a_state_beside_its_pulleys_is_refused(rest: bd.State) -> None:
 
 
 def test_a_state_with_x_and_y_exchanged_is_refused(rest: bd.State) -> None:
-    with pytest.raises(ValueError, match=r"joint on the left of link \d+ is open"):
+    with pytest.raises(ValueError, match=r"joint on the left of link \d+ is stretched"):
         bd.simulate(drives.plain(), RAMP, 0.1, initial=attrs.evolve(rest, x=rest.y, y=rest.x))
 
 
@@ -230,7 +230,10 @@ def test_settling_has_an_end() -> None:
     [
         ({"max_step": 1e-13}, "max_step = 1e-13 s"),
         ({"method": "lbdf2", "step": 1e-12}, "step = 1e-12 s"),
-        ({"method": "tsit5", "torque_fn": bd.Viscous([0.0, 1e7])}, "a load of so much viscosity"),
+        (
+            {"method": "tsit5", "torque_fn": bd.Viscous([0.0, 1e7])},
+            "a load with a very large viscous coefficient",
+        ),
     ],
 )
 def test_a_run_that_gets_nowhere_says_so_early(
@@ -262,7 +265,7 @@ def test_a_pulley_of_next_to_no_inertia(rest: bd.State) -> None:
     ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
     run = bd.simulate(light, ramp, 0.05, initial=rest, method="rodas4")
     assert run.stats.steps < 50_000
-    with pytest.raises(bd.SimulationError, match="so little inertia") as caught:
+    with pytest.raises(bd.SimulationError, match="very small inertia") as caught:
         bd.simulate(light, ramp, 0.3, initial=rest, method="tsit5")
     assert caught.value.symbol == "BD_ERR_STALLED"
     assert caught.value.pulley == 1

@@ -298,6 +298,7 @@ def test_every_ring_length_at_every_level(monkeypatch: pytest.MonkeyPatch, n: in
                 assert left_over(case, j, g, c) <= GROWTH, (level, g)
 
 
+@pytest.mark.slow
 def test_a_long_ring_leaves_rounding() -> None:
     """480 links, 60 rows in every arc; very stiff: long steps, hard contact, stiff friction.
 

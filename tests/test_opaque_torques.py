@@ -28,6 +28,7 @@ import drives
 import numpy as np
 import pytest
 from judged import quiet
+from slow import first
 
 import beltdyn as bd
 
@@ -159,7 +160,7 @@ class Pulse:
 PULSE_END = 0.15
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", first(40, range(200)))
 def test_random_pulse(seed: int) -> None:
     """1 to 20 ms of 20 to 200 N m, after a rest in which nothing asks for short steps."""
     pulse = Pulse.draw(seed)
@@ -167,7 +168,7 @@ def test_random_pulse(seed: int) -> None:
     hold_to(pulse.opaque(), PULSE_END, exact, ASKED[method_of(seed)])
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", first(8, range(40)))
 def test_visible_torques_are_right(seed: int) -> None:
     """The bound above is of torques: without their riddle every method keeps it."""
     pulse = Pulse.draw(seed)
@@ -245,7 +246,7 @@ def hold_noise_to_its_mean(
 
 
 @pytest.mark.parametrize("of_time", [False, True], ids=["per call", "of time"])
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", first(4, range(16)))
 def test_noise(seed: int, of_time: bool) -> None:
     """0.1 to 5 % of 100 N m."""
     share = 1e-3 * math.exp(np.random.default_rng([seed, 2]).uniform(0.0, math.log(50.0)))
@@ -290,7 +291,7 @@ def smoothed(law: Callable[[float], float], jump: float, width: float) -> Callab
     return ramp
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", first(4, range(16)))
 def test_relay(seed: int) -> None:
     """M = -T sign(omega - w0): up to w0, where it stays, switched to and fro."""
     rng = np.random.default_rng([seed, 3])
@@ -302,7 +303,7 @@ def test_relay(seed: int) -> None:
     hold_to(relay, 0.06, exact, ASKED[method_of(seed)])
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", first(4, range(16)))
 def test_quantised_speed(seed: int) -> None:
     """A controller that sees the speed in steps of a tenth to a third of the set one."""
     rng = np.random.default_rng([seed, 4])
@@ -386,7 +387,7 @@ def switched(torque: float, w0: float, band: float, t_end: float) -> Course:
     return legs.course()
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", first(4, range(8)))
 def test_relay_with_hysteresis(seed: int) -> None:
     """It goes round between two speeds; in what phase, each switch shifts a little. Two courses out
     of phase differ by the width of the band, and by the energy that is put in across it.
@@ -421,7 +422,7 @@ class SampleAndHold:
         return self.held
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", first(4, range(16)))
 def test_sample_and_hold(seed: int) -> None:
     """Period 0.2 to 5 ms; gains at which a period takes at most a third of the way to w0."""
     rng = np.random.default_rng([seed, 6])
@@ -470,7 +471,7 @@ class DelayedInOrder(Delayed):
 
 
 @pytest.mark.parametrize("kind", [Delayed, DelayedInOrder])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", first(4, range(8)))
 def test_delayed_controller(seed: int, kind: type[Delayed]) -> None:
     """Delay 1 to 5 ms, gain / I times delay up to 0.3 (without oscillation up to 1 / e). The
     reference goes delay by delay: in each the torque is known from the one before.

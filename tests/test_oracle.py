@@ -15,6 +15,7 @@ import pytest
 import reference
 import reference_run
 from bridge import fields, oracle_of
+from slow import slow_if
 
 import beltdyn as bd
 
@@ -58,10 +59,11 @@ CASES = {
     "bearing drag, running": lambda: running(dragging, 0.2),
     "flywheel, full slip": lambda: running(bd.scenes.flywheel_start, 0.10),
 }
+LONGEST = list(CASES)[1:].__contains__
 
 
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_if(LONGEST, CASES))
 def test_core_agrees_with_oracle(case: str) -> None:
     scene, start = CASES[case]()
     params, torque = scene.params, scene.torque_fn

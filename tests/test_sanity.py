@@ -93,7 +93,7 @@ def test_a_calm_drive_says_nothing() -> None:
     [
         (drive(links=60), "mesh", True, "n_bodies = 220"),
         (drive(strain=0.031), "strain", False, "belt.length = 1.174"),
-        (drive(contact=bd.Contact(linear=9e6)), "compliance", True, "contact.linear = 9.8e+06"),
+        (drive(contact=bd.Contact(linear=4e6)), "compliance", True, "contact.linear = 6.2e+06"),
         (drive((0.02, 0.1), strain=0.029, links=90), "long_links", True, "n_bodies = 100"),
         (drive(gravity=(0.0, -9810.0)), "units", False, "mm/s^2"),
     ],
@@ -113,9 +113,12 @@ def test_what_is_suggested_is_enough_and_not_much_too_much() -> None:
     assert "strain" not in codes(drive(strain=0.0299))
     length = attrs.evolve(drive(strain=0.031).belt, length=1.174)
     assert "strain" not in codes(attrs.evolve(drive(strain=0.031), belt=length))
-    # contact: 70e3 N x 0.007 / (0.1 m x 0.5 mm) = 9.8e6 N/m^2
-    assert "compliance" not in codes(drive(contact=bd.Contact(linear=9.81e6)))
-    assert "compliance" in codes(drive(contact=bd.Contact(linear=9.79e6)))
+    # contact: the wraps, together 2 pi, at a depth of 0.5 mm take 2 pi 0.5 mm / L off the strain;
+    # what is left of 70e3 N x 0.007, 307 N, over 0.1 m x 0.5 mm is 6.14e6 N/m^2
+    left = 70e3 * (0.007 - 2.0 * math.pi * 0.5e-3 / drive().belt.length)
+    needed = left / (0.1 * 0.5e-3)
+    assert "compliance" not in codes(drive(contact=bd.Contact(linear=1.001 * needed)))
+    assert "compliance" in codes(drive(contact=bd.Contact(linear=0.999 * needed)))
     # links: half a radius is 10 mm
     small = drive((0.02, 0.1), strain=0.029)
     least = math.ceil(small.belt.length / 0.01)
@@ -133,19 +136,21 @@ def test_what_is_suggested_is_enough_and_not_much_too_much() -> None:
     ],
 )
 def test_contact_depth_against_a_settled_belt(contact: bd.Contact) -> None:
-    """Links on the wrap lie that much inside, but for what sinking in takes off the tension."""
+    """Links on the wrap lie that much inside."""
     params = drive((0.06, 0.12), links=480, contact=attrs.evolve(contact, damping=1e3))
     state = bd.settle(params)
     expected = sanity.contact_depth(params)
-    # The belt loses sum(wrap p)/L of its strain; wraps add up to 2 pi. That is a part of what p
-    # itself is known to; the mesh adds its share.
-    lost = 2.0 * math.pi * expected.max() / params.belt.length / params.info["strain"]
     for k, pulley in enumerate(params.pulleys):
         depth = pulley.radius - np.hypot(state.x - pulley.center[0], state.y - pulley.center[1])
         # The middle of the wrap: to the left of the left pulley, to the right of the right one.
         middle = (state.x - pulley.center[0]) * (2 * k - 1) > 0.7 * pulley.radius
         mean = float(depth[middle].mean())
-        assert 1.0 - lost - 0.01 < mean / expected[k] < 1.0 + sanity.mesh_share(params)
+        # First order in p/r: the pressure is T/(r - p) and the arc is that of r - p, of order one
+        # each; the contact is per metre of the stress-free belt, and more of it lies on the arc by
+        # the strain; the mesh adds its share of the tension.
+        strain = params.info["strain"] - params.info["contact_strain"]
+        error = sanity.mesh_share(params) + strain + 3.0 * expected[k] / pulley.radius
+        assert mean == pytest.approx(expected[k], rel=error)
 
 
 def paper() -> bd.Params:
@@ -251,7 +256,7 @@ def test_other_units() -> None:
     small = drive((0.003, 0.003), 0.05, inertia=1e-6)
     assert "units" not in codes(small)
     (one,) = [one for one in sanity.check(at_scale(small, 1e3)) if one.code == "units"]
-    assert "film of water" in one.text and "mm" in one.text
+    assert "disc of water" in one.text and "mm" in one.text
     # A modulus of 2.1e11 Pa; a density in kg/mm.
     assert "Pa" in sanity.check(drive(stiffness=2.1e11, strain=1e-3))[-1].text
     assert "kg/mm" in sanity.check(drive(density=1e-4))[-1].text

@@ -15,6 +15,7 @@ import attrs
 import numpy as np
 import pytest
 import reference
+from slow import slow_if
 
 import beltdyn as bd
 
@@ -27,6 +28,7 @@ SCENES = ("kubas-case-1", "three-pulleys")
 METHODS = ("lbdf2", "lie")
 STEPS = (1e-4, 4e-4)  # s
 FINE = (60, 240, 960, 3840)
+LONGEST = {("kubas-case-1", 3840)}.__contains__
 
 
 @cache
@@ -141,8 +143,7 @@ def matrix(n: int) -> list[tuple[float, float, float]]:
     return every if n <= 240 else fine
 
 
-@pytest.mark.parametrize("n", FINE)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "n"), slow_if(LONGEST, product(SCENES, FINE)))
 def test_nothing_fails(name: str, n: int) -> None:
     """From rest up, 40 ms: no step fails, and energy does not come from nowhere.
 
@@ -162,8 +163,7 @@ def test_nothing_fails(name: str, n: int) -> None:
             assert made_up(result) <= 1e-2 * result.energy.axial[0], where
 
 
-@pytest.mark.parametrize("n", FINE)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "n"), slow_if(LONGEST, product(SCENES, FINE)))
 def test_contact_a_thousand_times_stiffer(name: str, n: int) -> None:
     """Steps of 1e-4 s, and steps chosen by rtol = 1e-2, which see links bounce, within micrometres.
     Errors are 1 % of a stretch at most, so what is made up stays below 1 % of the energy of that.
@@ -178,8 +178,7 @@ def test_contact_a_thousand_times_stiffer(name: str, n: int) -> None:
         assert made_up(result) <= 1e-2 * result.energy.axial[0], options
 
 
-@pytest.mark.parametrize("n", [240, 960, 3840])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "n"), slow_if(LONGEST, product(SCENES, FINE[1:])))
 def test_a_start_out_of_balance_comes_to_rest(name: str, n: int) -> None:
     """Links pressed 0.5 mm deep fly off, and the steps take their energy away: none is made, and
     after 20 ms the belt carries no more than from rest, by a quarter for what still shakes.

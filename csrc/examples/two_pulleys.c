@@ -2,9 +2,9 @@
  *
  * A belt drive from C, without Python: settle it, run it for 50 ms, print speeds and tensions.
  *
- *   cc -std=c11 -O3 -fno-math-errno -fno-trapping-math -ffp-contract=off -fopenmp-simd -Icsrc \
+ *   cc -std=c11 -O3 -fno-math-errno -fno-trapping-math -ffp-contract=off -Icsrc \
  *     -o two_pulleys csrc/examples/two_pulleys.c \
- *     $(ls csrc/[a-z]*.c | grep -v -e convert -e avx) -lm
+ *     $(find csrc -name '*.c' | grep -v -e binding -e examples -e avx) -lm
  *
  * which leaves out the Python binding and builds the baseline kernels alone.
  */

@@ -18,7 +18,7 @@ typedef struct bd_links {
   double wind;             /* phi of link 0 seen from link n-1: 2 pi winding */
   const double *link_mask; /* 1 for links, 0 for the padding */
   double *cos, *sin;
-  double *rx, *ry, *fx, *fy; /* scratch of solvers/newton_system.c */
+  double *rx, *ry, *fx, *fy; /* scratch of jacobian.h */
 } bd_links;
 
 /* One pulley as the contact pass sees it. */
@@ -59,11 +59,11 @@ typedef struct bd_kernels {
                                const double *owner, const double *y, int begin, int end);
   /* Largest squared speed of a link. */
   double (*fastest)(const bd_layout *lay, const double *y);
-  /* out = y + h sum a[j] k[j] */
+  /* out = y + h sum a[j] k[j], 1 to MAX_VECTORS vectors */
   void (*combine)(size_t n, double *out, const double *y, double h, int m, const double *a,
                   double *const *k);
-  /* Largest w |h sum e[j] k[j]| over links and pulleys, positions and velocities as vectors, so
-   * that it does not depend on the axes; NaN becomes infinity. */
+  /* Largest w |h sum e[j] k[j]|, of as many, over links and pulleys, positions and velocities as
+   * vectors, so that it does not depend on the axes; NaN becomes infinity. */
   double (*error_norm)(const bd_layout *lay, double h, int m, const double *e, double *const *k,
                        const double *w);
 } bd_kernels;

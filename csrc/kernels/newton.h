@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "kernels/kernels.h"
-#include "kernels/simd.h"
+#include "kernels/vector.h"
 
 #include "kernels/ring.h"
 

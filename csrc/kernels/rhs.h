@@ -13,7 +13,6 @@
 #include <math.h>
 
 #include "kernels/kernels.h"
-#include "kernels/simd.h"
 #include "kernels/vector.h"
 
 /* sin and cos together: quadrant by the nearest multiple of pi/2, Cody-Waite reduction with three
@@ -46,16 +45,73 @@ INLINE void sine_cosine(vec angle, vec *sine, vec *cosine) {
   *cosine = as_vec(as_bits(c) ^ swap ^ (((quadrant + 1) & 2) << 62));
 }
 
+/* Centres of a vector of links. */
+typedef struct centres {
+  vec x, y, vx, vy;
+} centres;
+
 /* A vector of links as their joints see them: directions, and the right ends. */
 typedef struct ends {
   vec phi, vphi, cos, sin, x, y, vx, vy;
 } ends;
 
 /* Forces in the joints on the left of links, tension along +d, per mass of a link, and bending
- * moments per its moment of inertia. */
+ * moments per its moment of inertia; the power lost there. */
 typedef struct forces {
-  vec x, y, moment;
+  vec x, y, moment, loss;
 } forces;
+
+/* What the joints have in common. */
+typedef struct joint_constants {
+  vec half, arm, per_mass, damping_per_mass, per_inertia, damping_per_inertia;
+  vec damping, bend_damping;
+} joint_constants;
+
+INLINE joint_constants joint_constants_of(const bd_links *links) {
+  return (joint_constants){
+      .half = splat(links->half),
+      .arm = splat(links->half * links->inv_inertia / links->inv_mass),
+      .per_mass = splat(links->stiffness * links->inv_mass),
+      .damping_per_mass = splat(links->damping * links->inv_mass),
+      .per_inertia = splat(links->bending * links->inv_inertia),
+      .damping_per_inertia = splat(links->bending_damping * links->inv_inertia),
+      .damping = splat(links->damping),
+      .bend_damping = splat(links->bending_damping),
+  };
+}
+
+INLINE ends ends_of(const centres *r, vec phi, vec vphi, vec half) {
+  ends link = {.phi = phi, .vphi = vphi};
+  const vec speed = half * vphi;
+  sine_cosine(phi, &link.sin, &link.cos);
+  link.x = fma_(half, link.cos, r->x);
+  link.y = fma_(half, link.sin, r->y);
+  link.vx = fma_(-speed, link.sin, r->vx);
+  link.vy = fma_(speed, link.cos, r->vy);
+  return link;
+}
+
+/* In the joints between links and those before them. */
+INLINE forces joint_forces(const joint_constants *c, const centres *r, const ends *link,
+                           const ends *before, const int bending, const int ledger) {
+  const vec half = c->half, speed = half * link->vphi;
+  const vec dx = fma_(-half, link->cos, r->x) - from_left(before->x, link->x);
+  const vec dy = fma_(-half, link->sin, r->y) - from_left(before->y, link->y);
+  const vec du = fma_(speed, link->sin, r->vx) - from_left(before->vx, link->vx);
+  const vec dv = fma_(-speed, link->cos, r->vy) - from_left(before->vy, link->vy);
+  forces f = {.x = fma_(c->per_mass, dx, c->damping_per_mass * du),
+              .y = fma_(c->per_mass, dy, c->damping_per_mass * dv)};
+  const vec turn = link->phi - from_left(before->phi, link->phi);
+  const vec rate = link->vphi - from_left(before->vphi, link->vphi);
+  if (bending) {
+    f.moment = fma_(c->per_inertia, turn, c->damping_per_inertia * rate);
+  }
+  if (ledger) {
+    f.loss = c->damping * fma_(du, du, dv * dv);
+    f.loss = bending ? fma_(c->bend_damping * rate, rate, f.loss) : f.loss;
+  }
+  return f;
+}
 
 typedef struct rates {
   vec x, y, phi;
@@ -67,6 +123,18 @@ INLINE rates accelerations(const ends *link, const forces *f, const forces *righ
   const vec turning = fma_(link->cos, f->y + right->y, -(link->sin * (f->x + right->x)));
   return (rates){right->x - f->x, right->y - f->y,
                  bending ? fma_(arm, turning, right->moment - f->moment) : arm * turning};
+}
+
+/* No rates: of the links' padding from `begin` on, and of the friction of all. */
+INLINE void clear_others(const bd_layout *lay, double *out, int begin) {
+  for (int f = F_X; f <= F_VPHI; ++f) {
+    for (int i = begin; i < lay->n8; i += WIDTH) {
+      store(bd_field(lay, out, f) + i, (vec){0.0});
+    }
+  }
+  for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
+    store(out + k, (vec){0.0});
+  }
 }
 
 /* One pass: a vector's forces need the right end of the link before it, its accelerations the
@@ -83,59 +151,35 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   double *ophi = bd_field(lay, out, F_PHI), *ovphi = bd_field(lay, out, F_VPHI);
   double *ovx = bd_field(lay, out, F_VX), *ovy = bd_field(lay, out, F_VY);
   double *co = links->cos, *si = links->sin;
-  const vec half = splat(links->half), damping = splat(links->damping);
-  const vec per_mass = splat(links->stiffness * links->inv_mass);
-  const vec damping_per_mass = splat(links->damping * links->inv_mass);
-  const vec per_inertia = splat(links->bending * links->inv_inertia);
-  const vec damping_per_inertia = splat(links->bending_damping * links->inv_inertia);
-  const vec bend_damping = splat(links->bending_damping);
-  const vec arm = splat(links->half * links->inv_inertia / links->inv_mass);
+  const joint_constants c = joint_constants_of(links);
   const vec lane = lane_numbers();
-  vec loss = {0.0}, lost = {0.0};
+  vec loss = {0.0};
 
-  ends before = {.phi = splat(phi[n - 1] - links->wind), .vphi = splat(vphi[n - 1])};
-  sine_cosine(splat(phi[n - 1]), &before.sin, &before.cos);
-  before.x = fma_(half, before.cos, splat(x[n - 1]));
-  before.y = fma_(half, before.sin, splat(yy[n - 1]));
-  before.vx = fma_(-half * before.vphi, before.sin, splat(vx[n - 1]));
-  before.vy = fma_(half * before.vphi, before.cos, splat(vy[n - 1]));
+  const centres end = {splat(x[n - 1]), splat(yy[n - 1]), splat(vx[n - 1]), splat(vy[n - 1])};
+  ends before = ends_of(&end, splat(phi[n - 1]), splat(vphi[n - 1]), c.half);
+  before.phi = splat(phi[n - 1] - links->wind);
   forces left = {0}, first = {0};
   for (int i = 0; i <= last; i += WIDTH) {
-    ends link = {.phi = load(phi + i), .vphi = load(vphi + i)};
-    const vec rx = load(x + i), ry = load(yy + i), u = load(vx + i), v = load(vy + i);
-    sine_cosine(link.phi, &link.sin, &link.cos);
+    const centres r = {load(x + i), load(yy + i), load(vx + i), load(vy + i)};
+    const ends link = ends_of(&r, load(phi + i), load(vphi + i), c.half);
+    const forces f = joint_forces(&c, &r, &link, &before, bending, ledger);
     store(co + i, link.cos);
     store(si + i, link.sin);
-    store(ox + i, u);
-    store(oy + i, v);
+    store(ox + i, r.vx);
+    store(oy + i, r.vy);
     store(ophi + i, link.vphi);
-    const vec speed = half * link.vphi;
-    link.x = fma_(half, link.cos, rx);
-    link.y = fma_(half, link.sin, ry);
-    link.vx = fma_(-speed, link.sin, u);
-    link.vy = fma_(speed, link.cos, v);
-    const vec dx = fma_(-half, link.cos, rx) - from_left(before.x, link.x);
-    const vec dy = fma_(-half, link.sin, ry) - from_left(before.y, link.y);
-    const vec du = fma_(speed, link.sin, u) - from_left(before.vx, link.vx);
-    const vec dv = fma_(-speed, link.cos, v) - from_left(before.vy, link.vy);
-    forces f = {.x = fma_(per_mass, dx, damping_per_mass * du),
-                .y = fma_(per_mass, dy, damping_per_mass * dv)};
-    const vec turn = link.phi - from_left(before.phi, link.phi);
-    const vec rate = link.vphi - from_left(before.vphi, link.vphi);
-    if (bending) {
-      f.moment = fma_(per_inertia, turn, damping_per_inertia * rate);
-    }
     if (ledger) {
-      loss += lost;
-      lost = damping * fma_(du, du, dv * dv);
-      lost = bending ? fma_(bend_damping * rate, rate, lost) : lost;
+      loss += left.loss;
     }
     if (i == 0) {
-      first = (forces){splat(first_of(f.x)), splat(first_of(f.y)), splat(first_of(f.moment))};
+      first = (forces){.x = splat(first_of(f.x)),
+                       .y = splat(first_of(f.y)),
+                       .moment = splat(first_of(f.moment))};
     } else {
-      const forces right = {from_right(left.x, f.x), from_right(left.y, f.y),
-                            from_right(left.moment, f.moment)};
-      const rates a = accelerations(&before, &left, &right, arm, bending);
+      const forces right = {.x = from_right(left.x, f.x),
+                            .y = from_right(left.y, f.y),
+                            .moment = from_right(left.moment, f.moment)};
+      const rates a = accelerations(&before, &left, &right, c.arm, bending);
       store(ovx + i - WIDTH, a.x);
       store(ovy + i - WIDTH, a.y);
       store(ovphi + i - WIDTH, a.phi);
@@ -145,22 +189,16 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   }
   /* the last vector: joint n is joint 0, and what lies past it stays at rest */
   const mask inner = less(lane, splat(n - 1 - last)), link_mask = less(lane, splat(n - last));
-  const forces right = {choose(inner, from_right(left.x, left.x), first.x),
-                        choose(inner, from_right(left.y, left.y), first.y),
-                        choose(inner, from_right(left.moment, left.moment), first.moment)};
-  const rates a = accelerations(&before, &left, &right, arm, bending);
-  store(ovx + last, choose(link_mask, a.x, (vec){0.0}));
-  store(ovy + last, choose(link_mask, a.y, (vec){0.0}));
-  store(ovphi + last, choose(link_mask, a.phi, (vec){0.0}));
-  for (int f = F_X; f <= F_VPHI; ++f) {
-    for (int i = last + WIDTH; i < lay->n8; i += WIDTH) {
-      store(bd_field(lay, out, f) + i, (vec){0.0});
-    }
-  }
-  for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
-    store(out + k, (vec){0.0});
-  }
-  return ledger ? sum(loss + choose(link_mask, lost, (vec){0.0})) : 0.0;
+  const forces right = {.x = choose(inner, from_right(left.x, left.x), first.x),
+                        .y = choose(inner, from_right(left.y, left.y), first.y),
+                        .moment =
+                            choose(inner, from_right(left.moment, left.moment), first.moment)};
+  const rates a = accelerations(&before, &left, &right, c.arm, bending);
+  store(ovx + last, where(link_mask, a.x));
+  store(ovy + last, where(link_mask, a.y));
+  store(ovphi + last, where(link_mask, a.phi));
+  clear_others(lay, out, last + WIDTH);
+  return ledger ? sum(loss + where(link_mask, left.loss)) : 0.0;
 }
 
 /* Contact of the links with one pulley. A vector of links without contact costs one test of
@@ -200,12 +238,12 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
       const vec closing = -fma_(ux, nx, uy * ny);
       const vec elastic = fma_(quadratic, p, linear) * p;
       const vec raw = fma_(damping, closing, elastic);
-      const vec normal = choose(touch, larger(raw, none), none);
+      const vec normal = where(touch, larger(raw, none));
       vec fx = normal * nx, fy = normal * ny;
       if (friction) {
         const vec mu = load(mus + i);
         const vec slide = fma_(uy, nx, -(ux * ny)) - omega * rho;
-        const vec v = choose(touch, slide, none);
+        const vec v = where(touch, slide);
         const vec tangential = mu * normal;
         fx = fma_(tangential, ny, fx);
         fy = fma_(-tangential, nx, fy);
@@ -217,7 +255,7 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
         }
       }
       if (ledger) {
-        contact_loss += choose(touch, (normal - elastic) * closing, none);
+        contact_loss += where(touch, (normal - elastic) * closing);
       }
       store(ovx + i, fma_(inv_mass, fx, load(ovx + i)));
       store(ovy + i, fma_(inv_mass, fy, load(ovy + i)));
@@ -296,6 +334,10 @@ static double fastest(const bd_layout *lay, const double *y) {
   return largest(most);
 }
 
+/* The numbers of vectors that sums are made for, each with a loop of its own. */
+#define COUNTS(X) X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8)
+_Static_assert(MAX_VECTORS == 8, "COUNTS goes up to MAX_VECTORS");
+
 INLINE void scaled(double h, const int m, const double *a, vec *ha) {
   for (int j = 0; j < m; ++j) {
     ha[j] = splat(h * a[j]);
@@ -312,7 +354,7 @@ INLINE vec weighted_sum(size_t i, const int m, const vec *a, double *const *k) {
 
 INLINE void combine_fixed(size_t n, double *restrict out, const double *restrict y, double h,
                           const int m, const double *a, double *const *k) {
-  vec ha[BD_MAX_STAGES];
+  vec ha[MAX_VECTORS];
   scaled(h, m, a, ha);
   for (size_t i = 0; i < n; i += WIDTH) {
     store(out + i, load(y + i) + weighted_sum(i, m, ha, k));
@@ -325,17 +367,9 @@ static void combine(size_t n, double *out, const double *y, double h, int m, con
 #define CASE(count)                                                                                \
   case count:                                                                                      \
     combine_fixed(n, out, y, h, count, a, k);                                                      \
-    break
-    CASE(1);
-    CASE(2);
-    CASE(3);
-    CASE(4);
-    CASE(5);
-    CASE(6);
-    CASE(7);
-#undef CASE
-  default:
     break;
+    COUNTS(CASE)
+#undef CASE
   }
 }
 
@@ -359,7 +393,7 @@ INLINE void weigh(size_t i, const size_t pair, const int m, const vec *e, double
 
 INLINE double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
                           double *const *k, const double *w) {
-  vec he[BD_MAX_STAGES];
+  vec he[MAX_VECTORS];
   scaled(h, m, e, he);
   const size_t stride = (size_t)lay->stride;
   const vec none = {0.0};
@@ -383,17 +417,13 @@ INLINE double error_fixed(const bd_layout *lay, double h, const int m, const dou
 static double error_norm(const bd_layout *lay, double h, int m, const double *e, double *const *k,
                          const double *w) {
   switch (m) {
-  case 1:
-    return error_fixed(lay, h, 1, e, k, w);
-  case 3:
-    return error_fixed(lay, h, 3, e, k, w);
-  case 4:
-    return error_fixed(lay, h, 4, e, k, w);
-  case 5:
-    return error_fixed(lay, h, 5, e, k, w);
-  default:
-    return error_fixed(lay, h, 7, e, k, w);
+#define CASE(count)                                                                                \
+  case count:                                                                                      \
+    return error_fixed(lay, h, count, e, k, w);
+    COUNTS(CASE)
+#undef CASE
   }
+  return INFINITY; /* no such number of vectors */
 }
 
 extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL);

@@ -2,17 +2,23 @@
  *
  * Vectors of doubles for the kernels: as wide as the instruction level that a file is compiled for;
  * two at a time with gcc and clang on any processor; elsewhere (or with BD_SCALAR) plain C, one at
- * a time. Arithmetic is written with C's operators; below is what has no operator.
+ * a time. Arithmetic is written with C's operators; below is what has no operator. Compilers must
+ * not fuse operators on their own (-ffp-contract=off): where a multiplication and a sum are to be
+ * rounded once, fma_ or fnma_ says so, and results do not depend on the shape of the code.
  */
 #ifndef BELTDYN_VECTOR_H
 #define BELTDYN_VECTOR_H
 
 #include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 #ifdef __AVX2__
 #include <immintrin.h>
 #endif
+
+#define PASTE2(a, b) a##b
+#define PASTE(a, b) PASTE2(a, b)
 
 #if !defined(__GNUC__) || defined(BD_SCALAR)
 #define INLINE static inline
@@ -38,8 +44,23 @@ INLINE vec load(const double *p) {
   return *(const vec_in_memory *)p;
 }
 
+INLINE vec load_unaligned(const double *p) {
+  vec out;
+  memcpy(&out, p, sizeof out);
+  return out;
+}
+
 INLINE void store(double *p, vec a) {
   *(vec_in_memory *)p = a;
+}
+
+/* Lane l to place at[l]. */
+INLINE void scatter(double *to, const ptrdiff_t *at, vec a) {
+  double lanes[WIDTH];
+  memcpy(lanes, &a, sizeof a);
+  for (int lane = 0; lane < WIDTH; ++lane) {
+    to[at[lane]] = lanes[lane];
+  }
 }
 
 INLINE vec splat(double a) {
@@ -111,12 +132,24 @@ INLINE mask less(vec a, vec b) {
 INLINE int any(mask m) {
   return m != 0;
 }
+/* a, but not b */
+INLINE mask except(mask a, mask b) {
+  return (mask)(a & ~b);
+}
 INLINE vec choose(mask m, vec a, vec b) {
   return _mm512_mask_blend_pd(m, b, a);
+}
+/* a, or 0 elsewhere */
+INLINE vec where(mask m, vec a) {
+  return _mm512_maskz_mov_pd(m, a);
 }
 /* a b + c with one rounding, where the level has it in hardware */
 INLINE vec fma_(vec a, vec b, vec c) {
   return _mm512_fmadd_pd(a, b, c);
+}
+/* c - a b, likewise */
+INLINE vec fnma_(vec a, vec b, vec c) {
+  return _mm512_fnmadd_pd(a, b, c);
 }
 /* a, or b where a is smaller or none */
 INLINE vec larger(vec a, vec b) {
@@ -129,6 +162,28 @@ INLINE vec from_left(vec before, vec a) {
 /* ... and one to the right. */
 INLINE vec from_right(vec a, vec after) {
   return (vec)_mm512_alignr_epi64((__m512i)after, (__m512i)a, 1);
+}
+/* The lanes as a ring of their own: lane l takes what lane l + n has, n a power of 2 or minus one.
+ */
+INLINE vec turned(vec a, const int n) {
+  const __m512i all = (__m512i)a;
+  switch (n) {
+  case -2:
+    return (vec)_mm512_alignr_epi64(all, all, 6);
+  case -1:
+    return (vec)_mm512_alignr_epi64(all, all, 7);
+  case 1:
+    return (vec)_mm512_alignr_epi64(all, all, 1);
+  case 2:
+    return (vec)_mm512_alignr_epi64(all, all, 2);
+  default:
+    return _mm512_shuffle_f64x2(a, a, 0x4e);
+  }
+}
+/* Lane l from place at[l]. */
+INLINE vec gather(const double *from, const ptrdiff_t *at) {
+  return (vec){from[at[0]], from[at[1]], from[at[2]], from[at[3]],
+               from[at[4]], from[at[5]], from[at[6]], from[at[7]]};
 }
 /* 1/sqrt(a) to 14 bits */
 INLINE vec root_estimate(vec a) {
@@ -146,11 +201,20 @@ INLINE mask less(vec a, vec b) {
 INLINE int any(mask m) {
   return _mm256_movemask_pd((vec)m) != 0;
 }
+INLINE mask except(mask a, mask b) {
+  return a & ~b;
+}
 INLINE vec choose(mask m, vec a, vec b) {
   return _mm256_blendv_pd(b, a, (vec)m);
 }
+INLINE vec where(mask m, vec a) {
+  return _mm256_and_pd((vec)m, a);
+}
 INLINE vec fma_(vec a, vec b, vec c) {
   return _mm256_fmadd_pd(a, b, c);
+}
+INLINE vec fnma_(vec a, vec b, vec c) {
+  return _mm256_fnmadd_pd(a, b, c);
 }
 INLINE vec larger(vec a, vec b) {
   return _mm256_max_pd(a, b);
@@ -160,6 +224,19 @@ INLINE vec from_left(vec before, vec a) {
 }
 INLINE vec from_right(vec a, vec after) {
   return _mm256_shuffle_pd(a, _mm256_permute2f128_pd(a, after, 0x21), 5);
+}
+INLINE vec turned(vec a, const int n) {
+  switch (n) {
+  case -1:
+    return _mm256_permute4x64_pd(a, 0x93);
+  case 1:
+    return _mm256_permute4x64_pd(a, 0x39);
+  default:
+    return _mm256_permute4x64_pd(a, 0x4e);
+  }
+}
+INLINE vec gather(const double *from, const ptrdiff_t *at) {
+  return (vec){from[at[0]], from[at[1]], from[at[2]], from[at[3]]};
 }
 /* 1/sqrt(a) to 11 bits, for a within the range of a float; the last bits of what Newton makes of it
  * may differ between makers of processors */
@@ -178,14 +255,27 @@ INLINE mask less(vec a, vec b) {
 INLINE int any(mask m) {
   return (m[0] | m[1]) != 0;
 }
+INLINE mask except(mask a, mask b) {
+  return a & ~b;
+}
 INLINE vec choose(mask m, vec a, vec b) {
   return (vec)(((bits)a & m) | ((bits)b & ~m));
+}
+INLINE vec where(mask m, vec a) {
+  return (vec)((bits)a & m);
 }
 INLINE vec fma_(vec a, vec b, vec c) {
 #ifdef __FP_FAST_FMA
   return (vec){__builtin_fma(a[0], b[0], c[0]), __builtin_fma(a[1], b[1], c[1])};
 #else
   return a * b + c;
+#endif
+}
+INLINE vec fnma_(vec a, vec b, vec c) {
+#ifdef __FP_FAST_FMA
+  return fma_(-a, b, c);
+#else
+  return c - a * b;
 #endif
 }
 INLINE vec larger(vec a, vec b) {
@@ -196,6 +286,13 @@ INLINE vec from_left(vec before, vec a) {
 }
 INLINE vec from_right(vec a, vec after) {
   return (vec){a[1], after[0]};
+}
+INLINE vec turned(vec a, const int n) {
+  (void)n;
+  return (vec){a[1], a[0]};
+}
+INLINE vec gather(const double *from, const ptrdiff_t *at) {
+  return (vec){from[at[0]], from[at[1]]};
 }
 INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
   *root = (vec){sqrt(a[0]), sqrt(a[1])};
@@ -212,11 +309,20 @@ INLINE mask less(vec a, vec b) {
 INLINE int any(mask m) {
   return m;
 }
+INLINE mask except(mask a, mask b) {
+  return a & !b;
+}
 INLINE vec choose(mask m, vec a, vec b) {
   return m ? a : b;
 }
+INLINE vec where(mask m, vec a) {
+  return m ? a : 0.0;
+}
 INLINE vec fma_(vec a, vec b, vec c) {
   return a * b + c;
+}
+INLINE vec fnma_(vec a, vec b, vec c) {
+  return c - a * b;
 }
 INLINE vec larger(vec a, vec b) {
   return a > b ? a : b;
@@ -228,6 +334,13 @@ INLINE vec from_left(vec before, vec a) {
 INLINE vec from_right(vec a, vec after) {
   (void)a;
   return after;
+}
+INLINE vec turned(vec a, const int n) {
+  (void)n;
+  return a;
+}
+INLINE vec gather(const double *from, const ptrdiff_t *at) {
+  return from[at[0]];
 }
 INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
   *root = sqrt(a);

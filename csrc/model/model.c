@@ -3,9 +3,10 @@
  * From a scene to a model: every parameter against its rule (fields.h), the constants per link
  * (MODEL section 6), the belt line, friction slots, and the spectral bound of the joints.
  *
- * Spectral bound. The stiffest mode of a chain of links with I = m l0^2 / 12 is the alternating
- * rotation that shears the joints: an oscillator with stiffness 12 c / m + 4 c_tor / I and damping
- * 12 b / m + 4 b_tor / I per unit mass, hence |lambda| = sqrt(k), or (d + sqrt(d^2 - 4 k)) / 2 when
+ * Spectral bound. In a chain of links with I = m l0^2 / 12 rotation of all links in the same sense
+ * shears the joints most (12 c / m), rotation of neighbours in opposite senses bends them most
+ * (4 c_tor / I). The sums k = 12 c / m + 4 c_tor / I and d = 12 b / m + 4 b_tor / I bound both,
+ * exactly without bending stiffness: |lambda| <= sqrt(k), or (d + sqrt(d^2 - 4 k)) / 2 when
  * over-damped. Explicit steps end at (the method's stability limit) / |lambda|.
  */
 #include <math.h>

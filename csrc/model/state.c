@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Between the caller's arrays and the flat vector of internal.h.
+ * Between the caller's arrays and the flat vector of base/base.h.
  */
 #include <math.h>
 #include <string.h>

@@ -101,7 +101,7 @@ void bd_plan_place(bd_plan *plan, double t) {
 
 /* --- after a step ---------------------------------------------------------------------------- */
 
-/* Who holds a friction slot: a pulley, none, or none any more since this step. */
+/* Pulley whose friction state a slot stores: none; none any more since this step. */
 enum { FREE = -1, RELEASED = -2 };
 
 /* MODEL section 4: a link that touches no pulley has no friction state. */

@@ -153,16 +153,15 @@ void bd_auto_explain(const bd_sim *sim, char *text, size_t size) {
   double bound = sim->stepper.model->info.spectral_bound,
          longest = bd_method_longest(one, sim->stepper.model);
   if (sim->stats.changes == 0) {
-    snprintf(text, size, "%s: explicit steps end at %.3g s (spectral bound %.3g 1/s), %s",
+    snprintf(text, size, "%s: explicit steps are limited to %.3g s (spectral bound %.3g 1/s), %s",
              sim->stepper.method->name, longest, bound,
              c->now == AUTO_EXPLICIT ? "long enough for this tolerance"
-                                     : "too short to be the cheaper ones");
+                                     : "so implicit ones are cheaper");
     return;
   }
-  snprintf(
-      text, size,
-      "%s for %.3g s in %ld steps, %s for %.3g s in %ld steps, changed %ld times to whichever "
-      "was the cheaper when last tried: explicit steps end at %.3g s (spectral bound %.3g 1/s)",
-      one->name, c->time[AUTO_EXPLICIT], c->steps[AUTO_EXPLICIT], other->name,
-      c->time[AUTO_IMPLICIT], c->steps[AUTO_IMPLICIT], sim->stats.changes, longest, bound);
+  snprintf(text, size,
+           "%s for %.3g s in %ld steps, %s for %.3g s in %ld steps, switched %ld times to the "
+           "cheaper method: explicit steps are limited to %.3g s (spectral bound %.3g 1/s)",
+           one->name, c->time[AUTO_EXPLICIT], c->steps[AUTO_EXPLICIT], other->name,
+           c->time[AUTO_IMPLICIT], c->steps[AUTO_IMPLICIT], sim->stats.changes, longest, bound);
 }

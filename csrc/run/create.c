@@ -115,11 +115,11 @@ static int check_times(const bd_model *model, double t, double t_end, const bd_o
   }
   const double finest = fmin(1e-7, 1e-4 * bd_round_time(model));
   if (options->torque_interval < finest) {
-    return bd_fail(
-        err, BD_ERR_OPTION, "torque_interval",
-        "torque_interval must be at least %.3g s, or a step would be all looks at the torque, "
-        "got %g s",
-        finest, options->torque_interval);
+    return bd_fail(err, BD_ERR_OPTION, "torque_interval",
+                   "torque_interval must be at least %.3g s, or each step would call the torque "
+                   "function too often, "
+                   "got %g s",
+                   finest, options->torque_interval);
   }
   const bd_method *method = automatic(options) ? NULL : bd_method_find(options->method);
   const double step = method && method->may_be_fixed ? options->step : 0.0;

@@ -5,14 +5,14 @@
  * tolerance can say where a link is, while averages stay what they are. Neither local errors nor
  * the balance of energy show it.
  *
- * So for short stretches a second simulation, the twin, runs beside the run, displaced by a
+ * So for short periods a second simulation, the twin, runs beside the run, displaced by a
  * hundredth of the local error allowed, in the very same steps (shorter ones only where its own
  * error asks for them), so that nothing but the displacement makes a difference. In a calm drive
  * the difference decays or stays, to within a few times, since links reach and leave the pulleys at
  * slightly different times; in one that chatters it has grown a thousandfold within ten rounds of a
- * stretch wave. Every run has a few such stretches, ever further apart, and one at its end. Where
+ * stretch wave. Every run has a few such periods, ever further apart, and one at its end. Where
  * links come and go many times as often as the belt's travel brings them, or friction is so stiff
- * that each reversal is a jump, or the belt's vibrations last for long, stretches are longer, and
+ * that each reversal is a jump, or the belt's vibrations last for long, periods are longer, and
  * one begins as soon as twins have made less than a fifth of the steps.
  *
  * A torque function is not to be called twice: where there is one, two twins run, one of them not
@@ -24,24 +24,27 @@
 
 #include "run/run.h"
 
-/* Displacement over the local error allowed (for fixed steps, over what they usually err by). Two
- * runs of one drive part by what each errs by, a few local errors, for a step sees a kink and the
- * other's does not; a difference beyond two of them, or 5 % of the tension, has grown. */
+/* Displacement over the local error allowed (for fixed steps, over their usual error). Two runs of
+ * one drive differ by a few local errors, because only one of them may step across a kink; a
+ * difference beyond two local errors, or 5 % of the tension, has grown. */
 static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 2.0, LARGE = 0.05;
-/* A stretch, in rounds of a wave: between two looks, at least, usually, at most, which is what
- * growth may need to overtake what decays first; the growth below which it ends after the least and
- * after the usual, if nothing is suspected. */
-static const double LOOK = 2.0, LEAST = 4.0, USUAL = 10.0, MOST = 60.0, QUIET = 2.0, CALM = 5.0;
-/* When the first begins, in rounds of a wave, how much later every other, and how long before the
- * end the last. */
-static const double FIRST = 25.0, LATER = 4.0, LAST = 6.5;
-/* Shares of the steps up to which the next stretch begins at once where growth is suspected, and
- * from which one ends. */
+/* Times in rounds of a stretch wave along the belt. */
+static const double LOOK = 2.0;   /* between two comparisons */
+static const double LEAST = 4.0;  /* shortest comparison period, if growth is below QUIET */
+static const double USUAL = 10.0; /* usual one, if growth is below CALM */
+static const double MOST = 60.0;  /* longest one: growth first has to overtake what decays */
+static const double QUIET = 2.0, CALM = 5.0;
+static const double FIRST = 25.0; /* when the first begins */
+static const double LATER = 4.0;  /* each other begins at so many times the time of the last */
+static const double LAST = 6.5;   /* and the last one so long before the end */
+/* Where growth is suspected: share of all steps, made by twins, below which the next period begins
+ * at once, and above which one ends. */
 static const double SUSPECTED = 0.2, ENOUGH = 0.5;
-/* Contacts gained or lost against those that the belt's travel makes; a joint's stretch against the
- * slip in which friction saturates; for how many rounds the lowest wave lives. */
+/* Growth is suspected: contacts gained or lost over those that the belt's travel makes; stretch of
+ * a joint over the slip in which friction saturates; rounds in which the lowest wave decays by e.
+ */
 static const double CHATTER = 4.0, STIFF = 3.0, LIGHT = 30.0;
-/* Counts, of four rounds each, that have to find links chattering before it is said. */
+/* Counts, of four rounds each, that must find links chattering before the warning. */
 enum { OFTEN = 3 };
 
 static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
@@ -130,11 +133,12 @@ static void watch_contacts(bd_sim *sim) {
   twin->chatters = chatters;
   twin->times_chattered += chatters;
   if (twin->times_chattered >= OFTEN) {
-    bd_warn(&sim->stepper.report, BD_WARN_chatter, twin->t_chatter, -1, -1,
-            "links come to the pulleys and leave them %.0f times as often as the belt's travel "
-            "brings them, from t = %.6g s on: small differences may grow, and what single links "
-            "do is not to be relied on; more damping of contact or joints calms them",
-            changed / expected, twin->t_chatter);
+    bd_warn(
+        &sim->stepper.report, BD_WARN_chatter, twin->t_chatter, -1, -1,
+        "links lose and regain contact with the pulleys %.0f times more often than the belt's "
+        "travel explains, from t = %.6g s on: small differences may grow, and what single links "
+        "do is not to be relied on; more damping of contact or joints calms them",
+        changed / expected, twin->t_chatter);
   }
   twin->events = sim->stepper.plan.contacts_changed;
   twin->t_events = sim->stepper.t;
@@ -194,7 +198,8 @@ static void conclude(bd_sim *sim, double growth) {
   bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
           "small differences grow exponentially from t = %.6g s on, by a factor of e in "
           "%.2g s: single forces and positions cannot be trusted from then on, whatever the "
-          "tolerance; averages may be; more damping of contact or joints calms such drives",
+          "tolerance, only averages are meaningful; more damping of contact or joints calms such "
+          "drives",
           from, folding);
 }
 

@@ -79,7 +79,7 @@ int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double
     return bd_fail_at(
         err, BD_ERR_STATE, "initial", t, link, -1, gap,
         "the initial state does not belong to this belt: the joint on the left of "
-        "link %d is open by %.3g times a link's length; x, y and phi must belong together",
+        "link %d is stretched by %.3g times a link's length; x, y and phi must belong together",
         link, gap);
   }
   bd_error off;
@@ -150,12 +150,14 @@ static int check_joints(bd_sim *sim, double gap, int link) {
   if (gap > 1.0) {
     return bd_fail_at(
         &sim->stepper.report.failure, BD_ERR_JOINT_GAP, "joints", sim->stepper.t, link, -1, gap,
-        "the joint on the left of link %d is open by %.3g times a link's length at "
+        "the joint on the left of link %d is stretched by %.3g times a link's length at "
         "t = %.9g s, which no belt stretches: %s",
         link, gap, sim->stepper.t,
-        sim->stepper.fixed ? "take a shorter step or an adaptive method, or look for a "
-                             "torque or a speed out of scale"
-                           : "look for a torque or a speed out of scale");
+        sim->stepper.fixed
+            ? "take a shorter step or an adaptive method, or look for a "
+              "torque or a speed out of scale"
+            : "look for a torque or a speed out of scale, or for a load of the wrong "
+              "sign (its torque is opposite to omega)");
   }
   if (gap > fmax(0.1, 3.0 * strain)) {
     bd_warn(&sim->stepper.report, BD_WARN_stretch, sim->stepper.t, link, -1,
@@ -189,8 +191,7 @@ static int check_balance(bd_sim *sim, double energy) {
   if (!(share <= 0.5) && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
     return bd_fail_at(
         &sim->stepper.report.failure, BD_ERR_BALANCE, "energy", sim->stepper.t, -1, -1, residual,
-        "the energy balance is off by %.3g J too much at t = %.9g s, where %.3g J passed through "
-        "the "
+        "the integration has added %.3g J by t = %.9g s, where %.3g J passed through the "
         "drive: %s",
         residual, sim->stepper.t, guard->passed,
         sim->stepper.fixed ? "the fixed step is too long, take a shorter one or an adaptive "
@@ -232,8 +233,8 @@ void bd_guard_begin(bd_sim *sim) {
   }
 }
 
-/* What the steps themselves say: fixed ones that err by half of everything, and those that were
- * left to the first order without being held to anything. */
+/* Warns of fixed steps with errors above half the tension, and of inaccurate steps that only the
+ * method of first order could make. */
 static void check_steps(bd_sim *sim) {
   const double error = sim->stats.local_error;
   if (sim->stepper.fixed && error > 0.5) {
@@ -262,12 +263,12 @@ static void check_damping(bd_sim *sim) {
       sim->stepper.t - sim->t0 <= 20.0 * round) {
     return;
   }
-  char for_long[48] = "for ever, without damping";
+  char for_long[48] = "do not decay without damping";
   if (isfinite(lives)) {
-    snprintf(for_long, sizeof for_long, "for %.3g s, so small is its damping", lives);
+    snprintf(for_long, sizeof for_long, "decay in %.3g s only", lives);
   }
   bd_warn(&sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
-          "vibrations along the belt last %s, and the errors of %s add up over them unseen: "
+          "vibrations along the belt %s, so errors of %s accumulate without being detected: "
           "compare with method=\"tsit5\", or take a tighter rtol, or more axial_damping",
           for_long, sim->stepper.method->name);
 }
@@ -298,11 +299,13 @@ int bd_guard_look(bd_sim *sim, int now) {
 
 /* --- progress -------------------------------------------------------------------------------- */
 
-/* Tries between two looks. Out of all proportion are so many while a wave runs once round the belt
- * (the paper's drive takes 64, one that chatters 700) beyond ten times what the joints ask of an
- * explicit method, if so many are to go; or more of both, whoever asks for them. */
+/* Tries between two checks. A run stalls if it needs more than A_ROUND tries (the paper's drive
+ * takes 64, one that chatters 700), plus ten times those of an explicit method limited by the
+ * joints, while a wave runs once round the belt, and TO_GO steps remain; or more than the ANY_CAUSE
+ * limits in any case. */
 static const long WINDOW = 20000;
-static const double A_ROUND = 20000.0, TO_GO = 1e6, WHATEVER_ROUND = 40000.0, WHATEVER_TO_GO = 1e7;
+static const double A_ROUND = 20000.0, TO_GO = 1e6, ANY_CAUSE_ROUND = 40000.0,
+                    ANY_CAUSE_TO_GO = 1e7;
 
 /* Tries in which the explicit method spans the same, if it is held by the joints alone. */
 static double explicit_round(const bd_sim *sim) {
@@ -313,10 +316,12 @@ static double explicit_round(const bd_sim *sim) {
 }
 
 /* What asks for such steps, and what to try. */
-static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, int *pulley) {
+static void explain_short_steps(const bd_sim *sim, double mean_step, char *text, size_t size,
+                                int *pulley) {
   bd_stiffness stiff = bd_stiffness_of(sim->stepper.model, &sim->stepper.plan.torques);
   const double joints = sim->stepper.model->info.spectral_bound;
   const char *what = NULL;
+  int asked = 0; /* by the tolerance */
   *pulley = bd_torque_functions_jumping(&sim->stepper);
   if (sim->stepper.max_step > 0.0 && mean_step > 0.5 * sim->stepper.max_step) {
     *pulley = -1;
@@ -337,21 +342,23 @@ static void blame(const bd_sim *sim, double mean_step, char *text, size_t size, 
     what = stiff.what;
   } else if (!sim->stepper.plan.torques.smooth && mean_step * joints < 0.3) {
     what = "the torque function, which depends on angle or speed";
+  } else if (sim->stepper.now->implicit) {
+    asked = 1;
   } else {
-    what =
-        sim->stepper.now->implicit ? "what the tolerance asks to be followed" : "the belt's joints";
+    what = "the belt's joints";
   }
+  const char *name = sim->stepper.now->name;
+  const char *advice =
+      strcmp(name, "lbdf2") == 0 || strcmp(name, "lie") == 0
+          ? "loosen rtol, or look for parameters out of scale"
+      : sim->stepper.now->implicit
+          ? "loosen rtol, take method=\"lbdf2\", or look for parameters out of scale"
+      : sim->choice.method[0] ? "take method=\"rodas4\" or \"lbdf2\", or loosen rtol"
+                              : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol";
   if (what) {
-    int lowest =
-        strcmp(sim->stepper.now->name, "lbdf2") == 0 || strcmp(sim->stepper.now->name, "lie") == 0;
-    snprintf(text, size, "the fastest motion is that of %s; %s", what,
-             lowest ? "loosen rtol, or look for parameters out of scale"
-             : sim->stepper.now->implicit
-                 ? "loosen rtol, take method=\"lbdf2\", or look for parameters out "
-                   "of scale"
-             : sim->choice.method[0]
-                 ? "take method=\"rodas4\" or \"lbdf2\", or loosen rtol"
-                 : "take method=\"rodas4\", \"lbdf2\" or \"auto\", or loosen rtol");
+    snprintf(text, size, "the fastest motion is that of %s; %s", what, advice);
+  } else if (asked) {
+    snprintf(text, size, "the tolerance requires such short steps; %s", advice);
   }
 }
 
@@ -369,7 +376,7 @@ int bd_guard_progress(bd_sim *sim) {
   /* Euler's method needs many steps for a tight tolerance, whatever the drive */
   double usual = sim->stepper.method->order == 1 ? 4.0 * A_ROUND : A_ROUND;
   int slow = a_round > usual + 10.0 * explicit_round(sim) && to_go > TO_GO;
-  int endless = a_round > WHATEVER_ROUND && to_go > WHATEVER_TO_GO;
+  int endless = a_round > ANY_CAUSE_ROUND && to_go > ANY_CAUSE_TO_GO;
   /* "auto" has not tried its other method yet */
   int untried = sim->choice.method[0] && !(sim->choice.per_second[AUTO_IMPLICIT] > 0.0);
   if (sim->options.max_steps > 0 || untried || !(slow || endless)) {
@@ -377,7 +384,7 @@ int bd_guard_progress(bd_sim *sim) {
   }
   char text[256];
   int pulley;
-  blame(sim, gone / (double)since, text, sizeof text, &pulley);
+  explain_short_steps(sim, gone / (double)since, text, sizeof text, &pulley);
   return bd_fail_at(
       &sim->stepper.report.failure, BD_ERR_STALLED, "step", sim->stepper.t, -1, pulley, gone,
       "no progress at t = %.9g s: %ld steps covered %.3g s, the end is %.2g steps away; "

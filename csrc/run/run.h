@@ -43,18 +43,18 @@ typedef struct bd_guard {
   double *touched;           /* per pulley: when a link was last seen on it */
 } bd_guard;
 
-/* A run beside the run, for short stretches. */
+/* A second simulation beside the run, for short periods (growth.c). */
 typedef struct bd_twin {
   bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
-  int active, grows;             /* a stretch is on; growth has been seen */
-  int chatters, times_chattered; /* links do; counts in which they did */
-  int stiff, light;              /* friction is; damping of the belt is */
-  int suspected, last;           /* this stretch is for one of these; the last has begun */
-  double next_begin;             /* of the next stretch, in rounds of a wave since the start */
-  double t_begin, next_look;     /* of this one; next look */
-  double apart, grown, most;     /* difference at first; growth that is one; largest seen */
-  long steps, events;            /* that twins made; contacts changed at the last count */
-  double t_events, t_chatter;    /* of the last count; since when links chatter */
+  int active, grows;             /* a period is on; growth has been seen */
+  int chatters, times_chattered; /* links chatter; counts that found so */
+  int stiff, light;              /* stiff friction; light damping of the belt */
+  int suspected, last;           /* this period is for one of these; the last has begun */
+  double next_begin;             /* of the next period, in rounds of a wave since the start */
+  double t_begin, next_look;     /* start of this one; its next comparison */
+  double apart, grown, most;     /* first difference; growth to warn of; largest seen */
+  long steps, events;            /* made by twins; contacts changed at the last count */
+  double t_events, t_chatter;    /* time of the last count; since when links chatter */
   uint64_t random;
   double seen_t[2], *seen; /* torques of the run at a step's ends */
   double *theta;           /* pulleys' angles at the last count */
@@ -70,7 +70,7 @@ struct bd_sim {
   size_t next_break, next_sample, n_samples;
   double *t_sample;
   bd_output output;
-  int settling; /* errors set no step, nothing is guarded: only the end counts */
+  int settling; /* no error control and no checks of the run */
   int started, status;
   int fallbacks_in_a_row; /* steps left to the first order one after the other */
   atomic_flag running;

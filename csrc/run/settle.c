@@ -210,7 +210,7 @@ static void tune_circulation(bd_settling *settling, const double *dy) {
   /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
   if (sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
       fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
-    /* a stiffness once seen is let go slowly: a gain that followed it round the path would pump */
+    /* the estimate falls only slowly: gains that follow the position would feed energy in */
     double seen = fabs(force - settling->force) / fabs(travel), pace = plan->mass_damping / 16.0;
     settling->stiffness = fmax(seen, 0.9 * settling->stiffness);
     plan->circulation_inertia_scale = fmin(1e4, fmax(1.0, pace * pace / settling->stiffness));
@@ -240,7 +240,7 @@ static double stop(const bd_sim *sim, double *y) {
   return fastest;
 }
 
-/* A belt at rest that misses a pulley is at rest somewhere else. */
+/* A belt that does not touch every pulley has settled in a wrong position. */
 static int check_laid(bd_sim *sim, bd_error *err) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
@@ -326,16 +326,17 @@ static int check_rest(bd_settling *settling) {
     settling->at_rest = 1;
     return BD_OK;
   }
-  /* as long again as should be enough, and no nearer to rest: it will not come */
+  /* no progress for twice the time expected: give up */
   int hopeless = sim->stepper.t > settling->best_time + settling->patience &&
                  sim->stepper.t > sim->stepper.plan.move_time + settling->patience;
   if (sim->stepper.t >= sim->t_end || hopeless) {
     return bd_fail_at(
         err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, -1, -1, sim->stats.residual,
         "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
-        "mean tension, fastest motion %.3g m/s; allow %sa looser "
-        "tolerance; or the contact is too soft, or the links too long for the pulleys",
-        sim->stepper.t, sim->stats.residual, fastest, hopeless ? "" : "more max_time, ");
+        "mean tension, fastest motion %.3g m/s; the contact may be too soft, axial_damping too "
+        "large, or the links too long for the pulleys; or call settle(params, %stolerance=...) "
+        "and pass its state as initial",
+        sim->stepper.t, sim->stats.residual, fastest, hopeless ? "" : "max_time=..., ");
   }
   return BD_OK;
 }

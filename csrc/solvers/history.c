@@ -17,8 +17,8 @@ static void wind(bd_stepper *stepper) {
   }
 }
 
-/* What a link that has left its pulley forgot was never there: a multistep method would go on with
- * it, and take it for an error. */
+/* Friction that was reset when a link left its pulley is reset in past states, too; otherwise a
+ * multistep method would take the difference for an error. */
 static void reset_friction(bd_stepper *stepper) {
   const bd_layout *lay = &stepper->model->lay;
   for (int s = 0; s < lay->slots; ++s) {

@@ -52,9 +52,9 @@ double bd_method_error(const bd_method *method, double local) {
   return pow(local / method->aim[0], 1.0 / method->aim[1]);
 }
 
-/* A step at the stability limit of the joints, which is known, would let the stiffest mode live on
- * rounding and rejected steps: at 93 % of it scenes that differ by rounding alone take the same
- * steps (tests/test_invariance.py). */
+/* A step at the stability limit of the joints, which is known, would let rounding errors and
+ * rejected steps excite the stiffest mode: at 93 % of it scenes that differ by rounding alone take
+ * the same steps (tests/test_invariance.py). */
 double bd_method_longest(const bd_method *method, const bd_model *model) {
   return 0.93 * method->stability / model->info.spectral_bound;
 }

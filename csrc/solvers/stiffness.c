@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * How fast the fastest motion of a drive is, all of it: the joints' closed form (model.c), and what
- * contact, friction, the pulleys' inertia, their drag and viscous loads add, at twice the tension
- * of rest, for a drive under load has a tight side. An estimate: explicit fixed steps are chosen by
- * it, and runs that make no progress are told by it what is to blame.
+ * Upper estimate of the largest eigenvalue of the drive, and which part causes it: the joints'
+ * closed form (model.c), and what contact, friction, the pulleys' inertia, their drag and viscous
+ * loads add, at twice the tension of rest, for a drive under load has a tight side. Explicit fixed
+ * steps are chosen by it, and messages of runs that make no progress name that part.
  */
 #include <math.h>
 
@@ -45,10 +45,10 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
         {joints_k, joints_d, "the belt's joints", -1},
         {contact / m, info->contact_damping / m, "the contact", -1},
         {grip / m, 0.0, "friction", -1},
-        {sigma * tension * wrap * r * r / model->inertia[j], 0.0, "a pulley of so little inertia",
-         j},
-        {0.0, viscous / model->inertia[j], "a load of so much viscosity", j},
-        {0.0, drag / model->inertia[j], "a pulley of so much bearing drag", j},
+        {sigma * tension * wrap * r * r / model->inertia[j], 0.0,
+         "a pulley with very small inertia", j},
+        {0.0, viscous / model->inertia[j], "a load with a very large viscous coefficient", j},
+        {0.0, drag / model->inertia[j], "a pulley with very large bearing drag", j},
     };
     double link_k = 0.0, link_d = 0.0;
     for (int p = 0; p < 6; ++p) {

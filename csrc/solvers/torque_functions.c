@@ -57,8 +57,10 @@ static int torque_along(bd_stepper *stepper, double h, double s, double *torque)
                             functions->theta, functions->omega, torque, &stepper->report.failure);
 }
 
-/* What a torque acting for a time means for the speed of pulley j, in the units of local errors. */
-static double meaning(const bd_stepper *stepper, int j, double torque, double time) {
+/* Speed error of pulley j that a torque acting for a time would cause, in the units of local
+ * errors.
+ */
+static double speed_error(const bd_stepper *stepper, int j, double torque, double time) {
   return stepper->weights[stepper->model->lay.omega + j] * fabs(torque) * time /
          stepper->model->inertia[j];
 }
@@ -68,7 +70,7 @@ static int look_along(bd_stepper *stepper, double h, double tolerance, double *u
   bd_torque_functions *functions = &stepper->functions;
   const int np = stepper->model->lay.np;
   const long n = 2 * (long)ceil(0.5 * h / functions->interval);
-  double *torque = functions->look, parted = 0.0;
+  double *torque = functions->look, first_deviation = 0.0;
   int code = torque_along(stepper, h, 0.0, functions->begin);
   if (code == BD_OK) {
     code = torque_along(stepper, h, 0.5, functions->middle);
@@ -89,16 +91,16 @@ static int look_along(bd_stepper *stepper, double h, double tolerance, double *u
                         functions->middle[j] * 4.0 * s * (1.0 - s) +
                         functions->end[j] * s * (2.0 * s - 1.0);
       functions->impulse[j] += (k % 2 ? 4.0 : 2.0) * torque[j] / (3.0 * (double)n);
-      if (parted == 0.0 && meaning(stepper, j, torque[j] - parabola, h) > tolerance) {
-        parted = (double)(k - 1) / (double)n;
-        parted = fmax(parted, functions->interval / h);
+      if (first_deviation == 0.0 && speed_error(stepper, j, torque[j] - parabola, h) > tolerance) {
+        first_deviation = (double)(k - 1) / (double)n;
+        first_deviation = fmax(first_deviation, functions->interval / h);
       }
     }
   }
   *until = 1.0;
   for (int j = 0; code == BD_OK && j < np; ++j) {
-    if (meaning(stepper, j, functions->impulse[j], h) > tolerance) {
-      *until = parted > 0.0 ? fmin(parted, 0.5) : 0.5;
+    if (speed_error(stepper, j, functions->impulse[j], h) > tolerance) {
+      *until = first_deviation > 0.0 ? fmin(first_deviation, 0.5) : 0.5;
     }
   }
   return code;
@@ -121,7 +123,7 @@ static int change_by(bd_stepper *stepper, double *moving, double step) {
   return code;
 }
 
-/* A column that is small enough to do no harm stays; another must stand up to a second look. */
+/* Small derivatives are kept; large ones are verified with a wider difference. */
 static int verify(bd_stepper *stepper, double *moving, double wide, double reach, double *column) {
   const bd_layout *lay = &stepper->model->lay;
   bd_torque_functions *functions = &stepper->functions;
@@ -191,7 +193,7 @@ int bd_torque_functions_by_time(bd_stepper *stepper, double h) {
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double apart = fabs(system->by_time[j] - over[j]);
     if (apart > 0.5 * fmax(fabs(system->by_time[j]), fabs(over[j])) &&
-        meaning(stepper, j, apart * h, h) > bd_method_tolerance(stepper->now, stepper->rtol)) {
+        speed_error(stepper, j, apart * h, h) > bd_method_tolerance(stepper->now, stepper->rtol)) {
       system->by_time[j] = over[j];
     }
   }
@@ -205,15 +207,15 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
   bd_torque_functions *functions = &stepper->functions;
   int matters = 0, code = BD_OK;
   for (int i = 0; i < lay->np; ++i) {
-    double promised = 0.0;
+    double predicted = 0.0;
     for (int j = 0; j < lay->np; ++j) {
-      promised += system->by_theta[i * lay->np + j] *
-                  (stepper->y_new[lay->theta + j] - stepper->y[lay->theta + j]);
-      promised += system->by_omega[i * lay->np + j] *
-                  (stepper->y_new[lay->omega + j] - stepper->y[lay->omega + j]);
+      predicted += system->by_theta[i * lay->np + j] *
+                   (stepper->y_new[lay->theta + j] - stepper->y[lay->theta + j]);
+      predicted += system->by_omega[i * lay->np + j] *
+                   (stepper->y_new[lay->omega + j] - stepper->y[lay->omega + j]);
     }
-    functions->impulse[i] = promised;
-    matters |= meaning(stepper, i, promised, h) > tolerance;
+    functions->impulse[i] = predicted;
+    matters |= speed_error(stepper, i, predicted, h) > tolerance;
   }
   if (matters) {
     code = bd_torque_set_eval(&stepper->plan.torques, t_new, stepper->plan.t_piece,
@@ -221,37 +223,37 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
                               functions->look, &stepper->report.failure);
   }
   for (int i = 0; matters && code == BD_OK && i < lay->np; ++i) {
-    double promised = functions->impulse[i];
-    double came = functions->look[i] - functions->now[i] - h * system->by_time[i];
-    *wrong |= meaning(stepper, i, promised, h) > tolerance &&
-              fabs(came - promised) > 0.5 * fabs(promised);
+    double predicted = functions->impulse[i];
+    double actual = functions->look[i] - functions->now[i] - h * system->by_time[i];
+    *wrong |= speed_error(stepper, i, predicted, h) > tolerance &&
+              fabs(actual - predicted) > 0.5 * fabs(predicted);
   }
   return code;
 }
 
 /* --- roughness ------------------------------------------------------------------------------- */
 
-/* Short tries that may be owed, those that an interval pays back, and intervals until the next look
- * whether it is still so; every time that it is, so many times as long, and fewer tries to see it.
- */
+/* OWED: short steps in excess from which a torque counts as one that jumps all the time; PAID:
+ * short steps taken off the excess per interval; ROUGH: intervals until the next check; AGAIN:
+ * factor by which that grows; NEARLY: share of OWED that is kept afterwards. */
 static const double OWED = 800.0, PAID = 100.0, ROUGH = 20.0, AGAIN = 4.0, NEARLY = 0.9;
 
 /* The shortest step for the sake of a torque that jumps all the time; never one in which a stretch
  * wave runs through more than a sixtieth of the belt. */
-static double grain(const bd_stepper *stepper) {
+static double shortest_for_jumps(const bd_stepper *stepper) {
   double most = fmin(stepper->functions.interval / 25.0, bd_round_time(stepper->model) / 60.0);
   return bd_stepper_longest(stepper, most);
 }
 
-/* The torque of pulley j has jumped: owed are the short tries since it did so last. */
+/* The torque of pulley j has jumped: adds the short steps since its last jump to the excess. */
 static void count_jump(bd_stepper *stepper, int j, double change) {
   bd_torque_functions *functions = &stepper->functions;
-  const double least = grain(stepper);
+  const double least = shortest_for_jumps(stepper);
   double paid = PAID * fmax(0.0, stepper->t - functions->t_owed) / functions->interval;
   functions->owed = fmax(0.0, functions->owed - paid) + (double)functions->short_tries;
   functions->short_tries = 0;
   functions->t_owed = fmax(functions->t_owed, stepper->t);
-  functions->jump = fmax(functions->jump, meaning(stepper, j, change, 1.0));
+  functions->jump = fmax(functions->jump, speed_error(stepper, j, change, 1.0));
   if (functions->owed < OWED || stepper->t < functions->rough_until) {
     return;
   }
@@ -260,8 +262,8 @@ static void count_jump(bd_stepper *stepper, int j, double change) {
   functions->owed = NEARLY * OWED;
   bd_warn(&stepper->report, BD_WARN_rough_torque, stepper->t, -1, j,
           "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
-          "%.3g N m round t = %.6g s: it is followed in steps of %.2g s, each worth %.2g rad/s, "
-          "and no closer; let it change over a range of time or speed, or name its jumps in "
+          "%.3g N m round t = %.6g s: steps are not made shorter than %.2g s, worth %.2g rad/s "
+          "each; let it change over a range of time or speed, or name its jumps in "
           "breakpoints",
           j, fabs(change), stepper->t, least, fabs(change) * least / stepper->model->inertia[j]);
 }
@@ -271,7 +273,7 @@ static void count_jump(bd_stepper *stepper, int j, double change) {
 static void widen(bd_stepper *stepper, const double *low, const double *high) {
   bd_torque_functions *functions = &stepper->functions;
   const int np = stepper->model->lay.np;
-  int over = stepper->t >= functions->t_range + grain(stepper);
+  int over = stepper->t >= functions->t_range + shortest_for_jumps(stepper);
   for (int j = 0; j < np; ++j) {
     if (over) {
       functions->range[j] = functions->ranges > 0 ? functions->most[j] - functions->least[j] : 0.0;
@@ -288,11 +290,11 @@ static void widen(bd_stepper *stepper, const double *low, const double *high) {
 static void count_changes(bd_stepper *stepper, const double *one, const double *other) {
   const bd_torque_functions *functions = &stepper->functions;
   const double tolerance = bd_method_tolerance(stepper->method, stepper->rtol),
-               least = grain(stepper);
+               least = shortest_for_jumps(stepper);
   for (int j = 0; functions->ranges > 1 && j < stepper->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
     double range = fmax(functions->range[j], functions->most[j] - functions->least[j]);
-    if (meaning(stepper, j, change, least) > tolerance && change > 0.5 * range) {
+    if (speed_error(stepper, j, change, least) > tolerance && change > 0.5 * range) {
       count_jump(stepper, j, change);
     }
   }
@@ -308,7 +310,7 @@ void bd_torque_functions_before_try(bd_stepper *stepper) {
 
 void bd_torque_functions_after_try(bd_stepper *stepper, double h) {
   bd_torque_set *set = &stepper->plan.torques;
-  const double least = grain(stepper);
+  const double least = shortest_for_jumps(stepper);
   if (set->watched) {
     widen(stepper, set->low, set->high);
   }
@@ -322,11 +324,11 @@ void bd_torque_functions_after_try(bd_stepper *stepper, double h) {
 }
 
 double bd_torque_functions_shortest_step(const bd_stepper *stepper) {
-  return stepper->t < stepper->functions.rough_until ? grain(stepper) : 0.0;
+  return stepper->t < stepper->functions.rough_until ? shortest_for_jumps(stepper) : 0.0;
 }
 
 double bd_torque_functions_extra_error(const bd_stepper *stepper, double h) {
-  return stepper->t < stepper->functions.rough_until && h <= 1.1 * grain(stepper)
+  return stepper->t < stepper->functions.rough_until && h <= 1.1 * shortest_for_jumps(stepper)
              ? 4.0 * h * stepper->functions.jump
              : 0.0;
 }
@@ -367,7 +369,7 @@ void bd_torque_functions_push_torque(bd_stepper *stepper, double h) {
   stepper->functions.last = stepper->functions.now;
   stepper->functions.now = spare;
   bd_torque_functions_set_torque(stepper);
-  if (!stepper->plan.torques.smooth && h <= 1.1 * grain(stepper)) {
+  if (!stepper->plan.torques.smooth && h <= 1.1 * shortest_for_jumps(stepper)) {
     count_changes(stepper, stepper->functions.last, stepper->functions.now);
   }
 }
@@ -376,7 +378,8 @@ int bd_torque_functions_jumping(const bd_stepper *stepper) {
   const bd_torque_functions *functions = &stepper->functions;
   double tolerance = bd_method_tolerance(stepper->method, stepper->rtol);
   for (int j = 0; !stepper->plan.torques.smooth && j < stepper->model->lay.np; ++j) {
-    if (meaning(stepper, j, functions->now[j] - functions->last[j], stepper->h) > 0.1 * tolerance) {
+    if (speed_error(stepper, j, functions->now[j] - functions->last[j], stepper->h) >
+        0.1 * tolerance) {
       return j;
     }
   }

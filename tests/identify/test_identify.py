@@ -58,6 +58,8 @@ def count(
     return single.tolist(), half.tolist(), joint
 
 
+# Below, two tests hold intervals to closed forms, and are not slow.
+@pytest.mark.slow
 def test_known_parameters_lie_within_their_intervals_in_90_of_100_draws(
     rig: bd.Params, truth: bd.Result
 ) -> None:
@@ -67,6 +69,7 @@ def test_known_parameters_lie_within_their_intervals_in_90_of_100_draws(
     assert HALF[0] <= min(half) and max(half) <= HALF[1]
 
 
+@pytest.mark.slow
 def test_so_they_do_when_the_noise_is_unknown(rig: bd.Params, truth: bd.Result) -> None:
     true = {"pulleys[1].inertia": 0.03, "friction.mu_k": 0.8}
     single, half, joint = count(rig, truth, true, 1.05, known=False)
