@@ -43,7 +43,7 @@ from .identification import (
     identify,
 )
 from .params import Params
-from .parts import Belt, Contact, Dahl, Pulley
+from .parts import Belt, Contact, Dahl, Drag, Pulley
 from .result import Result
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scenes import Scene
@@ -62,6 +62,7 @@ __all__ = [
     "BeltdynWarning",
     "Contact",
     "Dahl",
+    "Drag",
     "Experiment",
     "Free",
     "Identification",

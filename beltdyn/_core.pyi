@@ -13,7 +13,7 @@ RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, 
 PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
 STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
-ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: the columns of output "energy"
+ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: what output "energy" has columns of
 STATS: tuple[tuple[str, str], ...]  # name, text
 ERRORS: tuple[tuple[str, int, str, str], ...]  # symbol, code, kind, text
 MAX_STRAIN: float
@@ -41,6 +41,7 @@ class Model:
         contact: tuple[float, float, float],
         dahl: tuple[float, float] | None,
         gravity: tuple[float, float],
+        drag: Sequence[tuple[float, float, float] | None] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
     @property
@@ -100,6 +101,8 @@ class Simulation:
     def method(self) -> str: ...
     @property
     def choice(self) -> str: ...
+    @property
+    def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy"
     @property
     def passes(self) -> tuple[str, ...]: ...
     @property

@@ -6,7 +6,7 @@ here, or a field without a row, is an error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -40,8 +40,9 @@ class Group:
         return [field.name for field in attrs.fields(cls)]  # type: ignore[arg-type]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Give the arrays by name."""
-        return {name: getattr(self, name) for name in self.names()}
+        """Give the arrays by name; not those that the drive does not have."""
+        arrays = {name: getattr(self, name) for name in self.names()}
+        return {name: array for name, array in arrays.items() if array is not None}
 
     def __repr__(self) -> str:
         arrays = self.arrays()
@@ -138,6 +139,8 @@ class EnergyLedger(Group):
         passed: Energy transmitted so far, the scale to judge the residual by: the largest of the
             energy put in (summed over the samples), the net work, the losses and the change of
             the stored energy.
+        drag_loss: Lost to the drag of the pulleys' bearings since the start; None where no pulley
+            has any.
     """
 
     kinetic: Array
@@ -151,6 +154,7 @@ class EnergyLedger(Group):
     friction_loss: Array
     residual: Array
     passed: Array
+    drag_loss: Array | None = None
 
     @property
     def total(self) -> Array:
@@ -159,13 +163,16 @@ class EnergyLedger(Group):
 
     @property
     def losses(self) -> Array:
-        """Energy dissipated by dampers and friction since the start (n_t,) [J]."""
-        return self.joint_loss + self.contact_loss + self.friction_loss
+        """Energy dissipated by dampers, friction and drag since the start (n_t,) [J]."""
+        losses = self.joint_loss + self.contact_loss + self.friction_loss
+        return losses if self.drag_loss is None else losses + self.drag_loss
 
     @classmethod
-    def _from_core(cls, t: Array, columns: Array, power: Array) -> EnergyLedger:
+    def _from_core(
+        cls, t: Array, terms: Sequence[str], columns: Array, power: Array
+    ) -> EnergyLedger:
         """``power``: of the set torques, per pulley (n_t, n_p) [W]."""
-        named = {name: columns[:, k] for k, (name, _) in enumerate(_core.ENERGY_TERMS)}
+        named = {name: columns[:, k] for k, name in enumerate(terms)}
         ledger = cls(**named, passed=np.zeros_like(t))
         fed = np.maximum(power, 0.0).sum(axis=1)
         fed_in = np.concatenate([[0.0], np.cumsum(np.diff(t) * (fed[1:] + fed[:-1]) / 2.0)])
@@ -260,12 +267,15 @@ GROUPS: dict[str, type[Group]] = {
 }
 
 
-def histories(t: Array, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def histories(
+    t: Array, arrays: Mapping[str, NDArray[Any]], energy_terms: Sequence[str]
+) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled; "energy" is None without the ledger.
 
     Args:
         t: Sample times (n_t,) [s].
         arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
+        energy_terms: What the columns of "energy" are.
 
     Raises:
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
@@ -279,5 +289,5 @@ def histories(t: Array, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     groups["energy"] = None
     if "energy" in arrays:
         power = arrays["torque"] * arrays["omega"]
-        groups["energy"] = EnergyLedger._from_core(t, arrays["energy"], power)
+        groups["energy"] = EnergyLedger._from_core(t, energy_terms, arrays["energy"], power)
     return groups

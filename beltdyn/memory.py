@@ -20,16 +20,17 @@ def available() -> int | None:
     return min(known) if known else None
 
 
-def check_samples(n_t: int, n_bodies: int, n_pulleys: int, ledger: bool) -> int:
+def check_samples(n_t: int, n_bodies: int, n_pulleys: int, ledger: bool, drag: bool = False) -> int:
     """Give the memory that the samples of a run need [byte], if it is available.
 
     Raises:
         MemoryError: It is not; the message says what is needed, what is available, what to try.
     """
+    columns = len(_core.ENERGY_TERMS) - (not drag)  # drag_loss
     widths = {
         "LINKS": n_bodies,
         "PULLEYS": n_pulleys,
-        "ENERGY": len(_core.ENERGY_TERMS) + _LEDGER_COPIES if ledger else 0,
+        "ENERGY": columns + _LEDGER_COPIES if ledger else 0,
     }
     row = sum(8 * widths[size] for _name, _group, size, *_ in _core.OUTPUTS) + 4 * n_bodies
     needed, there = n_t * row, available()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -12,20 +12,12 @@ import attrs
 
 from . import _core, sanity, toml
 from .parts import Belt, Contact, Dahl, Pulley
-from .rules import Printable, Rule, lines, rules_of
+from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
 
 __all__ = ["Params"]
 
 _GRAVITY = Rule("", "gravity", "PAIR", "m/s^2", "acceleration (x, y)")
-
-
-def _instance(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
-    def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
-        if not isinstance(value, kind):
-            raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
-
-    return check
 
 
 def _pulleys(value: Sequence[Pulley]) -> tuple[Pulley, ...]:
@@ -71,15 +63,15 @@ class Params:
             is slack or stretched too far.
     """
 
-    belt: Belt = attrs.field(validator=_instance("belt", Belt))
+    belt: Belt = attrs.field(validator=instance_of("belt", Belt))
     pulleys: tuple[Pulley, ...] = attrs.field(converter=_pulleys)
-    contact: Contact = attrs.field(validator=_instance("contact", Contact))
+    contact: Contact = attrs.field(validator=instance_of("contact", Contact))
     friction: Dahl | None = attrs.field(
-        default=None, validator=attrs.validators.optional(_instance("friction", Dahl))
+        default=None, validator=attrs.validators.optional(instance_of("friction", Dahl))
     )
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)
     tensioning: Tensioning = attrs.field(
-        factory=Tensioning, validator=_instance("tensioning", Tensioning)
+        factory=Tensioning, validator=instance_of("tensioning", Tensioning)
     )
     _model: _core.Model = attrs.field(init=False, repr=False, eq=False)
 
@@ -95,6 +87,10 @@ class Params:
             numbers("contact", self.contact),
             None if self.friction is None else numbers("dahl", self.friction),
             self.gravity,
+            [
+                None if pulley.drag is None else numbers("drag", pulley.drag)
+                for pulley in self.pulleys
+            ],
         )
         model.check_geometry()
         self.tensioning.check_fits(len(self.pulleys))
@@ -182,6 +178,10 @@ class Params:
         tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
         if self.tensioning != Tensioning():
             document["tensioning"] = tensioning
+        document["pulleys"] = [
+            {name: value for name, value in pulley.items() if value is not None}
+            for pulley in document["pulleys"]
+        ]
         del document["friction"]
         if self.friction is not None:
             document["friction"] = toml.unstructure(self.friction)

@@ -9,11 +9,13 @@ Dahl friction model", equations (2.1)-(2.13).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import attrs
 
-from .rules import Printable, Rule, from_table
+from .rules import Printable, Rule, from_table, instance_of
 
-__all__ = ["Belt", "Contact", "Dahl", "Pulley"]
+__all__ = ["Belt", "Contact", "Dahl", "Drag", "Pulley", "any_drag"]
 
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
@@ -45,6 +47,31 @@ class Belt(Printable):
     bending_damping: float = 0.0
 
 
+@attrs.frozen(kw_only=True, field_transformer=from_table("drag"))
+class Drag(Printable):
+    """Drag of a pulley's bearings, seals and fan: a torque against its rotation.
+
+    At the speed omega it is ``coulomb s + viscous omega + quadratic omega |omega|`` (MODEL section
+    5). s is the sign of omega, made smooth: omega / sqrt(omega^2 + omega_0^2), where omega_0 times
+    the radius is ``params.info["drag_speed"]``, 0.1 mm/s in the paper's drive. So a pulley under
+    a torque M below the Coulomb torque C is not locked but creeps, at omega_0 M / sqrt(C^2 - M^2),
+    and no higher torque is needed to set it in motion. Drag does not act while a belt settles; it
+    vanishes at rest.
+
+    Attributes:
+        coulomb: Part that does not depend on speed [N m], >= 0.
+        viscous: Part in proportion to speed [N m s], >= 0.
+        quadratic: Part in proportion to speed squared [N m s^2], >= 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    coulomb: float = 0.0
+    viscous: float = 0.0
+    quadratic: float = 0.0
+
+
 @attrs.frozen(kw_only=True, field_transformer=from_table("pulley", _CENTER))
 class Pulley(Printable):
     """A pulley that turns about a fixed axis (2.12).
@@ -53,6 +80,7 @@ class Pulley(Printable):
         center: Position of the axis (x, y) [m].
         radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
         inertia: Moment of inertia about the axis [kg m^2], > 0.
+        drag: Drag of its bearings, None for none.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -61,6 +89,15 @@ class Pulley(Printable):
     center: tuple[float, float]
     radius: float
     inertia: float
+    drag: Drag | None = attrs.field(
+        default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
+    )
+
+
+def any_drag(pulleys: Iterable[Pulley]) -> bool:
+    """Tell whether a pulley has drag; the core takes coefficients of zero for none."""
+    drags = (pulley.drag for pulley in pulleys)
+    return any(drag is not None and any(attrs.astuple(drag)) for drag in drags)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("contact"))

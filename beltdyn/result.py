@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -60,7 +60,7 @@ class Result:
         energy: The energy ledger, None for ``ledger=False``.
         stats: Counters, times and error estimates.
         effects: Names of the effects that were simulated; one that the drive does not have
-            (bending, gravity, friction, the ledger) is not computed either.
+            (bending, gravity, friction, bearing drag, the ledger) is not computed either.
         success: Whether the run reached its end.
         status: "finished", "failed" or "interrupted".
         message: How the run ended, in words.
@@ -88,11 +88,16 @@ class Result:
 
     @classmethod
     def _from_core(
-        cls, t: Array, arrays: Mapping[str, NDArray[Any]], samples: int, **others: Any
+        cls,
+        t: Array,
+        arrays: Mapping[str, NDArray[Any]],
+        energy_terms: Sequence[str],
+        samples: int,
+        **others: Any,
     ) -> Result:
         t = t[:samples]
         done = {name: array[:samples] for name, array in arrays.items()}
-        return cls(t=t, **histories(t, done), **others)
+        return cls(t=t, **histories(t, done, energy_terms), **others)
 
     @cached_property
     def span_tension(self) -> Array:

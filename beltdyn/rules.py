@@ -13,7 +13,7 @@ import attrs
 
 from . import _core, checks
 
-__all__ = ["Printable", "Rule", "from_table", "lines", "rules_of"]
+__all__ = ["Printable", "Rule", "from_table", "instance_of", "lines", "rules_of"]
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
@@ -59,34 +59,50 @@ def rules_of(group: str) -> dict[str, Rule]:
     return {row[1]: Rule(*row) for row in _core.PARAMETERS if row[0] == group}
 
 
+def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    """Give the validator of a field that holds a part of a drive."""
+
+    def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
+
+    return check
+
+
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Give every field of a class its rule; a field without one is an error."""
+    """Give every field of a class its rule; one without must be a part with a validator."""
     rules = rules_of(group) | {rule.name: rule for rule in others}
 
     def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
         return [
-            field.evolve(converter=rule.check, metadata={"rule": rule})
+            field
+            if field.validator is not None
+            else field.evolve(
+                converter=rules[field.name].check, metadata={"rule": rules[field.name]}
+            )
             for field in fields
-            for rule in [rules[field.name]]
         ]
 
     return transform
 
 
 class Printable:
-    """Base of classes whose fields all have a rule: prints them with units and meaning."""
+    """Base of classes whose fields have a rule or are such classes, or None: prints them all."""
 
     __slots__ = ()
 
     def _rows(self) -> list[tuple[str, str, str]]:
-        """Name, quantity and meaning of each field."""
-        rules: list[Rule] = [
-            field.metadata["rule"]
-            for field in attrs.fields(type(self))  # type: ignore[arg-type]
-        ]
-        return [(rule.name, rule.quantity(getattr(self, rule.name)), rule.text) for rule in rules]
+        """Name, quantity and meaning of each field; of a part, those of its fields."""
+        rows = []
+        for field in attrs.fields(type(self)):  # type: ignore[arg-type]
+            value, rule = getattr(self, field.name), field.metadata.get("rule")
+            if rule is not None:
+                rows.append((field.name, rule.quantity(value), rule.text))
+            elif value is not None:
+                rows += [(f"{field.name}.{name}", *others) for name, *others in value._rows()]
+        return rows
 
     def __str__(self) -> str:
         return "\n".join([type(self).__name__, *lines(self._rows(), indent="  ")])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .histories import GROUPS, Stats
 from .params import Params
+from .parts import any_drag
 from .run_warnings import RunWarning
 from .state import State
 
@@ -194,6 +195,9 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
         raise ValueError("t must be finite and non-decreasing")
 
+    dragged = any_drag(params.pulleys)
+    if "energy.drag_loss" in values and not dragged:
+        raise ValueError("energy.drag_loss does not belong there: no pulley has drag")
     with_energy = any(name.startswith("energy.") for name in values)
 
     def history(group: str) -> dict[str, NDArray[Any]]:
@@ -201,6 +205,8 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         arrays = {}
         for field in GROUPS[group].names():
             name = f"{group}.{field}"
+            if name == "energy.drag_loss" and not dragged:
+                continue
             kind = np.int32 if name == "contact.pulley" else np.float64
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (name in _MAY_OVERFLOW or group == "energy")

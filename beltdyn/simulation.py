@@ -17,6 +17,7 @@ from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
 from .histories import Stats
 from .params import Params
+from .parts import any_drag
 from .result import Result
 from .run_warnings import RunWarning, issue
 from .state import State
@@ -143,7 +144,11 @@ def simulate(
     }
     terms = as_terms(torque_fn, len(params.pulleys))
     needed = memory.check_samples(
-        times.size, params.belt.n_bodies, len(params.pulleys), ledger=options["ledger"]
+        times.size,
+        params.belt.n_bodies,
+        len(params.pulleys),
+        ledger=options["ledger"],
+        drag=any_drag(params.pulleys),
     )
 
     # Before settling, which may take long, and may fail for the very reason they name.
@@ -182,6 +187,7 @@ def simulate(
         seen = Result._from_core(
             times,
             arrays,
+            sim.energy_terms,
             sim.samples,
             stats=stats,
             effects=tuple(sim.passes),

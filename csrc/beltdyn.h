@@ -81,9 +81,16 @@ typedef struct bd_belt {
   double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
 } bd_belt;
 
+/* Torque against the rotation: coulomb s(omega) + viscous omega + quadratic omega |omega|, s a
+ * smooth sign (MODEL section 5). All 0: none. */
+typedef struct bd_drag {
+  double coulomb, viscous, quadratic;
+} bd_drag;
+
 typedef struct bd_pulley {
   double center[2];
   double radius, inertia;
+  bd_drag drag;
 } bd_pulley;
 
 typedef struct bd_contact {
@@ -244,6 +251,9 @@ enum {
       BD_N_ENERGY
 };
 
+/* The columns of the output `energy`, as BD_ENERGY_...; how many, and so the length of its rows.
+ * Those up to BD_ENERGY_residual are always there, in their order. terms: BD_N_ENERGY, or NULL. */
+int bd_sim_energy_terms(const bd_sim *sim, int *terms);
 int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
                       bd_error *err);
 

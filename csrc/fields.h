@@ -30,6 +30,9 @@
   X(belt, bending_damping, NONNEGATIVE, "N m^2 s", "eta I; 0 in the paper")                        \
   X(pulley, radius, POSITIVE, "m", "radius on which the link centres run, r_p")                    \
   X(pulley, inertia, POSITIVE, "kg m^2", "moment of inertia about the axis, I")                    \
+  X(drag, coulomb, NONNEGATIVE, "N m", "Coulomb bearing drag, the same at any speed")              \
+  X(drag, viscous, NONNEGATIVE, "N m s", "viscous bearing drag, torque over speed")                \
+  X(drag, quadratic, NONNEGATIVE, "N m s^2", "quadratic bearing drag, over speed squared")         \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
   X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                        \
@@ -72,7 +75,8 @@
   X(double, mean_tension, "axial_stiffness * strain, the scale of forces [N]")                     \
   X(double, mesh_strain, "what tangent links, longer than the arcs they span, add to the strain")  \
   X(double, contact_strain, "what its sinking into the pulleys takes off the strain at rest")      \
-  X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")
+  X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
+  X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). */
 #define BD_OUTPUTS(X)                                                                              \
@@ -92,9 +96,10 @@
   X(mu, contact, LINKS, "1", "friction coefficient, Dahl state")                                   \
   X(slip, contact, LINKS, "m", "slip displacement since contact began")                            \
   X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
-  X(energy, energy, ENERGY, "J", "the ledger, columns as BD_ENERGY_TERMS")
+  X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")
 
-/* The energy ledger, MODEL section 7: X(name, text). */
+/* The energy ledger, MODEL section 7: X(name, text). What follows the residual is of effects that
+ * not every drive has, and has a column only in drives that have them (bd_sim_energy_terms). */
 #define BD_ENERGY_TERMS(X)                                                                         \
   X(kinetic, "links and pulleys")                                                                  \
   X(axial, "stored in the joints' stretch")                                                        \
@@ -105,7 +110,8 @@
   X(joint_loss, "lost in the joint dampers since the start")                                       \
   X(contact_loss, "lost in the contact dampers since the start")                                   \
   X(friction_loss, "work of friction against slip since the start")                                \
-  X(residual, "E(t) - E(0) - (drive - losses): 0 but for integration error")
+  X(residual, "E(t) - E(0) - (drive - losses): 0 but for integration error")                       \
+  X(drag_loss, "lost to bearing drag since the start")
 
 /* Counters of a run: X(type, name, text). */
 #define BD_STATS(X)                                                                                \

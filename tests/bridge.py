@@ -30,7 +30,16 @@ def oracle_of(params: bd.Params) -> reference.Reference:
         sigma=None if friction is None else friction.sigma,
         gravity=params.gravity,
         winding=winding_of(params),
+        drag=drag_of(params),
     )
+
+
+def drag_of(params: bd.Params) -> np.ndarray | None:
+    """Coefficients of every pulley's drag, None if no pulley has any."""
+    drags = [pulley.drag for pulley in params.pulleys]
+    if not any(drags):
+        return None
+    return np.array([(d.coulomb, d.viscous, d.quadratic) if d else (0, 0, 0) for d in drags])
 
 
 def winding_of(params: bd.Params) -> int:

@@ -23,8 +23,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Torque = Callable[[float, Array, Array], npt.ArrayLike]
 
-LEDGER = ("drive", "joint_damping", "contact_damping", "friction")
-"""The quadratures at the end of the state: work put in, then three losses (section 7)."""
+LEDGER = ("drive", "joint_damping", "contact_damping", "friction", "drag")
+"""The quadratures at the end of the state: work put in, then the losses (section 7)."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Reference:
     """A belt drive by its data per metre of belt (section 6), with the equations of motion.
 
     The state vector is `x, y, phi, vx, vy, vphi` (n_b each), `theta, omega` (n_p each), `mu, slip`
-    (n_p x n_b each, pulley first) and the four quadratures of `LEDGER`.
+    (n_p x n_b each, pulley first) and the quadratures of `LEDGER`.
     """
 
     length: float  # L, stress-free [m]
@@ -50,12 +50,14 @@ class Reference:
     gravity: tuple[float, float] = (0.0, 0.0)  # [m/s^2]
     winding: int = -1  # turns of phi once round the ring; -1: numbered clockwise
     bending_damping: float = 0.0  # [N m^2 s]; none in the paper
+    drag: Array | None = None  # (n_p, 3): Coulomb [N m], viscous [N m s], quadratic [N m s^2]
 
     n_pulleys: int = field(init=False)
     size: int = field(init=False)
     l0: float = field(init=False)
     mass: float = field(init=False)
     inertia: float = field(init=False)  # I_z of a link
+    omega_0: Array = field(init=False)  # within which Coulomb drag changes its sign (section 5)
     c_tra: float = field(init=False)
     b_tra: float = field(init=False)
     c_tor: float = field(init=False)
@@ -73,7 +75,7 @@ class Reference:
             raise ValueError("needs n_bodies >= 3, and mu_k and sigma both or neither")
         l0 = self.length / n_b
         mass = self.linear_density * l0
-        derived = {
+        derived: dict[str, Any] = {
             "centers": centers,
             "radii": np.array(self.radii, dtype=float).reshape(n_p),
             "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
@@ -92,6 +94,12 @@ class Reference:
             "previous": np.arange(-1, n_b - 1) % n_b,
             "following": np.arange(1, n_b + 1) % n_b,
         }
+        derived["omega_0"] = np.zeros(n_p)
+        if self.drag is not None:
+            derived["drag"] = np.array(self.drag, dtype=float).reshape(n_p, 3)
+            path = belt_line(centers, derived["radii"], self.length, n_b)[-1]
+            wave = math.sqrt(self.axial_stiffness / self.linear_density)
+            derived["omega_0"] = 1e-3 * (path / self.length - 1) * wave / 60 / derived["radii"]
         for name, value in derived.items():
             object.__setattr__(self, name, value)
 
@@ -112,7 +120,7 @@ class Reference:
         return y[..., start:stop].reshape(*y.shape[:-1], 2, self.n_pulleys, self.n_bodies)
 
     def ledger(self, y: Array) -> Array:
-        """View (..., 4): the quadratures, in the order of `LEDGER`."""
+        """View (..., 5): the quadratures, in the order of `LEDGER`."""
         return y[..., -len(LEDGER) :]
 
     def pack(self, state: Mapping[str, Any]) -> Array:
@@ -213,19 +221,24 @@ class Reference:
         # Friction (2.9)-(2.10): along t = z x outward, the same lever arm in speed and torque.
         speed = (vy * outward[0] - vx * outward[1] - omega[:, None] * distance) * touch
         drive = np.asarray(torque(t, theta, omega), dtype=float)
+        acting = drive
+        if self.drag is not None:
+            resisting = self.drag_torque(omega)
+            acting = drive - resisting
+            dy[at_ledger + 4] = resisting @ omega
         d_omega = dy[6 * n_b + n_p : at_memory]
         if self.mu_k is not None and self.sigma is not None:
             friction = mu * normal
             force[0] += np.add.reduce(normal * outward[0] + friction * outward[1], 0)
             force[1] += np.add.reduce(normal * outward[1] - friction * outward[0], 0)
-            d_omega[:] = (drive + np.add.reduce(friction * distance, 1)) / self.inertias
+            d_omega[:] = (acting + np.add.reduce(friction * distance, 1)) / self.inertias
             dy[at_memory : at_memory + n_p * n_b] = (
                 self.sigma * (speed - np.abs(speed) * mu / self.mu_k)
             ).ravel()
             dy[at_ledger + 3] = np.vdot(friction, speed)
         else:
             force += np.add.reduce(normal * outward, 1)
-            d_omega[:] = drive / self.inertias
+            d_omega[:] = acting / self.inertias
         dy[at_memory + n_p * n_b : at_ledger] = speed.ravel()
 
         force /= self.mass
@@ -240,6 +253,14 @@ class Reference:
             dy[at_ledger + 1] += self.b_tor * np.vdot(bend[1], bend[1])
         dy[at_ledger + 2] = np.vdot((normal - elastic) * touch, p_rate)
         return dy
+
+    def drag_torque(self, omega: Array) -> Array:
+        """Return the torque of the drag against the rotation of each pulley (section 5)."""
+        if self.drag is None:
+            return np.zeros(self.n_pulleys)
+        coulomb, viscous, quadratic = self.drag.T
+        sign = omega / np.hypot(omega, self.omega_0)
+        return np.asarray(coulomb * sign + viscous * omega + quadratic * omega * np.abs(omega))
 
     # ---------------------------------------------------------------- outputs at a state
     # All take one state (size,) or many (..., size).
@@ -328,7 +349,7 @@ class Reference:
         return np.asarray(sum(self.energy_terms(y).values()))
 
     def powers(self, t: float, y: Array, torque: Torque) -> Array:
-        """Return the four powers of section 7 as in `LEDGER`, written apart from `rhs`."""
+        """Return the powers of section 7 as in `LEDGER`, written apart from `rhs`."""
         theta, omega = self.pulleys(y)
         _, d_rate = self.joint_vectors(y)
         _, bend_rate = self.joint_angles(y)
@@ -341,13 +362,14 @@ class Reference:
                 self.b_tra * np.sum(d_rate**2) + self.b_tor * np.sum(bend_rate**2),
                 np.sum(damping * contacts.rate),
                 np.sum(contacts.friction * contacts.velocity),
+                np.dot(self.drag_torque(omega), omega),
             ]
         )
 
     def residual(self, y: Array, y0: Array) -> Array:
         """E - E0 - (drive work - losses): the global error that needs no reference (section 7)."""
-        drive, joint, contact, friction = np.moveaxis(self.ledger(y) - self.ledger(y0), -1, 0)
-        supplied: Array = drive - joint - contact - friction
+        works = np.moveaxis(self.ledger(y) - self.ledger(y0), -1, 0)
+        supplied: Array = works[0] - works[1:].sum(axis=0)
         return self.energy(y) - self.energy(y0) - supplied
 
     def forget(self, y: Array) -> Array:

@@ -103,7 +103,7 @@ def test_only_the_binding_sees_python() -> None:
         ),
     ],
 )
-@pytest.mark.parametrize("program", ["test_core", "test_memory", "test_kernels"])
+@pytest.mark.parametrize("program", ["test_core", "test_effects", "test_memory", "test_kernels"])
 def test_c_tests(core: Core, program: str, flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
     source = ROOT / "tests" / "c" / f"{program}.c"

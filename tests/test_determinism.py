@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import attrs
 import drives
 import numpy as np
 import pytest
@@ -32,15 +33,20 @@ def driven(t: float, _theta: Any, omega: Any) -> list[float]:
 
 
 def sums(name: str) -> list[str]:
-    """Check sums of settling and of two runs, under terms and under a function, by one method."""
+    """Check sums of settling and of three runs by one method: under terms, under a function, and
+    with bearing drag.
+    """
     params, torque, _ = drives.plain_scene()
+    drag = bd.Drag(coulomb=0.5, viscous=0.02, quadratic=1e-3)
+    pulleys = [attrs.evolve(pulley, drag=drag) for pulley in params.pulleys]
+    dragging = attrs.evolve(params, pulleys=pulleys)
     found = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", bd.BeltdynWarning)
         start = bd.settle(params)
-        for load in (torque, driven):
+        for drive, load in ((params, torque), (params, driven), (dragging, torque)):
             times = np.linspace(0.0, 0.02, 21)
-            run = bd.simulate(params, load, 0.02, initial=start, t_eval=times, **METHODS[name])
+            run = bd.simulate(drive, load, 0.02, initial=start, t_eval=times, **METHODS[name])
             arrays = [run.joints.force, run.contact.mu, run.pulleys.omega, run.energy.residual]
             arrays += [run.final_state.x, run.final_state.vphi, start.x, start.phi]
             digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays))

@@ -74,7 +74,8 @@ def core_of(oracle: reference.Reference) -> _core.Model:
     friction = None if o.mu_k is None or o.sigma is None else (o.mu_k, o.sigma)
     belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
             o.bending_stiffness, o.bending_damping)  # fmt: skip
-    return _core.Model(belt, o.centers, o.radii, o.inertias, o.contact, friction, o.gravity)
+    drag = None if o.drag is None else [tuple(row) for row in o.drag]
+    return _core.Model(belt, o.centers, o.radii, o.inertias, o.contact, friction, o.gravity, drag)
 
 
 def off_the_kinks(oracle: reference.Reference, state: dict[str, Any]) -> bool:
@@ -167,6 +168,7 @@ CASES = (
     "hard contact",
     "no damping",
     "pressed together",
+    "bearing drag",
     "overlapping",
 )
 
@@ -185,6 +187,12 @@ def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -
         "stiff friction": {"friction": bd.Dahl(mu_k=1.0, sigma=1e8)},
         "hard contact": {"contact": hard},
         "no damping": {"axial_damping": 0.0, "contact": soft},
+        "bearing drag": {
+            "pulleys": [
+                attrs.evolve(pulley, drag=bd.Drag(coulomb=c, viscous=0.3, quadratic=0.02))
+                for pulley, c in zip(params.pulleys, (0.5, 0.0, 0.0), strict=False)
+            ]
+        },
     }
     params = changed(params, **changes.get(name, {}))
     if name == "pressed together":  # every joint in compression, by 0.5 % of a link

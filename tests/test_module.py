@@ -109,7 +109,7 @@ def test_everything_has_a_docstring(thing):
 
 
 def test_signatures_can_be_read():
-    assert list(inspect.signature(_core.Model).parameters) == list(SCENE)
+    assert list(inspect.signature(_core.Model).parameters) == [*SCENE, "drag"]
     keyword = [
         name
         for name, parameter in inspect.signature(_core.Simulation).parameters.items()

@@ -19,6 +19,7 @@ from beltdyn import _core
 CLASSES: dict[str, Any] = {
     "belt": bd.Belt,
     "pulley": bd.Pulley,
+    "drag": bd.Drag,
     "contact": bd.Contact,
     "dahl": bd.Dahl,
 }
@@ -33,6 +34,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "bending_damping": 1e-6,
     },
     "pulley": {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01},
+    "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3},
     "dahl": {"mu_k": 1.0, "sigma": 1e4},
 }
@@ -60,7 +62,8 @@ def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt
 
 def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
     for group, kind in CLASSES.items():
-        fields = [field.name for field in attrs.fields(kind) if field.name != "center"]
+        parts = ("center", "drag")
+        fields = [field.name for field in attrs.fields(kind) if field.name not in parts]
         assert fields == [name for g, name, _ in ROWS if g == group]
     assert {group for group, _, _ in ROWS} == set(CLASSES)
 

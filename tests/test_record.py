@@ -51,6 +51,7 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
         0.02,
     ),
     "frictionless": ({"dahl": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
+    "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),
 }
@@ -137,10 +138,14 @@ def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None
     def new(drive: str = "plain", **others: Any) -> Any:
         return make(drive, state, {**options, **others})[0]
 
+    other = "the record is of another run: drive, torques, t_end and options must be those it was "
+    drags = [_core.Simulation(make_model(drag=[(c, 0.0, 0.0), None]), state, TORQUE, 0.02)
+             for c in (0.5, 0.6)]  # fmt: skip
+    with refused(ValueError, other + "made with"):
+        drags[1].import_record(drags[0].export_record())
     fresh = new()
     untouched = pickle.dumps(fresh.state())
-    other = "the record is of another run: drive, torques, t_end and options must be those it was "
-    for one in (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("lightly damped")):
+    for one in (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag")):
         with refused(ValueError, other + "made with"):
             one.import_record(record)
     for size in (0, 7, 40, len(record) - 1):

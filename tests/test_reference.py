@@ -24,6 +24,7 @@ MODELS: dict[str, Callable[[], ref.Reference]] = {
     "gravity, bending damping": lambda: ref.paper_drive(
         gravity=(1.0, -9.81), bending_damping=0.02, bending_stiffness=0.5
     ),
+    "bearing drag": lambda: ref.paper_drive(drag=np.array([[3.0, 0.1, 0.02], [1.0, 0.0, 0.3]])),
     # Counter-clockwise, unequal, three pulleys.
     "three pulleys": lambda: ref.paper_drive(
         40,
@@ -252,6 +253,11 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
             torque_on_pulley[j] += at.friction[j, i] * at.distance[j, i]
         acceleration[:, i] = force / model.mass
         alpha[i] = moment / model.inertia
+    if model.drag is not None:
+        w = model.pulleys(y)[1]
+        sign = np.array([math.tanh(math.asinh(v)) for v in w / model.omega_0])  # v / sqrt(1 + v^2)
+        torque_on_pulley -= model.drag.T[0] * sign
+        torque_on_pulley -= model.drag.T[1] * w + model.drag.T[2] * w**2 * np.sign(w)
     links = model.links(dy)
     # Rounding only: 1e-11 of the largest acceleration.
     np.testing.assert_allclose(links[1, :2], acceleration, atol=1e-11 * abs(acceleration).max())
@@ -337,7 +343,8 @@ def test_angular_momentum_rate_is_that_of_external_forces(model: ref.Reference) 
     d, d_rate = model.joint_vectors(y)
     couple = -model.b_tra * np.sum(d[0] * d_rate[1] - d[1] * d_rate[0])
     assert rate == pytest.approx(
-        applied.sum() + bearings + weight + couple, abs=1e-11 * np.abs(spin).max() * model.n_bodies
+        applied.sum() - model.drag_torque(model.pulleys(y)[1]).sum() + bearings + weight + couple,
+        abs=1e-11 * np.abs(spin).max() * model.n_bodies,
     )
 
 
@@ -426,7 +433,7 @@ def moved(
         for name in (
             *("length", "n_bodies", "linear_density", "axial_stiffness", "axial_damping"),
             *("bending_stiffness", "bending_damping", "radii", "inertias", "contact"),
-            *("mu_k", "sigma"),
+            *("mu_k", "sigma", "drag"),
         )
     }
     other = ref.Reference(

@@ -350,6 +350,8 @@ def _reader(quantity: str | Read) -> Read:
         if values is None:
             raise ValueError(f"{quantity}: the run carries no energy ledger (options ledger=False)")
         values = getattr(values, field) if field else values
+        if values is None:
+            raise ValueError(f"{quantity}: this drive has none")
         if column is None:
             return np.asarray(values)
         if values.ndim < 2 or int(column) >= values.shape[1]:

@@ -15,6 +15,7 @@ _LOSSES = (
     ("friction_loss", "friction"),
     ("contact_loss", "contact dampers"),
     ("joint_loss", "joint dampers"),
+    ("drag_loss", "bearing drag"),
 )
 
 
@@ -39,7 +40,10 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
     ax = style.axes(ax)
     base = np.zeros_like(result.t)
     for k, (name, label) in enumerate(_LOSSES):
-        top = base + getattr(ledger, name)
+        loss = getattr(ledger, name)
+        if loss is None:
+            continue
+        top = base + loss
         ax.fill_between(
             result.t,
             base,

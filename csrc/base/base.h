@@ -23,14 +23,16 @@
 
 enum { F_X, F_Y, F_PHI, F_VX, F_VY, F_VPHI, F_MU };
 
-/* Work integrals carried in the tail, in the order of the ledger's terms. */
-enum { W_DRIVE, W_JOINT, W_CONTACT, W_FRICTION, N_WORK };
+/* Work integrals carried in the tail. Those from W_DRAG on only where the drive has the effect:
+ * n_work of the layout says how many there are. */
+enum { W_DRIVE, W_JOINT, W_CONTACT, W_FRICTION, W_DRAG, MAX_WORK };
 
 typedef struct bd_layout {
   int n, n8, np, slots;
   int stride;             /* doubles per block */
   int theta, omega, work; /* offsets of the tail */
-  size_t size;            /* of the whole vector */
+  int n_work;
+  size_t size; /* of the whole vector */
 } bd_layout;
 
 static inline double *bd_field(const bd_layout *lay, double *y, int field) {

@@ -71,10 +71,10 @@ void bd_core_state_release(bd_core_state *state);
 
 /* --- outputs --------------------------------------------------------------------------------- */
 
-/* Fresh arrays of so many rows, no energy without the ledger: owned by the list `keep`, views of
- * them by name in `dict`, their data in *output for the core. */
+/* Fresh arrays of so many rows, of energy so many columns, 0: none: owned by the list `keep`, views
+ * of them by name in `dict`, their data in *output for the core. */
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
-                       int ledger, npy_intp rows);
+                       int n_energy, npy_intp rows);
 
 /* --- torque ---------------------------------------------------------------------------------- */
 

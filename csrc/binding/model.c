@@ -192,8 +192,40 @@ static int read_gravity(PyObject *object, double gravity[2]) {
   return 0;
 }
 
+/* One tuple, or None, for each pulley; None: no drag at all. */
+static int read_drag(PyObject *object, bd_pulley *pulleys, npy_intp count) {
+  if (object == Py_None) {
+    return 0;
+  }
+  PyObject *rows = PySequence_Check(object) && !PyUnicode_Check(object)
+                       ? PySequence_Fast(object, "drag must be a sequence")
+                       : NULL;
+  if (!rows) {
+    if (!PyErr_Occurred()) {
+      PyErr_Format(PyExc_TypeError, "drag must be a sequence of tuples, got %.100s",
+                   Py_TYPE(object)->tp_name);
+    }
+    return -1;
+  }
+  int failed = 0;
+  if (PySequence_Fast_GET_SIZE(rows) != count) {
+    PyErr_Format(PyExc_ValueError, "drag must have one entry for each of %zd pulleys, got %zd",
+                 (Py_ssize_t)count, PySequence_Fast_GET_SIZE(rows));
+    failed = -1;
+  }
+  for (Py_ssize_t j = 0; !failed && j < count; j++) {
+    PyObject *row = PySequence_Fast_GET_ITEM(rows, j);
+    char label[32];
+    PyOS_snprintf(label, sizeof label, "pulleys[%d].drag", (int)j);
+    failed = row == Py_None ? 0 : read_group(row, "drag", label, &pulleys[j].drag);
+  }
+  Py_DECREF(rows);
+  return failed;
+}
+
 /* The pulleys as a fresh block (PyMem_Free it); their number in *n. */
-static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias, int *n) {
+static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
+                               PyObject *drag, int *n) {
   const npy_intp pairs[2] = {BD_ANY, 2};
   bd_pulley *pulleys = NULL;
   PyArrayObject *center = bd_convert_array(centers, "centers", 2, pairs), *radius = NULL,
@@ -227,6 +259,10 @@ static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *ine
         .inertia = i[j],
     };
   }
+  if (read_drag(drag, pulleys, count) < 0) {
+    PyMem_Free(pulleys);
+    pulleys = NULL;
+  }
   *n = (int)count;
 out:
   Py_DECREF(center);
@@ -239,10 +275,11 @@ out:
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt", "centers", "radii", "inertias", "contact", "dahl", "gravity", NULL};
-  PyObject *belt, *centers, *radii, *inertias, *contact, *dahl, *gravity;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO:Model", names, &belt, &centers, &radii,
-                                   &inertias, &contact, &dahl, &gravity)) {
+  char *names[] = {"belt", "centers", "radii", "inertias", "contact",
+                   "dahl", "gravity", "drag",  NULL};
+  PyObject *belt, *centers, *radii, *inertias, *contact, *dahl, *gravity, *drag = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|O:Model", names, &belt, &centers,
+                                   &radii, &inertias, &contact, &dahl, &gravity, &drag)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -253,7 +290,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
       read_gravity(gravity, scene.gravity) < 0) {
     return NULL;
   }
-  bd_pulley *pulleys = read_pulleys(centers, radii, inertias, &scene.n_pulleys);
+  bd_pulley *pulleys = read_pulleys(centers, radii, inertias, drag, &scene.n_pulleys);
   if (!pulleys) {
     return NULL;
   }
@@ -398,12 +435,14 @@ static PyGetSetDef model_properties[] = {
     {NULL, NULL, NULL, NULL, NULL},
 };
 
-PyDoc_STRVAR(model_doc,
-             "Model(belt, centers, radii, inertias, contact, dahl, gravity)\n--\n\n"
-             "A checked, constant scene; may be shared by simulations in any thread.\n\n"
-             "belt, contact, dahl: tuples of numbers as in PARAMETERS; dahl None: no friction.\n"
-             "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
-             "gravity: (2,) [m/s^2]. Raises TypeError or ValueError naming field and rule.");
+PyDoc_STRVAR(
+    model_doc,
+    "Model(belt, centers, radii, inertias, contact, dahl, gravity, drag=None)\n--\n\n"
+    "A checked, constant scene; may be shared by simulations in any thread.\n\n"
+    "belt, contact, dahl: tuples of numbers as in PARAMETERS; dahl None: no friction.\n"
+    "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
+    "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
+    "drag. Raises TypeError or ValueError naming field and rule.");
 
 static PyType_Slot model_slots[] = {
     {Py_tp_doc, (void *)model_doc},

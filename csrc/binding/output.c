@@ -54,11 +54,11 @@ static void *add_output(PyObject *keep, PyObject *dict, const char *name, int ty
 enum { WIDTH_PULLEYS, WIDTH_LINKS, WIDTH_ENERGY };
 
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
-                       int ledger, npy_intp rows) {
+                       int n_energy, npy_intp rows) {
   const npy_intp width[] = {
       [WIDTH_PULLEYS] = info->n_pulleys,
       [WIDTH_LINKS] = info->n_bodies,
-      [WIDTH_ENERGY] = ledger ? BD_N_ENERGY : 0,
+      [WIDTH_ENERGY] = n_energy,
   };
 #define X(name, group, size, unit, text)                                                           \
   if (width[WIDTH_##size]) {                                                                       \

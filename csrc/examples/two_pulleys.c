@@ -92,7 +92,7 @@ int main(void) {
   const bd_torque torque = {.n_terms = 2, .terms = terms};
 
   double times[SAMPLES], speed[SAMPLES][PULLEYS], force[SAMPLES][LINKS];
-  double energy[SAMPLES][BD_N_ENERGY];
+  double energy[SAMPLES][BD_ENERGY_residual + 1]; /* columns of a drive without bearing drag */
   for (int k = 0; k < SAMPLES; ++k) {
     times[k] = 0.01 * k;
   }

@@ -64,6 +64,13 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
       check(err, "friction", #name, RULE_##rule, scene->friction->name, unit, text)) {             \
     return BD_ERR_PARAMETER;                                                                       \
   }
+#define CHECK_drag(name, rule, unit, text)                                                         \
+  for (int j = 0; j < scene->n_pulleys; ++j) {                                                     \
+    snprintf(where, sizeof where, "pulleys[%d].drag", j);                                          \
+    if (check(err, where, #name, RULE_##rule, scene->pulleys[j].drag.name, unit, text)) {          \
+      return BD_ERR_PARAMETER;                                                                     \
+    }                                                                                              \
+  }
 #define CHECK_pulley(name, rule, unit, text)                                                       \
   for (int j = 0; j < scene->n_pulleys; ++j) {                                                     \
     snprintf(where, sizeof where, "pulleys[%d]", j);                                               \
@@ -131,7 +138,7 @@ static int colour_pulleys(const bd_model *model) {
   return slots;
 }
 
-static void lay_out(bd_layout *lay, int n, int np, int slots) {
+static void lay_out(bd_layout *lay, int n, int np, int slots, int drag) {
   lay->n = n;
   lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
   lay->np = np;
@@ -140,14 +147,18 @@ static void lay_out(bd_layout *lay, int n, int np, int slots) {
   lay->theta = (F_MU + 2 * slots) * lay->stride;
   lay->omega = lay->theta + np;
   lay->work = lay->omega + np;
-  lay->size = (size_t)(lay->work + N_WORK + BD_LANES - 1) / BD_LANES * BD_LANES;
+  lay->n_work = drag ? MAX_WORK : W_DRAG;
+  lay->size = (size_t)(lay->work + lay->n_work + BD_LANES - 1) / BD_LANES * BD_LANES;
 }
 
-static void carve(bd_carver *carver, bd_model *model, int np) {
+static void carve(bd_carver *carver, bd_model *model, int np, int drag) {
   BD_CARVE(carver, model->cx, np);
   BD_CARVE(carver, model->cy, np);
   BD_CARVE(carver, model->radius, np);
   BD_CARVE(carver, model->inertia, np);
+  if (drag) {
+    BD_CARVE(carver, model->drag, np);
+  }
   BD_CARVE(carver, model->slot, np);
   BD_CARVE(carver, model->wraps, np);
 }
@@ -255,6 +266,19 @@ static double origin_along(const bd_scene *scene, int axis) {
   return unit * rint(0.5 * (low + high) / unit);
 }
 
+/* Of the speed that errors are measured by (bd_stepper_weigh): a creep of it is far below what slip
+ * there is in a drive, and steps can still follow the change of sign. */
+static const double DRAG_SPEED = 1e-3;
+
+static int has_drag(const bd_scene *scene) {
+  int found = 0;
+  for (int j = 0; j < scene->n_pulleys; ++j) {
+    const bd_drag *drag = &scene->pulleys[j].drag;
+    found |= drag->coulomb > 0.0 || drag->viscous > 0.0 || drag->quadratic > 0.0;
+  }
+  return found;
+}
+
 int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   *out = NULL;
   if (check_scene(scene, err) != BD_OK) {
@@ -272,7 +296,8 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   bd_carver carver = {0};
   bd_model sizes;
   bd_carve(&carver, 1, sizeof *model);
-  carve(&carver, &sizes, np);
+  const int drag = has_drag(scene);
+  carve(&carver, &sizes, np, drag);
   char *block = bd_block_new(carver.used);
   if (!block) {
     return bd_fail(err, BD_ERR_MEMORY, "model", "out of memory for a model of %zu bytes",
@@ -280,7 +305,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   carver = (bd_carver){.base = block};
   model = bd_carve(&carver, 1, sizeof *model);
-  carve(&carver, model, np);
+  carve(&carver, model, np, drag);
 
   model->belt = scene->belt;
   model->contact = scene->contact;
@@ -299,6 +324,9 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     model->cy[j] = scene->pulleys[j].center[1] - model->origin[1];
     model->radius[j] = scene->pulleys[j].radius;
     model->inertia[j] = scene->pulleys[j].inertia;
+    if (drag) {
+      model->drag[j] = scene->pulleys[j].drag;
+    }
   }
   model->far_away = 1e6;
   for (int j = 0; j < np; ++j) {
@@ -307,9 +335,10 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   model->lay.np = np;
   model->colours = colour_pulleys(model);
-  lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? model->colours : 0);
+  lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? model->colours : 0, drag);
   derive(model);
   check_line(model);
+  model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
   model->kernels = kernels;
   *out = model;
   return BD_OK;
@@ -328,6 +357,13 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
 
 void bd_model_info(const bd_model *model, bd_info *info) {
   *info = model->info;
+}
+
+double bd_speed_scale(const bd_model *model) {
+  const double LINKS_OF_THE_PAPER = 60.0;
+  double strain = model->geometry.code == BD_OK ? model->info.strain : 0.01;
+  return strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) /
+         LINKS_OF_THE_PAPER;
 }
 
 double bd_round_time(const bd_model *model) {

@@ -24,6 +24,7 @@ struct bd_model {
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
+  bd_drag *drag;                      /* by pulley; NULL: none has any */
   int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
   int colours;
   bd_wrap *wraps;
@@ -33,6 +34,9 @@ struct bd_model {
   const bd_kernels *kernels;
 };
 
+/* What a joint's stretch at rest is worth as a speed [m/s]: over the time a wave needs round a belt
+ * of 60 links. */
+double bd_speed_scale(const bd_model *model);
 /* Time that a stretch wave takes once round the belt: the measure of what is long. */
 double bd_round_time(const bd_model *model);
 /* In which the lowest stretch wave round the belt decays by e: at (eta A / EA) omega^2 / 2. */

@@ -67,28 +67,30 @@ double bd_mean_force(const bd_plan *plan, const double *y) {
   return total / n;
 }
 
-double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *w = bd_cfield(lay, y, F_VPHI);
-  double m = model->info.link_mass, inertia = model->info.link_inertia;
-  memset(terms, 0, BD_N_ENERGY * sizeof *terms);
-  for (int i = 0; i < lay->n; ++i) {
+void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  for (int i = 0; i < plan->model->lay.n; ++i) {
     double along, rate, squared, turn;
     joint_state(plan, y, i, &along, &rate, &squared, &turn);
-    terms[BD_ENERGY_kinetic] +=
-        0.5 * m * (vx[i] * vx[i] + vy[i] * vy[i]) + 0.5 * inertia * w[i] * w[i];
     terms[BD_ENERGY_axial] += 0.5 * plan->links.stiffness * squared;
     terms[BD_ENERGY_bending] += 0.5 * plan->links.bending * turn * turn;
-    terms[BD_ENERGY_gravity] -=
-        m * (model->gravity[0] * (bd_cfield(lay, y, F_X)[i] + model->origin[0]) +
-             model->gravity[1] * (bd_cfield(lay, y, F_Y)[i] + model->origin[1]));
   }
+}
+
+void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  for (int i = 0; i < lay->n; ++i) {
+    terms[BD_ENERGY_gravity] -=
+        model->info.link_mass * (model->gravity[0] * (x[i] + model->origin[0]) +
+                                 model->gravity[1] * (yy[i] + model->origin[1]));
+  }
+}
+
+void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *d = &plan->contact_pulleys[j];
-    double omega = y[lay->omega + j];
-    terms[BD_ENERGY_kinetic] += 0.5 * model->inertia[j] * omega * omega;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
@@ -100,13 +102,68 @@ double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]) {
       }
     }
   }
-  const double *work = y + lay->work;
-  terms[BD_ENERGY_drive] = work[W_DRIVE];
-  terms[BD_ENERGY_joint_loss] = work[W_JOINT];
-  terms[BD_ENERGY_contact_loss] = work[W_CONTACT];
-  terms[BD_ENERGY_friction_loss] = work[W_FRICTION];
+}
+
+static double kinetic_energy(const bd_model *model, const double *y) {
+  const bd_layout *lay = &model->lay;
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *w = bd_cfield(lay, y, F_VPHI);
+  const double m = model->info.link_mass, inertia = model->info.link_inertia;
+  double sum = 0.0;
+  for (int i = 0; i < lay->n; ++i) {
+    sum += 0.5 * m * (vx[i] * vx[i] + vy[i] * vy[i]) + 0.5 * inertia * w[i] * w[i];
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    double omega = y[lay->omega + j];
+    sum += 0.5 * model->inertia[j] * omega * omega;
+  }
+  return sum;
+}
+
+/* Ledger column of every work integral. */
+static const int column_of[MAX_WORK] = {
+    [W_DRIVE] = BD_ENERGY_drive,          [W_JOINT] = BD_ENERGY_joint_loss,
+    [W_CONTACT] = BD_ENERGY_contact_loss, [W_FRICTION] = BD_ENERGY_friction_loss,
+    [W_DRAG] = BD_ENERGY_drag_loss,
+};
+
+void bd_energy_choose_columns(bd_plan *plan) {
+  plan->n_columns = 0;
+  for (int c = 0; c <= BD_ENERGY_residual; ++c) {
+    plan->columns[plan->n_columns++] = c;
+  }
+  for (int e = 0; e < plan->n_effects; ++e) {
+    for (int k = 0; k < plan->effects[e]->n_works; ++k) {
+      int column = column_of[plan->effects[e]->works[k]];
+      if (column > BD_ENERGY_residual) {
+        plan->columns[plan->n_columns++] = column;
+      }
+    }
+  }
+}
+
+double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  memset(terms, 0, BD_N_ENERGY * sizeof *terms);
+  terms[BD_ENERGY_kinetic] = kinetic_energy(plan->model, y);
+  for (int e = 0; e < plan->n_effects; ++e) {
+    const bd_effect *effect = plan->effects[e];
+    if (effect->energy) {
+      effect->energy(plan, y, terms);
+    }
+    for (int k = 0; k < effect->n_works; ++k) {
+      terms[column_of[effect->works[k]]] = y[plan->model->lay.work + effect->works[k]];
+    }
+  }
   return terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_axial] + terms[BD_ENERGY_bending] +
          terms[BD_ENERGY_contact] + terms[BD_ENERGY_gravity];
+}
+
+double bd_losses(const bd_layout *lay, const double *y) {
+  double sum = 0.0;
+  for (int k = W_DRIVE + 1; k < lay->n_work; ++k) {
+    sum += y[lay->work + k];
+  }
+  return sum;
 }
 
 static void put(double *to, size_t k, int width, const double *from, double shift) {
@@ -186,10 +243,14 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   put_joints(plan, y, out, k);
   put_contact(plan, y, out, k);
   if (out->energy) {
-    double *terms = out->energy + k * BD_N_ENERGY;
-    double total = bd_energy(plan, y, terms);
-    terms[BD_ENERGY_residual] = total - e0 -
-                                (terms[BD_ENERGY_drive] - terms[BD_ENERGY_joint_loss] -
-                                 terms[BD_ENERGY_contact_loss] - terms[BD_ENERGY_friction_loss]);
+    double terms[BD_N_ENERGY], *row = out->energy + k * (size_t)plan->n_columns;
+    double total = bd_energy(plan, y, terms), supplied = y[lay->work + W_DRIVE];
+    for (int w = W_DRIVE + 1; w < lay->n_work; ++w) {
+      supplied -= y[lay->work + w];
+    }
+    terms[BD_ENERGY_residual] = total - e0 - supplied;
+    for (int c = 0; c < plan->n_columns; ++c) {
+      row[c] = terms[plan->columns[c]];
+    }
   }
 }

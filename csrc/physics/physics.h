@@ -51,15 +51,63 @@ typedef struct bd_search {
 
 void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay);
 
-/* --- plan.c ---------------------------------------------------------------------------------- */
+/* --- effects.c ------------------------------------------------------------------------------- */
 
 typedef struct bd_plan bd_plan;
-typedef int (*bd_pass)(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 
-enum { BD_MAX_PASSES = 8 };
+typedef struct bd_plan_options {
+  int ledger, friction, drag, hold_pulleys, no_power;
+  double mass_damping;
+  const double *offset;
+  double move_time;
+} bd_plan_options;
 
-/* What one evaluation of the right-hand side needs: the passes in order, and their scratch. An
- * effect that is off has no pass. */
+/* The effects' derivatives at a state, as the implicit methods keep them. */
+typedef struct bd_derivatives {
+  bd_tangent joints;
+  bd_contact_pulley *contact_pulleys; /* where contact is to be linearised: pulleys, links near */
+  int *n_runs;
+  bd_run *runs; /* per pulley, max_runs apart */
+  int max_runs;
+  double mass_damping; /* [1/s] */
+  double
+      *pulley_damping; /* of torques on a pulley by its own speed, by pulley [N m s]; NULL: none */
+} bd_derivatives;
+
+/* A row of the table in effects.c: another effect is another row, and the functions it names. */
+typedef struct bd_effect {
+  const char *name; /* in result.effects */
+  int (*enabled)(const bd_model *model, const bd_plan_options *options);
+  /* Adds what it does to the rate dy at y, and sets the power of its works. */
+  int (*rate)(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+  /* Keeps its derivatives at y, whose rate was the last to be evaluated. NULL: they are not known,
+   * and implicit methods refuse the effect by its name (newton_system.c). */
+  void (*tangent)(const bd_plan *plan, const double *y, bd_derivatives *out);
+  /* Adds the energy it stores at y to the terms; NULL: it stores none. */
+  void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+  int n_works, works[2]; /* its work integrals in the state's tail: W_... */
+} bd_effect;
+
+enum { BD_MAX_EFFECTS = 16 };
+
+/* The effects that this model and these options have, in the order of their passes; how many. */
+int bd_effects_of(const bd_model *model, const bd_plan_options *options,
+                  const bd_effect *effects[BD_MAX_EFFECTS]);
+/* Settling only: speed of circulation. */
+double bd_plan_circulation(const bd_plan *plan, const double *y);
+
+/* --- drag.c ---------------------------------------------------------------------------------- */
+
+/* Torque of the drag on pulley j, against omega > 0; its derivative, and a bound of that for the
+ * speeds at which a belt under this tension can run. For models with drag. */
+double bd_drag_torque(const bd_model *model, int j, double omega);
+double bd_drag_slope(const bd_model *model, int j, double omega);
+double bd_drag_steepest(const bd_model *model, int j, double tension);
+
+/* --- plan.c ---------------------------------------------------------------------------------- */
+
+/* What one evaluation of the right-hand side needs: the effects in order, and their scratch. An
+ * effect that is off is not among them. */
 struct bd_plan {
   const bd_model *model;
   const bd_kernels *kernels;
@@ -82,22 +130,14 @@ struct bd_plan {
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
-  int n_passes;
-  bd_pass passes[BD_MAX_PASSES];
-  const char *names[BD_MAX_PASSES];
+  int n_columns, columns[BD_N_ENERGY]; /* of the output `energy` */
+  int n_effects;
+  const bd_effect *effects[BD_MAX_EFFECTS];
 };
-
-typedef struct bd_plan_options {
-  int ledger, friction, hold_pulleys, no_power;
-  double mass_damping;
-  const double *offset;
-  double move_time;
-} bd_plan_options;
 
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-double bd_plan_circulation(const bd_plan *plan, const double *y);
 /* Centres at time t into the contact_pulleys (they stand still unless settling moves them). */
 void bd_plan_place(bd_plan *plan, double t);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
@@ -120,8 +160,17 @@ void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
                 const bd_output *out, size_t k);
+/* Stored energy of single effects, added to the terms. */
+void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+/* All works but that of the set torques: what was lost since the start. */
+double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */
 double bd_mean_force(const bd_plan *plan, const double *y);
-double bd_energy(bd_plan *plan, double *y, double terms[BD_N_ENERGY]);
+/* Which columns the ledger of this plan has, into plan->columns. */
+void bd_energy_choose_columns(bd_plan *plan);
+/* E of MODEL section 7; its terms, and the works since the start. */
+double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 
 #endif

@@ -1,128 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * The plan of a simulation: which passes an evaluation of the right-hand side needs, made once from
- * the scene, and run in order. An effect that is off has no pass; a kernel variant without bending,
- * friction or ledger is a different function, not a test inside the loop.
+ * The plan of a simulation: which effects an evaluation of the right-hand side has, chosen once
+ * from the table in effects.c, and what happens to contact and friction after a step. An effect
+ * that is off has no pass; a kernel variant without bending, friction or ledger is a different
+ * function, not a test inside the loop.
  */
-#include <assert.h>
 #include <math.h>
-#include <string.h>
 
 #include "physics/physics.h"
-
-/* --- passes ---------------------------------------------------------------------------------- */
-
-static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)y, (void)dy, (void)err;
-  bd_plan_place(plan, t);
-  return BD_OK;
-}
-
-static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)t, (void)err;
-  double loss = plan->kernels->joints[plan->bending_on][!plan->skip_power](&plan->links, y, dy);
-  dy[plan->model->lay.work + W_JOINT] = loss;
-  return BD_OK;
-}
-
-static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)t, (void)y, (void)err;
-  const bd_layout *lay = &plan->model->lay;
-  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
-  const double gx = plan->model->gravity[0], gy = plan->model->gravity[1];
-  for (int i = 0; i < lay->n; ++i) {
-    ax[i] += gx;
-    ay[i] += gy;
-  }
-  return BD_OK;
-}
-
-static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)t, (void)err;
-  const bd_layout *lay = &plan->model->lay;
-  double contact_loss = 0.0, friction_loss = 0.0;
-  for (int j = 0; j < lay->np; ++j) {
-    bd_sums sums;
-    plan->contact_pulleys[j].omega = y[lay->omega + j];
-    plan->kernels->contact[plan->friction_on][!plan->skip_power](
-        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
-    plan->friction[j] = sums.torque;
-    contact_loss += sums.contact_loss;
-    friction_loss += sums.friction_loss;
-  }
-  dy[lay->work + W_CONTACT] = contact_loss;
-  dy[lay->work + W_FRICTION] = friction_loss;
-  return BD_OK;
-}
-
-/* (2.12), MODEL section 5 */
-static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  const bd_layout *lay = &plan->model->lay;
-  const double *omega = y + lay->omega;
-  int code = bd_torque_set_eval(&plan->torques, t, plan->t_piece, y + lay->theta, omega,
-                                plan->torque, err);
-  if (code != BD_OK) {
-    return code;
-  }
-  double drive = 0.0;
-  for (int j = 0; j < lay->np; ++j) {
-    dy[lay->theta + j] = omega[j];
-    dy[lay->omega + j] = (plan->torque[j] + plan->friction[j]) / plan->model->inertia[j];
-    drive += plan->torque[j] * omega[j];
-  }
-  dy[lay->work + W_DRIVE] = drive;
-  return BD_OK;
-}
-
-/* Settling only. Speed of circulation: of the belt along itself and of the pulleys that friction
- * turns with it; from the velocities in y, or from the accelerations if y is a rate. */
-double bd_plan_circulation(const bd_plan *plan, const double *y) {
-  const bd_layout *lay = &plan->model->lay;
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *co = plan->links.cos, *si = plan->links.sin;
-  double sum = 0.0, mass = lay->n;
-  for (int i = 0; i < lay->n; ++i) {
-    sum += vx[i] * co[i] + vy[i] * si[i];
-  }
-  for (int j = 0; plan->friction_on && !plan->pulleys_locked && j < lay->np; ++j) {
-    double r = plan->model->radius[j];
-    double rim = plan->model->inertia[j] / (r * r * plan->model->info.link_mass);
-    sum += rim * y[lay->omega + j] * r * plan->model->info.winding;
-    mass += rim;
-  }
-  return sum / mass;
-}
-
-/* Settling only (dynamic relaxation): mass-proportional damping of every motion but circulation, in
- * which all links run along the belt at one speed v and turn at kappa v; circulation has a damping
- * and an inertia of its own. */
-static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)t, (void)err;
-  const bd_layout *lay = &plan->model->lay;
-  const int n = lay->n;
-  const double *phi = bd_field(lay, y, F_PHI), *vphi = bd_field(lay, y, F_VPHI);
-  const double *vx = bd_field(lay, y, F_VX), *vy = bd_field(lay, y, F_VY);
-  const double *co = plan->links.cos, *si = plan->links.sin, wind = plan->links.wind;
-  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
-  double *aphi = bd_field(lay, dy, F_VPHI);
-  const double mass_damping = plan->mass_damping, pitch = 4.0 * plan->links.half;
-  const double circulation_correction =
-      (mass_damping - plan->circulation_damping) * bd_plan_circulation(plan, y) +
-      (plan->circulation_inertia_scale - 1.0) * bd_plan_circulation(plan, dy);
-  for (int i = 0; i < n; ++i) {
-    double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
-                  (i == 0 || i + 1 == n ? wind : 0.0);
-    ax[i] -= mass_damping * vx[i] - circulation_correction * co[i];
-    ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
-    aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
-  }
-  for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
-    double round = plan->friction_on ? plan->model->info.winding / plan->model->radius[j] : 0.0;
-    dy[lay->omega + j] -= mass_damping * y[lay->omega + j] - circulation_correction * round;
-  }
-  return BD_OK;
-}
 
 /* --- making it ------------------------------------------------------------------------------- */
 
@@ -147,12 +32,6 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
   BD_CARVE(carver, plan->torque, lay->np);
   BD_CARVE(carver, plan->friction, lay->np);
   bd_search_carve(carver, &plan->search, lay);
-}
-
-static void add_pass(bd_plan *plan, bd_pass pass, const char *name) {
-  assert(plan->n_passes < BD_MAX_PASSES);
-  plan->passes[plan->n_passes] = pass;
-  plan->names[plan->n_passes++] = name;
 }
 
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options) {
@@ -190,29 +69,13 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
                                                    .sigma = model->dahl.sigma,
                                                    .slot = model->slot[j]};
   }
-
-  if (plan->offset) {
-    add_pass(plan, pass_place, "moving centres");
-  }
-  add_pass(plan, pass_joints,
-           plan->bending_on ? "joints: axial and bending spring-dampers"
-                            : "joints: axial spring-dampers");
-  if (model->has_gravity) {
-    add_pass(plan, pass_gravity, "gravity");
-  }
-  add_pass(plan, pass_contact,
-           plan->friction_on ? "contact with Dahl friction" : "contact without friction");
-  if (!options->hold_pulleys) {
-    add_pass(plan, pass_pulleys, "pulleys: set torques");
-  }
-  if (plan->mass_damping > 0.0) {
-    add_pass(plan, pass_mass_damping, "mass-proportional damping");
-  }
+  plan->n_effects = bd_effects_of(model, options, plan->effects);
+  bd_energy_choose_columns(plan);
 }
 
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  for (int k = 0; k < plan->n_passes; ++k) {
-    int code = plan->passes[k](plan, t, y, dy, err);
+  for (int k = 0; k < plan->n_effects; ++k) {
+    int code = plan->effects[k]->rate(plan, t, y, dy, err);
     if (code != BD_OK) {
       return code;
     }

@@ -189,7 +189,13 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   sim->stepper.t = sim->t0 = initial->t;
   sim->t_end = t_end;
   bd_plan_make(&sim->stepper.plan, model,
-               &(bd_plan_options){.ledger = options->ledger, .friction = 1});
+               &(bd_plan_options){.ledger = options->ledger, .friction = 1, .drag = 1});
+  const int implicit = method->implicit || (pair.method[1] && pair.method[1]->implicit);
+  if (implicit &&
+      bd_newton_check(&sim->stepper.plan, pair.method[0] ? "auto" : method->name, err) != BD_OK) {
+    bd_sim_free(sim);
+    return BD_ERR_OPTION;
+  }
   bd_stepper_weigh(&sim->stepper);
   if (options->guards && bd_twin_create(sim, torque) != BD_OK) {
     bd_sim_free(sim);

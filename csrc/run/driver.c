@@ -490,10 +490,18 @@ void bd_sim_explain(const bd_sim *sim, char *text, size_t size) {
 
 const char *bd_sim_pass(const bd_sim *sim, int k) {
   const bd_plan *plan = &sim->stepper.plan;
-  if (k >= 0 && k < plan->n_passes) {
-    return plan->names[k];
+  if (k >= 0 && k < plan->n_effects) {
+    return plan->effects[k]->name;
   }
-  return k == plan->n_passes && plan->ledger ? "energy ledger" : NULL;
+  return k == plan->n_effects && plan->ledger ? "energy ledger" : NULL;
+}
+
+int bd_sim_energy_terms(const bd_sim *sim, int *terms) {
+  const bd_plan *plan = &sim->stepper.plan;
+  for (int c = 0; terms && c < plan->n_columns; ++c) {
+    terms[c] = plan->columns[c];
+  }
+  return plan->n_columns;
 }
 
 int bd_sim_state(const bd_sim *sim, bd_state *out) {

@@ -60,7 +60,7 @@ static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
     twin->t_end = sim->t_end;
     bd_stepper_weigh(&twin->stepper);
     bd_plan_make(&twin->stepper.plan, sim->stepper.model,
-                 &(bd_plan_options){.friction = 1, .no_power = 1});
+                 &(bd_plan_options){.friction = 1, .drag = 1, .no_power = 1});
   }
   return twin;
 }

@@ -174,7 +174,7 @@ static int check_joints(bd_sim *sim, double gap, int link) {
 static int check_balance(bd_sim *sim, double energy) {
   bd_guard *guard = &sim->guard;
   const double *work = sim->stepper.y + sim->stepper.model->lay.work;
-  double losses = work[W_JOINT] + work[W_CONTACT] + work[W_FRICTION];
+  double losses = bd_losses(&sim->stepper.model->lay, sim->stepper.y);
   double residual = energy - sim->e0 - (work[W_DRIVE] - losses);
   guard->fed += fmax(0.0, work[W_DRIVE] - guard->drive);
   guard->drive = work[W_DRIVE];

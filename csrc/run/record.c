@@ -236,6 +236,9 @@ static uint64_t scene_of(const bd_sim *sim) {
   for (int k = 0; k < 4; ++k) {
     sum = hash(sum, arrays[k], np * sizeof(double));
   }
+  if (model->drag) {
+    sum = hash(sum, model->drag, np * sizeof *model->drag);
+  }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
     ADD(term->kind);

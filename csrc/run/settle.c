@@ -459,8 +459,11 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   }
   set_up(settling, step);
   bd_stepper *stepper = &settling->sim->stepper;
-  int code = initial ? bd_state_import(model, initial, stepper->y, &stepper->turns, err)
-                     : lay_belt(settling, err);
+  int code = method->implicit ? bd_newton_check(&stepper->plan, method->name, err) : BD_OK;
+  if (code == BD_OK) {
+    code = initial ? bd_state_import(model, initial, stepper->y, &stepper->turns, err)
+                   : lay_belt(settling, err);
+  }
   if (code != BD_OK) {
     bd_settle_free(settling);
     return code;

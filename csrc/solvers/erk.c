@@ -107,7 +107,7 @@ int bd_erk_finish(bd_stepper *stepper, double h, double t_new) {
   const bd_layout *lay = &stepper->model->lay;
   const double *before = stepper->stage[0] + lay->work;
   const double *after = stepper->stage[stepper->now->vectors - 1] + lay->work;
-  for (int k = 0; !stepper->plan.ledger && k < N_WORK; ++k) {
+  for (int k = 0; !stepper->plan.ledger && k < lay->n_work; ++k) {
     stepper->y_new[lay->work + k] = stepper->y[lay->work + k] + 0.5 * h * (before[k] + after[k]);
   }
   return BD_OK;

@@ -61,13 +61,13 @@ int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle) 
     if (code != BD_OK) {
       return code;
     }
-    memcpy(stepper->work_middle, after, sizeof stepper->work_middle);
+    memcpy(stepper->work_middle, after, (size_t)lay->n_work * sizeof *after);
   }
   int code = bd_stepper_rate(stepper, t_new, stepper->y_new, rate);
   if (code != BD_OK) {
     return code;
   }
-  for (int k = 0; k < N_WORK; ++k) {
+  for (int k = 0; k < lay->n_work; ++k) {
     double mean = middle ? stepper->work_middle[k] : 0.5 * (before[k] + after[k]);
     stepper->work_middle[k] = mean;
     stepper->y_new[lay->work + k] =
@@ -81,7 +81,7 @@ void bd_implicit_work_inside(const bd_stepper *stepper, double h, double s, doub
   const bd_layout *lay = &stepper->model->lay;
   const double *before = stepper->stage[0] + lay->work;
   const double *after = stepper->stage[stepper->now->vectors - 1] + lay->work;
-  for (int k = 0; k < N_WORK; ++k) {
+  for (int k = 0; k < lay->n_work; ++k) {
     double p0 = before[k], p1 = stepper->work_middle[k], p2 = after[k];
     double linear = -3.0 * p0 + 4.0 * p1 - p2, quadratic = 2.0 * p0 - 4.0 * p1 + 2.0 * p2;
     y[lay->work + k] =

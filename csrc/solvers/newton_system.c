@@ -51,7 +51,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
   const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
-  bd_tangent *t = &system->tangent;
+  bd_tangent *t = &system->at.joints;
   bd_blocks *b = &system->blocks;
   double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin,   &t->pull,   &b->xx,
                         &b->xy,    &b->yx,    &b->yy,  &b->pp,  &system->x, &system->y, &system->p};
@@ -99,9 +99,9 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, scratch, 3 * width * rows);
   system->ring.scratch = scratch;
   BD_CARVE(carver, system->border, 3 * np * lay->stride);
-  BD_CARVE(carver, system->contact_pulleys, np);
-  BD_CARVE(carver, system->n_runs, np);
-  BD_CARVE(carver, system->runs, np * (lay->n8 / BD_LANES));
+  BD_CARVE(carver, system->at.contact_pulleys, np);
+  BD_CARVE(carver, system->at.n_runs, np);
+  BD_CARVE(carver, system->at.runs, np * (lay->n8 / BD_LANES));
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, np);
   BD_CARVE(carver, system->matrix, np * np);
@@ -109,9 +109,13 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->by_theta, np * np);
   BD_CARVE(carver, system->by_omega, np * np);
   BD_CARVE(carver, system->by_time, np);
+  if (model->drag) {
+    BD_CARVE(carver, system->at.pulley_damping, np);
+  }
   if (!carver->base) {
     return;
   }
+  system->at.max_runs = lay->n8 / BD_LANES;
   system->ring.n_rows = rows;
   system->ring_kernels = ring;
   const int whole = lay->n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
@@ -130,16 +134,16 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
 
 /* The links that could contact a pulley when the model was linearised: a later list may be another.
  */
-static bd_run *runs_of(const bd_newton_system *system, const bd_layout *lay, int j) {
-  return system->runs + j * (lay->n8 / BD_LANES);
+static bd_run *runs_of(const bd_newton_system *system, int j) {
+  return system->at.runs + j * system->at.max_runs;
 }
 
 void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const double *y,
                                  double h) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
-    plan->kernels->newton->linearise_contact(&plan->links, &system->contact_pulleys[j],
-                                             system->n_runs[j], runs_of(system, lay, j), y,
+    plan->kernels->newton->linearise_contact(&plan->links, &system->at.contact_pulleys[j],
+                                             system->at.n_runs[j], runs_of(system, j), y,
                                              &system->contact[j], plan->friction_on, h);
   }
 }
@@ -149,20 +153,26 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
     double torque = plan->kernels->newton->add_normal_correction(
-        &plan->links, system->n_runs[j], runs_of(system, lay, j), &system->contact[j], c);
+        &plan->links, system->at.n_runs[j], runs_of(system, j), &system->contact[j], c);
     c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
   }
 }
 
+int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err) {
+  for (int k = 0; k < plan->n_effects; ++k) {
+    if (!plan->effects[k]->tangent) {
+      return bd_fail(err, BD_ERR_OPTION, "method",
+                     "method \"%s\" is implicit and needs derivatives, which \"%s\" does not give: "
+                     "take \"tsit5\" or \"rk4\"",
+                     method, plan->effects[k]->name);
+    }
+  }
+  return BD_OK;
+}
+
 void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
-  const bd_layout *lay = &plan->model->lay;
-  plan->kernels->newton->linearise_joints(&plan->links, y, &system->tangent);
-  for (int j = 0; j < lay->np; ++j) {
-    system->contact_pulleys[j] = plan->contact_pulleys[j];
-    system->contact_pulleys[j].omega = y[lay->omega + j];
-    system->n_runs[j] = plan->search.n_runs[j];
-    memcpy(runs_of(system, lay, j), plan->search.runs + j * plan->search.max_runs,
-           (size_t)system->n_runs[j] * sizeof *system->runs);
+  for (int k = 0; k < plan->n_effects; ++k) {
+    plan->effects[k]->tangent(plan, y, &system->at);
   }
 }
 
@@ -223,17 +233,17 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   bd_blocks *b = &system->blocks;
   double inv_half = 1.0 / links->half;
   system->stage.g = g;
-  system->stage.mass = model->info.link_mass * (1.0 + g * plan->mass_damping);
+  system->stage.mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
   b->k = g * (g * links->stiffness + links->damping);
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  kernels->diagonal(links, &system->tangent, &system->stage, b);
+  kernels->diagonal(links, &system->at.joints, &system->stage, b);
   for (int j = 0; j < lay->np; ++j) {
     double *z = border_of(system, lay, j);
     memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
-    system->own[j] = kernels->add_contact(&system->contact_pulleys[j], system->n_runs[j],
-                                          runs_of(system, lay, j), &system->contact[j], g, b, z,
-                                          z + lay->stride);
+    system->own[j] =
+        kernels->add_contact(&system->at.contact_pulleys[j], system->at.n_runs[j],
+                             runs_of(system, j), &system->contact[j], g, b, z, z + lay->stride);
   }
   system->ring_kernels->factor(&system->ring, b);
   const int np = plan->pulleys_locked ? 0 : lay->np;
@@ -242,10 +252,13 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
     system->ring_kernels->solve(&system->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
     for (int i = 0; i < np; ++i) {
       double inertia =
-          i == j ? model->inertia[i] * (1.0 + g * plan->mass_damping) + system->own[i] : 0.0;
+          i == j ? model->inertia[i] * (1.0 + g * system->at.mass_damping) + system->own[i] : 0.0;
+      if (i == j && system->at.pulley_damping) {
+        inertia += g * system->at.pulley_damping[i];
+      }
       double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
       system->matrix[i * np + j] = inertia - g * torque -
-                                   kernels->border_row(system->n_runs[i], runs_of(system, lay, i),
+                                   kernels->border_row(system->at.n_runs[i], runs_of(system, i),
                                                        &system->contact[i], z, z + lay->stride);
     }
   }
@@ -262,11 +275,11 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const double g = system->stage.g;
   const int np = plan->pulleys_locked ? 0 : lay->np;
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
-  kernels->joints_product(links, &system->tangent, &system->stage, c, x, y, p);
+  kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   for (int j = 0; j < lay->np; ++j) {
-    rhs[j] = kernels->contact_product(lay, &system->contact_pulleys[j], system->n_runs[j],
-                                      runs_of(system, lay, j), &system->contact[j],
-                                      plan->friction_on, c, x, y);
+    rhs[j] = kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
+                                      runs_of(system, j), &system->contact[j], plan->friction_on, c,
+                                      x, y);
   }
   system->ring_kernels->solve(&system->ring, system->blocks.k, x, y, p);
   for (int j = 0; j < np; ++j) {
@@ -275,7 +288,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
       rhs[j] += g * g * system->by_theta[j * np + k] * c[lay->theta + k];
     }
     rhs[j] -=
-        kernels->border_row(system->n_runs[j], runs_of(system, lay, j), &system->contact[j], x, y);
+        kernels->border_row(system->at.n_runs[j], runs_of(system, j), &system->contact[j], x, y);
   }
   substitute(np, system->matrix, system->pivots, rhs);
   kernels->finish_links(links, &system->stage, np, border_of(system, lay, 0), rhs, x, y, p, c);
@@ -284,12 +297,11 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
     if (plan->friction_on) {
-      kernels->finish_contact(lay, &system->contact_pulleys[j], system->n_runs[j],
-                              runs_of(system, lay, j), &system->contact[j], g, angular_acceleration,
-                              c);
+      kernels->finish_contact(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
+                              runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
     }
   }
-  for (int k = 0; k < N_WORK; ++k) {
+  for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
   }
 }

@@ -12,21 +12,20 @@
 typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
   bd_ring ring;
-  bd_tangent tangent;
+  bd_derivatives at;           /* the effects', at the state */
   bd_contact_tangent *contact; /* per pulley */
   bd_blocks blocks;
   bd_stage stage;
   double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
   double *border;    /* per pulley: its column, solved by the ring */
-  bd_contact_pulley *contact_pulleys;
-  int *n_runs;
-  bd_run *runs;
   double *own, *rhs, *matrix;
   int *pivots;
   double *by_theta, *by_omega, *by_time; /* of the set torques */
 } bd_newton_system;
 
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
+/* Refuses a plan with an effect whose derivatives are not known. */
+int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err);
 /* Keeps the Jacobian at a state whose rate was the last to be evaluated, but for the set torques.
  */
 void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y);
@@ -153,7 +152,7 @@ struct bd_stepper {
   double history_h[MAX_HISTORY]; /* and the lengths of the steps that led from them */
   int n_history;
   int rate_known, jacobian_known;
-  double work_middle[N_WORK]; /* power in the middle of the step just made */
+  double *work_middle; /* power in the middle of the step just made */
   long nfev, njev, nlu;
   bd_report report;
 };

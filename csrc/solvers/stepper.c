@@ -20,6 +20,7 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   BD_CARVE(carver, stepper->y_new, lay->size);
   BD_CARVE(carver, stepper->y_mid, lay->size);
   BD_CARVE(carver, stepper->weights, lay->size);
+  BD_CARVE(carver, stepper->work_middle, lay->n_work);
   for (int k = 0; k < vectors; ++k) {
     BD_CARVE(carver, stepper->stage[k], lay->size);
   }
@@ -43,11 +44,9 @@ void bd_stepper_weigh(bd_stepper *stepper) {
   const bd_model *model = stepper->model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
-  const double LINKS_OF_THE_PAPER = 60.0;
   double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
   double stretch = strain * info->link_length;
-  double speed =
-      strain * sqrt(model->belt.axial_stiffness / model->belt.linear_density) / LINKS_OF_THE_PAPER;
+  double speed = bd_speed_scale(model);
   double half = 0.5 * info->link_length;
   double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
   memset(stepper->weights, 0, lay->size * sizeof *stepper->weights);

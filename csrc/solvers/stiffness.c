@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * Upper estimate of the largest eigenvalue of the drive, and which part causes it: the joints'
- * closed form (model.c), and what contact, friction, the pulleys' inertia and viscous loads add, at
- * twice the tension of rest, for a drive under load has a tight side. Explicit fixed steps are
- * chosen by it, and messages of runs that make no progress name that part.
+ * closed form (model.c), and what contact, friction, the pulleys' inertia, their drag and viscous
+ * loads add, at twice the tension of rest, for a drive under load has a tight side. Explicit fixed
+ * steps are chosen by it, and messages of runs that make no progress name that part.
  */
 #include <math.h>
 
@@ -36,6 +36,7 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
       viscous +=
           set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
     }
+    double drag = model->drag ? bd_drag_steepest(model, j, tension) : 0.0;
     const struct {
       double k, d;
       const char *what;
@@ -47,9 +48,10 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
         {sigma * tension * wrap * r * r / model->inertia[j], 0.0,
          "a pulley with very small inertia", j},
         {0.0, viscous / model->inertia[j], "a load with a very large viscous coefficient", j},
+        {0.0, drag / model->inertia[j], "a pulley with very large bearing drag", j},
     };
     double link_k = 0.0, link_d = 0.0;
-    for (int p = 0; p < 5; ++p) {
+    for (int p = 0; p < 6; ++p) {
       double own = lambda(parts[p].k, parts[p].d);
       if (own > most) {
         most = own;
@@ -60,7 +62,7 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
       link_d += p < 3 ? parts[p].d : 0.0;
     }
     stiff.bound = fmax(stiff.bound, lambda(link_k, link_d));
-    stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[4].d));
+    stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[4].d + parts[5].d));
   }
   return stiff;
 }

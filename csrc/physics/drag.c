@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Bearing drag (MODEL section 5): Coulomb, viscous and quadratic. The sign of the speed in the
+ * Coulomb term is smooth, s = omega / sqrt(omega^2 + omega_0^2), for a jump would leave a pulley at
+ * rest without an equation of motion; omega_0 r is info.drag_speed.
+ */
+#include <math.h>
+
+#include "physics/physics.h"
+
+static double turning_speed(const bd_model *model, int j) {
+  return model->info.drag_speed / model->radius[j];
+}
+
+double bd_drag_torque(const bd_model *model, int j, double omega) {
+  const bd_drag *drag = &model->drag[j];
+  double w0 = turning_speed(model, j), sign = omega / sqrt(omega * omega + w0 * w0);
+  return drag->coulomb * sign + (drag->viscous + drag->quadratic * fabs(omega)) * omega;
+}
+
+double bd_drag_slope(const bd_model *model, int j, double omega) {
+  const bd_drag *drag = &model->drag[j];
+  double w0 = turning_speed(model, j), w2 = omega * omega + w0 * w0;
+  return drag->coulomb * (w0 / w2) * (w0 / sqrt(w2)) + drag->viscous +
+         2.0 * drag->quadratic * fabs(omega);
+}
+
+/* The Coulomb term is steepest at rest. Quadratic drag has no bound of its own; a belt runs at most
+ * as fast as transverse waves do on it, sqrt(T / rho A): centrifugal force then takes all pressure
+ * off the pulleys. */
+double bd_drag_steepest(const bd_model *model, int j, double tension) {
+  const bd_drag *drag = &model->drag[j];
+  double fastest = sqrt(tension / model->belt.linear_density) / model->radius[j];
+  return drag->coulomb / turning_speed(model, j) + drag->viscous + 2.0 * drag->quadratic * fastest;
+}

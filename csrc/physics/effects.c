@@ -1,0 +1,316 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The effects: what acts on belt and pulleys, one row each in the table at the end. A row names the
+ * effect, says which scenes have it, and holds all that the rest of the core asks of it: its pass
+ * of the rate, its derivatives, the energy it stores, its works.
+ */
+#include <string.h>
+
+#include "physics/physics.h"
+
+/* Of effects that do not depend on the state, or whose derivatives are taken elsewhere. */
+static void tangent_none(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  (void)plan, (void)y, (void)out;
+}
+
+/* --- moving centres (settling) ---------------------------------------------------------------- */
+
+static int moves_centres(const bd_model *model, const bd_plan_options *options) {
+  (void)model;
+  return options->offset != NULL;
+}
+
+static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)y, (void)dy, (void)err;
+  bd_plan_place(plan, t);
+  return BD_OK;
+}
+
+/* --- joints ----------------------------------------------------------------------------------- */
+
+static int bends(const bd_model *model, const bd_plan_options *options) {
+  (void)options;
+  return model->has_bending;
+}
+
+static int is_limp(const bd_model *model, const bd_plan_options *options) {
+  return !bends(model, options);
+}
+
+static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  double loss = plan->kernels->joints[plan->bending_on][!plan->skip_power](&plan->links, y, dy);
+  dy[plan->model->lay.work + W_JOINT] = loss;
+  return BD_OK;
+}
+
+static void tangent_joints(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  plan->kernels->newton->linearise_joints(&plan->links, y, &out->joints);
+}
+
+/* --- gravity ---------------------------------------------------------------------------------- */
+
+static int has_gravity(const bd_model *model, const bd_plan_options *options) {
+  (void)options;
+  return model->has_gravity;
+}
+
+static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)y, (void)err;
+  const bd_layout *lay = &plan->model->lay;
+  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
+  const double gx = plan->model->gravity[0], gy = plan->model->gravity[1];
+  for (int i = 0; i < lay->n; ++i) {
+    ax[i] += gx;
+    ay[i] += gy;
+  }
+  return BD_OK;
+}
+
+/* --- contact and friction --------------------------------------------------------------------- */
+
+static int has_friction(const bd_model *model, const bd_plan_options *options) {
+  return options->friction && model->has_friction;
+}
+
+static int is_frictionless(const bd_model *model, const bd_plan_options *options) {
+  return !has_friction(model, options);
+}
+
+static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_layout *lay = &plan->model->lay;
+  double contact_loss = 0.0, friction_loss = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    bd_sums sums;
+    plan->contact_pulleys[j].omega = y[lay->omega + j];
+    plan->kernels->contact[plan->friction_on][!plan->skip_power](
+        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
+        plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
+    plan->friction[j] = sums.torque;
+    contact_loss += sums.contact_loss;
+    friction_loss += sums.friction_loss;
+  }
+  dy[lay->work + W_CONTACT] = contact_loss;
+  dy[lay->work + W_FRICTION] = friction_loss;
+  return BD_OK;
+}
+
+/* Which links are near which pulley: whether contact is linearised as it stands or as a step of
+ * some length finds it depends on the method (bd_newton_linearise_contact). */
+static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    out->contact_pulleys[j] = plan->contact_pulleys[j];
+    out->contact_pulleys[j].omega = y[lay->omega + j];
+    out->n_runs[j] = plan->search.n_runs[j];
+    memcpy(out->runs + j * out->max_runs, plan->search.runs + j * plan->search.max_runs,
+           (size_t)out->n_runs[j] * sizeof *out->runs);
+  }
+}
+
+/* --- pulleys and set torques ------------------------------------------------------------------ */
+
+static int turns_pulleys(const bd_model *model, const bd_plan_options *options) {
+  (void)model;
+  return !options->hold_pulleys;
+}
+
+/* (2.12), MODEL section 5 */
+static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *omega = y + lay->omega;
+  int code = bd_torque_set_eval(&plan->torques, t, plan->t_piece, y + lay->theta, omega,
+                                plan->torque, err);
+  if (code != BD_OK) {
+    return code;
+  }
+  double drive = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    dy[lay->theta + j] = omega[j];
+    dy[lay->omega + j] = (plan->torque[j] + plan->friction[j]) / plan->model->inertia[j];
+    drive += plan->torque[j] * omega[j];
+  }
+  dy[lay->work + W_DRIVE] = drive;
+  return BD_OK;
+}
+
+/* --- bearing drag ----------------------------------------------------------------------------- */
+
+static int has_drag(const bd_model *model, const bd_plan_options *options) {
+  return options->drag && !options->hold_pulleys && model->drag != NULL;
+}
+
+static int pass_drag(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  double loss = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    double omega = y[lay->omega + j], torque = bd_drag_torque(model, j, omega);
+    dy[lay->omega + j] -= torque / model->inertia[j];
+    loss += torque * omega;
+  }
+  dy[lay->work + W_DRAG] = loss;
+  return BD_OK;
+}
+
+static void tangent_drag(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  for (int j = 0; j < plan->model->lay.np; ++j) {
+    out->pulley_damping[j] = bd_drag_slope(plan->model, j, y[plan->model->lay.omega + j]);
+  }
+}
+
+/* --- mass-proportional damping (settling) ----------------------------------------------------- */
+
+static int has_mass_damping(const bd_model *model, const bd_plan_options *options) {
+  (void)model;
+  return options->mass_damping > 0.0;
+}
+
+/* Speed of circulation: of the belt along itself and of the pulleys that friction
+ * turns with it; from the velocities in y, or from the accelerations if y is a rate. */
+double bd_plan_circulation(const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *co = plan->links.cos, *si = plan->links.sin;
+  double sum = 0.0, mass = lay->n;
+  for (int i = 0; i < lay->n; ++i) {
+    sum += vx[i] * co[i] + vy[i] * si[i];
+  }
+  for (int j = 0; plan->friction_on && !plan->pulleys_locked && j < lay->np; ++j) {
+    double r = plan->model->radius[j];
+    double rim = plan->model->inertia[j] / (r * r * plan->model->info.link_mass);
+    sum += rim * y[lay->omega + j] * r * plan->model->info.winding;
+    mass += rim;
+  }
+  return sum / mass;
+}
+
+/* Dynamic relaxation: mass-proportional damping of every motion but circulation, in
+ * which all links run along the belt at one speed v and turn at kappa v; circulation has a damping
+ * and an inertia of its own. */
+static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_layout *lay = &plan->model->lay;
+  const int n = lay->n;
+  const double *phi = bd_field(lay, y, F_PHI), *vphi = bd_field(lay, y, F_VPHI);
+  const double *vx = bd_field(lay, y, F_VX), *vy = bd_field(lay, y, F_VY);
+  const double *co = plan->links.cos, *si = plan->links.sin, wind = plan->links.wind;
+  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
+  double *aphi = bd_field(lay, dy, F_VPHI);
+  const double mass_damping = plan->mass_damping, pitch = 4.0 * plan->links.half;
+  const double circulation_correction =
+      (mass_damping - plan->circulation_damping) * bd_plan_circulation(plan, y) +
+      (plan->circulation_inertia_scale - 1.0) * bd_plan_circulation(plan, dy);
+  for (int i = 0; i < n; ++i) {
+    double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
+                  (i == 0 || i + 1 == n ? wind : 0.0);
+    ax[i] -= mass_damping * vx[i] - circulation_correction * co[i];
+    ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
+    aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
+  }
+  for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
+    double round = plan->friction_on ? plan->model->info.winding / plan->model->radius[j] : 0.0;
+    dy[lay->omega + j] -= mass_damping * y[lay->omega + j] - circulation_correction * round;
+  }
+  return BD_OK;
+}
+
+/* Of the damping alone: circulation, which it exempts, ties every link to every other. */
+static void tangent_mass_damping(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  (void)y;
+  out->mass_damping = plan->mass_damping;
+}
+
+/* --- the table -------------------------------------------------------------------------------- */
+
+/* In the order of their passes: joints set the links' rates, and the pulleys' pass those of the
+ * pulleys, others add to them; mass-proportional damping sees the accelerations of all. The
+ * derivatives of set torques need checks that only a step can make (torque_functions.c). */
+static const bd_effect table[] = {
+    {
+        .name = "moving centres",
+        .enabled = moves_centres,
+        .rate = pass_place,
+        .tangent = tangent_none,
+    },
+    {
+        .name = "joints: axial and bending spring-dampers",
+        .enabled = bends,
+        .rate = pass_joints,
+        .tangent = tangent_joints,
+        .energy = bd_energy_of_joints,
+        .n_works = 1,
+        .works = {W_JOINT},
+    },
+    {
+        .name = "joints: axial spring-dampers",
+        .enabled = is_limp,
+        .rate = pass_joints,
+        .tangent = tangent_joints,
+        .energy = bd_energy_of_joints,
+        .n_works = 1,
+        .works = {W_JOINT},
+    },
+    {
+        .name = "gravity",
+        .enabled = has_gravity,
+        .rate = pass_gravity,
+        .tangent = tangent_none,
+        .energy = bd_energy_of_gravity,
+    },
+    {
+        .name = "contact with Dahl friction",
+        .enabled = has_friction,
+        .rate = pass_contact,
+        .tangent = tangent_contact,
+        .energy = bd_energy_of_contact,
+        .n_works = 2,
+        .works = {W_CONTACT, W_FRICTION},
+    },
+    {
+        .name = "contact without friction",
+        .enabled = is_frictionless,
+        .rate = pass_contact,
+        .tangent = tangent_contact,
+        .energy = bd_energy_of_contact,
+        .n_works = 2,
+        .works = {W_CONTACT, W_FRICTION},
+    },
+    {
+        .name = "pulleys: set torques",
+        .enabled = turns_pulleys,
+        .rate = pass_pulleys,
+        .tangent = tangent_none,
+        .n_works = 1,
+        .works = {W_DRIVE},
+    },
+    {
+        .name = "bearing drag",
+        .enabled = has_drag,
+        .rate = pass_drag,
+        .tangent = tangent_drag,
+        .n_works = 1,
+        .works = {W_DRAG},
+    },
+    {
+        .name = "mass-proportional damping",
+        .enabled = has_mass_damping,
+        .rate = pass_mass_damping,
+        .tangent = tangent_mass_damping,
+    },
+};
+enum { N_EFFECTS = sizeof table / sizeof table[0] };
+_Static_assert((int)N_EFFECTS <= (int)BD_MAX_EFFECTS, "a plan must have room for every effect");
+
+int bd_effects_of(const bd_model *model, const bd_plan_options *options,
+                  const bd_effect *effects[BD_MAX_EFFECTS]) {
+  int n = 0;
+  for (int k = 0; k < N_EFFECTS; ++k) {
+    if (table[k].enabled(model, options)) {
+      effects[n++] = &table[k];
+    }
+  }
+  return n;
+}

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The table of effects, seen from inside the core: what is off is not there, and an effect without
+ * derivatives is refused by implicit methods.
+ */
+#include <stdlib.h>
+
+#include "check.h"
+#include "run/run.h"
+#include "scene.h"
+
+/* As test_scene, with drag or without it. */
+static bd_sim *make(bd_pulley pulleys[NP], int drag, bd_model **model) {
+  static room r;
+  static bd_state state;
+  bd_scene scene = test_scene();
+  bd_sim *sim = NULL;
+  for (int j = 0; j < NP; ++j) {
+    pulleys[j] = test_pulleys[j];
+    pulleys[j].drag = drag ? pulleys[j].drag : (bd_drag){0};
+  }
+  scene.pulleys = pulleys;
+  state = state_in(&r);
+  CHECK(bd_model_create(model, &scene, NULL) == BD_OK);
+  CHECK(settle_into(*model, &state, NULL) == BD_OK);
+  bd_options options;
+  bd_options_default(&options);
+  options.method = "rodas4";
+  CHECK(bd_sim_create(&sim, *model, &state, NULL, 1e-3, &options, NULL) == BD_OK);
+  return sim;
+}
+
+/* Bytes of a simulation's block. */
+static size_t bytes(const bd_model *model) {
+  bd_carver carver = {0};
+  bd_stepper sizes;
+  const bd_method *method = bd_method_find("rodas4");
+  bd_stepper_carve(&carver, &sizes, model, method, NULL, NULL);
+  return carver.used;
+}
+
+static int has(const bd_sim *sim, const char *name) {
+  int found = 0;
+  for (int k = 0; bd_sim_pass(sim, k); ++k) {
+    found += strcmp(bd_sim_pass(sim, k), name) == 0;
+  }
+  return found;
+}
+
+static void what_is_off_is_not_there(void) {
+  bd_pulley pulleys[NP];
+  bd_model *with = NULL, *without = NULL;
+  bd_sim *on = make(pulleys, 1, &with), *off = make(pulleys, 0, &without);
+  CHECK(has(on, "bearing drag") == 1 && has(off, "bearing drag") == 0);
+  CHECK(on->stepper.plan.n_effects == off->stepper.plan.n_effects + 1);
+  CHECK(with->drag && on->stepper.newton.at.pulley_damping);
+  CHECK(!without->drag && !off->stepper.newton.at.pulley_damping);
+  CHECK(with->lay.n_work == MAX_WORK && without->lay.n_work == W_DRAG);
+  CHECK(without->lay.work + without->lay.n_work <= (int)without->lay.size);
+  CHECK(bytes(without) < bytes(with));
+  int terms[BD_N_ENERGY];
+  CHECK(bd_sim_energy_terms(off, terms) == BD_ENERGY_residual + 1);
+  for (int c = 0; c <= BD_ENERGY_residual; ++c) {
+    CHECK(terms[c] == c);
+  }
+  CHECK(bd_sim_energy_terms(on, terms) == BD_ENERGY_residual + 2);
+  CHECK(terms[BD_ENERGY_residual + 1] == BD_ENERGY_drag_loss);
+  CHECK(bd_sim_energy_terms(on, NULL) == BD_ENERGY_residual + 2);
+  bd_sim_free(on);
+  bd_sim_free(off);
+  bd_model_free(with);
+  bd_model_free(without);
+}
+
+static void without_derivatives_refused(void) {
+  bd_pulley pulleys[NP];
+  bd_model *model = NULL;
+  bd_error err;
+  bd_sim *sim = make(pulleys, 1, &model);
+  bd_plan *plan = &sim->stepper.plan;
+  CHECK(bd_newton_check(plan, "rodas4", &err) == BD_OK);
+  bd_effect own = *plan->effects[1];
+  own.name = "an effect of its own";
+  own.tangent = NULL;
+  plan->effects[1] = &own;
+  CHECK(bd_newton_check(plan, "rodas4", &err) == BD_ERR_OPTION);
+  CHECK(strcmp(err.field, "method") == 0);
+  CHECK(strstr(err.message, "an effect of its own") && strstr(err.message, "rodas4"));
+  bd_sim_free(sim);
+  bd_model_free(model);
+}
+
+static const test tests[] = {
+    {"what_is_off_is_not_there", what_is_off_is_not_there},
+    {"without_derivatives_refused", without_derivatives_refused},
+};
+
+int main(int argc, char **argv) {
+  return run_tests(argc, argv, tests, (int)(sizeof tests / sizeof tests[0]));
+}

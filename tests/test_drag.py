@@ -1,0 +1,396 @@
+"""Bearing drag (MODEL section 5): closed forms, tangent, ledger, and nothing of it when it is off.
+
+In a drive without friction a pulley turns free of the belt, so that its speed follows from its drag
+alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+import scipy.optimize
+from bridge import fields
+from click.testing import CliRunner
+from matplotlib.figure import Figure
+from module_common import INF, TORQUE, make_model, refused, same_bits
+
+import beltdyn as bd
+from beltdyn import _core, cli
+
+INERTIA = 0.01
+START = -60.0  # rad/s
+METHODS: dict[str, dict[str, Any]] = {
+    "auto": {"rtol": 1e-4},
+    "tsit5": {"rtol": 1e-4},
+    "rk4": {},
+    "rodas4": {"rtol": 1e-4},
+    "lbdf2": {"rtol": 1e-3},
+    "lie": {"rtol": 1e-2},
+}
+
+
+def drive(*drags: bd.Drag | None, friction: bool = True) -> bd.Params:
+    """The paper's two pulleys with these drags."""
+    base = drives.plain()
+    pulleys = [
+        bd.Pulley(center=pulley.center, radius=pulley.radius, inertia=INERTIA, drag=drag)
+        for pulley, drag in zip(base.pulleys, drags, strict=True)
+    ]
+    return attrs.evolve(base, pulleys=pulleys, friction=base.friction if friction else None)
+
+
+def omega_0(params: bd.Params) -> float:
+    """As MODEL section 5 states it."""
+    belt = params.belt
+    wave = math.sqrt(belt.axial_stiffness / belt.linear_density)
+    return 1e-3 * params.info["strain"] * wave / 60 / params.pulleys[0].radius
+
+
+def spin_down(drag: bd.Drag, t_end: float, start: float = START, **options: Any) -> bd.Result:
+    """Pulley 0 with drag, pulley 1 without, on a belt at rest that they do not move."""
+    params = drive(drag, None, friction=False)
+    rest = bd.settle(params)
+    turning = attrs.evolve(rest, omega=[start, 7.0])
+    result = bd.simulate(
+        params, bd.Viscous([0.0, 0.0]), t_end, initial=turning,
+        t_eval=np.linspace(0.0, t_end, 41), **options,
+    )  # fmt: skip
+    assert np.max(np.abs(result.pulleys.omega[:, 1] - 7.0)) <= 1e-12 * 7.0
+    return result
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:(mesh|no_friction):UserWarning")
+
+# --- closed forms ---------------------------------------------------------------------------------
+
+
+def viscous(t: Any) -> Any:
+    return np.exp(-3.0 * t)
+
+
+def quadratic(t: Any) -> Any:
+    return 1.0 / (1.0 + 4.0 * t)
+
+
+def both(t: Any) -> Any:
+    """w' = -(3 w + 4 w^2), w(0) = 1."""
+    gone = np.exp(-3.0 * t)
+    return 3.0 * gone / (3.0 + 4.0 * (1.0 - gone))
+
+
+SMOOTH: dict[str, tuple[bd.Drag, Callable[[Any], Any]]] = {
+    "viscous": (bd.Drag(viscous=3.0 * INERTIA), viscous),
+    "quadratic": (bd.Drag(quadratic=4.0 * INERTIA / 60.0), quadratic),
+    "both": (bd.Drag(viscous=3.0 * INERTIA, quadratic=4.0 * INERTIA / 60.0), both),
+}
+
+
+@pytest.mark.parametrize("start", [START, -START])
+@pytest.mark.parametrize("kind", SMOOTH)
+def test_smooth_drag_follows_its_closed_form(kind: str, start: float) -> None:
+    """Steps end at some 1e-5 s, the joints' limit, in which drag takes 1e-4 of the speed: an error
+    of order 5 is below rounding, 1e-16 a step, and 1e5 steps of that are 1e-11.
+    """
+    drag, exact = SMOOTH[kind]
+    result = spin_down(drag, 0.5, start, method="tsit5")
+    assert result.stats.steps < 1e5
+    speed = result.pulleys.omega[:, 0] / start
+    assert np.max(np.abs(speed - exact(result.t))) <= 1e-11
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_follows_it(method: str) -> None:
+    """Errors of steps, at most the tolerance on the scale of speeds, add up at most: drag damps
+    them. A fixed step is that of the joints, far below what drag asks.
+    """
+    drag, exact = SMOOTH["both"]
+    result = spin_down(drag, 0.5, method=method, **METHODS[method])
+    scale = 1e3 * omega_0(result.params)
+    allowed = result.stats.steps * METHODS[method].get("rtol", 1e-9) * scale
+    error = np.max(np.abs(result.pulleys.omega[:, 0] - START * exact(result.t)))
+    assert error <= min(allowed, 0.01 * abs(START))
+    implicit = method in ("rodas4", "lbdf2", "lie")
+    assert not implicit or result.stats.steps < 2000  # its derivative lets steps be long
+
+
+def test_coulomb_drag_follows_its_closed_form_through_the_stop() -> None:
+    """I w' = -C w / sqrt(w^2 + w0^2): sqrt(w^2 + w0^2) - w0 arsinh(w0 / w) falls at C / I.
+
+    While w is large, errors are rounding (as above); in the stop each step's is held to rtol of the
+    scale of speeds, and what was before is damped.
+    """
+    coulomb, rtol = 2.0, 1e-8
+    result = spin_down(bd.Drag(coulomb=coulomb), 0.4, method="tsit5", rtol=rtol)
+    w0 = omega_0(result.params)
+
+    def fallen(w: float) -> float:
+        return math.hypot(w, w0) - w0 * math.asinh(w0 / w)
+
+    for t, omega in zip(result.t, -result.pulleys.omega[:, 0], strict=True):
+        level = fallen(-START) - coulomb / INERTIA * t
+        if level < fallen(1e-300):
+            exact = 0.0
+        else:
+            exact = scipy.optimize.brentq(lambda w, at=level: fallen(w) - at, 1e-300, 100.0)
+        assert omega == pytest.approx(exact, abs=10 * rtol * 1e3 * w0, rel=1e-10)
+    assert -result.pulleys.omega[-1, 0] < 1e-3 * w0  # it has stopped
+
+
+def test_all_terms_together() -> None:
+    """Down to 1 rad/s the sign falls short of 1 by less than w0^2 / 2: w' = -(A + a w + b w^2)."""
+    large, damping, square = 100.0, 2.0, 0.05
+    drag = bd.Drag(coulomb=large * INERTIA, viscous=damping * INERTIA, quadratic=square * INERTIA)
+    result = spin_down(drag, 0.21, method="tsit5")
+    root = math.sqrt(4.0 * large * square - damping**2)
+    angle = math.atan((2.0 * square * -START + damping) / root) - 0.5 * root * result.t
+    exact = (root * np.tan(angle) - damping) / (2.0 * square)
+    assert exact[-1] > 1.0
+    short = large * 0.21 * 0.5 * omega_0(result.params) ** 2
+    error = np.max(np.abs(-result.pulleys.omega[:, 0] - exact))
+    assert error <= short + 1e-10 * abs(START)
+
+
+def test_below_the_coulomb_torque_a_pulley_creeps() -> None:
+    """At w0 M / sqrt(C^2 - M^2), as stated, within the error of a step; it gets there within
+    milliseconds, and the stated speed is small: 0.2 mm/s at the rim, however the torque.
+    """
+    params = drive(bd.Drag(coulomb=2.0), None, friction=False)
+    assert params.info["drag_speed"] == pytest.approx(
+        omega_0(params) * params.pulleys[0].radius, rel=1e-12
+    )
+    assert params.info["drag_speed"] < 2e-4
+    for share in (0.5, -0.9):
+        torque = bd.PiecewiseLinear([0.0], [[share * 2.0, 0.0]])
+        result = bd.simulate(params, torque, 0.05, rtol=1e-6)
+        creep = omega_0(params) * share / math.sqrt(1.0 - share**2)
+        found = result.pulleys.omega[-1, 0]
+        assert found == pytest.approx(creep, abs=1e-6 * 1e3 * omega_0(params))
+
+
+# --- tangent --------------------------------------------------------------------------------------
+
+
+def test_tangent_at_every_speed() -> None:
+    """Of a pulley free of the belt: k = g c / (1 + g slope / I), exact but for rounding; the slope
+    by central differences, over 1e-4 of the scale on which it changes: 1e-8 of curvature.
+    """
+    drag = bd.Drag(coulomb=2.0, viscous=0.1, quadratic=0.02)
+    params = drive(drag, None, friction=False)
+    state, w0 = fields(bd.settle(params)), omega_0(params)
+    state |= {"mu": np.zeros(0), "slip": np.zeros(0)}
+    model = params._model
+
+    def rate(omega: float) -> float:
+        at = {**state, "omega": np.array([omega, 0.0])}
+        return float(model.rate(at, np.zeros(2))["omega"][0])
+
+    for omega in (0.0, 0.5 * w0, -w0, 3.0 * w0, 1.0, -50.0):
+        step = 1e-4 * max(abs(omega), w0)
+        by_difference = -(rate(omega + step) - rate(omega - step)) / (2.0 * step)
+        w2 = omega**2 + w0**2
+        slope = (2.0 * w0**2 / w2**1.5 + 0.1 + 0.04 * abs(omega)) / INERTIA
+        # rounding of the torque over the step, where little of it changes
+        rounding = 1e-15 * abs(rate(omega)) / step
+        assert by_difference == pytest.approx(slope, rel=2e-8, abs=rounding)
+        at = {**state, "omega": np.array([omega, 0.0])}
+        c = {name: np.zeros_like(value) for name, value in state.items() if name != "t"}
+        c |= {"t": 0.0, "omega": np.array([1.0, 0.0])}
+        for g in (1e-6, 1e-3, 1.0):
+            assert model.solve(at, g, c)["omega"][0] == pytest.approx(
+                g / (1.0 + g * slope), rel=1e-12
+            )
+
+
+# --- ledger and balance ---------------------------------------------------------------------------
+
+DRAGS = (bd.Drag(coulomb=3.0, viscous=0.1, quadratic=0.02), bd.Drag(viscous=0.3))
+
+
+def ramp() -> bd.PiecewiseLinear:
+    return bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-60.0, 0.0]])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_energy_closes(method: str) -> None:
+    """As without drag; the ledger of every method errs by a small part of what drag takes."""
+    params = drive(*DRAGS)
+    result = bd.simulate(params, ramp(), 0.1, method=method, **METHODS[method])
+    energy = result.energy
+    assert energy.drag_loss is not None
+    assert (np.diff(energy.drag_loss) >= 0.0).all()
+    assert np.array_equal(
+        energy.losses, energy.joint_loss + energy.contact_loss + energy.friction_loss
+        + energy.drag_loss,
+    )  # fmt: skip
+    most = 10 * METHODS[method].get("rtol", 1e-4) * energy.passed[-1]
+    assert np.max(np.abs(energy.residual)) <= most
+    assert energy.drag_loss[-1] > 5 * most  # so it would show if it were left out
+
+
+def test_the_balance_is_watched_without_a_ledger() -> None:
+    """A pulley that stops by drag alone: left out, 50 J would come from nowhere."""
+    params = drive(bd.Drag(coulomb=1.0, viscous=0.05), bd.Drag(coulomb=1.0), friction=False)
+    turning = attrs.evolve(bd.settle(params), omega=[-100.0, 30.0])
+    for method in METHODS:
+        result = bd.simulate(
+            params, bd.Viscous([0.0, 0.0]), 0.1, initial=turning, ledger=False, method=method,
+            **METHODS[method],
+        )  # fmt: skip
+        assert result.energy is None
+        assert abs(result.stats.balance) <= 0.02
+        assert not any(one.code == "balance" for one in result.warnings)
+
+
+# --- off costs nothing ----------------------------------------------------------------------------
+
+
+def test_off_costs_nothing() -> None:
+    """Zeros are no drag: no pass, no column, no number more in the record, the same bits."""
+    runs = []
+    for drags in (None, [None, None], [(0.0, 0.0, 0.0), None], [(0.5, 0.0, 0.0), None]):
+        model = make_model(drag=drags)
+        settling = _core.Simulation.settle(model, tolerance=1e-5)
+        assert settling.advance(INF) is True
+        assert "bearing drag" not in settling.passes
+        simulation = _core.Simulation(model, settling.state(), TORQUE, 0.02, method="rodas4")
+        samples = simulation.sample(np.linspace(0.0, 0.02, 9))
+        simulation.advance(0.0)
+        record = simulation.export_record()
+        assert simulation.advance(INF) is True
+        runs.append((simulation, samples, record))
+    plain, samples, record = runs[0]
+    assert "bearing drag" not in plain.passes
+    assert "drag_loss" not in plain.energy_terms
+    for other, its_samples, its_record in runs[1:3]:
+        assert other.passes == plain.passes
+        assert other.energy_terms == plain.energy_terms
+        assert its_record == record
+        assert same_bits(its_samples, samples)
+    on, its_samples, _ = runs[3]
+    assert set(on.passes) - set(plain.passes) == {"bearing drag"}
+    assert on.energy_terms == (*plain.energy_terms, "drag_loss")
+    assert its_samples["energy"].shape[1] == samples["energy"].shape[1] + 1
+
+
+def test_settling_knows_no_drag() -> None:
+    """Free pulleys come to the same rest, to the last bit."""
+    kinds = {"friction": True, "pulleys": "free"}
+    one, other = (bd.settle(drive(*drags), **kinds) for drags in ((None, None), DRAGS))
+    assert all(np.array_equal(fields(one)[name], fields(other)[name]) for name in fields(one))
+
+
+# --- steps ----------------------------------------------------------------------------------------
+
+
+def test_the_fixed_step_follows_steep_drag() -> None:
+    """Decay at 1e6 1/s, of the viscous term or of the Coulomb term near rest: the step of the
+    joints, 1e-5 s, would be far beyond the stability limit, 2.8e-6 s.
+    """
+    w0 = omega_0(drive(None, None))
+    plain = spin_down(bd.Drag(viscous=1e-3), 1e-4, method="rk4")
+    assert plain.stats.largest_step > 5e-6
+    for drag in (bd.Drag(viscous=1e6 * INERTIA), bd.Drag(coulomb=1e6 * INERTIA * w0)):
+        steep = spin_down(drag, 1e-4, start=0.3 * w0, method="rk4")
+        assert 1e-6 < steep.stats.largest_step < 2.8e-6
+        assert abs(steep.pulleys.omega[-1, 0]) < 1e-9 * w0
+
+
+def test_a_run_with_drag_is_the_same_every_time() -> None:
+    params = drive(*DRAGS)
+    one, other = (bd.simulate(params, ramp(), 0.02) for _ in range(2))
+    assert np.array_equal(one.joints.force, other.joints.force)
+    assert np.array_equal(one.energy.drag_loss, other.energy.drag_loss)
+
+
+# --- what is given and what comes out -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("field", ["coulomb", "viscous", "quadratic"])
+def test_the_core_names_a_bad_number(field: str) -> None:
+    at = ("coulomb", "viscous", "quadratic").index(field)
+    for value, what in ((-1.0, "must be >= 0"), (math.nan, "must be finite and >= 0")):
+        row = [0.0, 0.0, 0.0]
+        row[at] = value
+        with pytest.raises(ValueError, match=rf"^pulleys\[1\]\.drag\.{field} {what} "):
+            make_model(drag=[None, tuple(row)])
+
+
+def test_the_core_names_a_bad_argument() -> None:
+    with refused(TypeError, "drag must be a sequence of tuples, got float"):
+        make_model(drag=1.0)
+    with refused(ValueError, "drag must have one entry for each of 2 pulleys, got 1"):
+        make_model(drag=[None])
+    with refused(TypeError, "pulleys[0].drag must be a tuple of 3 numbers, got list"):
+        make_model(drag=[[0.0, 0.0, 0.0], None])
+    with refused(ValueError, "pulleys[0].drag must have 3 numbers, got 2"):
+        make_model(drag=[(0.0, 0.0), None])
+
+
+def test_a_pulley_takes_nothing_else_for_drag() -> None:
+    with refused(TypeError, "pulley.drag must be a Drag, got float"):
+        bd.Pulley(center=(0, 0), radius=0.1, inertia=0.01, drag=0.5)
+
+
+def test_text_and_toml(tmp_path: Path) -> None:
+    params = drive(DRAGS[0], None)
+    text = str(params)
+    for name, value in (("coulomb", "3 N m"), ("viscous", "0.1 N m s"), ("quadratic", "0.02")):
+        assert f"pulleys[0].drag.{name}" in text
+        assert value in text
+    assert "pulleys[1].drag" not in text
+    assert "drag.coulomb" in str(params.pulleys[0])
+    assert bd.Params.from_toml(params.to_toml(tmp_path / "drive.toml")) == params
+    assert bd.Params.from_toml(tmp_path / "drive.toml") == params
+    bad = params.to_toml().replace("coulomb = 3.0", "coulomb = -3.0")
+    with pytest.raises(ValueError, match=r"^pulleys\[0\]\.drag\.coulomb must be >= 0 "):
+        bd.Params.from_toml(bad)
+    with pytest.raises(ValueError, match=r"^pulleys\[0\]\.drag\.colomb: unknown field \(did you "):
+        bd.Params.from_toml(params.to_toml().replace("coulomb", "colomb"))
+
+
+def test_a_scene_file_with_drag_runs(tmp_path: Path) -> None:
+    scene = bd.Scene(drive(*DRAGS), ramp(), 0.002)
+    scene.to_toml(tmp_path / "scene.toml")
+    assert bd.Scene.from_toml(tmp_path / "scene.toml").params == scene.params
+    out = tmp_path / "run.npz"
+    done = CliRunner().invoke(cli.main, ["run", str(tmp_path / "scene.toml"), "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "bearing drag" in bd.Result.load(out).effects
+
+
+def test_the_ledger_is_drawn_with_drag() -> None:
+    result = bd.simulate(drive(*DRAGS), ramp(), 0.02)
+    ax = bd.plot.energy(result, ax=Figure().add_subplot())
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "bearing drag" in labels
+    assert len(ax.collections) == 4
+
+
+def test_saved_and_loaded(tmp_path: Path) -> None:
+    result = bd.simulate(drive(*DRAGS), ramp(), 0.02)
+    result.save(tmp_path / "run.npz")
+    again = bd.Result.load(tmp_path / "run.npz")
+    assert again.params == result.params
+    assert again.effects == result.effects
+    assert "bearing drag" in again.effects
+    assert np.array_equal(again.energy.drag_loss, result.energy.drag_loss)
+    plain = bd.simulate(drive(None, None), ramp(), 0.02)
+    plain.save(tmp_path / "plain.npz")
+    assert bd.Result.load(tmp_path / "plain.npz").energy.drag_loss is None
+    with np.load(tmp_path / "run.npz") as arrays:
+        lacking = {name: value for name, value in arrays.items() if name != "energy.drag_loss"}
+    np.savez(tmp_path / "lacking.npz", **lacking)
+    with pytest.raises(ValueError, match=r"energy\.drag_loss is missing"):
+        bd.Result.load(tmp_path / "lacking.npz")
+    with np.load(tmp_path / "plain.npz") as arrays:
+        more = {**arrays, "energy.drag_loss": np.zeros(plain.t.size)}
+    np.savez(tmp_path / "more.npz", **more)
+    with pytest.raises(ValueError, match=r"energy\.drag_loss does not belong there"):
+        bd.Result.load(tmp_path / "more.npz")
