@@ -268,8 +268,9 @@ int bd_sim_state(const bd_sim *sim, bd_state *out);
 
 /* The restart record: with it a simulation made of the same model, torques, t_end and options, in
  * another process too, goes on as this one would have, bit for bit; a state alone does not know the
- * step, the history and what was last evaluated. Returns its size; record NULL: only that. Not
- * while the simulation runs. */
+ * step, the history and what was last evaluated. Returns its size; record NULL: only
+ * that; 0 after an error, which may have come in the middle of a step (but for max_steps, which the
+ * simulation that goes on may have more of). Not while the simulation runs. */
 size_t bd_sim_export(const bd_sim *sim, void *record);
 /* Into a simulation that has not begun, whatever its initial state; its sample times are set
  * before, and those up to the time of the record are left out. Refuses by name what is no record,

@@ -250,7 +250,7 @@ def test_a_partial_result(result: bd.Result, tmp_path: Path) -> None:
         success=False,
         status="failed",
         **{
-            name: type(group)(**{k: v[:7] for k, v in group._arrays().items()})
+            name: type(group)(**{k: v[:7] for k, v in group.arrays().items()})
             for name in ("pulleys", "belt", "joints", "contact", "energy")
             if (group := getattr(result, name)) is not None
         },

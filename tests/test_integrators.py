@@ -228,7 +228,7 @@ def test_step_floor_is_a_named_error() -> None:
 
 def test_too_long_a_fixed_step_is_a_named_error() -> None:
     scene = drives.plain_scene()
-    with pytest.raises(bd.SimulationError, match="has an error of.*shorter step than") as caught:
+    with pytest.raises(bd.SimulationError, match=r"has an error of.*shorter step than") as caught:
         bd.simulate(*scene, method="rk4", step=1e-4)
     error = caught.value
     assert error.symbol == "BD_ERR_FIXED_STEP"

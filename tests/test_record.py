@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from module_common import INF, TORQUE, make_model, refused, same_bits
 
-from beltdyn import _core
+from beltdyn import SimulationError, _core
 
 N_T = 33
 #: Every method, adaptive and, where it may be, with a fixed step; options of Simulation.
@@ -55,6 +55,14 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),
 }
+
+
+def fnv(data: bytes | bytearray) -> int:
+    """FNV-1a, 64 bits."""
+    total = 0xCBF29CE484222325
+    for byte in data:
+        total = (total ^ byte) * 0x100000001B3 % 2**64
+    return total
 
 
 def model_of(drive: str) -> Any:
@@ -168,6 +176,50 @@ def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None
         _core.Simulation.settle(model_of("plain")).export_record()
 
 
+def test_a_run_that_failed_has_no_record(states: dict[str, dict[str, Any]]) -> None:
+    """It may have failed in the middle of a step; one that may make no more steps has not."""
+
+    def failing(t: float, _theta: Any, _omega: Any) -> list[float]:
+        if t > 0.002:
+            raise ZeroDivisionError
+        return [0.0, 0.0]
+
+    failed = _core.Simulation(model_of("plain"), states["plain"], [("call", failing)], 0.02)
+    with pytest.raises(ZeroDivisionError):
+        failed.advance(INF)
+    with pytest.raises(RuntimeError, match="has no restart record"):
+        failed.export_record()
+
+    whole, _ = make("plain", states["plain"], {"method": "tsit5"})
+    stopped, _ = make("plain", states["plain"], {"method": "tsit5", "max_steps": 100})
+    with pytest.raises(SimulationError, match="limit of 100 steps"):
+        stopped.advance(INF)
+    longer, _ = make("plain", states["plain"], {"method": "tsit5", "max_steps": 100_000})
+    longer.import_record(stopped.export_record())
+    assert same_bits(end_of(longer), end_of(whole))
+
+
+def test_what_is_used_as_an_index_is_checked(states: dict[str, dict[str, Any]]) -> None:
+    """Of records whose check sum was made anew: refused or run, and never out of bounds."""
+    simulation, _ = make("plain", states["plain"], {"method": "auto"})
+    simulation.advance(0.0)
+    record = simulation.export_record()
+    head, content = record[:40], bytearray(record[40:])
+    assert len(head) == 40 and fnv(content) == int.from_bytes(head[32:40], sys.byteorder)
+    refused_some = 0
+    for at in range(0, 16, 4):
+        damaged = bytearray(content)
+        damaged[at : at + 4] = (77).to_bytes(4, sys.byteorder)
+        forged = head[:32] + fnv(damaged).to_bytes(8, sys.byteorder) + damaged
+        new, _ = make("plain", states["plain"], {"method": "auto"})
+        try:
+            new.import_record(forged)
+        except ValueError as error:
+            assert "index is out of range" in str(error)
+            refused_some += 1
+    assert refused_some >= 2  # the methods
+
+
 def test_kernels_of_another_level_are_refused(
     states: dict[str, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -179,5 +231,5 @@ def test_kernels_of_another_level_are_refused(
     if _core.kernel_level() == "baseline":
         other.import_record(simulation.export_record())  # the same: nothing else is there
     else:
-        with pytest.raises(ValueError, match="made with other kernels"):
+        with pytest.raises(ValueError, match="made with another instruction level"):
             other.import_record(simulation.export_record())

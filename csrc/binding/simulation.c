@@ -519,7 +519,8 @@ PyDoc_STRVAR(
     "export_record($self, /)\n--\n\n"
     "Everything that the run needs to go on bit for bit, as bytes.\n\n"
     "state() has no step size, history, choice of method and the like. Raises RuntimeError\n"
-    "while the simulation is running or if it settles.");
+    "while the simulation is running or if it settles or has\n"
+    "failed.");
 
 static PyObject *sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_sim *self = (bd_core_sim *)object;
@@ -530,7 +531,14 @@ static PyObject *sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
   if (self->settling) {
     PyErr_SetString(PyExc_RuntimeError, "settling has no restart record: begin it anew");
   } else {
-    bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)bd_sim_export(self->sim, NULL));
+    size_t size = bd_sim_export(self->sim, NULL);
+    if (size > 0) {
+      bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
+    } else {
+      PyErr_SetString(PyExc_RuntimeError,
+                      "a run that ended in an error or in an exception of its torque function has "
+                      "no restart record: it may have been in the middle of a step");
+    }
   }
   if (bytes) {
     bd_sim_export(self->sim, PyBytes_AS_STRING(bytes));

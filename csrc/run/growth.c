@@ -119,9 +119,9 @@ static void watch_contacts(bd_sim *sim) {
   }
   double travel = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    double way =
+    double arc =
         sim->stepper.model->radius[j] * fabs(sim->stepper.y[lay->theta + j] - twin->theta[j]);
-    travel = fmax(travel, way);
+    travel = fmax(travel, arc);
     twin->theta[j] = sim->stepper.y[lay->theta + j];
   }
   double expected = 2.0 * lay->np * (travel / sim->stepper.model->info.link_length + 2.0);

@@ -7,8 +7,9 @@
  *
  * One function visits every such field in order; it adds up sizes, writes or reads, so what is
  * written and what is read cannot differ. Pointers are never part of it: a method is its row in the
- * table. A head of the record names format and kernels and holds check sums of the scene and of
- * what follows; a record of another scene, and one that was damaged, is refused. Guarded by
+ * table. A head of the record names format and build and holds check sums of the scene and of what
+ * follows; a record of another scene or build, and one that was damaged, is refused, and whatever
+ * is used as an index is checked before anything is read. Guarded by
  * tests/test_record.py.
  */
 #include <string.h>
@@ -19,9 +20,9 @@ enum { FORMAT = 1 };
 
 typedef struct head {
   char magic[8];
-  uint32_t format, kernels; /* kernels: of the level's name */
-  uint64_t size;            /* of what follows */
-  uint64_t scene, content;  /* check sums */
+  uint32_t format, build;  /* build: of compiler and instruction level */
+  uint64_t size;           /* of what follows */
+  uint64_t scene, content; /* check sums */
 } head;
 
 static const char MAGIC[8] = {'b', 'e', 'l', 't', 'd', 'y', 'n', 'R'};
@@ -40,10 +41,11 @@ static const uint64_t EMPTY = 0xcbf29ce484222325u;
 /* --- visiting -------------------------------------------------------------------------------- */
 
 typedef struct visitor {
-  enum { MEASURE, WRITE, READ } does;
+  enum { MEASURE, WRITE, CHECK, READ } does;
   char *out;
   const char *in;
   size_t used;
+  int bad; /* CHECK: an index is out of its range */
 } visitor;
 
 static void visit(visitor *v, void *data, size_t size) {
@@ -58,15 +60,32 @@ static void visit(visitor *v, void *data, size_t size) {
 #define ONE(v, field) visit((v), &(field), sizeof(field))
 #define MANY(v, array, count) visit((v), (array), (size_t)(count) * sizeof *(array))
 
-static void visit_method(visitor *v, const bd_method **method) {
-  const bd_method *row;
-  int32_t index = -1;
-  for (size_t k = 0; (row = bd_method_at(k)); ++k) {
-    index = row == *method ? (int32_t)k : index;
+/* A number that is used as an index or as a count. */
+static void visit_index(visitor *v, int *value, int least, int most) {
+  if (v->does == CHECK) {
+    int given;
+    memcpy(&given, v->in + v->used, sizeof given);
+    v->bad |= given < least || given > most;
   }
-  ONE(v, index);
-  if (v->does == READ) {
-    *method = index < 0 ? NULL : bd_method_at((size_t)index);
+  visit(v, value, sizeof *value);
+}
+
+/* A method that the stepper was made for, or the one that steps are left to. */
+static void visit_method(visitor *v, const bd_method **method, const bd_stepper *stepper,
+                         const bd_auto *choice) {
+  const bd_method *const made[] = {choice->method[0], choice->method[1], stepper->method,
+                                   bd_method_find("lie")};
+  enum { N = sizeof made / sizeof made[0] };
+  int index = 0;
+  while (index < N - 1 && made[index] != *method) {
+    ++index;
+  }
+  visit_index(v, &index, 0, N - 1);
+  if (v->does == CHECK) {
+    memcpy(&index, v->in + v->used - sizeof index, sizeof index);
+    v->bad |= index >= 0 && index < N && !made[index];
+  } else if (v->does == READ) {
+    *method = made[index];
   }
 }
 
@@ -101,15 +120,20 @@ static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
   ONE(v, search->margin);
   ONE(v, search->travelled);
   ONE(v, search->rebuilds);
-  MANY(v, search->n_runs, lay->np);
-  MANY(v, search->runs, lay->np * search->max_runs);
+  for (int j = 0; j < lay->np; ++j) {
+    visit_index(v, &search->n_runs[j], 0, search->max_runs);
+  }
+  for (int k = 0; k < lay->np * search->max_runs; ++k) {
+    visit_index(v, &search->runs[k].begin, 0, lay->n8);
+    visit_index(v, &search->runs[k].end, 0, lay->n8);
+  }
 }
 
 /* Between two steps: y_new, y_mid, the Jacobian and all stages but the first are made anew. */
-static void visit_stepper(visitor *v, bd_stepper *stepper) {
+static void visit_stepper(visitor *v, bd_stepper *stepper, const bd_auto *choice) {
   const bd_layout *lay = &stepper->model->lay;
-  visit_method(v, &stepper->method);
-  visit_method(v, &stepper->now);
+  visit_method(v, &stepper->method, stepper, choice);
+  visit_method(v, &stepper->now, stepper, choice);
   ONE(v, stepper->fixed);
   ONE(v, stepper->t);
   ONE(v, stepper->h);
@@ -117,7 +141,11 @@ static void visit_stepper(visitor *v, bd_stepper *stepper) {
   MANY(v, stepper->y, lay->size);
   MANY(v, stepper->stage[0], lay->size);
   ONE(v, stepper->rate_known);
-  ONE(v, stepper->n_history);
+  int room = 0;
+  while (room < MAX_HISTORY && stepper->history[room]) {
+    ++room;
+  }
+  visit_index(v, &stepper->n_history, 0, room);
   ONE(v, stepper->history_h);
   for (int k = 0; k < MAX_HISTORY; ++k) {
     if (stepper->history[k]) {
@@ -136,7 +164,7 @@ static void visit_choice(visitor *v, bd_auto *choice) {
   ONE(v, choice->per_second);
   ONE(v, choice->time);
   ONE(v, choice->steps);
-  ONE(v, choice->now);
+  visit_index(v, &choice->now, 0, N_AUTO - 1);
   ONE(v, choice->doubtful);
   ONE(v, choice->h_kept);
   ONE(v, choice->t_before);
@@ -157,9 +185,10 @@ static void visit_guard(visitor *v, bd_guard *guard, int np) {
   MANY(v, guard->touched, np);
 }
 
-static void visit_sim(visitor *v, bd_sim *sim);
+static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice);
 
-static void visit_twin(visitor *v, bd_twin *twin, int np) {
+/* Twins have the methods of the run they follow. */
+static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice) {
   ONE(v, twin->active);
   ONE(v, twin->grows);
   ONE(v, twin->chatters);
@@ -181,32 +210,31 @@ static void visit_twin(visitor *v, bd_twin *twin, int np) {
   MANY(v, twin->seen, 2 * np);
   MANY(v, twin->theta, np);
   if (twin->sim) {
-    visit_sim(v, twin->sim);
+    visit_sim(v, twin->sim, choice);
   }
   if (twin->still) {
-    visit_sim(v, twin->still);
+    visit_sim(v, twin->still, choice);
   }
 }
 
-static void visit_sim(visitor *v, bd_sim *sim) {
+static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice) {
   const int np = sim->stepper.model->lay.np;
-  visit_stepper(v, &sim->stepper);
+  visit_stepper(v, &sim->stepper, choice);
   visit_choice(v, &sim->choice);
   visit_guard(v, &sim->guard, np);
-  visit_twin(v, &sim->twin, np);
+  visit_twin(v, &sim->twin, np, choice);
   ONE(v, sim->t0);
   ONE(v, sim->e0);
   ONE(v, sim->error_before);
   ONE(v, sim->started);
-  ONE(v, sim->status);
   ONE(v, sim->fallbacks_in_a_row);
   ONE(v, sim->stats);
 }
 
 /* --- the scene ------------------------------------------------------------------------------- */
 
-/* Of everything that was given when the simulation was made, but the state and the sample times:
- * of a torque function, that there is one. */
+/* Of everything that was given when the simulation was made, but the state, the sample times and
+ * max_steps, which may be another: of a torque function, that there is one. */
 static uint64_t scene_of(const bd_sim *sim) {
   const bd_model *model = sim->stepper.model;
   const bd_torque_set *set = &sim->stepper.plan.torques;
@@ -263,22 +291,34 @@ static uint64_t scene_of(const bd_sim *sim) {
   return sum;
 }
 
+/* Bits are the same with the same compiler and instruction level alone. */
+static uint32_t build_of(const bd_sim *sim) {
+  const char *level = sim->stepper.plan.kernels->level;
+  uint64_t sum = hash(EMPTY, level, strlen(level));
+#ifdef __VERSION__
+  sum = hash(sum, __VERSION__, sizeof __VERSION__);
+#endif
+  return (uint32_t)(sum ^ sum >> 32);
+}
+
 /* --- out and in ------------------------------------------------------------------------------ */
 
 size_t bd_sim_export(const bd_sim *sim, void *record) {
   /* nothing is written to the simulation when measuring or writing */
   bd_sim *const visited = (bd_sim *)(uintptr_t)sim;
   visitor v = {.does = MEASURE};
-  visit_sim(&v, visited);
+  if (sim->status < 0 && sim->status != BD_ERR_MAX_STEPS) {
+    return 0;
+  }
+  visit_sim(&v, visited, &visited->choice);
   head first = {.format = FORMAT, .size = v.used};
   if (!record) {
     return sizeof first + v.used;
   }
   v = (visitor){.does = WRITE, .out = (char *)record + sizeof first};
-  visit_sim(&v, visited);
-  const char *level = sim->stepper.plan.kernels->level;
+  visit_sim(&v, visited, &visited->choice);
   memcpy(first.magic, MAGIC, sizeof first.magic);
-  first.kernels = (uint32_t)hash(EMPTY, level, strlen(level));
+  first.build = build_of(sim);
   first.scene = scene_of(sim);
   first.content = hash(EMPTY, v.out, v.used);
   memcpy(record, &first, sizeof first);
@@ -292,19 +332,19 @@ int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
   }
   head first;
   visitor v = {.does = MEASURE};
-  visit_sim(&v, sim);
+  visit_sim(&v, sim, &sim->choice);
   memset(&first, 0, sizeof first);
   memcpy(&first, record, size < sizeof first ? size : sizeof first);
   if (memcmp(first.magic, MAGIC, sizeof first.magic) != 0 || first.format != FORMAT) {
     return bd_fail(err, BD_ERR_OPTION, "record",
                    "not a restart record of this version of the core (format %d)", (int)FORMAT);
   }
-  const char *level = sim->stepper.plan.kernels->level;
-  if (first.kernels != (uint32_t)hash(EMPTY, level, strlen(level))) {
-    return bd_fail(err, BD_ERR_OPTION, "record",
-                   "the record was made with other kernels than \"%s\", which do not give the same "
-                   "bits: choose its own by BELTDYN_KERNELS",
-                   level);
+  if (first.build != build_of(sim)) {
+    return bd_fail(
+        err, BD_ERR_OPTION, "record",
+        "the record was made with another instruction level than \"%s\" (BELTDYN_KERNELS "
+        "chooses it) or another compiler, which do not give the same bits",
+        sim->stepper.plan.kernels->level);
   }
   if (first.scene != scene_of(sim) || first.size != v.used) {
     return bd_fail(err, BD_ERR_OPTION, "record",
@@ -315,14 +355,20 @@ int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
   if (size != sizeof first + v.used || first.content != hash(EMPTY, content, v.used)) {
     return bd_fail(err, BD_ERR_OPTION, "record", "the record is damaged: its check sum is wrong");
   }
+  v = (visitor){.does = CHECK, .in = content};
+  visit_sim(&v, sim, &sim->choice);
+  if (v.bad) {
+    return bd_fail(err, BD_ERR_OPTION, "record", "the record is damaged: an index is out of range");
+  }
   v = (visitor){.does = READ, .in = content};
-  visit_sim(&v, sim);
+  visit_sim(&v, sim, &sim->choice);
   /* made anew: what follows from the time reached */
   sim->next_break = sim->next_sample = 0;
   while (sim->started && sim->next_sample < sim->n_samples &&
          sim->t_sample[sim->next_sample] <= sim->stepper.t) {
     ++sim->next_sample;
   }
+  sim->status = sim->started ? BD_MORE : BD_OK;
   sim->stepper.jacobian_known = 0;
   bd_plan_place(&sim->stepper.plan, sim->stepper.t);
   return BD_OK;

@@ -61,10 +61,10 @@ static double fastest_mode(const bd_model *model, int friction) {
   double normal = PRESSED * tension * info->link_length / tightest;
   double c1 = info->contact_quadratic, c2 = info->contact_linear;
   double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
-  double grip = friction && model->has_friction ? model->dahl.sigma * normal : 0.0;
+  double friction_stiffness = friction && model->has_friction ? model->dahl.sigma * normal : 0.0;
   double m = info->link_mass;
   double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
-             (contact + grip) / m;
+             (contact + friction_stiffness) / m;
   double d = info->contact_damping / m + critical_mass_damping(model, &lowest) +
              12.0 * easiest_damping(model) / m + 4.0 * info->bending_damping / info->link_inertia;
   return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);

@@ -19,8 +19,8 @@
 #define LBDF bd_lbdf_attempt, bd_lbdf_finish, bd_lbdf_inside
 
 static const bd_method methods[] = {
-    /* name, implicit, order, error_order, vectors, past, adaptive, may_be_fixed, stability, growth,
-     * aim {factor, power}, cost {of a step, of a link in it} */
+    /* name, implicit, order, error_order, vectors, history, adaptive, may_be_fixed, stability,
+     * growth, aim {factor, power}, cost {of a step, of a link in it} */
     {"tsit5", 0, 5, 5, 7, 0, 1, 0, 3.5, 5.0, {1.0, 1.0}, {0.40, 0.032}, EXPLICIT, &bd_tsit5},
     {"rk4", 0, 4, 4, 5, 0, 0, 1, 2.78, 1.0, {1.0, 1.0}, {0.40, 0.025}, EXPLICIT, &bd_rk4},
     {"lbdf2", 1, 2, 3, 3, 2, 1, 1, 0.0, 2.0, {100.0, 2.0}, {1.60, 0.052}, LBDF, NULL},

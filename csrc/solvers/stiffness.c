@@ -31,7 +31,7 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     double contact =
         sqrt(info->contact_linear * info->contact_linear + 4.0 * info->contact_quadratic * normal);
     double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
-    double grip = sigma * normal, viscous = 0.0;
+    double friction_stiffness = sigma * normal, viscous = 0.0;
     for (size_t k = 0; set && k < set->n_terms; ++k) {
       viscous +=
           set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
@@ -44,7 +44,7 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     } parts[] = {
         {joints_k, joints_d, "the belt's joints", -1},
         {contact / m, info->contact_damping / m, "the contact", -1},
-        {grip / m, 0.0, "friction", -1},
+        {friction_stiffness / m, 0.0, "friction", -1},
         {sigma * tension * wrap * r * r / model->inertia[j], 0.0,
          "a pulley with very small inertia", j},
         {0.0, viscous / model->inertia[j], "a load with a very large viscous coefficient", j},
