@@ -33,6 +33,7 @@ if _core_version != __version__:
 
 from . import scenes
 from .errors import Interrupted, SimulationError
+from .friction import Dahl, ElasticPlastic, Friction, LuGre
 from .histories import Stats
 from .identification import (
     Experiment,
@@ -43,7 +44,7 @@ from .identification import (
     identify,
 )
 from .params import Params
-from .parts import Belt, Contact, Dahl, Drag, Pulley
+from .parts import Belt, Contact, Drag, Pulley
 from .result import Result
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scenes import Scene
@@ -63,11 +64,14 @@ __all__ = [
     "Contact",
     "Dahl",
     "Drag",
+    "ElasticPlastic",
     "Experiment",
     "Free",
+    "Friction",
     "Identification",
     "IdentificationInterrupted",
     "Interrupted",
+    "LuGre",
     "Params",
     "PiecewiseLinear",
     "Pulley",

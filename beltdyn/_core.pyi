@@ -11,6 +11,7 @@ __version__: str
 #: Rows of the tables in ``csrc/fields.h``.
 RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, excluded, most
 PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
+LAWS: tuple[tuple[str, str, str], ...]  # friction: name, class, text; its parameters' group: name
 STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
 ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: what output "energy" has columns of
@@ -20,12 +21,18 @@ MAX_STRAIN: float
 MAX_LINKS: int
 
 def kernel_level() -> str: ...
+def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
+def friction_law(
+    friction: FrictionLaw, link_length: float, z: ArrayLike, v: ArrayLike, normal: ArrayLike
+) -> dict[str, NDArray[np.float64]]: ...
 def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
 #: | ("call", callable)
 TorqueTerm = tuple[Any, ...]
+#: name of a row of LAWS, its numbers
+FrictionLaw = tuple[str, tuple[float, ...]]
 #: STATE_FIELDS by name, and "t"
 StateDict = Mapping[str, Any]
 
@@ -39,13 +46,16 @@ class Model:
         radii: ArrayLike,
         inertias: ArrayLike,
         contact: tuple[float, float, float],
-        dahl: tuple[float, float] | None,
+        friction: FrictionLaw | None,
         gravity: tuple[float, float],
         drag: Sequence[tuple[float, float, float] | None] | None = None,
+        pulley_friction: Sequence[FrictionLaw | None] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
+    @property
+    def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 

@@ -48,7 +48,7 @@ def observe(result: Result) -> tuple[RunWarning, ...]:
 
 def _torques(result: Result) -> Iterator[RunWarning]:
     params, pulleys = result.params, result.pulleys
-    if params.friction is None:
+    if not params.has_friction:
         fed = pulleys.torque * pulleys.omega
         first, driven = np.unravel_index(int(np.argmax(fed > 0.0)), fed.shape)
         if fed[first, driven] > 0.0:
@@ -78,12 +78,13 @@ def _torques(result: Result) -> Iterator[RunWarning]:
 
 def _full_slip(result: Result) -> Iterator[RunWarning]:
     params, contact = result.params, result.contact
-    if params.friction is None:
+    if not params.has_friction:
         return
+    kinetic, developed = params._slip_limits
     n_t, n_p = result.t.size, len(params.pulleys)
     bins = _bins(contact.pulley, n_p)
     friction = _per_pulley(contact.friction, bins, n_p)
-    most = params.friction.mu_k * _per_pulley(contact.normal, bins, n_p)
+    most = kinetic * _per_pulley(contact.normal, bins, n_p)
     tension = params.info["mean_tension"]
     saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
     rows = np.flatnonzero(saturated.any(axis=1))
@@ -94,13 +95,12 @@ def _full_slip(result: Result) -> Iterator[RunWarning]:
         contact.friction[rows] * contact.velocity[rows], _bins(contact.pulley[rows], n_p), n_p
     )
     lasts = _durations(result.t)
-    least = SLIPPED * params.friction.mu_k / params.friction.sigma
     for k, pulley in enumerate(params.pulleys):
         speed = np.where(saturated[:, k], lost[:, k] / np.abs(friction[:, k]), 0.0)
         # A wrap whose friction is fully developed from tensioning alone does not slip.
         slips = speed > 0.01 * speed.max()
         slip = float(np.sum(lasts * speed, where=slips))
-        if not slip > least:
+        if not slip > SLIPPED * developed[k]:
             continue
         first, last, whole = _when(result.t, lasts, slips)
         carried = float(np.max(np.abs(friction[slips, k]))) * pulley.radius

@@ -9,9 +9,12 @@ from types import MappingProxyType
 from typing import Any
 
 import attrs
+import numpy as np
 
 from . import _core, sanity, toml
-from .parts import Belt, Contact, Dahl, Pulley
+from .checks import Array
+from .friction import Friction
+from .parts import Belt, Contact, Pulley
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
 
@@ -53,7 +56,8 @@ class Params:
         belt: The belt.
         pulleys: The pulleys, any sequence; kept as a tuple.
         contact: Normal contact between belt and pulleys.
-        friction: Friction law between belt and pulleys, or None for none.
+        friction: Friction law between belt and pulleys, :class:`Dahl`, :class:`LuGre` or
+            :class:`ElasticPlastic`; None for none. A pulley may have its own.
         gravity: Acceleration (x, y) [m/s^2].
         tensioning: How the belt is brought under preload before a run.
 
@@ -66,8 +70,8 @@ class Params:
     belt: Belt = attrs.field(validator=instance_of("belt", Belt))
     pulleys: tuple[Pulley, ...] = attrs.field(converter=_pulleys)
     contact: Contact = attrs.field(validator=instance_of("contact", Contact))
-    friction: Dahl | None = attrs.field(
-        default=None, validator=attrs.validators.optional(instance_of("friction", Dahl))
+    friction: Friction | None = attrs.field(
+        default=None, validator=attrs.validators.optional(instance_of("friction", Friction))
     )
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)
     tensioning: Tensioning = attrs.field(
@@ -85,10 +89,14 @@ class Params:
             [pulley.radius for pulley in self.pulleys],
             [pulley.inertia for pulley in self.pulleys],
             numbers("contact", self.contact),
-            None if self.friction is None else numbers("dahl", self.friction),
+            None if self.friction is None else self.friction._to_core(),
             self.gravity,
             [
                 None if pulley.drag is None else numbers("drag", pulley.drag)
+                for pulley in self.pulleys
+            ],
+            [
+                None if pulley.friction is None else pulley.friction._to_core()
                 for pulley in self.pulleys
             ],
         )
@@ -111,6 +119,22 @@ class Params:
         """
         return MappingProxyType(self._model.info)
 
+    @property
+    def has_friction(self) -> bool:
+        """Whether there is friction on any pulley."""
+        return any(self.friction_on(k) is not None for k in range(len(self.pulleys)))
+
+    def friction_on(self, pulley: int) -> Friction | None:
+        """Give the friction law of a pulley: its own, or that of the drive."""
+        own = self.pulleys[pulley].friction
+        return self.friction if own is None else own
+
+    @property
+    def _slip_limits(self) -> tuple[Array, Array]:
+        """Friction coefficients in full slip [1], slip in which friction develops [m], (n_p,)."""
+        rows = self._model.friction
+        return np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+
     def __str__(self) -> str:
         parts: list[tuple[str, Printable]] = [
             ("belt", self.belt),
@@ -118,13 +142,13 @@ class Params:
             ("contact", self.contact),
         ]
         if self.friction is not None:
-            parts.append(("friction", self.friction))
+            parts.append((f"friction ({self.friction.law})", self.friction))
         rows = [
             (f"{prefix}.{name}", quantity, text)
             for prefix, part in parts
             for name, quantity, text in part._rows()
         ]
-        if self.friction is None:
+        if not self.has_friction:
             rows.append(("friction", "none", ""))
         rows.append(("gravity", _GRAVITY.quantity(self.gravity), _GRAVITY.text))
         info = self.info
@@ -185,6 +209,9 @@ class Params:
         del document["friction"]
         if self.friction is not None:
             document["friction"] = toml.unstructure(self.friction)
+        for pulley, table in zip(self.pulleys, document["pulleys"], strict=True):
+            if pulley.friction is not None:
+                table["friction"] = toml.unstructure(pulley.friction)
         return document
 
 

@@ -13,9 +13,10 @@ from collections.abc import Iterable
 
 import attrs
 
+from .friction import Friction
 from .rules import Printable, Rule, from_table, instance_of
 
-__all__ = ["Belt", "Contact", "Dahl", "Drag", "Pulley", "any_drag"]
+__all__ = ["Belt", "Contact", "Drag", "Pulley", "any_drag"]
 
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
@@ -81,6 +82,8 @@ class Pulley(Printable):
         radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
         inertia: Moment of inertia about the axis [kg m^2], > 0.
         drag: Drag of its bearings, None for none.
+        friction: Friction law between the belt and this pulley; None: that of the whole drive,
+            ``Params.friction``.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -91,6 +94,9 @@ class Pulley(Printable):
     inertia: float
     drag: Drag | None = attrs.field(
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
+    )
+    friction: Friction | None = attrs.field(
+        default=None, validator=attrs.validators.optional(instance_of("pulley.friction", Friction))
     )
 
 
@@ -119,19 +125,3 @@ class Contact(Printable):
     quadratic: float = 0.0
     linear: float
     damping: float = 0.0
-
-
-@attrs.frozen(kw_only=True, field_transformer=from_table("dahl"))
-class Dahl(Printable):
-    """Dahl friction between belt and pulley (2.9), (2.10).
-
-    Attributes:
-        mu_k: Kinetic friction coefficient [1], > 0.
-        sigma: Stiffness of the friction joint at rest [1/m], > 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
-    """
-
-    mu_k: float
-    sigma: float

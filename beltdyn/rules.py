@@ -38,14 +38,11 @@ class Rule(NamedTuple):
         label = f"{self.group}.{self.name}".lstrip(".")
         if self.rule == "PAIR":
             return checks.pair(label, value, self.unit)
-        wording, least, above, most = _RULES[self.rule]
         if self.rule == "LINKS":
+            _, least, _, most = _RULES[self.rule]
             return checks.integer(label, value, int(least), int(most))
         number = checks.real(label, value, self.unit)
-        if number < least or number > most or (above and number == least):
-            raise ValueError(
-                f"{label} must be {wording} ({self.text}), got {self.quantity(number)}"
-            )
+        _core.check_parameter(self.group, self.name, self.group, number)
         return number
 
     def quantity(self, value: Any) -> str:

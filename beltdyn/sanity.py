@@ -15,7 +15,9 @@ import numpy as np
 
 from . import _core
 from .checks import Array
-from .parts import Belt, Contact, Dahl, Pulley
+from .friction import Friction
+from .parts import Belt, Contact, Pulley
+from .rules import rules_of
 from .run_warnings import RunWarning
 
 __all__ = ["check", "contact_depth", "mesh_share", "units"]
@@ -70,7 +72,8 @@ class Drive(Protocol):
     @property
     def contact(self) -> Contact: ...
     @property
-    def friction(self) -> Dahl | None: ...
+    def _slip_limits(self) -> tuple[Array, Array]: ...
+    def friction_on(self, pulley: int) -> Friction | None: ...
     @property
     def gravity(self) -> tuple[float, float]: ...
     @property
@@ -188,7 +191,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
 
 
 def _of_units(params: Drive) -> Iterator[RunWarning]:
-    belt, friction, info = params.belt, params.friction, params.info
+    belt, info = params.belt, params.info
     large = max(range(len(params.pulleys)), key=lambda k: params.pulleys[k].radius)
     radius = params.pulleys[large].radius
     light = min(
@@ -226,22 +229,49 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
     pull = math.hypot(*params.gravity)
     if pull > GRAVITY:
         yield units(f"gravity is {pull:.4g} m/s^2: is it in mm/s^2?", "gravity")
-    if friction is not None and PERCENT[0] <= friction.mu_k <= PERCENT[1]:
-        yield units(
-            f"a friction coefficient of mu_k = {friction.mu_k:.4g} is far above those of belts, "
-            "0.15 to 5: is it in percent? (To prevent all slip, take 1e3 or more.)",
-            "friction",
-        )
-    if friction is not None:
-        bristle = min(friction.mu_k, 1.0) / friction.sigma
-        least = min(pulley.radius for pulley in params.pulleys)
+    yield from _of_friction(params)
+
+
+def _of_friction(params: Drive) -> Iterator[RunWarning]:
+    """Doubt the friction of each law once, on the pulley where it is first."""
+    kinetic, developed = params._slip_limits
+    least = min(pulley.radius for pulley in params.pulleys)
+    seen: list[Friction] = []
+    for k, pulley in enumerate(params.pulleys):
+        friction = params.friction_on(k)
+        if friction is None or friction in seen:
+            continue
+        seen.append(friction)
+        where = "friction" if pulley.friction is None else f"pulley {k}"
+        if PERCENT[0] <= kinetic[k] <= PERCENT[1]:
+            yield units(
+                f"a friction coefficient of {_coefficient(friction)} = {kinetic[k]:.4g} is far "
+                "above those of belts, 0.15 to 5: is it in percent? (To prevent all slip, take "
+                "1e3 or more.)",
+                where,
+            )
+        bristle = developed[k] * min(1.0, 1.0 / kinetic[k])
         if bristle > BRISTLE * least:
             yield units(
-                f"with sigma = {friction.sigma:.3g} 1/m friction develops over slips of more than "
+                f"{_stiffness(friction)}friction develops over slips of more than "
                 f"{1e3 * bristle:.3g} mm, on a pulley radius of {1e3 * least:.3g} mm: "
-                "is sigma in 1/mm?",
-                "friction",
+                "is its stiffness given per mm?",
+                where,
             )
+
+
+def _coefficient(friction: Friction) -> str:
+    """Name the first parameter without a unit."""
+    names = (rule.name for rule in rules_of(friction.law).values() if rule.unit == "1")
+    return next(names, "mu")
+
+
+def _stiffness(friction: Friction) -> str:
+    """Quote the stiffness, a parameter per metre of slip, if the law has one."""
+    for rule in rules_of(friction.law).values():
+        if rule.unit in ("1/m", "N/m^2"):
+            return f"with {rule.name} = {getattr(friction, rule.name):.3g} {rule.unit} "
+    return ""
 
 
 def units(text: str, where: str, t: float | None = None) -> RunWarning:

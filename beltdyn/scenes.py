@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 from . import toml
 from .checks import positive
+from .friction import Dahl
 from .params import Params
-from .parts import Belt, Contact, Dahl, Pulley
+from .parts import Belt, Contact, Pulley
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Viscous, as_terms
 

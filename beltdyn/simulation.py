@@ -160,7 +160,7 @@ def simulate(
 
     sim = _core.Simulation(
         params._model,
-        state._to_core(params.friction is not None),
+        state._to_core(params.has_friction),
         terms,
         end,
         **options,
@@ -299,7 +299,7 @@ def settle(
     }
     changes = {name: value for name, value in given.items() if value is not None}
     tensioning = attrs.evolve(params.tensioning, **changes)
-    n_pulleys, has_friction = len(params.pulleys), params.friction is not None
+    n_pulleys, has_friction = len(params.pulleys), params.has_friction
     tensioning.check_fits(n_pulleys)
     options = tensioning._options(n_pulleys, has_friction)
     options["max_time"] = _positive("max_time", max_time, "s")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args, get_origin
@@ -20,7 +20,7 @@ import numpy as np
 
 from . import files
 from .checks import Array, close_to, shown
-from .parts import Dahl
+from .friction import LAWS, Friction
 from .tensioning import Offsets
 from .torques import PiecewiseLinear, Torque, Viscous
 
@@ -28,9 +28,8 @@ __all__ = ["SCENE_ONLY", "read", "structure", "unstructure", "write"]
 
 _T = TypeVar("_T")
 
-_FRICTION: dict[str, type] = {"dahl": Dahl}
 _TORQUES: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "viscous": Viscous}
-_KIND_OF = {cls: kind for kinds in (_FRICTION, _TORQUES) for kind, cls in kinds.items()}
+_KIND_OF = {cls: kind for kinds in (LAWS, _TORQUES) for kind, cls in kinds.items()}
 #: Fields of a scene besides the tables of its drive.
 SCENE_ONLY = ("t_end", "torque")
 
@@ -56,7 +55,7 @@ def _converter() -> Any:
 
     converter = cattrs.Converter(forbid_extra_keys=True)
 
-    def by_kind(kinds: dict[str, type], default: str | None) -> Callable[[Any, Any], Any]:
+    def by_kind(kinds: Mapping[str, type], default: str | None) -> Callable[[Any, Any], Any]:
         def structure(value: Any, _kind: Any) -> Any:
             fields = dict(_table(value))
             kind = fields.pop("kind", default)
@@ -86,7 +85,7 @@ def _converter() -> Any:
     converter.register_structure_hook_factory(attrs.has, table_of)
     converter.register_structure_hook_func(_is_list_of_tables, list_of)
     converter.register_structure_hook_func(
-        lambda kind: kind == (Dahl | None), by_kind(_FRICTION, "dahl")
+        lambda kind: kind == (Friction | None), by_kind(LAWS, "dahl")
     )
     converter.register_structure_hook_func(lambda kind: kind is Torque, by_kind(_TORQUES, None))
     converter.register_unstructure_hook_func(lambda kind: kind == Array, np.ndarray.tolist)

@@ -75,41 +75,64 @@ int bd_warning_accuracy(int code);
 
 /* --- scene ----------------------------------------------------------------------------------- */
 
+#define X(group, name, rule, unit, text) BD_TYPE_##rule name;
 typedef struct bd_belt {
-  double length;
-  int n_bodies;
-  double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
+  BD_BELT(X)
 } bd_belt;
 
 /* Torque against the rotation: coulomb s(omega) + viscous omega + quadratic omega |omega|, s a
  * smooth sign (MODEL section 5). All 0: none. */
 typedef struct bd_drag {
-  double coulomb, viscous, quadratic;
+  BD_DRAG(X)
 } bd_drag;
+
+typedef struct bd_contact {
+  BD_CONTACT(X)
+} bd_contact;
+
+/* bd_dahl, bd_lugre, ...: the parameters of each friction law. */
+#define LAW(name, class, general, text)                                                            \
+  typedef struct bd_##name {                                                                       \
+    BD_LAW_##name(X)                                                                               \
+  } bd_##name;
+BD_LAWS(LAW)
+#undef LAW
+
+enum {
+  BD_LAW_NONE,
+#define LAW(name, class, general, text) BD_LAW_##name,
+  BD_LAWS(LAW)
+#undef LAW
+      BD_N_LAWS
+};
+
+/* A friction law with its parameters: {.law = BD_LAW_dahl, .dahl = {.mu_k = 1.0, .sigma = 1e4}}. */
+typedef struct bd_friction {
+  int law; /* BD_LAW_... */
+  union {
+#define LAW(name, class, general, text) bd_##name name;
+    BD_LAWS(LAW)
+#undef LAW
+  };
+} bd_friction;
 
 typedef struct bd_pulley {
   double center[2];
-  double radius, inertia;
+  BD_PULLEY(X)
   bd_drag drag;
+  const bd_friction *friction; /* NULL: that of the scene */
 } bd_pulley;
-
-typedef struct bd_contact {
-  double quadratic, linear, damping;
-} bd_contact;
-
-typedef struct bd_dahl {
-  double mu_k, sigma;
-} bd_dahl;
+#undef X
 
 /* The belt visits the pulleys in their order, all inside the loop; one or two pulleys:
- * clockwise, beginning where the belt leaves pulley 0. friction NULL: none, and no friction state
- * either. */
+ * clockwise, beginning where the belt leaves pulley 0. friction NULL: none on pulleys that have
+ * none of their own; without any there is no friction state either. */
 typedef struct bd_scene {
   bd_belt belt;
   int n_pulleys;
   const bd_pulley *pulleys;
   bd_contact contact;
-  const bd_dahl *friction;
+  const bd_friction *friction;
   double gravity[2];
 } bd_scene;
 
@@ -137,6 +160,22 @@ typedef struct bd_info {
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
+
+/* All parameters, those of the friction laws among them: the table of fields.h, with the place of
+ * each in the struct of its group. */
+typedef struct bd_parameter {
+  const char *group, *name, *unit, *text;
+  int rule, is_integer;
+  size_t offset;
+} bd_parameter;
+
+extern const bd_parameter bd_parameters[];
+extern const size_t bd_n_parameters;
+
+/* One parameter, of a group of BD_PARAMETERS, against its rule; `label` is what messages call the
+ * group ("pulleys[1].drag"), NULL: as it is. */
+int bd_check_parameter(const char *group, const char *name, const char *label, double value,
+                       bd_error *err);
 
 /* --- state ----------------------------------------------------------------------------------- */
 
@@ -302,6 +341,24 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
  * the side of their kinks on which the state stands. */
 int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
                    bd_state *k, bd_error *err);
+
+const char *bd_law_name(int law);
+int bd_law_find(const char *name); /* -1: there is none */
+/* The law of a pulley, its coefficient in full slip, and the slip in which friction is fully
+ * developed at rest under preload [m]; without friction 0 and infinite. */
+int bd_model_friction(const bd_model *model, int pulley, double *kinetic, double *slip);
+
+/* Of a law at one link in contact, its state z, slip velocity v [m/s] and normal force [N]: the
+ * force against slip, the rate of the state, and how both change with N, z and v. */
+typedef struct bd_law_point {
+  double force, rate;
+  double by_normal, by_state, by_slip;
+  double rate_by_normal, rate_by_state, rate_by_slip;
+} bd_law_point;
+
+/* l0: stress-free length of a link [m]. Checks the parameters; neither model nor belt is needed. */
+int bd_friction_evaluate(const bd_friction *friction, double l0, double z, double v, double normal,
+                         bd_law_point *out, bd_error *err);
 
 /* --- friction, closed form ------------------------------------------------------------------- */
 

@@ -7,6 +7,8 @@
 #ifndef BELTDYN_FIELDS_H
 #define BELTDYN_FIELDS_H
 
+#include "friction/laws.h"
+
 #define BD_TEXT_OF(value) #value
 #define BD_TEXT(macro) BD_TEXT_OF(macro)
 
@@ -19,25 +21,36 @@
   X(LINKS, "an integer from 3 to " BD_TEXT(BD_MAX_LINKS), 3.0, 0, BD_MAX_LINKS)
 
 /* Scene parameters: X(group, name, rule, unit, text), with a rule of BD_RULES. Groups are the
- * structs of beltdyn.h and the Python classes. */
-#define BD_PARAMETERS(X)                                                                           \
+ * structs of beltdyn.h and the Python classes; those of the friction laws stand with each law. */
+#define BD_BELT(X)                                                                                 \
   X(belt, length, POSITIVE, "m", "stress-free length of the closed belt, L")                       \
   X(belt, n_bodies, LINKS, "1", "number of rigid links, n_b")                                      \
   X(belt, linear_density, POSITIVE, "kg/m", "mass per unit length, rho A")                         \
   X(belt, axial_stiffness, POSITIVE, "N", "EA")                                                    \
   X(belt, axial_damping, NONNEGATIVE, "N s", "eta A")                                              \
   X(belt, bending_stiffness, NONNEGATIVE, "N m^2", "EI")                                           \
-  X(belt, bending_damping, NONNEGATIVE, "N m^2 s", "eta I; 0 in the paper")                        \
+  X(belt, bending_damping, NONNEGATIVE, "N m^2 s", "eta I; 0 in the paper")
+#define BD_PULLEY(X)                                                                               \
   X(pulley, radius, POSITIVE, "m", "radius on which the link centres run, r_p")                    \
-  X(pulley, inertia, POSITIVE, "kg m^2", "moment of inertia about the axis, I")                    \
+  X(pulley, inertia, POSITIVE, "kg m^2", "moment of inertia about the axis, I")
+#define BD_DRAG(X)                                                                                 \
   X(drag, coulomb, NONNEGATIVE, "N m", "Coulomb bearing drag, the same at any speed")              \
   X(drag, viscous, NONNEGATIVE, "N m s", "viscous bearing drag, torque over speed")                \
-  X(drag, quadratic, NONNEGATIVE, "N m s^2", "quadratic bearing drag, over speed squared")         \
+  X(drag, quadratic, NONNEGATIVE, "N m s^2", "quadratic bearing drag, over speed squared")
+#define BD_CONTACT(X)                                                                              \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
-  X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                        \
-  X(dahl, mu_k, POSITIVE, "1", "kinetic friction coefficient (2.9)")                               \
-  X(dahl, sigma, POSITIVE, "1/m", "Dahl stiffness, the slope dmu/ds at mu = 0 (2.9)")
+  X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")
+
+/* All of them, the friction laws' among them; to be called with a macro of the name X. */
+#define BD_LAW_PARAMETERS(name, class, general, text) BD_LAW_##name(X)
+#define BD_PARAMETERS(X) BD_BELT(X) BD_PULLEY(X) BD_DRAG(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
+
+/* The C type of a parameter under a rule. */
+#define BD_TYPE_POSITIVE double
+#define BD_TYPE_NONNEGATIVE double
+#define BD_TYPE_FINITE double
+#define BD_TYPE_LINKS int
 
 /* Fields of a state: X(name, size): LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS
  * n_p. With time they are the physical state; to go on bit for bit a run
@@ -92,8 +105,8 @@
   X(deformation, joints, LINKS, "m", "stretch of the joint on the left of the link, along it")     \
   X(force, joints, LINKS, "N", "force in that joint, along it, tension positive")                  \
   X(normal, contact, LINKS, "N", "normal force on the link, N")                                    \
-  X(friction, contact, LINKS, "N", "friction force mu N; on the link it acts along -t")            \
-  X(mu, contact, LINKS, "1", "friction coefficient, Dahl state")                                   \
+  X(friction, contact, LINKS, "N", "friction force; on the link it acts along -t")                 \
+  X(mu, contact, LINKS, "1", "friction coefficient, friction force over N")                        \
   X(slip, contact, LINKS, "m", "slip displacement since contact began")                            \
   X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
   X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")

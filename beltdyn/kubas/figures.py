@@ -34,7 +34,7 @@ from ..plot.style import COLOURS, new_figure
 from ..result import Result
 from .cases import LINKS, RAMP_END, REVERSALS, Runs
 from .marks import BAND, INK, LINE, Marks, legend_entry, number
-from .rows import QUANTITIES, Links
+from .rows import QUANTITIES, Links, dahl
 
 __all__ = ["FIGURES", "SIZES", "PaperFigure", "Size", "figure"]
 
@@ -201,8 +201,7 @@ def _at(name: str) -> float:
 
 
 def _mu_k(result: Result) -> float:
-    assert result.params.friction is not None
-    return result.params.friction.mu_k
+    return dahl(result).mu_k
 
 
 def _mark_mu_k(panel: _Panel, result: Result, *signs: int) -> None:
@@ -458,8 +457,7 @@ def _two_sigmas(panel: _Panel) -> None:
     """Fig. 18; (2.9) leaves -mu_k with the slope 2 sigma, drawn to the next half of mu_k."""
     link, mm = panel.links.case_2, 1e-3
     for result in (panel.runs.case_2, panel.runs.case_2_soft):
-        assert result.params.friction is not None
-        sigma, mu_k = result.params.friction.sigma, result.params.friction.mu_k
+        sigma, mu_k = dahl(result).sigma, dahl(result).mu_k
         label = f"$\\sigma$ = {sigma:g} 1/m"
         friction_coefficient(result, link, against="slip", ax=panel.ax, label=label, **panel.line)
         first = result.t <= sum(REVERSALS) / 2.0

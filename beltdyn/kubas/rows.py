@@ -20,6 +20,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
+from ..friction import Dahl
 from ..result import Result
 
 __all__ = [
@@ -43,6 +44,14 @@ _ALMOST_EQUAL = 0.90
 _OFF_LEVEL = 0.01
 #: Weight of the residuals that keep a search within the demands, and |z| at which they begin.
 _HINGE, _HINGE_FROM = 40.0, 0.85
+
+
+def dahl(result: Result) -> Dahl:
+    """Give the friction of a run of the paper's drives."""
+    friction = result.params.friction
+    if not isinstance(friction, Dahl):
+        raise TypeError(f"the paper's drives have Dahl friction, got {friction!r}")
+    return friction
 
 
 @attrs.frozen
@@ -258,7 +267,7 @@ def _passage(result: Result, link: int) -> dict[str, float]:
     first, last = int(touching.argmax()), int(np.flatnonzero(touching)[-1])
     arrival, departure = float(t[first]), float(t[last])
     mu = np.where(touching, np.abs(result.contact.mu[:, link]), 0.0)
-    mu_k = result.params.friction.mu_k if result.params.friction else 1.0
+    mu_k = dahl(result).mu_k
     here = np.arange(first, last + 1)
     # The first peak ends at the least |mu| within 0.12 s, with or without loss of contact.
     early = here[t[here] <= arrival + 0.04]
@@ -289,7 +298,7 @@ def _damping_share(result: Result, link: int) -> float:
 def _read_case_2(result: Result, link: int) -> dict[str, float]:
     t, contact = result.t, result.contact
     force = result.joints.force[:, link]
-    mu_k = result.params.friction.mu_k if result.params.friction else 1.0
+    mu_k = dahl(result).mu_k
     mu, slip = contact.mu[:, link] / mu_k, 1e3 * contact.slip[:, link]
     speeds = result.pulleys.omega
     difference = np.abs(speeds[:, 0] - speeds[:, 1])

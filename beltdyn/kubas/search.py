@@ -21,11 +21,12 @@ import numpy as np
 from .. import scenes
 from ..checks import Array
 from ..errors import SimulationError
+from ..friction import Dahl
 from ..identification.experiment import Experiment, Target
 from ..identification.free import Free, place, resolve
 from ..identification.report import Identification
 from ..params import Params
-from ..parts import Belt, Contact, Dahl, Pulley
+from ..parts import Belt, Contact, Pulley
 from ..result import Result
 from ..run_warnings import silenced
 from ..simulation import settle, simulate

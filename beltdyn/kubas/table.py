@@ -14,7 +14,7 @@ import numpy as np
 
 from ..result import Result
 from .cases import LINKS, REVERSALS, SOFT_SIGMA, Runs
-from .rows import QUANTITIES, Links, Quantity, read
+from .rows import QUANTITIES, Links, Quantity, dahl, read
 
 __all__ = ["Comparison", "Line", "compare"]
 
@@ -207,8 +207,7 @@ def _rest(result: Result, case: int) -> Line:
 def _smaller_sigma(runs: Runs, link: int) -> list[Line]:
     """Row 14: "the slope of the curve has changed", "slightly larger amplitudes"."""
     stiff, soft = runs.case_2, runs.case_2_soft
-    friction = stiff.params.friction
-    ratio = SOFT_SIGMA / (friction.sigma if friction else np.nan)
+    ratio = SOFT_SIGMA / dahl(stiff).sigma
     slope = _slope_at_reversal(soft, link) / _slope_at_reversal(stiff, link)
     lines = [
         Line(
@@ -235,7 +234,7 @@ def _slope_at_reversal(result: Result, link: int) -> float:
     Short back-and-forth motions of a vibrating belt are left out.
     """
     t, contact = result.t, result.contact
-    mu_k = result.params.friction.mu_k if result.params.friction else np.nan
+    mu_k = dahl(result).mu_k
     x, mu, speed = contact.slip[:, link], contact.mu[:, link], contact.velocity[:, link]
     first = np.flatnonzero(t <= sum(REVERSALS) / 2.0)
     turn = int(first[x[first].argmin()])

@@ -86,8 +86,8 @@ def friction_coefficient(
     """
     result = with_samples(result)
     choice("against", against, ("time", "slip"))
-    if result.params.friction is None:
-        raise ValueError("result must be of a drive with friction, its params.friction is None")
+    if not result.params.has_friction:
+        raise ValueError("result must be of a drive with friction, no pulley of it has any")
     xlabel = "time [s]" if against == "time" else "slip displacement [mm]"
     return _in_contact(
         result, link, result.contact.mu, against, xlabel, "friction coefficient [1]", ax, line

@@ -63,16 +63,17 @@ class DrivePicture:
             raise TypeError(f"arcs must be a bool, got {arcs!r}")
         if not 0.0 < real("slip_from", slip_from) <= 1.0:
             raise ValueError(f"slip_from must be > 0 and <= 1, got {slip_from:g}")
-        friction = result.params.friction
-        if colour == "friction" and friction is None:
+        has_friction = result.params.has_friction
+        if colour == "friction" and not has_friction:
             raise ValueError('colour must not be "friction" for a drive without friction')
         self._result = result
         self._rows = rows
         self._colour = colour
         self._links = dict(links)
         self._half = result.params.info["link_length"] / 2.0
-        self._slips_at = np.inf if friction is None else slip_from * friction.mu_k
-        self._arcs_on = bool(arcs) and friction is not None
+        self._kinetic, _ = result.params._slip_limits
+        self._slip_from = slip_from
+        self._arcs_on = bool(arcs) and has_friction
         self._limits = self._scale(limits)
 
     def _scale(self, limits: object) -> tuple[float, float]:
@@ -82,9 +83,8 @@ class DrivePicture:
                 raise ValueError(f"limits must rise, got {low:g}, {high:g}")
             return low, high
         if self._colour == "friction":
-            assert self._result.params.friction is not None
-            mu_k = self._result.params.friction.mu_k
-            return -mu_k, mu_k
+            most = float(self._kinetic.max())
+            return -most, most
         tension = _of_links(self._result.joints.force[self._rows])
         return float(tension.min()), float(tension.max())
 
@@ -239,7 +239,8 @@ class DrivePicture:
         """Find the links that touch a pulley, and those of them that slip."""
         contact = self._result.contact
         on = contact.pulley[rows] >= 0
-        return on, on & (np.abs(contact.mu[rows]) >= self._slips_at)
+        slips = self._slip_from * self._kinetic[contact.pulley[rows]]
+        return on, on & (np.abs(contact.mu[rows]) >= slips)
 
     def _rim_arcs(self, row: int, chosen: NDArray[np.bool_]) -> list[Array]:
         """One polyline per run of links of the same state on the same pulley."""

@@ -60,6 +60,9 @@ typedef struct {
   PyArrayObject *arrays[BD_CORE_N_STATE];
 } bd_core_state;
 
+/* A friction law, (name, tuple of its parameters); None: law 0. `label`: its name in messages. */
+int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction);
+
 /* From a mapping with "t" and every field, checked. The arrays may be the caller's own: the core
  * copies them before the GIL is released. */
 int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *info);

@@ -115,25 +115,12 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* --- arguments of Model ---------------------------------------------------------------------- */
 
-/* How the value of a row of BD_PARAMETERS is read; the core checks the rule itself. */
-enum { READ_POSITIVE, READ_NONNEGATIVE, READ_FINITE, READ_LINKS };
-
-static const struct parameter {
-  const char *group, *name;
-  int rule;
-  size_t offset;
-} parameters[] = {
-#define X(group, name, rule, unit, text) {#group, #name, READ_##rule, offsetof(bd_##group, name)},
-    BD_PARAMETERS(X)
-#undef X
-};
-enum { N_PARAMETERS = sizeof parameters / sizeof parameters[0] };
-
-static int read_parameter(PyObject *value, const char *label, const struct parameter *row,
+/* The core checks the rule itself. */
+static int read_parameter(PyObject *value, const char *label, const bd_parameter *row,
                           char *record) {
   char name[BD_NAME_SIZE];
   PyOS_snprintf(name, sizeof name, "%s.%s", label, row->name);
-  if (row->rule != READ_LINKS) {
+  if (!row->is_integer) {
     double number;
     if (bd_convert_real(value, name, &number) < 0) {
       return -1;
@@ -158,8 +145,8 @@ static int read_parameter(PyObject *value, const char *label, const struct param
  * messages, as the core calls it. */
 static int read_group(PyObject *object, const char *group, const char *label, void *record) {
   Py_ssize_t count = 0;
-  for (int k = 0; k < N_PARAMETERS; k++) {
-    count += !strcmp(parameters[k].group, group);
+  for (size_t k = 0; k < bd_n_parameters; k++) {
+    count += !strcmp(bd_parameters[k].group, group);
   }
   if (!PyTuple_Check(object)) {
     PyErr_Format(PyExc_TypeError, "%s must be a tuple of %zd numbers, got %.100s", label, count,
@@ -172,9 +159,9 @@ static int read_group(PyObject *object, const char *group, const char *label, vo
     return -1;
   }
   Py_ssize_t at = 0;
-  for (int k = 0; k < N_PARAMETERS; k++) {
-    if (!strcmp(parameters[k].group, group) &&
-        read_parameter(PyTuple_GET_ITEM(object, at++), label, &parameters[k], record) < 0) {
+  for (size_t k = 0; k < bd_n_parameters; k++) {
+    if (!strcmp(bd_parameters[k].group, group) &&
+        read_parameter(PyTuple_GET_ITEM(object, at++), label, &bd_parameters[k], record) < 0) {
       return -1;
     }
   }
@@ -192,40 +179,80 @@ static int read_gravity(PyObject *object, double gravity[2]) {
   return 0;
 }
 
-/* One tuple, or None, for each pulley; None: no drag at all. */
-static int read_drag(PyObject *object, bd_pulley *pulleys, npy_intp count) {
+int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction) {
+  if (object == Py_None) {
+    return 0;
+  }
+  const char *name = PyTuple_Check(object) && PyTuple_GET_SIZE(object) == 2 &&
+                             PyUnicode_Check(PyTuple_GET_ITEM(object, 0))
+                         ? PyUnicode_AsUTF8(PyTuple_GET_ITEM(object, 0))
+                         : NULL;
+  if (!name) {
+    if (!PyErr_Occurred()) {
+      PyErr_Format(PyExc_TypeError, "%s must be a tuple (name of the law, its numbers), got %R",
+                   label, object);
+    }
+    return -1;
+  }
+  friction->law = bd_law_find(name);
+  if (friction->law < 0) {
+    PyErr_Format(PyExc_ValueError, "%s: there is no friction law '%s'", label, name);
+    return -1;
+  }
+  return read_group(PyTuple_GET_ITEM(object, 1), name, label, &friction->dahl);
+}
+
+/* What one pulley has of an argument that has an entry for each of them. */
+typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley,
+                          bd_friction *friction);
+
+static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, bd_friction *friction) {
+  (void)friction;
+  return read_group(entry, "drag", label, &pulley->drag);
+}
+
+static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley,
+                             bd_friction *friction) {
+  pulley->friction = friction;
+  return bd_core_read_friction(entry, label, friction);
+}
+
+/* One entry, or None, for each pulley; None: no pulley has any. */
+static int read_entries(PyObject *object, const char *name, read_entry read, npy_intp count,
+                        bd_pulley *pulleys, bd_friction *frictions) {
   if (object == Py_None) {
     return 0;
   }
   PyObject *rows = PySequence_Check(object) && !PyUnicode_Check(object)
-                       ? PySequence_Fast(object, "drag must be a sequence")
+                       ? PySequence_Fast(object, "must be a sequence")
                        : NULL;
   if (!rows) {
     if (!PyErr_Occurred()) {
-      PyErr_Format(PyExc_TypeError, "drag must be a sequence of tuples, got %.100s",
+      PyErr_Format(PyExc_TypeError, "%s must be a sequence of tuples, got %.100s", name,
                    Py_TYPE(object)->tp_name);
     }
     return -1;
   }
   int failed = 0;
   if (PySequence_Fast_GET_SIZE(rows) != count) {
-    PyErr_Format(PyExc_ValueError, "drag must have one entry for each of %zd pulleys, got %zd",
+    PyErr_Format(PyExc_ValueError, "%s must have one entry for each of %zd pulleys, got %zd", name,
                  (Py_ssize_t)count, PySequence_Fast_GET_SIZE(rows));
     failed = -1;
   }
   for (Py_ssize_t j = 0; !failed && j < count; j++) {
     PyObject *row = PySequence_Fast_GET_ITEM(rows, j);
-    char label[32];
-    PyOS_snprintf(label, sizeof label, "pulleys[%d].drag", (int)j);
-    failed = row == Py_None ? 0 : read_group(row, "drag", label, &pulleys[j].drag);
+    char label[BD_NAME_SIZE];
+    PyOS_snprintf(label, sizeof label, "pulleys[%d].%s", (int)j, name);
+    failed = row == Py_None ? 0 : read(row, label, &pulleys[j], &frictions[j]);
   }
   Py_DECREF(rows);
   return failed;
 }
 
-/* The pulleys as a fresh block (PyMem_Free it); their number in *n. */
+/* The pulleys as a fresh block (PyMem_Free it), after them the friction laws that they point to;
+ * their number in *n. */
 static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                               PyObject *drag, int *n) {
+                               PyObject *drag, PyObject *friction, int *n) {
   const npy_intp pairs[2] = {BD_ANY, 2};
   bd_pulley *pulleys = NULL;
   PyArrayObject *center = bd_convert_array(centers, "centers", 2, pairs), *radius = NULL,
@@ -246,7 +273,7 @@ static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *ine
   if (!inertia) {
     goto out;
   }
-  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys);
+  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(bd_friction));
   if (!pulleys) {
     PyErr_NoMemory();
     goto out;
@@ -259,7 +286,9 @@ static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *ine
         .inertia = i[j],
     };
   }
-  if (read_drag(drag, pulleys, count) < 0) {
+  bd_friction *frictions = (bd_friction *)(pulleys + count);
+  if (read_entries(drag, "drag", read_drag, count, pulleys, frictions) < 0 ||
+      read_entries(friction, "friction", read_own_friction, count, pulleys, frictions) < 0) {
     PyMem_Free(pulleys);
     pulleys = NULL;
   }
@@ -275,27 +304,30 @@ out:
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt", "centers", "radii", "inertias", "contact",
-                   "dahl", "gravity", "drag",  NULL};
-  PyObject *belt, *centers, *radii, *inertias, *contact, *dahl, *gravity, *drag = Py_None;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|O:Model", names, &belt, &centers,
-                                   &radii, &inertias, &contact, &dahl, &gravity, &drag)) {
+  char *names[] = {"belt",     "centers", "radii", "inertias",        "contact",
+                   "friction", "gravity", "drag",  "pulley_friction", NULL};
+  PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
+  PyObject *drag = Py_None, *pulley_friction = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OO:Model", names, &belt, &centers,
+                                   &radii, &inertias, &contact, &default_friction, &gravity, &drag,
+                                   &pulley_friction)) {
     return NULL;
   }
   bd_scene scene = {0};
-  bd_dahl friction = {0};
+  bd_friction friction = {0};
   if (read_group(belt, "belt", "belt", &scene.belt) < 0 ||
       read_group(contact, "contact", "contact", &scene.contact) < 0 ||
-      (dahl != Py_None && read_group(dahl, "dahl", "friction", &friction) < 0) ||
+      bd_core_read_friction(default_friction, "friction", &friction) < 0 ||
       read_gravity(gravity, scene.gravity) < 0) {
     return NULL;
   }
-  bd_pulley *pulleys = read_pulleys(centers, radii, inertias, drag, &scene.n_pulleys);
+  bd_pulley *pulleys =
+      read_pulleys(centers, radii, inertias, drag, pulley_friction, &scene.n_pulleys);
   if (!pulleys) {
     return NULL;
   }
   scene.pulleys = pulleys;
-  scene.friction = dahl == Py_None ? NULL : &friction;
+  scene.friction = default_friction == Py_None ? NULL : &friction;
 
   bd_error err = {0};
   bd_model *model = NULL;
@@ -422,6 +454,27 @@ static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keyword
   return result;
 }
 
+PyDoc_STRVAR(
+    friction_doc,
+    "Friction of each pulley: a tuple of (name of the law or \"none\", coefficient in full\n"
+    "slip [1], slip in which friction develops at rest [m]).");
+
+static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_model *self = (const bd_core_model *)object;
+  PyObject *all = PyTuple_New(self->info.n_pulleys);
+  for (int j = 0; all && j < self->info.n_pulleys; j++) {
+    double kinetic, slip;
+    const int law = bd_model_friction(self->model, j, &kinetic, &slip);
+    PyObject *row = Py_BuildValue("(sdd)", bd_law_name(law), kinetic, slip);
+    if (row) {
+      PyTuple_SET_ITEM(all, j, row);
+    } else {
+      Py_CLEAR(all);
+    }
+  }
+  return all;
+}
+
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
@@ -432,14 +485,18 @@ static PyMethodDef model_methods[] = {
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
+    {"friction", model_friction, NULL, friction_doc, NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
 PyDoc_STRVAR(
     model_doc,
-    "Model(belt, centers, radii, inertias, contact, dahl, gravity, drag=None)\n--\n\n"
+    "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
+    "      pulley_friction=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
-    "belt, contact, dahl: tuples of numbers as in PARAMETERS; dahl None: no friction.\n"
+    "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
+    "of\n"
+    "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

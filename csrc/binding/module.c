@@ -133,6 +133,89 @@ static int read_dahl(dahl_arguments *out, PyObject *args, PyObject *keywords, co
   return out->mu ? 0 : -1;
 }
 
+PyDoc_STRVAR(check_parameter_doc,
+             "check_parameter(group, name, label, value, /)\n--\n\n"
+             "Check a parameter against its rule in PARAMETERS; ValueError if it breaks it.\n\n"
+             "label: what the message calls the group.");
+
+static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
+  const char *group, *name, *label;
+  double value;
+  bd_error err = {0};
+  if (!PyArg_ParseTuple(args, "sssd:check_parameter", &group, &name, &label, &value)) {
+    return NULL;
+  }
+  int code = bd_check_parameter(group, name, label, value, &err);
+  if (code < 0) {
+    return bd_core_raise(code, &err);
+  }
+  Py_RETURN_NONE;
+}
+
+PyDoc_STRVAR(friction_law_doc,
+             "friction_law(friction, link_length, z, v, normal)\n--\n\n"
+             "A friction law at single links in contact, as the kernels in use evaluate it.\n\n"
+             "friction: (name of a law in LAWS, tuple of its numbers). link_length: l0 [m]. z, v,\n"
+             "normal: state, slip velocity [m/s] and normal force [N], shape (n,). Returns a dict\n"
+             "of arrays (n,): force [N], rate of the state, and how both change: by_normal,\n"
+             "by_state, by_slip, rate_by_normal, rate_by_state, rate_by_slip.");
+
+static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
+  char *names[] = {"friction", "link_length", "z", "v", "normal", NULL};
+  static const char *const columns[] = {"force",         "rate",        "by_normal",
+                                        "by_state",      "by_slip",     "rate_by_normal",
+                                        "rate_by_state", "rate_by_slip"};
+  enum { N_COLUMNS = sizeof columns / sizeof columns[0] };
+  PyObject *law, *length, *objects[3], *result = NULL;
+  PyArrayObject *given[3] = {NULL, NULL, NULL};
+  bd_friction friction = {0};
+  double l0, *out[N_COLUMNS];
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOO:friction_law", names, &law, &length,
+                                   &objects[0], &objects[1], &objects[2]) ||
+      bd_core_read_friction(law, "friction", &friction) < 0 ||
+      bd_convert_real(length, "link_length", &l0) < 0) {
+    return NULL;
+  }
+  npy_intp n = BD_ANY;
+  for (int k = 0; k < 3; k++) {
+    given[k] = bd_convert_array(objects[k], names[k + 2], 1, &n);
+    if (!given[k]) {
+      goto done;
+    }
+    n = PyArray_DIM(given[k], 0);
+  }
+  result = PyDict_New();
+  for (int c = 0; result && c < N_COLUMNS; c++) {
+    PyObject *column = PyArray_SimpleNew(1, &n, NPY_DOUBLE);
+    out[c] = column ? PyArray_DATA((PyArrayObject *)column) : NULL;
+    if (bd_core_set(result, columns[c], column) < 0) {
+      Py_CLEAR(result);
+    }
+  }
+  for (npy_intp i = 0; result && i < n; i++) {
+    const double *z = PyArray_DATA(given[0]), *v = PyArray_DATA(given[1]);
+    const double *normal = PyArray_DATA(given[2]);
+    bd_law_point p;
+    bd_error err = {0};
+    int code = bd_friction_evaluate(&friction, l0, z[i], v[i], normal[i], &p, &err);
+    if (code < 0) {
+      bd_core_raise(code, &err);
+      Py_CLEAR(result);
+      break;
+    }
+    const double values[N_COLUMNS] = {p.force,   p.rate,           p.by_normal,     p.by_state,
+                                      p.by_slip, p.rate_by_normal, p.rate_by_state, p.rate_by_slip};
+    for (int c = 0; c < N_COLUMNS; c++) {
+      out[c][i] = values[c];
+    }
+  }
+done:
+  for (int k = 0; k < 3; k++) {
+    Py_XDECREF(given[k]);
+  }
+  return result;
+}
+
 PyDoc_STRVAR(
     dahl_slide_doc,
     "dahl_slide(dx, mu0, mu_k, sigma)\n--\n\n"
@@ -177,6 +260,9 @@ static PyObject *dahl_path(PyObject *Py_UNUSED(module), PyObject *args, PyObject
 
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
+    {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
+    {"friction_law", (PyCFunction)(void (*)(void))friction_law, METH_VARARGS | METH_KEYWORDS,
+     friction_law_doc},
     {"dahl_slide", (PyCFunction)(void (*)(void))dahl_slide, METH_VARARGS | METH_KEYWORDS,
      dahl_slide_doc},
     {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,
@@ -275,6 +361,11 @@ static int add_tables(PyObject *module) {
       BD_PARAMETERS(X)
 #undef X
   };
+  static const char *const laws[][3] = {
+#define LAW(name, class, general, text) {#name, #class, text},
+      BD_LAWS(LAW)
+#undef LAW
+  };
   static const char *const state_fields[][2] = {
 #define X(name, size) {#name, #size},
       BD_STATE_FIELDS(X)
@@ -297,6 +388,7 @@ static int add_tables(PyObject *module) {
   };
   return add(module, "RULES", rule_table()) < 0 ||
                  add(module, "PARAMETERS", TABLE(parameters)) < 0 ||
+                 add(module, "LAWS", TABLE(laws)) < 0 ||
                  add(module, "STATE_FIELDS", TABLE(state_fields)) < 0 ||
                  add(module, "OUTPUTS", TABLE(outputs)) < 0 ||
                  add(module, "ENERGY_TERMS", TABLE(energy_terms)) < 0 ||

@@ -176,22 +176,23 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
 
 /* --- contact --------------------------------------------------------------------------------- */
 
-static void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                               const bd_run *runs, const double *y,
-                              const bd_contact_tangent *contact, int friction, double h) {
+                              const bd_contact_tangent *contact, double h, const int law,
+                              const int general) {
+  const int friction = law != BD_LAW_NONE;
   const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *mus = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   const vec cx = splat(pulley->x), cy = splat(pulley->y);
   const vec cu = splat(pulley->vx), cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), omega = splat(pulley->omega), step = splat(h);
   const vec quadratic = splat(pulley->quadratic), twice_quadratic = quadratic + quadratic;
   const vec linear = splat(pulley->linear), damping = splat(pulley->damping);
-  const vec sigma = splat(friction ? pulley->sigma : 0.0);
-  const vec per_mu_k = splat(friction ? 1.0 / pulley->mu_k : 0.0);
-  const vec none = splat(0.0), one = splat(1.0), half = splat(0.5);
+  const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
+  const vec none = splat(0.0), half = splat(0.5);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       const mask link = less(none, load(links->link_mask + i));
@@ -208,43 +209,72 @@ static void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
       const mask touching = link & less(none, p), pressed = touching & less(none, raw);
       const mask landing = except(link & less(leave, fnma_(step, apart, p)), touching);
       const mask on = touching | landing, pushing = pressed | landing;
-      const vec slide = fnma_(omega, rho, around);
-      const vec mu = friction ? load(mus + i) : none;
-      const vec against = choose(less(none, slide), -mu, where(less(slide, none), mu));
+      const vec slide = fnma_(omega, rho, around), normal = where(pressed, raw);
+      const law_at at = {.z = friction ? load(zs + i) : none,
+                         .v = general ? where(touching, slide) : slide,
+                         .normal = normal,
+                         .touch = touching};
+      const law_slopes slopes = law_slopes_of(&constants, &at, law);
       const vec stiff = choose(landing, linear, fma_(twice_quadratic, p, linear));
       const vec lands = where(landing, fma_(linear, p, -damped));
       store(t.nx + i, where(on, nx));
       store(t.ny + i, where(on, ny));
       store(t.rho + i, where(on, rho));
       store(t.normal_over_rho + i, where(pressed, raw * inv));
-      store(t.normal + i, where(pressed, raw));
-      store(t.mu + i, where(touching, mu));
+      store(t.normal + i, normal);
+      if (general) {
+        const vec force = law_value_of(&constants, &at, law).force;
+        store(t.mu + i, where(pressed, force / choose(pressed, normal, splat(1.0))));
+        store(t.by_normal + i, where(touching, slopes.by_normal));
+        store(t.by_state + i, where(touching, slopes.by_state));
+        store(t.by_slip + i, where(touching, slopes.by_slip));
+        store(t.gain_normal + i, where(touching, slopes.rate_by_normal));
+      } else {
+        store(t.mu + i, where(touching, slopes.by_normal));
+      }
       store(t.stiff + i, where(pushing, stiff));
       store(t.damp + i, where(pushing, damping));
       store(t.cross + i, where(pushing, damping * around * inv));
       store(t.apart + i, where(on, apart * inv));
-      store(t.gain + i, where(touching, sigma * fma_(against, per_mu_k, one)));
-      store(t.decay + i, where(touching, sigma * per_mu_k * magnitude(slide)));
+      store(t.gain + i, where(touching, slopes.rate_by_slip));
+      store(t.decay + i, where(touching, -slopes.rate_by_state));
       store(t.normal_correction + i, where(pushing, fnma_(stiff, leave, lands)));
     }
   }
 }
 
+#define LINEARISE(law, general)                                                                    \
+  static void linearise_contact_##law(const bd_links *links, const bd_contact_pulley *pulley,      \
+                                      int n_runs, const bd_run *runs, const double *y,             \
+                                      const bd_contact_tangent *contact, double h) {               \
+    linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general);          \
+  }
+#define LAW(name, class, general, text) LINEARISE(name, general)
+LINEARISE(NONE, 0)
+BD_LAWS(LAW)
+#undef LAW
+
 /* Adds to a rate what N will be beyond its tangent; returns its torque on the pulley. */
-static double add_normal_correction(const bd_links *links, int n_runs, const bd_run *runs,
-                                    const bd_contact_tangent *contact, double *c) {
+INLINE double add_normal_correction(const bd_links *links, const bd_contact_pulley *pulley,
+                                    int n_runs, const bd_run *runs,
+                                    const bd_contact_tangent *contact, double *c,
+                                    const int general) {
   const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
   const vec inv_mass = splat(links->inv_mass);
   double *cvx = bd_field(lay, c, F_VX), *cvy = bd_field(lay, c, F_VY);
+  double *cz = bd_field(lay, c, general ? F_MU + pulley->slot : F_X);
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-      const vec more = load(t.normal_correction + i), drag = load(t.mu + i) * more;
+      const vec more = load(t.normal_correction + i), drag = load(t.by_normal + i) * more;
       const vec nx = load(t.nx + i), ny = load(t.ny + i);
       store(cvx + i, fma_(inv_mass, fma_(more, nx, drag * ny), load(cvx + i)));
       store(cvy + i, fma_(inv_mass, fnma_(drag, nx, more * ny), load(cvy + i)));
       torque = fma_(drag, load(t.rho + i), torque);
+      if (general) {
+        store(cz + i, fma_(load(t.gain_normal + i), more, load(cz + i)));
+      }
     }
   }
   return sum(torque);
@@ -266,9 +296,9 @@ INLINE plane_block turned_back(vec nx, vec ny, vec nn, vec nt, vec tn, vec tt) {
 
 /* Adds one pulley's contact to the diagonal blocks, sets its border and what solves need for g;
  * returns what the pulley's own equation gets. */
-static double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                           const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
-                          double *column_x, double *column_y) {
+                          double *column_x, double *column_y, const int general) {
   const bd_contact_tangent t = *contact;
   const bd_blocks b = *blocks;
   const vec step = splat(g), g2 = splat(g * g), one = splat(1.0);
@@ -278,32 +308,38 @@ static double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       const vec nx = load(t.nx + i), ny = load(t.ny + i), rho = load(t.rho + i);
       const vec mu = load(t.mu + i), apart = load(t.apart + i);
-      const vec mu_decay_factor = 1.0 / fma_(step, load(t.decay + i), one);
-      const vec dmu_dslip = step * load(t.gain + i) * mu_decay_factor;
+      const vec decay_factor = 1.0 / fma_(step, load(t.decay + i), one);
+      const vec state_by_slip = step * load(t.gain + i) * decay_factor;
+      vec by_normal = mu, by_slip = load(t.by_state + i) * step * state_by_slip; /* dF, times g */
+      if (general) { /* with what N and v_T do to the state within the step */
+        const vec state_by_normal = step * load(t.gain_normal + i) * decay_factor;
+        by_normal = fma_(load(t.by_state + i), state_by_normal, load(t.by_normal + i));
+        by_slip = fma_(step, load(t.by_slip + i), by_slip);
+        store(t.state_by_normal + i, state_by_normal);
+      }
       const vec normal = g2 * load(t.normal + i), cross = g2 * load(t.cross + i);
       const vec normal_over_rho = g2 * load(t.normal_over_rho + i);
       const vec stiff = g2 * load(t.stiff + i), press = fma_(step, load(t.damp + i), stiff);
-      const vec friction_tangent = load(t.normal + i) * step * dmu_dslip; /* of dv_T */
-      const vec by_turning = friction_tangent * travel;
-      const vec dragged = fma_(mu, cross, normal_over_rho);
+      const vec by_turning = by_slip * travel;
+      const vec dragged = fma_(by_normal, cross, normal_over_rho);
       /* by velocities */
-      const vec nt = fnma_(normal_over_rho, mu, cross), tn = -fma_(mu, press, by_turning);
-      const vec tt = fma_(friction_tangent, fnma_(step, apart, one), -dragged);
+      const vec nt = fnma_(normal_over_rho, mu, cross), tn = -fma_(by_normal, press, by_turning);
+      const vec tt = fma_(by_slip, fnma_(step, apart, one), -dragged);
       const plane_block by_velocity = turned_back(nx, ny, press, nt, tn, tt);
       store(b.xx + i, load(b.xx + i) + by_velocity.xx);
       store(b.xy + i, load(b.xy + i) + by_velocity.xy);
       store(b.yx + i, load(b.yx + i) + by_velocity.yx);
       store(b.yy + i, load(b.yy + i) + by_velocity.yy);
       const vec to_pulley_n = -fma_(rho, tn, normal * mu), to_pulley_t = -fma_(rho, tt, normal);
-      const vec spin_column = friction_tangent * rho;
+      const vec spin_column = by_slip * rho;
       store(t.row_x + i, fnma_(ny, to_pulley_t, nx * to_pulley_n));
       store(t.row_y + i, fma_(ny, to_pulley_n, nx * to_pulley_t));
       store(column_x + i, ny * spin_column);
       store(column_y + i, -nx * spin_column);
       own = fma_(spin_column, rho, own);
       /* by what a solve is given for positions and friction */
-      const vec given_tn = fma_(mu, stiff, by_turning);
-      const vec given_tt = fma_(friction_tangent, step * apart, dragged);
+      const vec given_tn = fma_(by_normal, stiff, by_turning);
+      const vec given_tt = fma_(by_slip, step * apart, dragged);
       const plane_block by_position = turned_back(nx, ny, -stiff, -nt, given_tn, given_tt);
       const vec torque_n = fnma_(rho, given_tn, normal * mu);
       const vec torque_t = fnma_(rho, given_tt, normal);
@@ -311,13 +347,13 @@ static double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
       store(t.xy + i, by_position.xy);
       store(t.yx + i, by_position.yx);
       store(t.yy + i, by_position.yy);
-      store(t.by_mu + i, normal * mu_decay_factor);
+      store(t.by_given_state + i, g2 * load(t.by_state + i) * decay_factor);
       store(t.torque_x + i, fnma_(ny, torque_t, nx * torque_n));
       store(t.torque_y + i, fma_(ny, torque_n, nx * torque_t));
       store(t.slide_x + i, fnma_(nx, omega, ny * apart));
       store(t.slide_y + i, -fma_(nx, apart, ny * omega));
-      store(t.dmu_dslip + i, dmu_dslip);
-      store(t.mu_decay_factor + i, mu_decay_factor);
+      store(t.state_by_slip + i, state_by_slip);
+      store(t.decay_factor + i, decay_factor);
     }
   }
   return sum(own);
@@ -329,7 +365,7 @@ static double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
                               const double *c, double *x, double *y) {
   const bd_contact_tangent t = *contact;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
-  const double *cmu = friction ? bd_cfield(lay, c, F_MU + pulley->slot) : NULL;
+  const double *cz = friction ? bd_cfield(lay, c, F_MU + pulley->slot) : NULL;
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -338,7 +374,7 @@ static double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
       vec fy = fma_(load(t.yy + i), by, fma_(load(t.yx + i), bx, load(y + i)));
       torque = fma_(load(t.torque_y + i), by, fma_(load(t.torque_x + i), bx, torque));
       if (friction) {
-        const vec change = load(t.by_mu + i) * load(cmu + i);
+        const vec change = load(t.by_given_state + i) * load(cz + i);
         fx = fma_(load(t.ny + i), change, fx);
         fy = fnma_(load(t.nx + i), change, fy);
         torque = fma_(load(t.rho + i), change, torque);
@@ -351,13 +387,13 @@ static double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
 }
 
 /* The friction unknowns of one pulley's contact; everything else of c is solved. */
-static void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+INLINE void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                            const bd_run *runs, const bd_contact_tangent *contact, double g,
-                           double angular_acceleration, double *c) {
+                           double angular_acceleration, double *c, const int general) {
   const bd_contact_tangent t = *contact;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
   const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
-  double *cmu = bd_field(lay, c, F_MU + pulley->slot);
+  double *cz = bd_field(lay, c, F_MU + pulley->slot);
   double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
   const vec spin = splat(angular_acceleration), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
@@ -367,8 +403,17 @@ static void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley
       slide = fma_(load(t.nx + i), load(cvy + i), slide);
       slide = fnma_(load(t.ny + i), load(cvx + i), slide);
       slide = fnma_(load(t.rho + i), spin, slide);
-      const vec kept = load(t.mu_decay_factor + i) * load(cmu + i);
-      store(cmu + i, fma_(load(t.dmu_dslip + i), slide, kept));
+      vec z = fma_(load(t.state_by_slip + i), slide, load(t.decay_factor + i) * load(cz + i));
+      if (general) {
+        const vec nx = load(t.nx + i), ny = load(t.ny + i);
+        const vec rn = fma_(nx, load(cx + i), ny * load(cy + i));
+        const vec rt = fnma_(ny, load(cx + i), nx * load(cy + i));
+        const vec vn = fma_(nx, load(cvx + i), ny * load(cvy + i));
+        vec normal = fma_(load(t.stiff + i), rn, load(t.damp + i) * vn); /* -dN */
+        normal = fma_(load(t.cross + i), rt, normal);
+        z = fnma_(load(t.state_by_normal + i), normal, z);
+      }
+      store(cz + i, z);
       store(cslip + i, fma_(step, slide, load(cslip + i)));
     }
   }
@@ -388,6 +433,27 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
   return sum(along_x + along_y);
 }
 
+/* Without and with what only general laws of friction need. */
+#define GENERAL(general)                                                                           \
+  static double add_normal_correction_##general(                                                   \
+      const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
+      const bd_contact_tangent *contact, double *c) {                                              \
+    return add_normal_correction(links, pulley, n_runs, runs, contact, c, general);                \
+  }                                                                                                \
+  static double add_contact_##general(const bd_contact_pulley *pulley, int n_runs,                 \
+                                      const bd_run *runs, const bd_contact_tangent *contact,       \
+                                      double g, const bd_blocks *blocks, double *column_x,         \
+                                      double *column_y) {                                          \
+    return add_contact(pulley, n_runs, runs, contact, g, blocks, column_x, column_y, general);     \
+  }                                                                                                \
+  static void finish_contact_##general(                                                            \
+      const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
+      const bd_contact_tangent *contact, double g, double angular_acceleration, double *c) {       \
+    finish_contact(lay, pulley, n_runs, runs, contact, g, angular_acceleration, c, general);       \
+  }
+GENERAL(0)
+GENERAL(1)
+
 const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = WIDTH,
     .ring_row = sizeof(ring_row),
@@ -398,10 +464,12 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .diagonal = diagonal,
     .joints_product = joints_product,
     .finish_links = finish_links,
-    .linearise_contact = linearise_contact,
-    .add_normal_correction = add_normal_correction,
-    .add_contact = add_contact,
+#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_contact_##name,
+    .linearise_contact = {linearise_contact_NONE, BD_LAWS(LAW)},
+#undef LAW
+    .add_normal_correction = {add_normal_correction_0, add_normal_correction_1},
+    .add_contact = {add_contact_0, add_contact_1},
     .contact_product = contact_product,
-    .finish_contact = finish_contact,
+    .finish_contact = {finish_contact_0, finish_contact_1},
     .border_row = border_row,
 };

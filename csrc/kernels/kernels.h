@@ -26,8 +26,9 @@ typedef struct bd_contact_pulley {
   double x, y, vx, vy; /* centre, relative to the origin, and its velocity */
   double radius, omega;
   double quadratic, linear, damping;
-  double mu_k, sigma;
-  int slot;
+  double l0, bound; /* of a link; of the friction state's magnitude after a step */
+  int law, slot;    /* BD_LAW_..., BD_LAW_NONE: no friction; friction slot of its links */
+  bd_friction friction;
 } bd_contact_pulley;
 
 typedef struct bd_run {
@@ -48,15 +49,21 @@ typedef struct bd_kernels {
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
-  /* Adds the contact of one pulley with the links of the runs. Variants [friction][ledger]. */
-  void (*contact[2][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                        const bd_run *runs, const double *y, double *dy, bd_sums *sums);
+  /* Adds the contact of one pulley with the links of the runs. Variants [law][ledger]. */
+  void (*contact[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                                const bd_run *runs, const double *y, double *dy, bd_sums *sums);
   /* After a step, the first block of BD_LANES links in [begin, end) with a contact event: a link
-   * that has come to this pulley or left it, whose friction state is to be reset or is above mu_k,
-   * or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants [friction].
+   * that has come to this pulley or left it, whose friction state is to be reset or is out of
+   * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants
+   * [friction].
    */
   int (*find_contact_event[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
                                const double *owner, const double *y, int begin, int end);
+  /* A friction law at one link; its bound and kinetic coefficient. [law] */
+  void (*law[BD_N_LAWS])(const bd_friction *friction, double l0, double z, double v, double normal,
+                         bd_law_point *out);
+  double (*bound[BD_N_LAWS])(const bd_friction *friction);
+  double (*kinetic[BD_N_LAWS])(const bd_friction *friction);
   /* Largest squared speed of a link. */
   double (*fastest)(const bd_layout *lay, const double *y);
   /* out = y + h sum a[j] k[j], 1 to MAX_VECTORS vectors */
@@ -99,20 +106,25 @@ typedef struct bd_contact_tangent {
   double *rho;               /* distance from the axis */
   double *normal;            /* N */
   double *normal_over_rho;   /* N / rho */
-  double *mu;                /* friction coefficient */
+  double *mu;                /* friction coefficient F / N */
+  double *by_normal;         /* dF/dN: mu unless the law is general */
+  double *by_state;          /* dF/dz: N unless the law is general */
+  double *by_slip;           /* dF/dv_T, of general laws */
   double *stiff, *damp;      /* dN/dp, dN/dp' */
   double *cross;             /* dN/dp' v_t / rho */
   double *apart;             /* v_n / rho */
-  double *gain, *decay;      /* d mu'/d v_T, -d mu'/d mu */
+  double *gain, *decay;      /* dz'/dv_T, -dz'/dz */
+  double *gain_normal;       /* dz'/dN, of general laws */
   double *normal_correction; /* of N at the end of a step, beyond its tangent */
   /* For one g: */
   double *xx, *xy, *yx, *yy;   /* force by position */
-  double *by_mu;               /* force by friction coefficient, along -t */
+  double *by_given_state;      /* force by the state of friction, along -t */
   double *torque_x, *torque_y; /* torque on the pulley by position */
   double *row_x, *row_y;       /* the pulley's row of the border */
   double *slide_x, *slide_y;   /* v_T by position */
-  double *dmu_dslip;           /* change of mu by v_T, over the step */
-  double *mu_decay_factor;     /* what the step leaves of a given change of mu: 1 / (1 + g decay) */
+  double *state_by_slip;       /* change of z by v_T, over the step */
+  double *state_by_normal;     /* and by N, of general laws */
+  double *decay_factor;        /* what the step leaves of a given change of z: 1 / (1 + g decay) */
 } bd_contact_tangent;
 
 /* The ring cut into arcs: row j of arc a is link base[a] + j. */
@@ -137,20 +149,22 @@ typedef struct bd_newton_kernels {
   void (*finish_links)(const bd_links *links, const bd_stage *stage, int n_columns,
                        const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);
-  void (*linearise_contact)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                            const bd_run *runs, const double *y, const bd_contact_tangent *contact,
-                            int friction, double h);
-  double (*add_normal_correction)(const bd_links *links, int n_runs, const bd_run *runs,
-                                  const bd_contact_tangent *contact, double *c);
-  double (*add_contact)(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                        const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
-                        double *column_x, double *column_y);
+  /* Variants [law]; below [general] (friction/laws.h). */
+  void (*linearise_contact[BD_N_LAWS])(const bd_links *links, const bd_contact_pulley *pulley,
+                                       int n_runs, const bd_run *runs, const double *y,
+                                       const bd_contact_tangent *contact, double h);
+  double (*add_normal_correction[2])(const bd_links *links, const bd_contact_pulley *pulley,
+                                     int n_runs, const bd_run *runs,
+                                     const bd_contact_tangent *contact, double *c);
+  double (*add_contact[2])(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                           const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
+                           double *column_x, double *column_y);
   double (*contact_product)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                             const bd_run *runs, const bd_contact_tangent *contact, int friction,
                             const double *c, double *x, double *y);
-  void (*finish_contact)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                         const bd_run *runs, const bd_contact_tangent *contact, double g,
-                         double angular_acceleration, double *c);
+  void (*finish_contact[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                            const bd_run *runs, const bd_contact_tangent *contact, double g,
+                            double angular_acceleration, double *c);
   double (*border_row)(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
                        const double *x, const double *y);
 } bd_newton_kernels;

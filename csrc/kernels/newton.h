@@ -8,6 +8,8 @@
 #include "kernels/kernels.h"
 #include "kernels/vector.h"
 
+#include "kernels/laws.h"
+
 #include "kernels/ring.h"
 
 #include "kernels/jacobian.h"

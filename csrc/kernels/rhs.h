@@ -15,6 +15,8 @@
 #include "kernels/kernels.h"
 #include "kernels/vector.h"
 
+#include "kernels/laws.h"
+
 /* sin and cos together: quadrant by the nearest multiple of pi/2, Cody-Waite reduction with three
  * 33-bit parts (exact for |k| < 2^20), then the polynomials of fdlibm on [-pi/4, pi/4]. Error below
  * 1 ulp of the result's scale. Adding 1.5 * 2^52 rounds, and leaves the multiple in the lowest
@@ -204,22 +206,23 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
 /* Contact of the links with one pulley. A vector of links without contact costs one test of
  * distance. */
 INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                    const bd_run *runs, const double *y, double *dy, bd_sums *sums,
-                    const int friction, const int ledger) {
+                    const bd_run *runs, const double *y, double *dy, bd_sums *sums, const int law,
+                    const int ledger) {
+  const int friction = law != BD_LAW_NONE;
   const bd_layout *lay = &links->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *mus = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
-  double *omu = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
+  double *oz = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
   double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx),
             cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
   const vec damping = splat(pulley->damping), inv_mass = splat(links->inv_mass);
-  const vec omega = splat(pulley->omega), sigma = splat(pulley->sigma), none = {0.0};
-  const vec per_mu_k = splat(friction ? 1.0 / pulley->mu_k : 0.0);
+  const vec omega = splat(pulley->omega), none = {0.0};
+  const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
   vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
 
   for (int r = 0; r < n_runs; ++r) {
@@ -241,13 +244,14 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
       const vec normal = where(touch, larger(raw, none));
       vec fx = normal * nx, fy = normal * ny;
       if (friction) {
-        const vec mu = load(mus + i);
         const vec slide = fma_(uy, nx, -(ux * ny)) - omega * rho;
         const vec v = where(touch, slide);
-        const vec tangential = mu * normal;
+        const law_at at = {.z = load(zs + i), .v = v, .normal = normal, .touch = touch};
+        const law_value value = law_value_of(&constants, &at, law);
+        const vec tangential = value.force;
         fx = fma_(tangential, ny, fx);
         fy = fma_(-tangential, nx, fy);
-        store(omu + i, fma_(sigma, fma_(-magnitude(v), mu * per_mu_k, v), load(omu + i)));
+        store(oz + i, load(oz + i) + value.rate);
         store(oslip + i, load(oslip + i) + v);
         torque = fma_(tangential, rho, torque);
         if (ledger) {
@@ -268,20 +272,43 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
   static double joints_##bending##ledger(const bd_links *links, const double *y, double *dy) {     \
     return joints(links, y, dy, bending, ledger);                                                  \
   }
-#define CONTACT(friction, ledger)                                                                  \
-  static void contact_##friction##ledger(const bd_links *links, const bd_contact_pulley *pulley,   \
-                                         int n_runs, const bd_run *runs, const double *y,          \
-                                         double *dy, bd_sums *sums) {                              \
-    contact(links, pulley, n_runs, runs, y, dy, sums, friction, ledger);                           \
+#define CONTACT(law, ledger)                                                                       \
+  static void contact_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,     \
+                                       int n_runs, const bd_run *runs, const double *y,            \
+                                       double *dy, bd_sums *sums) {                                \
+    contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger);                       \
   }
 JOINTS(0, 0)
 JOINTS(0, 1)
 JOINTS(1, 0)
 JOINTS(1, 1)
-CONTACT(0, 0)
-CONTACT(0, 1)
-CONTACT(1, 0)
-CONTACT(1, 1)
+CONTACT(NONE, 0)
+CONTACT(NONE, 1)
+#define LAW(name, class, general, text) CONTACT(name, 0) CONTACT(name, 1)
+BD_LAWS(LAW)
+#undef LAW
+
+/* One law at one link, and what its header says of its parameters. */
+#define LAW(name, class, general, text)                                                            \
+  static void law_##name(const bd_friction *friction, double l0, double z, double v,               \
+                         double normal, bd_law_point *out) {                                       \
+    const name##_constants c = name##_prepare(&friction->name, l0);                                \
+    const law_at at = {splat(z), splat(v), splat(normal), less(splat(0.0), splat(1.0))};           \
+    const law_value value = name##_value(&c, &at);                                                 \
+    const law_slopes slopes = name##_slopes(&c, &at);                                              \
+    *out = (bd_law_point){first_of(value.force),          first_of(value.rate),                    \
+                          first_of(slopes.by_normal),     first_of(slopes.by_state),               \
+                          first_of(slopes.by_slip),       first_of(slopes.rate_by_normal),         \
+                          first_of(slopes.rate_by_state), first_of(slopes.rate_by_slip)};          \
+  }                                                                                                \
+  static double bound_##name(const bd_friction *friction) {                                        \
+    return name##_bound(&friction->name);                                                          \
+  }                                                                                                \
+  static double kinetic_##name(const bd_friction *friction) {                                      \
+    return name##_kinetic(&friction->name);                                                        \
+  }
+BD_LAWS(LAW)
+#undef LAW
 
 /* The first block from `begin` on where something is to be done after a step; `end` if none. */
 INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
@@ -292,7 +319,7 @@ INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pul
   const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), none = {0.0};
   const vec rim2 = splat(pulley->radius * pulley->radius), deep2 = splat(0.25) * rim2;
-  const vec limit = splat(pulley->mu_k), id = splat(index), free = splat(-0.5);
+  const vec limit = splat(pulley->bound), id = splat(index), free = splat(-0.5);
   for (int block = begin; block < end; block += BD_LANES) {
     mask found = less(none, none);
     for (int i = block; i < block + BD_LANES; i += WIDTH) {
@@ -434,7 +461,18 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
     .level = STRING(BD_LEVEL),
     .newton = &PASTE(bd_newton_, BD_LEVEL),
     .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
-    .contact = {{contact_00, contact_01}, {contact_10, contact_11}},
+#define LAW(name, class, general, text) [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
+    .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(LAW)},
+#undef LAW
+#define LAW(name, class, general, text) [BD_LAW_##name] = law_##name,
+    .law = {BD_LAWS(LAW)},
+#undef LAW
+#define LAW(name, class, general, text) [BD_LAW_##name] = bound_##name,
+    .bound = {BD_LAWS(LAW)},
+#undef LAW
+#define LAW(name, class, general, text) [BD_LAW_##name] = kinetic_##name,
+    .kinetic = {BD_LAWS(LAW)},
+#undef LAW
     .find_contact_event = {find_contact_event_0, find_contact_event_1},
     .fastest = fastest,
     .combine = combine,

@@ -349,6 +349,40 @@ INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {
 
 #endif
 
+/* exp(a) of a <= 0, to an ulp or two; 0 to within 1e-304 below -700. a = k ln 2 + r, k the nearest
+ * integer, ln 2 in two parts (fdlibm), Taylor's polynomial of exp(r) up to |r| = 0.35, and k added
+ * to the exponent: adding 1.5 * 2^52 rounds, and leaves k in the lowest bits. */
+INLINE vec exponential(vec a) {
+#ifdef BD_COUNT_EXPONENTIALS
+  extern long bd_exponentials;
+  bd_exponentials += WIDTH;
+#endif
+  static const double inverse_factorials[] = {1.0 / 479001600.0,
+                                              1.0 / 39916800.0,
+                                              1.0 / 3628800.0,
+                                              1.0 / 362880.0,
+                                              1.0 / 40320.0,
+                                              1.0 / 5040.0,
+                                              1.0 / 720.0,
+                                              1.0 / 120.0,
+                                              1.0 / 24.0,
+                                              1.0 / 6.0,
+                                              1.0 / 2.0,
+                                              1.0,
+                                              1.0};
+  const vec to_nearest = splat(6755399441055744.0); /* 1.5 * 2^52 */
+  const vec bounded = larger(a, splat(-700.0));
+  const vec shifted = fma_(bounded, splat(1.44269504088896338700e+00), to_nearest);
+  const vec k = shifted - to_nearest;
+  vec r = fma_(k, splat(-6.93147180369123816490e-01), bounded);
+  r = fma_(k, splat(-1.90821492927058770002e-10), r);
+  vec p = splat(1.0 / 6227020800.0);
+  for (size_t j = 0; j < sizeof inverse_factorials / sizeof inverse_factorials[0]; ++j) {
+    p = fma_(p, r, splat(inverse_factorials[j]));
+  }
+  return as_vec(as_bits(p) + (as_bits(shifted) << 52));
+}
+
 #if defined(__AVX2__) && !defined(BD_SCALAR)
 /* sqrt(a) and its inverse, to an ulp, without a division: Newton's iteration on both. */
 INLINE void root_and_inverse(vec a, vec *root, vec *inverse) {

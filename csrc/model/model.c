@@ -15,94 +15,51 @@
 
 #include "model/model.h"
 
-enum {
-#define X(rule, wording, least, above, most) RULE_##rule,
-  BD_RULES(X)
-#undef X
-};
-
-static const struct {
-  const char *wording;
-  double least;
-  int above;
-  double most;
-} rules[] = {
-#define X(rule, wording, least, above, most) {wording, least, above, most},
-    BD_RULES(X)
-#undef X
-};
-
-static int check(bd_error *err, const char *where, const char *name, int rule, double value,
-                 const char *unit, const char *text) {
-  double least = rules[rule].least;
-  if (isfinite(value) && (rules[rule].above ? value > least : value >= least) &&
-      value <= rules[rule].most) {
-    return BD_OK;
+/* Parameters that are pairs of numbers, and so no rows of the table. */
+static int check_pair(const char *label, const double pair[2], const char *what, bd_error *err) {
+  for (int k = 0; k < 2; ++k) {
+    if (!isfinite(pair[k])) {
+      return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, -1, pair[k],
+                        "%s.%c must be finite (%s), got %.10g", label, k ? 'y' : 'x', what,
+                        pair[k]);
+    }
   }
-  char field[64];
-  snprintf(field, sizeof field, "%s.%s", where, name);
-  return bd_fail_at(err, BD_ERR_PARAMETER, field, (double)NAN, -1, -1, value,
-                    "%s must be %s%s (%s), got %.10g%s%s", field,
-                    isfinite(value) ? "" : "finite and ", rules[rule].wording, text, value,
-                    strcmp(unit, "1") ? " " : "", strcmp(unit, "1") ? unit : "");
+  return BD_OK;
 }
 
 static int check_scene(const bd_scene *scene, bd_error *err) {
-  const bd_belt *belt = &scene->belt;
   const bd_contact *contact = &scene->contact;
-  char where[32];
-#define CHECK_belt(name, rule, unit, text)                                                         \
-  if (check(err, "belt", #name, RULE_##rule, (double)belt->name, unit, text)) {                    \
-    return BD_ERR_PARAMETER;                                                                       \
-  }
-#define CHECK_contact(name, rule, unit, text)                                                      \
-  if (check(err, "contact", #name, RULE_##rule, contact->name, unit, text)) {                      \
-    return BD_ERR_PARAMETER;                                                                       \
-  }
-#define CHECK_dahl(name, rule, unit, text)                                                         \
-  if (scene->friction &&                                                                           \
-      check(err, "friction", #name, RULE_##rule, scene->friction->name, unit, text)) {             \
-    return BD_ERR_PARAMETER;                                                                       \
-  }
-#define CHECK_drag(name, rule, unit, text)                                                         \
-  for (int j = 0; j < scene->n_pulleys; ++j) {                                                     \
-    snprintf(where, sizeof where, "pulleys[%d].drag", j);                                          \
-    if (check(err, where, #name, RULE_##rule, scene->pulleys[j].drag.name, unit, text)) {          \
-      return BD_ERR_PARAMETER;                                                                     \
-    }                                                                                              \
-  }
-#define CHECK_pulley(name, rule, unit, text)                                                       \
-  for (int j = 0; j < scene->n_pulleys; ++j) {                                                     \
-    snprintf(where, sizeof where, "pulleys[%d]", j);                                               \
-    if (check(err, where, #name, RULE_##rule, scene->pulleys[j].name, unit, text)) {               \
-      return BD_ERR_PARAMETER;                                                                     \
-    }                                                                                              \
-  }
-#define X(group, name, rule, unit, text) CHECK_##group(name, rule, unit, text)
+  char label[40];
   if (scene->n_pulleys < 1 || scene->n_pulleys > BD_MAX_PULLEYS) {
     return bd_fail(err, BD_ERR_PARAMETER, "pulleys", "pulleys must hold 1 to %d pulleys, got %d",
                    BD_MAX_PULLEYS, scene->n_pulleys);
   }
-  BD_PARAMETERS(X)
-#undef X
+  if (bd_parameters_check("belt", "belt", &scene->belt, err) != BD_OK ||
+      bd_parameters_check("contact", "contact", contact, err) != BD_OK ||
+      (scene->friction && bd_friction_check(scene->friction, "friction", err) != BD_OK) ||
+      check_pair("gravity", scene->gravity, "acceleration, m/s^2", err) != BD_OK) {
+    return BD_ERR_PARAMETER;
+  }
+  for (int j = 0; j < scene->n_pulleys; ++j) {
+    const bd_pulley *pulley = &scene->pulleys[j];
+    snprintf(label, sizeof label, "pulleys[%d].center", j);
+    int code = check_pair(label, pulley->center, "position of the axis, m", err);
+    snprintf(label, sizeof label, "pulleys[%d]", j);
+    code = code == BD_OK ? bd_parameters_check("pulley", label, pulley, err) : code;
+    snprintf(label, sizeof label, "pulleys[%d].drag", j);
+    code = code == BD_OK ? bd_parameters_check("drag", label, &pulley->drag, err) : code;
+    snprintf(label, sizeof label, "pulleys[%d].friction", j);
+    code =
+        code == BD_OK && pulley->friction ? bd_friction_check(pulley->friction, label, err) : code;
+    if (code != BD_OK) {
+      return code;
+    }
+  }
   if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
     return bd_fail(
         err, BD_ERR_PARAMETER, "contact.linear",
         "contact.linear and contact.quadratic must not both be 0: nothing would hold the "
         "belt off its pulleys");
-  }
-  for (int k = 0; k < 2; ++k) {
-    if (check(err, "gravity", k ? "y" : "x", RULE_FINITE, scene->gravity[k], "m/s^2",
-              "acceleration")) {
-      return BD_ERR_PARAMETER;
-    }
-    for (int j = 0; j < scene->n_pulleys; ++j) {
-      snprintf(where, sizeof where, "pulleys[%d].center", j);
-      if (check(err, where, k ? "y" : "x", RULE_FINITE, scene->pulleys[j].center[k], "m",
-                "position of the axis")) {
-        return BD_ERR_PARAMETER;
-      }
-    }
   }
   return BD_OK;
 }
@@ -159,6 +116,7 @@ static void carve(bd_carver *carver, bd_model *model, int np, int drag) {
   if (drag) {
     BD_CARVE(carver, model->drag, np);
   }
+  BD_CARVE(carver, model->friction, np);
   BD_CARVE(carver, model->slot, np);
   BD_CARVE(carver, model->wraps, np);
 }
@@ -309,10 +267,6 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
 
   model->belt = scene->belt;
   model->contact = scene->contact;
-  model->has_friction = scene->friction != NULL;
-  if (scene->friction) {
-    model->dahl = *scene->friction;
-  }
   model->has_bending = scene->belt.bending_stiffness > 0.0 || scene->belt.bending_damping > 0.0;
   model->has_gravity = scene->gravity[0] != 0.0 || scene->gravity[1] != 0.0;
   for (int k = 0; k < 2; ++k) {
@@ -327,6 +281,12 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     if (drag) {
       model->drag[j] = scene->pulleys[j].drag;
     }
+    const bd_friction *friction = scene->pulleys[j].friction;
+    friction = friction ? friction : scene->friction;
+    if (friction) {
+      model->friction[j] = *friction;
+      model->has_friction = 1;
+    }
   }
   model->far_away = 1e6;
   for (int j = 0; j < np; ++j) {
@@ -335,7 +295,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   model->lay.np = np;
   model->colours = colour_pulleys(model);
-  lay_out(&model->lay, scene->belt.n_bodies, np, scene->friction ? model->colours : 0, drag);
+  lay_out(&model->lay, scene->belt.n_bodies, np, model->has_friction ? model->colours : 0, drag);
   derive(model);
   check_line(model);
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);

@@ -19,12 +19,12 @@ struct bd_model {
   bd_info info;
   bd_belt belt;
   bd_contact contact;
-  bd_dahl dahl;
   int has_friction, has_bending, has_gravity;
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
   bd_drag *drag;                      /* by pulley; NULL: none has any */
+  bd_friction *friction;              /* by pulley */
   int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
   int colours;
   bd_wrap *wraps;
@@ -33,6 +33,37 @@ struct bd_model {
   double far_away;   /* where the padding stands: on no pulley */
   const bd_kernels *kernels;
 };
+
+/* --- parameters.c ----------------------------------------------------------------------------- */
+
+double bd_parameter_value(const bd_parameter *row, const void *group);
+/* All of a group against their rules; `label` is what messages call it. */
+int bd_parameters_check(const char *group, const char *label, const void *record, bd_error *err);
+
+/* --- friction.c ------------------------------------------------------------------------------- */
+
+const char *bd_law_text(int law); /* as in "contact with ... friction" */
+int bd_law_is_general(int law);
+int bd_friction_check(const bd_friction *friction, const char *label, bd_error *err);
+/* Of a link on pulley j; without friction all 0. */
+void bd_friction_at(const bd_model *model, int j, double z, double v, double normal,
+                    bd_law_point *out);
+/* Bound of the state after a step (INFINITY: none); coefficient in full slip. */
+double bd_friction_bound(const bd_model *model, int j);
+double bd_friction_kinetic(const bd_model *model, int j);
+/* As seen by a link that sticks under a normal force: stiffness [N/m] and damping [N s/m]; and the
+ * rate at which the state of a general law adapts in slip, at 1 m/s [1/s]. */
+typedef struct bd_friction_stiffness {
+  double stiffness, damping, adapts;
+} bd_friction_stiffness;
+bd_friction_stiffness bd_friction_stiffness_of(const bd_model *model, int j, double normal);
+/* At rest under preload: the slip in which friction is fully developed [m]; the state that is worth
+ * the normal force. Of pulleys with friction. */
+double bd_friction_slip(const bd_model *model, int j);
+double bd_least_slip(const bd_model *model); /* of all pulleys; INFINITY without friction */
+double bd_friction_state_scale(const bd_model *model, int j);
+
+/* --- model.c ---------------------------------------------------------------------------------- */
 
 /* What a joint's stretch at rest is worth as a speed [m/s]: over the time a wave needs round a belt
  * of 60 links. */

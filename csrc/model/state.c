@@ -69,6 +69,26 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
   return BD_OK;
 }
 
+/* The state of friction, within the largest bound of the pulleys that a slot serves. */
+static int check_friction(const bd_model *model, const bd_state *state, bd_error *err) {
+  const bd_layout *lay = &model->lay;
+  for (int s = 0; s < lay->slots; ++s) {
+    double bound = 0.0;
+    for (int j = 0; j < lay->np; ++j) {
+      bound = model->slot[j] == s ? fmax(bound, bd_friction_bound(model, j)) : bound;
+    }
+    for (int k = s * lay->n; k < (s + 1) * lay->n; ++k) {
+      if (fabs(state->mu[k]) > bound * (1.0 + 1e-12)) {
+        return bd_fail_at(
+            err, BD_ERR_STATE, "mu", state->t, k % lay->n, -1, state->mu[k],
+            "state mu[%d] must lie within +-%g, the bound of the friction law, got %g", k, bound,
+            state->mu[k]);
+      }
+    }
+  }
+  return BD_OK;
+}
+
 void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
                   double *y) {
   put_links(lay, y, F_X, state->x, shift_x);
@@ -97,12 +117,8 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
   if (!isfinite(state->t)) {
     return bd_fail(err, BD_ERR_STATE, "t", "state t must be finite, got %g", state->t);
   }
-  for (int k = 0; k < lay->slots * lay->n; ++k) {
-    if (fabs(state->mu[k]) > model->dahl.mu_k * (1.0 + 1e-12)) {
-      return bd_fail_at(err, BD_ERR_STATE, "mu", state->t, k % lay->n, -1, state->mu[k],
-                        "state mu[%d] must lie within +-mu_k = %g, got %g", k, model->dahl.mu_k,
-                        state->mu[k]);
-    }
+  if (check_friction(model, state, err) != BD_OK) {
+    return BD_ERR_STATE;
   }
   if (check_ring(model, state->phi, err) != BD_OK) {
     return BD_ERR_STATE;

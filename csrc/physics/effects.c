@@ -84,7 +84,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
     plan->contact_pulleys[j].omega = y[lay->omega + j];
-    plan->kernels->contact[plan->friction_on][!plan->skip_power](
+    plan->kernels->contact[plan->contact_pulleys[j].law][!plan->skip_power](
         &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;

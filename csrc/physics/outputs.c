@@ -9,7 +9,7 @@
 #include "physics/physics.h"
 
 typedef struct touch {
-  double penetration, normal, mu, slip, velocity;
+  double penetration, normal, mu, friction, slip, velocity;
 } touch;
 
 static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
@@ -26,9 +26,18 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   out->penetration = p;
   out->normal = raw > 0.0 ? raw : 0.0;
   out->velocity = uy * nx - ux * ny - y[lay->omega + j] * rho;
-  double mu = plan->friction_on ? bd_cfield(lay, y, F_MU + d->slot)[i] : 0.0;
-  out->mu = mu > d->mu_k ? d->mu_k : mu < -d->mu_k ? -d->mu_k : mu;
-  out->slip = plan->friction_on ? bd_cfield(lay, y, bd_f_slip(lay) + d->slot)[i] : 0.0;
+  const int friction = d->law != BD_LAW_NONE;
+  double z = friction ? bd_cfield(lay, y, F_MU + d->slot)[i] : 0.0;
+  z = z > d->bound ? d->bound : z < -d->bound ? -d->bound : z;
+  out->mu = z;
+  out->friction = z * out->normal;
+  if (bd_law_is_general(d->law)) {
+    bd_law_point point;
+    bd_friction_at(plan->model, j, z, out->velocity, out->normal, &point);
+    out->friction = point.force;
+    out->mu = out->normal > 0.0 ? point.force / out->normal : 0.0;
+  }
+  out->slip = friction ? bd_cfield(lay, y, bd_f_slip(lay) + d->slot)[i] : 0.0;
   return 1;
 }
 
@@ -216,7 +225,7 @@ static void put_contact(bd_plan *plan, double *y, const bd_output *out, size_t k
         if (out->pulley) {
           out->pulley[row + (size_t)i] = j;
         }
-        const double values[] = {c.normal, c.mu * c.normal, c.mu, c.slip, c.velocity};
+        const double values[] = {c.normal, c.friction, c.mu, c.slip, c.velocity};
         for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
           if (columns[q]) {
             columns[q][row + (size_t)i] = values[q];

@@ -143,9 +143,9 @@ void bd_plan_place(bd_plan *plan, double t);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
  * states of links on no pulley are reset. */
 void bd_plan_assign_contacts(bd_plan *plan, double *y);
-/* MODEL section 4 after a step: the friction state of a link off its pulley is reset, |mu| <= mu_k.
- * *changed: by more than `tolerance`, so that the rates must be taken anew. Fails when a link has
- * sunk past half a pulley's radius. */
+/* MODEL section 4 after a step: the friction state of a link off its pulley is reset, and that of
+ * others brought within its bound. *changed: by more than `tolerance`, so that the rates must be
+ * taken anew. Fails when a link has sunk past half a pulley's radius. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);
 

@@ -65,9 +65,13 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
                                                    .quadratic = info->contact_quadratic,
                                                    .linear = info->contact_linear,
                                                    .damping = info->contact_damping,
-                                                   .mu_k = model->dahl.mu_k,
-                                                   .sigma = model->dahl.sigma,
+                                                   .l0 = info->link_length,
                                                    .slot = model->slot[j]};
+    if (plan->friction_on) {
+      plan->contact_pulleys[j].law = model->friction[j].law;
+      plan->contact_pulleys[j].friction = model->friction[j];
+      plan->contact_pulleys[j].bound = bd_friction_bound(model, j);
+    }
   }
   plan->n_effects = bd_effects_of(model, options, plan->effects);
   bd_energy_choose_columns(plan);
@@ -141,9 +145,10 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-  const double limit = pulley->mu_k, rim2 = pulley->radius * pulley->radius;
-  double *mu = plan->friction_on ? bd_field(lay, y, F_MU + pulley->slot) : NULL;
-  double *slip = plan->friction_on ? bd_field(lay, y, bd_f_slip(lay) + pulley->slot) : NULL;
+  const double limit = pulley->bound, rim2 = pulley->radius * pulley->radius;
+  const int friction = pulley->law != BD_LAW_NONE;
+  double *mu = friction ? bd_field(lay, y, F_MU + pulley->slot) : NULL;
+  double *slip = friction ? bd_field(lay, y, bd_f_slip(lay) + pulley->slot) : NULL;
   double *owner = plan->owner + pulley->slot * lay->n8;
   for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
     double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
@@ -183,8 +188,8 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
-        begin = plan->kernels->find_contact_event[plan->friction_on](lay, pulley, j, owner, y,
-                                                                     begin, runs[r].end);
+        begin = plan->kernels->find_contact_event[pulley->law != BD_LAW_NONE](
+            lay, pulley, j, owner, y, begin, runs[r].end);
         if (begin == runs[r].end) {
           break;
         }

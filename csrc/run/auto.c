@@ -44,7 +44,7 @@ static double cost_of(const bd_sim *sim, const bd_method *m) {
 
 void bd_auto_pair(const bd_model *model, double rtol, bd_auto *pair) {
   double stretch = model->info.strain * model->info.link_length;
-  int jumps = model->has_friction && model->dahl.sigma * stretch > JUMPS * model->dahl.mu_k;
+  int jumps = stretch > JUMPS * bd_least_slip(model);
   pair->method[AUTO_EXPLICIT] = bd_method_find("tsit5");
   pair->method[AUTO_IMPLICIT] = bd_method_find(rtol >= COARSE || jumps ? "lbdf2" : "rodas4");
 }

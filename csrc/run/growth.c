@@ -68,8 +68,7 @@ static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
 int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   bd_twin *t = &sim->twin;
   const bd_model *model = sim->stepper.model;
-  double slip = model->has_friction ? model->dahl.mu_k / model->dahl.sigma : INFINITY;
-  t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * slip;
+  t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * bd_least_slip(model);
   t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
   double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
   t->next_begin = fmin(FIRST, rounds / 3.0);

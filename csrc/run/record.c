@@ -252,9 +252,6 @@ static uint64_t scene_of(const bd_sim *sim) {
                          model->contact.quadratic,
                          model->contact.linear,
                          model->contact.damping,
-                         model->has_friction,
-                         model->dahl.mu_k,
-                         model->dahl.sigma,
                          model->gravity[0],
                          model->gravity[1],
                          model->origin[0],
@@ -263,6 +260,16 @@ static uint64_t scene_of(const bd_sim *sim) {
   const double *const arrays[] = {model->cx, model->cy, model->radius, model->inertia};
   for (int k = 0; k < 4; ++k) {
     sum = hash(sum, arrays[k], np * sizeof(double));
+  }
+  for (size_t j = 0; j < np; ++j) {
+    const bd_friction *friction = &model->friction[j];
+    ADD(friction->law);
+    for (size_t k = 0; k < bd_n_parameters; ++k) {
+      if (strcmp(bd_parameters[k].group, bd_law_name(friction->law)) == 0) {
+        const double value = bd_parameter_value(&bd_parameters[k], &friction->dahl);
+        ADD(value);
+      }
+    }
   }
   if (model->drag) {
     sum = hash(sum, model->drag, np * sizeof *model->drag);

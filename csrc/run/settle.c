@@ -58,16 +58,23 @@ static double fastest_mode(const bd_model *model, int friction) {
   }
   double tension = model->belt.axial_stiffness * (info->strain + info->mesh_strain);
   const double PRESSED = 4.0;
-  double normal = PRESSED * tension * info->link_length / tightest;
+  const double pressed = PRESSED * tension * info->link_length, normal = pressed / tightest;
+  bd_friction_stiffness steepest = {0.0, 0.0, 0.0};
+  for (int j = 0; friction && j < model->lay.np; ++j) {
+    bd_friction_stiffness one = bd_friction_stiffness_of(model, j, pressed / model->radius[j]);
+    steepest.stiffness = fmax(steepest.stiffness, one.stiffness);
+    steepest.damping = fmax(steepest.damping, one.damping);
+    steepest.adapts = fmax(steepest.adapts, one.adapts);
+  }
   double c1 = info->contact_quadratic, c2 = info->contact_linear;
   double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
-  double friction_stiffness = friction && model->has_friction ? model->dahl.sigma * normal : 0.0;
   double m = info->link_mass;
   double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
-             (contact + friction_stiffness) / m;
-  double d = info->contact_damping / m + critical_mass_damping(model, &lowest) +
-             12.0 * easiest_damping(model) / m + 4.0 * info->bending_damping / info->link_inertia;
-  return d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k);
+             (contact + steepest.stiffness) / m;
+  double d = info->contact_damping / m + steepest.damping / m +
+             critical_mass_damping(model, &lowest) + 12.0 * easiest_damping(model) / m +
+             4.0 * info->bending_damping / info->link_inertia;
+  return fmax(steepest.adapts, d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k));
 }
 
 /* Implicit steps, times the mass-proportional damping; how many explicit steps one of them must

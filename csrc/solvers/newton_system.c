@@ -3,11 +3,11 @@
  * Linear systems (1 - g J) k = g c of the implicit methods, J the Jacobian of the model, g = gamma
  * h.
  *
- * Unknowns are positions q, velocities v and friction coefficients mu of the links, theta and omega
- * of the pulleys; slip rides along. With b = g c, J's rows q' = v and mu' = gain v_T - decay mu
- * give
+ * Unknowns are positions q, velocities v and states of friction z of the links, theta and omega
+ * of the pulleys; slip rides along. With b = g c, J's rows q' = v and z' = gain v_T + gain_N N
+ * - decay z give
  *
- *   k_q = b_q + g k_v,    k_mu = (b_mu + g gain v_T[k]) / (1 + g decay)
+ *   k_q = b_q + g k_v,    k_z = (b_z + g gain dv_T[k] + g gain_N dN[k]) / (1 + g decay)
  *
  * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
  * column a pulley: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
@@ -19,10 +19,12 @@
  * forces -S^T f on link i and R^T f on link l; and the pull of both joints turns a link back.
  *
  * Contact in the axes (n, t) of a link on its pulley (MODEL sections 3, 4): dN = -k_n dr_n - b dv_n
- * - (b v_t / rho) dr_t while pressed, dF_n = dN + (mu N / rho) dr_t, dF_t = -mu dN + (N / rho) dr_t
- * - N dmu, dv_T = dv_t - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = mu rho dN + mu N dr_n
- * + N rho dmu. Kinks (touching, pressed, the sign of v_T) are taken as they stand at the state that
- * is linearised.
+ * - (b v_t / rho) dr_t while pressed; of the friction force dF = F_N dN + F_z dz + F_v dv_T, by the
+ * law's slopes (friction/laws.h); dF_n = dN + (F / rho) dr_t, dF_t = (N / rho) dr_t - dF, dv_T =
+ * dv_t
+ * - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = rho dF + F dr_n. With k_z put in, F_N and
+ * F_v stand for F_N + F_z g gain_N / (1 + g decay) and F_v + F_z g gain / (1 + g decay). Kinks
+ * (touching, pressed, those of the law) are taken as they stand at the state that is linearised.
  *
  * Guarded by tests/test_jacobian.py: differences of the right-hand side, of the oracle's, on both
  * sides of every kink; solves against dense ones.
@@ -47,6 +49,49 @@ static void carve_links(bd_carver *carver, const bd_layout *lay, double **block)
   }
 }
 
+/* A law that is not general shares two arrays, and has no part of others. */
+static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_tangent *contact,
+                          int general) {
+  double **fields[] = {&contact->nx,
+                       &contact->ny,
+                       &contact->rho,
+                       &contact->normal,
+                       &contact->normal_over_rho,
+                       &contact->mu,
+                       &contact->stiff,
+                       &contact->damp,
+                       &contact->cross,
+                       &contact->apart,
+                       &contact->gain,
+                       &contact->decay,
+                       &contact->xx,
+                       &contact->xy,
+                       &contact->yx,
+                       &contact->yy,
+                       &contact->by_given_state,
+                       &contact->torque_x,
+                       &contact->torque_y,
+                       &contact->row_x,
+                       &contact->row_y,
+                       &contact->slide_x,
+                       &contact->slide_y,
+                       &contact->state_by_slip,
+                       &contact->decay_factor,
+                       &contact->normal_correction};
+  double **more[] = {&contact->by_normal, &contact->by_state, &contact->by_slip,
+                     &contact->gain_normal, &contact->state_by_normal};
+  for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
+    carve_links(carver, lay, fields[k]);
+  }
+  for (size_t k = 0; general && k < sizeof more / sizeof more[0]; ++k) {
+    carve_links(carver, lay, more[k]);
+  }
+  if (!general) {
+    contact->by_normal = contact->mu;
+    contact->by_state = contact->normal;
+  }
+}
+
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
@@ -60,36 +105,8 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   }
   BD_CARVE(carver, system->contact, np);
   for (int j = 0; j < np; ++j) {
-    bd_contact_tangent none, *contact = carver->base ? &system->contact[j] : &none;
-    double **fields[] = {&contact->nx,
-                         &contact->ny,
-                         &contact->rho,
-                         &contact->normal,
-                         &contact->normal_over_rho,
-                         &contact->mu,
-                         &contact->stiff,
-                         &contact->damp,
-                         &contact->cross,
-                         &contact->apart,
-                         &contact->gain,
-                         &contact->decay,
-                         &contact->xx,
-                         &contact->xy,
-                         &contact->yx,
-                         &contact->yy,
-                         &contact->by_mu,
-                         &contact->torque_x,
-                         &contact->torque_y,
-                         &contact->row_x,
-                         &contact->row_y,
-                         &contact->slide_x,
-                         &contact->slide_y,
-                         &contact->dmu_dslip,
-                         &contact->mu_decay_factor,
-                         &contact->normal_correction};
-    for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
-      carve_links(carver, lay, fields[k]);
-    }
+    carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
+                  bd_law_is_general(model->friction[j].law));
   }
   BD_CARVE(carver, system->ring.base, width);
   BD_CARVE(carver, system->ring.shorter, width);
@@ -142,9 +159,9 @@ void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const 
                                  double h) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
-    plan->kernels->newton->linearise_contact(&plan->links, &system->at.contact_pulleys[j],
-                                             system->at.n_runs[j], runs_of(system, j), y,
-                                             &system->contact[j], plan->friction_on, h);
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    plan->kernels->newton->linearise_contact[pulley->law](
+        &plan->links, pulley, system->at.n_runs[j], runs_of(system, j), y, &system->contact[j], h);
   }
 }
 
@@ -152,8 +169,9 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
                                      double *c) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
-    double torque = plan->kernels->newton->add_normal_correction(
-        &plan->links, system->at.n_runs[j], runs_of(system, j), &system->contact[j], c);
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    double torque = plan->kernels->newton->add_normal_correction[bd_law_is_general(pulley->law)](
+        &plan->links, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], c);
     c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
   }
 }
@@ -240,10 +258,11 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   kernels->diagonal(links, &system->at.joints, &system->stage, b);
   for (int j = 0; j < lay->np; ++j) {
     double *z = border_of(system, lay, j);
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
-    system->own[j] =
-        kernels->add_contact(&system->at.contact_pulleys[j], system->at.n_runs[j],
-                             runs_of(system, j), &system->contact[j], g, b, z, z + lay->stride);
+    system->own[j] = kernels->add_contact[bd_law_is_general(pulley->law)](
+        pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g, b, z,
+        z + lay->stride);
   }
   system->ring_kernels->factor(&system->ring, b);
   const int np = plan->pulleys_locked ? 0 : lay->np;
@@ -277,9 +296,9 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   for (int j = 0; j < lay->np; ++j) {
-    rhs[j] = kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
-                                      runs_of(system, j), &system->contact[j], plan->friction_on, c,
-                                      x, y);
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    rhs[j] = kernels->contact_product(lay, pulley, system->at.n_runs[j], runs_of(system, j),
+                                      &system->contact[j], pulley->law != BD_LAW_NONE, c, x, y);
   }
   system->ring_kernels->solve(&system->ring, system->blocks.k, x, y, p);
   for (int j = 0; j < np; ++j) {
@@ -296,9 +315,11 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
-    if (plan->friction_on) {
-      kernels->finish_contact(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
-                              runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    if (pulley->law != BD_LAW_NONE) {
+      kernels->finish_contact[bd_law_is_general(pulley->law)](
+          lay, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g,
+          angular_acceleration, c);
     }
   }
   for (int k = 0; k < lay->n_work; ++k) {

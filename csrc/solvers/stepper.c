@@ -37,6 +37,18 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   stepper->method = stepper->now = method;
 }
 
+/* Of the pulleys that a friction slot serves, the largest: a state's error is that of the force it
+ * stands for, over the normal force at rest. */
+static double friction_weight(const bd_model *model, int slot) {
+  double weight = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    if (model->slot[j] == slot && model->friction[j].law != BD_LAW_NONE) {
+      weight = fmax(weight, 1.0 / bd_friction_state_scale(model, j));
+    }
+  }
+  return weight;
+}
+
 /* 1 / scale for every unknown. Stretch for positions; over half a link or a radius for angles; and
  * for velocities what a joint's stretch is worth over the time a wave needs round a belt of 60
  * links, which measured runs found as strict as the stretch itself. */
@@ -52,8 +64,9 @@ void bd_stepper_weigh(bd_stepper *stepper) {
   memset(stepper->weights, 0, lay->size * sizeof *stepper->weights);
   for (int f = F_X; f < F_MU + lay->slots; ++f) {
     double *w = bd_field(lay, stepper->weights, f);
+    const double weight = f < F_MU ? 1.0 / scale[f] : friction_weight(model, f - F_MU);
     for (int i = 0; i < lay->n; ++i) {
-      w[i] = f < F_MU ? 1.0 / scale[f] : 1.0;
+      w[i] = weight;
     }
   }
   for (int j = 0; j < lay->np; ++j) {

@@ -17,7 +17,7 @@ static double lambda(double stiffness, double damping) {
 
 bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
   const bd_info *info = &model->info;
-  const double m = info->link_mass, sigma = model->has_friction ? model->dahl.sigma : 0.0;
+  const double m = info->link_mass;
   double strain = model->geometry.code == BD_OK ? info->strain + info->mesh_strain : 0.01;
   double tension = 2.0 * model->belt.axial_stiffness * strain;
   double joints_k =
@@ -31,7 +31,10 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     double contact =
         sqrt(info->contact_linear * info->contact_linear + 4.0 * info->contact_quadratic * normal);
     double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
-    double friction_stiffness = sigma * normal, viscous = 0.0;
+    const bd_friction_stiffness friction = bd_friction_stiffness_of(model, j, normal);
+    /* of all links on the wrap together, on the pulley's inertia */
+    const double of_wrap = wrap * r * r * r / (info->link_length * model->inertia[j]);
+    double viscous = 0.0;
     for (size_t k = 0; set && k < set->n_terms; ++k) {
       viscous +=
           set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
@@ -44,13 +47,18 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     } parts[] = {
         {joints_k, joints_d, "the belt's joints", -1},
         {contact / m, info->contact_damping / m, "the contact", -1},
-        {friction_stiffness / m, 0.0, "friction", -1},
-        {sigma * tension * wrap * r * r / model->inertia[j], 0.0,
+        {friction.stiffness / m, friction.damping / m, "friction", -1},
+        {friction.stiffness * of_wrap, friction.damping * of_wrap,
          "a pulley with very small inertia", j},
         {0.0, viscous / model->inertia[j], "a load with a very large viscous coefficient", j},
         {0.0, drag / model->inertia[j], "a pulley with very large bearing drag", j},
     };
     double link_k = 0.0, link_d = 0.0;
+    if (friction.adapts > most) {
+      most = friction.adapts;
+      stiff.what = "friction whose damper is very small";
+      stiff.pulley = j;
+    }
     for (int p = 0; p < 6; ++p) {
       double own = lambda(parts[p].k, parts[p].d);
       if (own > most) {
@@ -61,8 +69,8 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
       link_k += p < 3 ? parts[p].k : 0.0;
       link_d += p < 3 ? parts[p].d : 0.0;
     }
-    stiff.bound = fmax(stiff.bound, lambda(link_k, link_d));
-    stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[4].d + parts[5].d));
+    stiff.bound = fmax(stiff.bound, fmax(friction.adapts, lambda(link_k, link_d)));
+    stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[3].d + parts[4].d + parts[5].d));
   }
   return stiff;
 }

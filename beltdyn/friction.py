@@ -1,0 +1,134 @@
+"""Friction laws between belt and pulleys: their parameters, checked and printed.
+
+The laws are rows of ``csrc/friction/laws.h``, with a header each; the classes here have the
+parameters of the same names. A law of the table without a class here gets one made from its row.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import attrs
+
+from . import _core
+from .rules import Printable, from_table, rules_of
+
+__all__ = ["LAWS", "Dahl", "ElasticPlastic", "Friction", "LuGre"]
+
+
+class Friction(Printable):
+    """Base of the friction laws, MODEL section 4."""
+
+    __slots__ = ()
+
+    #: Name of the law in the core's table, and in TOML.
+    law: ClassVar[str]
+
+    def _to_core(self) -> tuple[str, tuple[float, ...]]:
+        return self.law, tuple(getattr(self, name) for name in rules_of(self.law))
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("dahl"))
+class Dahl(Friction):
+    """Dahl friction between belt and pulley (2.9), (2.10).
+
+    The state of a link in contact is its friction coefficient mu; it changes with the slip
+    velocity v by ``sigma (v - |v| mu / mu_k)``.
+
+    Attributes:
+        mu_k: Kinetic friction coefficient [1], > 0.
+        sigma: Stiffness of the friction joint at rest [1/m], > 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    law = "dahl"
+
+    mu_k: float
+    sigma: float
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("lugre"))
+class LuGre(Friction):
+    """LuGre friction: Dahl's bristles with a Stribeck curve, damping and a viscous part.
+
+    With the slip velocity v, the state z of a link in contact and ``g = mu_k + (mu_s - mu_k)
+    exp(-(v / v_stribeck)^2)``, z changes by ``sigma h``, ``h = v - |v| z / g``, and the friction
+    coefficient is ``z + damping h + viscous v``. With mu_s = mu_k and neither damping nor viscous
+    part it is :class:`Dahl`. In the article's symbols, per normal force: sigma_0 is ``sigma``,
+    sigma_1 ``damping``, sigma_2 ``viscous``.
+
+    Friction that falls with speed excites vibration (stick-slip). Damping of the bristles, some
+    ``sqrt(sigma m / N)`` for a link of mass m under a normal force N, keeps it steady while it
+    sticks.
+
+    Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of
+    systems with friction", IEEE Transactions on Automatic Control 40 (1995) 419-425.
+
+    Attributes:
+        mu_k: Kinetic friction coefficient [1], > 0.
+        mu_s: Static friction coefficient, that of slip velocity 0 [1], > 0; usually above mu_k.
+        v_stribeck: Slip velocity over which friction goes from mu_s to mu_k [m/s], > 0.
+        sigma: Stiffness of the bristles at rest [1/m], > 0.
+        damping: Damping of the bristles, over the normal force [s/m], >= 0.
+        viscous: Viscous friction, over the normal force [s/m], >= 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    law = "lugre"
+
+    mu_k: float
+    mu_s: float
+    v_stribeck: float
+    sigma: float
+    damping: float = 0.0
+    viscous: float = 0.0
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("elastic_plastic"))
+class ElasticPlastic(Friction):
+    """Elastic/perfectly plastic friction: a spring and a damper, per metre of belt, that slip.
+
+    A link sticks, held by spring and damper, until their force reaches mu times the normal force;
+    then it slips under just that force. The state is the spring's stretch [m]. While the link
+    slips, the spring adapts to the normal force within some ``damping / stiffness`` seconds; the
+    damping must therefore be > 0. Without measurements, ``damping = 1e-5 s * stiffness`` is little.
+
+    Attributes:
+        mu: Friction coefficient [1], > 0.
+        stiffness: Of the spring, per metre of belt [N/m^2], > 0.
+        damping: Of the damper, per metre of belt [N s/m^2], > 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    law = "elastic_plastic"
+
+    mu: float
+    stiffness: float
+    damping: float
+
+
+def _made_from(name: str, class_name: str, text: str) -> type[Friction]:
+    """Make the class of a law from its row and the rows of its parameters."""
+    rules = rules_of(name)
+    fields = "\n".join(f"    {rule.name}: {rule.text} [{rule.unit}]." for rule in rules.values())
+    body: dict[str, Any] = {
+        "law": name,
+        "__doc__": f"Friction law {text}.\n\nAttributes:\n{fields}\n",
+        "__module__": __name__,
+        "__annotations__": dict.fromkeys(rules, "float"),
+    }
+    cls = type(class_name, (Friction,), body)
+    return attrs.frozen(kw_only=True, field_transformer=from_table(name))(cls)
+
+
+#: The classes of all friction laws, by their names in the core's table and in TOML.
+LAWS: dict[str, type[Friction]] = {
+    name: globals().get(class_name) or _made_from(name, class_name, text)
+    for name, class_name, text in _core.LAWS
+}

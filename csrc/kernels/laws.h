@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The friction laws of friction/laws.h on vectors of links, by their number: a constant, for which
+ * the compiler leaves one law of the switches.
+ */
+#ifndef BELTDYN_KERNELS_LAWS_H
+#define BELTDYN_KERNELS_LAWS_H
+
+/* Links that may be in contact: state, slip velocity and normal force, the latter two 0 where they
+ * do not touch. */
+typedef struct law_at {
+  vec z, v, normal;
+  mask touch;
+} law_at;
+
+typedef struct law_value {
+  vec force, rate; /* force against slip; rate of the state */
+} law_value;
+
+/* Their derivatives. */
+typedef struct law_slopes {
+  vec by_normal, by_state, by_slip;
+  vec rate_by_normal, rate_by_state, rate_by_slip;
+} law_slopes;
+
+#define BD_LAW_FUNCTIONS
+#include "friction/laws.h"
+#undef BD_LAW_FUNCTIONS
+
+typedef union law_constants {
+  int none;
+#define LAW(name, class, general, text) name##_constants name;
+  BD_LAWS(LAW)
+#undef LAW
+} law_constants;
+
+INLINE law_constants law_prepare(const bd_friction *friction, double l0, const int law) {
+  law_constants c = {.none = 0};
+  switch (law) {
+#define LAW(name, class, general, text)                                                            \
+  case BD_LAW_##name:                                                                              \
+    c.name = name##_prepare(&friction->name, l0);                                                  \
+    break;
+    BD_LAWS(LAW)
+#undef LAW
+  }
+  return c;
+}
+
+INLINE law_value law_value_of(const law_constants *c, const law_at *at, const int law) {
+  switch (law) {
+#define LAW(name, class, general, text)                                                            \
+  case BD_LAW_##name:                                                                              \
+    return name##_value(&c->name, at);
+    BD_LAWS(LAW)
+#undef LAW
+  }
+  return (law_value){.force = splat(0.0), .rate = splat(0.0)};
+}
+
+INLINE law_slopes law_slopes_of(const law_constants *c, const law_at *at, const int law) {
+  switch (law) {
+#define LAW(name, class, general, text)                                                            \
+  case BD_LAW_##name:                                                                              \
+    return name##_slopes(&c->name, at);
+    BD_LAWS(LAW)
+#undef LAW
+  }
+  return (law_slopes){.by_normal = splat(0.0)};
+}
+
+#endif
