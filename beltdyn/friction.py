@@ -6,6 +6,7 @@ parameters of the same names. A law of the table without a class here gets one m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import attrs
@@ -13,7 +14,7 @@ import attrs
 from . import _core
 from .rules import Printable, from_table, rules_of
 
-__all__ = ["LAWS", "Dahl", "ElasticPlastic", "Friction", "LuGre"]
+__all__ = ["LAWS", "Dahl", "ElasticPlastic", "Friction", "LuGre", "law_or_none"]
 
 
 class Friction(Printable):
@@ -23,6 +24,9 @@ class Friction(Printable):
 
     #: Name of the law in the core's table, and in TOML.
     law: ClassVar[str]
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        return [("law", self.law, ""), *super()._rows()]
 
     def _to_core(self) -> tuple[str, tuple[float, ...]]:
         return self.law, tuple(getattr(self, name) for name in rules_of(self.law))
@@ -111,6 +115,19 @@ class ElasticPlastic(Friction):
     mu: float
     stiffness: float
     damping: float
+
+
+def law_or_none(name: str) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    """Give the validator of a field that holds a friction law or None."""
+
+    def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
+        if value is not None and not isinstance(value, Friction):
+            classes = ", ".join(law.__name__ for law in LAWS.values())
+            raise TypeError(
+                f"{name} must be a friction law ({classes}) or None, got {type(value).__name__}"
+            )
+
+    return check
 
 
 def _made_from(name: str, class_name: str, text: str) -> type[Friction]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _core, sanity, toml
 from .checks import Array
-from .friction import Friction
+from .friction import Friction, law_or_none
 from .parts import Belt, Contact, Pulley
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
@@ -70,9 +70,7 @@ class Params:
     belt: Belt = attrs.field(validator=instance_of("belt", Belt))
     pulleys: tuple[Pulley, ...] = attrs.field(converter=_pulleys)
     contact: Contact = attrs.field(validator=instance_of("contact", Contact))
-    friction: Friction | None = attrs.field(
-        default=None, validator=attrs.validators.optional(instance_of("friction", Friction))
-    )
+    friction: Friction | None = attrs.field(default=None, validator=law_or_none("friction"))
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)
     tensioning: Tensioning = attrs.field(
         factory=Tensioning, validator=instance_of("tensioning", Tensioning)
@@ -142,7 +140,7 @@ class Params:
             ("contact", self.contact),
         ]
         if self.friction is not None:
-            parts.append((f"friction ({self.friction.law})", self.friction))
+            parts.append(("friction", self.friction))
         rows = [
             (f"{prefix}.{name}", quantity, text)
             for prefix, part in parts

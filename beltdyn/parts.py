@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import attrs
 
-from .friction import Friction
+from .friction import Friction, law_or_none
 from .rules import Printable, Rule, from_table, instance_of
 
 __all__ = ["Belt", "Contact", "Drag", "Pulley", "any_drag"]
@@ -95,9 +95,7 @@ class Pulley(Printable):
     drag: Drag | None = attrs.field(
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )
-    friction: Friction | None = attrs.field(
-        default=None, validator=attrs.validators.optional(instance_of("pulley.friction", Friction))
-    )
+    friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
 
 
 def any_drag(pulleys: Iterable[Pulley]) -> bool:

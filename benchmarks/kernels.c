@@ -135,7 +135,7 @@ static void row_contact(bench *b) {
   bd_plan *plan = &b->plan;
   for (int j = 0; j < b->model->lay.np; ++j) {
     bd_sums sums;
-    plan->kernels->contact[plan->friction_on][0](
+    plan->kernels->contact[plan->contact_pulleys[j].law][0](
         &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, b->y, b->stage[0], &sums);
     sink += sums.torque;
@@ -229,7 +229,7 @@ static double *numbers(int n) {
 
 typedef struct drive {
   bd_scene scene;
-  bd_dahl friction;
+  bd_friction friction;
   bd_state state;
 } drive;
 
@@ -245,8 +245,8 @@ static void read_drive(drive *d) {
                             &d->scene.contact.quadratic,
                             &d->scene.contact.linear,
                             &d->scene.contact.damping,
-                            &d->friction.mu_k,
-                            &d->friction.sigma};
+                            &d->friction.dahl.mu_k,
+                            &d->friction.dahl.sigma};
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
     *fields[k] = number();
   }

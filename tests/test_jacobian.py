@@ -71,7 +71,7 @@ class Case:
 def core_of(oracle: reference.Reference) -> _core.Model:
     """The core's model of the oracle's drive; pulleys may overlap, unlike those of a Params."""
     o = oracle
-    friction = None if o.mu_k is None or o.sigma is None else (o.mu_k, o.sigma)
+    friction = None if o.mu_k is None or o.sigma is None else ("dahl", (o.mu_k, o.sigma))
     belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
             o.bending_stiffness, o.bending_damping)  # fmt: skip
     drag = None if o.drag is None else [tuple(row) for row in o.drag]

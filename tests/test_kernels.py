@@ -137,7 +137,7 @@ def test_every_length_of_the_last_vector(monkeypatch: pytest.MonkeyPatch, n_bodi
             (belt.length, n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
              belt.bending_stiffness, 1e-4),
             oracle.centers, oracle.radii, oracle.inertias,
-            (contact.quadratic, contact.linear, contact.damping), (friction.mu_k, friction.sigma),
+            (contact.quadratic, contact.linear, contact.damping), friction._to_core(),
             (0.0, 0.0),
         )  # fmt: skip
         rate = model.rate(state, torque)

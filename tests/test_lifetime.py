@@ -246,7 +246,7 @@ def misuse(model, state):
 
 
 GOOD = {
-    "model": lambda m, s: make_model(dahl=None).info,
+    "model": lambda m, s: make_model(friction=None).info,
     "geometry": lambda m, s: m.check_geometry(),
     "rate": lambda m, s: m.rate(s, [1.0, 2.0]),
     "dahl": lambda m, s: (_core.dahl_slide(s["x"], 0, 1, 1), _core.dahl_path(s["x"], 0, 1, 1)),
@@ -260,7 +260,7 @@ GOOD = {
 BAD = {
     "belt": lambda m, s: make_model(n_b=2.5),
     "rule": lambda m, s: make_model(n_b=2),
-    "dahl": lambda m, s: make_model(dahl=(1.0, "x")),
+    "dahl": lambda m, s: make_model(friction=("dahl", (1.0, "x"))),
     "path": lambda m, s: _core.dahl_path([0.0, math.nan], 0, 1, 1),
     "rate": lambda m, s: m.rate(s, [1.0]),
     "missing": lambda m, s: m.rate({"t": 0.0, "x": s["x"]}, [1.0, 2.0]),

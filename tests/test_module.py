@@ -109,7 +109,7 @@ def test_everything_has_a_docstring(thing):
 
 
 def test_signatures_can_be_read():
-    assert list(inspect.signature(_core.Model).parameters) == [*SCENE, "drag"]
+    assert list(inspect.signature(_core.Model).parameters) == [*SCENE, "drag", "pulley_friction"]
     keyword = [
         name
         for name, parameter in inspect.signature(_core.Simulation).parameters.items()
@@ -292,7 +292,7 @@ def test_flags_are_bools(model, rest, value):
 def test_model_info(model):
     info = model.info
     assert info["n_bodies"] == N_B and info["n_pulleys"] == N_P and info["winding"] == -1
-    assert info["n_slots"] == 1 and make_model(dahl=None).info["n_slots"] == 0
+    assert info["n_slots"] == 1 and make_model(friction=None).info["n_slots"] == 0
     assert info["link_length"] == 1.2 / N_B
     assert info["path_length"] == pytest.approx(0.58 + 0.2 * math.pi, rel=1e-14)
     integers = {"n_bodies", "n_pulleys", "n_slots", "winding"}
@@ -334,9 +334,17 @@ def test_model_needs_every_argument(name):
         ({"contact": None}, TypeError, "contact must be a tuple of 3 numbers, got NoneType"),
         ({"contact": (1.0, None, 1.0)}, TypeError,
          "contact.linear must be a real number, got NoneType"),
-        ({"dahl": (1.0,)}, ValueError, "friction must have 2 numbers, got 1"),
-        ({"dahl": "ab"}, TypeError, "friction must be a tuple of 2 numbers, got str"),
-        ({"dahl": (True, 1e4)}, TypeError, "friction.mu_k must be a real number, got bool"),
+        ({"friction": ("dahl", (1.0,))}, ValueError, "friction must have 2 numbers, got 1"),
+        ({"friction": ("none", ())}, ValueError, "friction: there is no friction law 'none'"),
+        ({"friction": "ab"}, TypeError,
+         "friction must be a tuple (name of the law, its numbers), got 'ab'"),
+        ({"pulley_friction": [None]}, ValueError,
+         "friction must have one entry for each of 2 pulleys, got 1"),
+        ({"pulley_friction": [None, ("dahl", (1.0, -1.0))]}, ValueError,
+         "pulleys[1].friction.sigma must be > 0 (Dahl stiffness, the slope dmu/ds at mu = 0 "
+         "(2.9)), got -1 1/m"),
+        ({"friction": ("dahl", (True, 1e4))}, TypeError,
+         "friction.mu_k must be a real number, got bool"),
         ({"gravity": (0.0, 0.0, 0.0)}, ValueError, "gravity must have shape (2,), got (3,)"),
         ({"gravity": (0.0, -INF)}, ValueError, "gravity[1] must be finite, got -inf"),
         ({"gravity": "down"}, TypeError, "gravity must hold real numbers, got dtype <U4"),
@@ -387,7 +395,7 @@ def test_shapes_of_many_dimensions_are_cut_short():
         ({"radii": [0.1, 0.0]}, r"pulleys\[1\]\.radius must be > 0"),
         ({"inertias": [-1, 1]}, r"pulleys\[0\]\.inertia must be > 0"),
         ({"contact": (1.0, -1.0, 1.0)}, r"contact\.linear must be >= 0"),
-        ({"dahl": (0.0, 1.0)}, r"friction\.mu_k must be > 0"),
+        ({"friction": ("dahl", (0.0, 1.0))}, r"friction\.mu_k must be > 0"),
         (
             {"centers": np.zeros((0, 2)), "radii": [], "inertias": []},
             "pulleys must hold 1 to 1000 pulleys, got 0",

@@ -15,13 +15,14 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn.friction import LAWS
 
 CLASSES: dict[str, Any] = {
     "belt": bd.Belt,
     "pulley": bd.Pulley,
     "drag": bd.Drag,
     "contact": bd.Contact,
-    "dahl": bd.Dahl,
+    **LAWS,
 }
 GOOD: dict[str, dict[str, Any]] = {
     "belt": {
@@ -37,6 +38,8 @@ GOOD: dict[str, dict[str, Any]] = {
     "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3},
     "dahl": {"mu_k": 1.0, "sigma": 1e4},
+    "lugre": {"mu_k": 0.6, "mu_s": 0.9, "v_stribeck": 0.01, "sigma": 1e4},
+    "elastic_plastic": {"mu": 0.8, "stiffness": 2e7, "damping": 2e2},
 }
 ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS]
 NUMBERS = [(group, name) for group, name, rule in ROWS if rule != "LINKS"]
@@ -62,7 +65,7 @@ def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt
 
 def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
     for group, kind in CLASSES.items():
-        parts = ("center", "drag")
+        parts = ("center", "drag", "friction")
         fields = [field.name for field in attrs.fields(kind) if field.name not in parts]
         assert fields == [name for g, name, _ in ROWS if g == group]
     assert {group for group, _, _ in ROWS} == set(CLASSES)
@@ -170,7 +173,10 @@ def test_fields_are_of_their_class(params: bd.Params) -> None:
     for change, message in [
         ({"belt": GOOD["belt"]}, "belt must be a Belt, got dict"),
         ({"contact": None}, "contact must be a Contact, got NoneType"),
-        ({"friction": 1.0}, "friction must be a Dahl, got float"),
+        (
+            {"friction": 1.0},
+            "friction must be a friction law (Dahl, LuGre, ElasticPlastic) or None, got float",
+        ),
         ({"pulleys": [pulley, GOOD["pulley"]]}, "pulleys[1] must be a Pulley, got dict"),
         ({"pulleys": pulley}, "pulleys must be a sequence of Pulley, got Pulley"),
         ({"pulleys": None}, "pulleys must be a sequence of Pulley, got NoneType"),

@@ -120,7 +120,11 @@ def test_text_is_readable() -> None:
         ("t_end = 0.5\n", "", "t_end: missing"),
         ("coefficients = [0, 16]", "", "torque[1].coefficients: missing"),
         ('kind = "viscous"\n', "", "torque[1].kind must be one of piecewise_linear, viscous, got"),
-        ("mu_k = 1", 'kind = "lugre"', "friction.kind must be one of dahl, got 'lugre'"),
+        (
+            "mu_k = 1",
+            'kind = "coulomb"',
+            "friction.kind must be one of dahl, lugre, elastic_plastic, got 'coulomb'",
+        ),
         (
             "length = 1.2",
             'length = "1.2"',

@@ -34,7 +34,7 @@ int main(void) {
       {.center = {0.0, 0.0}, .radius = 0.1, .inertia = 0.01},
       {.center = {0.29, 0.0}, .radius = 0.1, .inertia = 0.01},
   };
-  const bd_dahl friction = {.mu_k = 1.0, .sigma = 1e4};
+  const bd_friction friction = {.law = BD_LAW_dahl, .dahl = {.mu_k = 1.0, .sigma = 1e4}};
   const bd_scene scene = {
       .belt = {.length = 1.2,
                .n_bodies = LINKS,

@@ -40,7 +40,7 @@ static void bad_scenes_are_refused(void) {
   const double bad[] = {0.0, -1.0, (double)NAN, (double)INFINITY};
   for (int k = 0; k < 4; ++k) {
     bd_pulley pulleys[NP];
-    bd_dahl friction = test_friction;
+    bd_friction friction = test_friction;
     memcpy(pulleys, test_pulleys, sizeof pulleys);
     bd_scene scene = test_scene();
     scene.pulleys = pulleys;
@@ -57,8 +57,8 @@ static void bad_scenes_are_refused(void) {
     BREAK(scene.belt.axial_stiffness, "belt.axial_stiffness");
     BREAK(pulleys[1].radius, "pulleys[1].radius");
     BREAK(pulleys[2].inertia, "pulleys[2].inertia");
-    BREAK(friction.mu_k, "friction.mu_k");
-    BREAK(friction.sigma, "friction.sigma");
+    BREAK(friction.dahl.mu_k, "friction.mu_k");
+    BREAK(friction.dahl.sigma, "friction.sigma");
     if (k > 0) {
       BREAK(scene.belt.axial_damping, "belt.axial_damping");
       BREAK(scene.belt.bending_stiffness, "belt.bending_stiffness");
@@ -85,22 +85,25 @@ static void bad_scenes_are_refused(void) {
   refused(&scene, "belt.length", __LINE__);
   scene.belt.length = 0.5;
   refused(&scene, "belt.length", __LINE__);
-  const bd_pulley overlapping[] = {{{0, 0}, 0.1, 1, {0, 0, 0}}, {{0.1, 0}, 0.1, 1, {0, 0, 0}}};
+  const bd_pulley overlapping[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
+                                   {{0.1, 0}, 0.1, 1, {0, 0, 0}, NULL}};
   scene = test_scene();
   scene.n_pulleys = 2;
   scene.pulleys = overlapping;
   refused(&scene, "pulleys", __LINE__);
-  const bd_pulley inside[] = {{{0, 0}, 0.1, 1, {0, 0, 0}},
-                              {{0.5, 0}, 0.1, 1, {0, 0, 0}},
-                              {{0.25, -0.02}, 0.05, 1, {0, 0, 0}}};
+  const bd_pulley inside[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
+                              {{0.5, 0}, 0.1, 1, {0, 0, 0}, NULL},
+                              {{0.25, -0.02}, 0.05, 1, {0, 0, 0}, NULL}};
   scene.n_pulleys = 3;
   scene.pulleys = inside;
   refused(&scene, "pulleys", __LINE__);
 }
 
 static void belt_lines_have_their_lengths(void) {
-  const bd_pulley equal[] = {{{0, 0}, 0.1, 1, {0, 0, 0}}, {{0.29, 0}, 0.1, 1, {0, 0, 0}}};
-  const bd_pulley unequal[] = {{{0, 0}, 0.06, 1, {0, 0, 0}}, {{0.35, 0}, 0.12, 1, {0, 0, 0}}};
+  const bd_pulley equal[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
+                             {{0.29, 0}, 0.1, 1, {0, 0, 0}, NULL}};
+  const bd_pulley unequal[] = {{{0, 0}, 0.06, 1, {0, 0, 0}, NULL},
+                               {{0.35, 0}, 0.12, 1, {0, 0, 0}, NULL}};
   bd_scene scene = test_scene();
   bd_model *model = NULL;
   bd_info info;
@@ -119,7 +122,7 @@ static void belt_lines_have_their_lengths(void) {
       2 * 0.35 * cos(tilt) + 0.06 * (acos(-1.0) - 2 * tilt) + 0.12 * (acos(-1.0) + 2 * tilt);
   CHECK(fabs(info.path_length - exact) < 1e-14);
   bd_model_free(model);
-  const bd_pulley single[] = {{{3, 4}, 0.1, 1, {0, 0, 0}}};
+  const bd_pulley single[] = {{{3, 4}, 0.1, 1, {0, 0, 0}, NULL}};
   scene.pulleys = single;
   scene.n_pulleys = 1;
   CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
