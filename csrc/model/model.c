@@ -19,9 +19,10 @@
 static int check_pair(const char *label, const double pair[2], const char *what, bd_error *err) {
   for (int k = 0; k < 2; ++k) {
     if (!isfinite(pair[k])) {
-      return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, -1, pair[k],
-                        "%s.%c must be finite (%s), got %.10g", label, k ? 'y' : 'x', what,
-                        pair[k]);
+      char field[64];
+      snprintf(field, sizeof field, "%s.%c", label, k ? 'y' : 'x');
+      return bd_fail_at(err, BD_ERR_PARAMETER, field, (double)NAN, -1, -1, pair[k],
+                        "%s must be finite (%s), got %.10g", field, what, pair[k]);
     }
   }
   return BD_OK;
