@@ -117,7 +117,7 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
     and of the rates of a slot's pulleys, of which one at most is touched, the sum is taken.
     """
     n, n_p = oracle.n_bodies, oracle.n_pulleys
-    friction = oracle.mu_k is not None
+    friction = any(oracle.laws)
 
     def rate(vector: Array) -> Array:
         state = layout.unpack(vector)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import reference as ref
+from reference_friction import Dahl, ElasticPlastic, Law, LuGre
 
 
 def no_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
@@ -32,7 +34,8 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
     """Return a random state near the belt line: links in and out of contact, all moving.
 
     Every pair is kept off the kinks p = 0, N = 0 and v_T = 0, so that a finite difference along the
-    motion sees a smooth function.
+    motion sees a smooth function. Speeds that are prescribed are those of t = 0. Where elastic/
+    plastic friction begins to slip, its force has a kink, but no energy has.
     """
     rng = np.random.default_rng(seed)
     y0 = ref.start_state(model)
@@ -46,8 +49,16 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
         links[1, 2] = 30 * rng.uniform(-1, 1, model.n_bodies)
         pulleys[:] = rng.uniform(-5, 5, pulleys.shape)
         touching = model.penetration(y) > 0
-        if model.mu_k is not None:
-            memory[0] = model.mu_k * rng.uniform(-1, 1, touching.shape) * touching
+        y = model.follow(0.0, y)
+        links, pulleys, memory = model.links(y), model.pulleys(y), model.memory(y)
+        if any(model.laws):
+            memory[0] = rng.uniform(-1, 1, touching.shape) * touching
+            normal = model.contacts(y).normal
+            for j, law in enumerate(model.laws):
+                if isinstance(law, ElasticPlastic):
+                    memory[0, j] *= 1.5 * law.mu * normal[j] / (law.stiffness * model.l0)
+                else:
+                    memory[0, j] *= 0.0 if law is None else law.bound
         memory[1] = 1e-3 * rng.uniform(-1, 1, touching.shape) * touching
         at = model.contacts(y)
         p = np.maximum(at.penetration, 0)
@@ -58,3 +69,21 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
             and np.abs(at.velocity[touching]).min() > 1e-3
         ):
             return y
+
+
+def law_by_hand(
+    law: Law | None, z: float, v: float, normal: float, l0: float
+) -> tuple[float, float]:
+    """F and dz/dt of one link, the equations of MODEL section 4 as they stand there."""
+    if law is None:
+        return 0.0, 0.0
+    if isinstance(law, Dahl):
+        return z * normal, law.sigma * (v - abs(v) * z / law.mu_k)
+    if isinstance(law, LuGre):
+        g = law.mu_k + (law.mu_s - law.mu_k) * math.exp(-((v / law.v_stribeck) ** 2))
+        h = v - abs(v) * z / g
+        return normal * (z + law.damping * h + law.viscous * v), law.sigma * h
+    assert isinstance(law, ElasticPlastic)
+    k, c, limit = law.stiffness * l0, law.damping * l0, law.mu * normal
+    rate = min(max(v, (-limit - k * z) / c), (limit - k * z) / c)
+    return k * z + c * rate, rate

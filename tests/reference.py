@@ -5,9 +5,10 @@ of beltdyn, so that agreement between the two means something. Section numbers a
 MODEL.md; equation numbers are the paper's (K. Kubas, "A model for the dynamic analysis of a belt
 transmission using the Dahl friction model"). SI units, angles in rad.
 
-Differences from the core by intention: friction memory is kept densely, one Dahl state per
-(pulley, link) pair, so a link on two pulleys at once needs no special treatment; the energy ledger
-is integrated with the state. `reference_run.py` integrates it by SciPy.
+Differences from the core by intention: friction memory is kept densely, one state per (pulley,
+link) pair, so a link on two pulleys at once needs no special treatment; the energy ledger is
+integrated with the state. The friction laws are in `reference_friction.py`; `reference_run.py`
+integrates the drive by SciPy.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from reference_friction import Array as Array
+from reference_friction import Dahl, Law
 
-Array = npt.NDArray[np.float64]
 Torque = Callable[[float, Array, Array], npt.ArrayLike]
+Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], its rate [rad/s^2]
 
 LEDGER = ("drive", "joint_damping", "contact_damping", "friction", "drag")
 """The quadratures at the end of the state: work put in, then the losses (section 7)."""
@@ -32,7 +35,13 @@ class Reference:
     """A belt drive by its data per metre of belt (section 6), with the equations of motion.
 
     The state vector is `x, y, phi, vx, vy, vphi` (n_b each), `theta, omega` (n_p each), `mu, slip`
-    (n_p x n_b each, pulley first) and the quadratures of `LEDGER`.
+    (n_p x n_b each, pulley first) and the quadratures of `LEDGER`. `mu` is the state z of the
+    friction law of the pulley, whatever that law is; without a law it and the slip stay 0.
+
+    `mu_k` and `sigma` are the short way to Dahl's law on all pulleys, `friction` gives a law, or
+    none, to each. `motion` maps pulleys to their prescribed speeds: `rhs` takes these from the
+    function and lets theta and omega of the state follow. What knows no time (`contacts`, `energy`)
+    takes the speeds of the state; `follow` makes them the prescribed ones.
     """
 
     length: float  # L, stress-free [m]
@@ -45,15 +54,18 @@ class Reference:
     radii: Array  # (n_p,) [m]
     inertias: Array  # (n_p,) [kg m^2]
     contact: tuple[float, float, float]  # c1' [N/m^3], c2' [N/m^2], b' [N s/m^2]
-    mu_k: float | None = None  # None: no friction
+    mu_k: float | None = None  # of Dahl's law on all pulleys
     sigma: float | None = None  # [1/m]
+    friction: tuple[Law | None, ...] | None = None  # (n_p,); None: that of mu_k and sigma
     gravity: tuple[float, float] = (0.0, 0.0)  # [m/s^2]
     winding: int = -1  # turns of phi once round the ring; -1: numbered clockwise
     bending_damping: float = 0.0  # [N m^2 s]; none in the paper
     drag: Array | None = None  # (n_p, 3): Coulomb [N m], viscous [N m s], quadratic [N m s^2]
+    motion: Mapping[int, Motion] = field(default_factory=dict)  # by pulley
 
     n_pulleys: int = field(init=False)
     size: int = field(init=False)
+    laws: tuple[Law | None, ...] = field(init=False)
     l0: float = field(init=False)
     mass: float = field(init=False)
     inertia: float = field(init=False)  # I_z of a link
@@ -73,6 +85,15 @@ class Reference:
         n_p, n_b = len(centers), self.n_bodies
         if n_b < 3 or (self.mu_k is None) != (self.sigma is None):
             raise ValueError("needs n_bodies >= 3, and mu_k and sigma both or neither")
+        if self.friction is not None and (self.mu_k is not None or len(self.friction) != n_p):
+            raise ValueError("friction needs a law or None for each pulley, and no mu_k")
+        if not set(self.motion) <= set(range(n_p)):
+            raise ValueError("motion of a pulley that is not there")
+        laws = self.friction
+        if laws is None:
+            laws = (None,) * n_p
+            if self.mu_k is not None and self.sigma is not None:
+                laws = (Dahl(self.mu_k, self.sigma),) * n_p
         l0 = self.length / n_b
         mass = self.linear_density * l0
         derived: dict[str, Any] = {
@@ -81,6 +102,7 @@ class Reference:
             "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
             "n_pulleys": n_p,
             "size": 6 * n_b + 2 * n_p + 2 * n_p * n_b + len(LEDGER),
+            "laws": tuple(laws),
             "l0": l0,
             "mass": mass,
             "inertia": mass * l0**2 / 12,
@@ -115,7 +137,7 @@ class Reference:
         return y[..., start : start + 2 * self.n_pulleys].reshape(*y.shape[:-1], 2, -1)
 
     def memory(self, y: Array) -> Array:
-        """View (..., 2, n_p, n_b): mu and slip of every (pulley, link) pair."""
+        """View (..., 2, n_p, n_b): z (named mu) and slip of every (pulley, link) pair."""
         start, stop = 6 * self.n_bodies + 2 * self.n_pulleys, self.size - len(LEDGER)
         return y[..., start:stop].reshape(*y.shape[:-1], 2, self.n_pulleys, self.n_bodies)
 
@@ -169,10 +191,11 @@ class Reference:
     # ---------------------------------------------------------------- equations of motion
 
     def rhs(self, t: float, y: Array, torque: Torque) -> Array:
-        """dy/dt: (2.11) for the links, (2.12) for the pulleys, Dahl's law, the powers of section 7.
+        """dy/dt: (2.11) for links, (2.12) for pulleys, friction laws, the powers of section 7.
 
-        Written flat and on its own because SciPy calls it some 1e5 times; `joints`, `contacts` and
-        `energy` below say the same things again, one at a time, and the tests compare the two.
+        Written flat and on its own because SciPy calls it some 1e5 times, and with Dahl's law on
+        all pulleys at once for the same reason; `joints`, `contacts` and `energy` below say the
+        same things again, one at a time, and the tests compare the two.
         """
         n_b, n_p, half_length = self.n_bodies, self.n_pulleys, 0.5 * self.l0
         at_memory, at_ledger = 6 * n_b + 2 * n_p, self.size - len(LEDGER)
@@ -180,7 +203,9 @@ class Reference:
         centre = links[:, :2]  # [position or velocity, xy, link]
         angle = links[:, 2]  # [angle or its rate, link]
         theta, omega = y[6 * n_b : 6 * n_b + n_p], y[6 * n_b + n_p : at_memory]
-        mu = y[at_memory : at_memory + n_p * n_b].reshape(n_p, n_b)
+        if self.motion:
+            omega, omega_rate = self.prescribed(t, omega)
+        z = y[at_memory : at_memory + n_p * n_b].reshape(n_p, n_b)
 
         dy = np.zeros_like(y)
         d_links = dy[: 6 * n_b].reshape(2, 3, n_b)
@@ -218,8 +243,32 @@ class Reference:
         elastic = p * (self.c1 * p + self.c2)
         normal = np.maximum(elastic + self.b * p_rate, 0.0) * touch
 
-        # Friction (2.9)-(2.10): along t = z x outward, the same lever arm in speed and torque.
+        # Friction (section 4): along t = z x outward, the same lever arm in speed and torque.
         speed = (vy * outward[0] - vx * outward[1] - omega[:, None] * distance) * touch
+        friction: Array | None = None
+        if self.mu_k is not None and self.sigma is not None:
+            friction = z * normal
+            z_rate = self.sigma * (speed - np.abs(speed) * z / self.mu_k)
+            slip_rate = speed
+        elif any(self.laws):
+            friction, z_rate, slip_rate = np.zeros((3, n_p, n_b))
+            for j, law in enumerate(self.laws):
+                if law is not None:
+                    friction[j] = law.force(z[j], speed[j], normal[j], self.l0)
+                    z_rate[j] = law.rate(z[j], speed[j], normal[j], self.l0) * touch[j]
+                    slip_rate[j] = speed[j]
+        grip = np.zeros(n_p)
+        if friction is not None:
+            force[0] += np.add.reduce(normal * outward[0] + friction * outward[1], 0)
+            force[1] += np.add.reduce(normal * outward[1] - friction * outward[0], 0)
+            grip = np.add.reduce(friction * distance, 1)
+            dy[at_memory : at_memory + n_p * n_b] = z_rate.ravel()
+            dy[at_memory + n_p * n_b : at_ledger] = slip_rate.ravel()
+            dy[at_ledger + 3] = np.vdot(friction, speed)
+        else:
+            force += np.add.reduce(normal * outward, 1)
+
+        # Pulleys (2.12), or what it says of the torque if the motion is prescribed.
         drive = np.asarray(torque(t, theta, omega), dtype=float)
         acting = drive
         if self.drag is not None:
@@ -227,19 +276,12 @@ class Reference:
             acting = drive - resisting
             dy[at_ledger + 4] = resisting @ omega
         d_omega = dy[6 * n_b + n_p : at_memory]
-        if self.mu_k is not None and self.sigma is not None:
-            friction = mu * normal
-            force[0] += np.add.reduce(normal * outward[0] + friction * outward[1], 0)
-            force[1] += np.add.reduce(normal * outward[1] - friction * outward[0], 0)
-            d_omega[:] = (acting + np.add.reduce(friction * distance, 1)) / self.inertias
-            dy[at_memory : at_memory + n_p * n_b] = (
-                self.sigma * (speed - np.abs(speed) * mu / self.mu_k)
-            ).ravel()
-            dy[at_ledger + 3] = np.vdot(friction, speed)
-        else:
-            force += np.add.reduce(normal * outward, 1)
-            d_omega[:] = acting / self.inertias
-        dy[at_memory + n_p * n_b : at_ledger] = speed.ravel()
+        d_omega[:] = (acting + grip) / self.inertias
+        if self.motion:
+            drive = drive.copy()
+            needed = self.inertias * omega_rate - grip + self.drag_torque(omega)
+            for j in self.motion:
+                drive[j], d_omega[j] = needed[j], omega_rate[j]
 
         force /= self.mass
         moment /= self.inertia
@@ -253,6 +295,22 @@ class Reference:
             dy[at_ledger + 1] += self.b_tor * np.vdot(bend[1], bend[1])
         dy[at_ledger + 2] = np.vdot((normal - elastic) * touch, p_rate)
         return dy
+
+    def prescribed(self, t: float, omega: Array) -> tuple[Array, Array]:
+        """Speeds with the prescribed ones in their place, and the rates of these, 0 of others."""
+        omega, rate = np.array(omega, dtype=float), np.zeros(self.n_pulleys)
+        for j, motion in self.motion.items():
+            omega[j], rate[j] = motion(t)
+        return omega, rate
+
+    def follow(self, t: npt.ArrayLike, y: Array) -> Array:
+        """Copy of the states y (..., size) at the times t (...) with the prescribed speeds."""
+        y = np.array(y, dtype=float)
+        if self.motion:
+            speeds = self.pulleys(y)[..., 1, :]
+            for at in np.ndindex(np.shape(t)):
+                speeds[at], _ = self.prescribed(float(np.asarray(t)[at]), speeds[at])
+        return y
 
     def drag_torque(self, omega: Array) -> Array:
         """Return the torque of the drag against the rotation of each pulley (section 5)."""
@@ -324,9 +382,14 @@ class Reference:
         speed = (velocity[..., None, :, :] * tangent).sum(axis=-2) - omega[..., None] * distance
         total = self.c1 * p**2 + self.c2 * p + self.b * rate
         normal = np.where(p > 0, np.maximum(0.0, total), 0.0)
-        mu = self.memory(y)[..., 0, :, :]
-        friction = mu * normal if self.mu_k is not None else np.zeros_like(normal)
-        return Contacts(p, rate, normal, friction, speed, outward, tangent, distance)
+        z = self.memory(y)[..., 0, :, :]
+        friction = np.zeros_like(normal)
+        for j, law in enumerate(self.laws):
+            if law is not None:
+                pairs = (..., j, slice(None))
+                friction[pairs] = law.force(z[pairs], speed[pairs], normal[pairs], self.l0)
+        mu = np.divide(friction, normal, out=np.zeros_like(normal), where=normal > 0)
+        return Contacts(p, rate, normal, friction, mu, speed, outward, tangent, distance)
 
     def energy_terms(self, y: Array) -> dict[str, Array]:
         """Return the terms of E in section 7; their sum is `energy`."""
@@ -348,9 +411,19 @@ class Reference:
         """E of section 7."""
         return np.asarray(sum(self.energy_terms(y).values()))
 
+    def torques(self, t: float, y: Array, torque: Torque) -> Array:
+        """Return the torque on each pulley: the one set, or what its prescribed motion needs."""
+        theta, omega = self.pulleys(y)
+        torques = np.array(torque(t, theta, omega), dtype=float)
+        contacts, drag = self.contacts(y), self.drag_torque(omega)
+        for j, motion in self.motion.items():
+            grip = np.dot(contacts.friction[j], contacts.distance[j])
+            torques[j] = self.inertias[j] * motion(t)[1] - grip + drag[j]
+        return torques
+
     def powers(self, t: float, y: Array, torque: Torque) -> Array:
         """Return the powers of section 7 as in `LEDGER`, written apart from `rhs`."""
-        theta, omega = self.pulleys(y)
+        omega = self.pulleys(y)[1]
         _, d_rate = self.joint_vectors(y)
         _, bend_rate = self.joint_angles(y)
         contacts = self.contacts(y)
@@ -358,7 +431,7 @@ class Reference:
         damping = np.where(p > 0, contacts.normal - self.c1 * p**2 - self.c2 * p, 0.0)
         return np.array(
             [
-                np.dot(np.asarray(torque(t, theta, omega), dtype=float), omega),
+                np.dot(self.torques(t, y, torque), omega),
                 self.b_tra * np.sum(d_rate**2) + self.b_tor * np.sum(bend_rate**2),
                 np.sum(damping * contacts.rate),
                 np.sum(contacts.friction * contacts.velocity),
@@ -387,7 +460,8 @@ class Contacts:
     penetration: Array  # p (2.5)
     rate: Array  # dp/dt (2.6)
     normal: Array  # N (2.8), clamped
-    friction: Array  # mu N (2.10); the force on the link is -mu N tangent
+    friction: Array  # F (2.10); the force on the link is -F tangent
+    mu: Array  # F / N, 0 where N = 0
     velocity: Array  # v_T, of any pair, also one not in contact
     outward: Array  # unit vector from pulley centre to link
     tangent: Array  # z x outward
@@ -493,7 +567,7 @@ def dahl_path_exact(
 
 
 def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
-    """Return the paper's two-pulley drive with set S2 of section 8."""
+    """Return the paper's two-pulley drive with set S2 of section 8; `friction` replaces Dahl's."""
     data: dict[str, Any] = {
         "length": 1.2,
         "n_bodies": n_bodies,
@@ -508,7 +582,10 @@ def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
         "mu_k": 1.0,
         "sigma": 1e4,
     }
-    return Reference(**(data | changes))
+    data |= changes
+    if data.get("friction") is not None:
+        data |= {"mu_k": None, "sigma": None}
+    return Reference(**data)
 
 
 def start_state(model: Reference) -> Array:

@@ -5,9 +5,9 @@ And its frictionless equilibrium, by Newton's method.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ import scipy.optimize
 from reference import Array, Reference, Torque
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Run:
     """What `integrate` returns: states (n_t, size) at `t`, and counts."""
 
@@ -25,15 +25,16 @@ class Run:
     nfev: int
     steps: int
     resets: list[tuple[float, int, int]]  # (time, pulley, link) of every lost contact
-    mu_excess: float  # how far |mu| was above mu_k at any output before clipping
+    mu_excess: float  # how far |mu| was above its law's bound at any output before clipping
 
 
 def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None = None) -> Array:
     """Vector `atol` for SciPy: absolute weights on the scale that matters, the joint's stretch.
 
     `tol` times: mean stretch of the joints at y0 for x, y; stretch/(l0/2) for phi; 0.1 m/s and
-    0.1/(l0/2) for their rates; 1 for mu; 1e-3 rad for theta; 1 rad/s for omega. Weights from |x|
-    would be a thousand times too loose for the joint forces.
+    0.1/(l0/2) for their rates; 1e-3 rad for theta; 1 rad/s for omega; for mu 1, or for the state of
+    a law that is no coefficient what makes friction as large as the normal force at that stretch.
+    Weights from |x| would be a thousand times too loose for the joint forces.
 
     SciPy accepts a step when the RMS of error/weight over all n components is <= 1. Dividing the
     weights by sqrt(n) makes that the Euclidean norm, so a step SciPy accepts also passes the max
@@ -50,7 +51,9 @@ def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None
     links[0] = np.array([stretch, stretch, stretch / half])[:, None]
     links[1] = np.array([0.1, 0.1, 0.1 / half])[:, None]
     pulleys[0], pulleys[1] = 1e-3, 1.0
-    memory[0] = 1.0
+    for j, law in enumerate(model.laws):
+        pressure = model.c_tra * stretch / model.radii[j]
+        memory[0, j] = 1.0 if law is None else law.scale(pressure)
     return tol * weights / math.sqrt(model.size)
 
 
@@ -80,8 +83,9 @@ def integrate(
     is not used itself because its events see a step's two ends only. Making contact and reversals
     of slip are left to the step-size control.
 
-    The solver also starts again at each of `breakpoints` (times where the torque has a kink or a
-    jump); up to a breakpoint the torque's limit from the left is used.
+    The solver also starts again at each of `breakpoints` (times where the torque or the rate of a
+    prescribed speed has a kink or a jump); up to a breakpoint the limit from the left is used. At
+    the start the speed of a pulley of prescribed motion must be the prescribed one.
     """
     times = np.atleast_1d(np.asarray(t_eval, dtype=float))
     if np.any(np.diff(times) <= 0):
@@ -89,6 +93,8 @@ def integrate(
     t = float(times[0]) if t0 is None else float(t0)
     if times[0] < t:
         raise ValueError("t_eval begins before t0")
+    if not np.array_equal(model.follow(t, y0), y0):
+        raise ValueError("the motion begins at another speed than the prescribed one")
     weights = error_weights(model, y0, tol) if atol is None else atol
     make_solver = getattr(scipy.integrate, method)
     end = float(times[-1])
@@ -150,11 +156,13 @@ def integrate(
         first_step = None
     # Inside a step that makes contact, the interpolant gives mu a value before there is one.
     out = model.forget(out)
+    out = model.follow(times, out)
     excess = 0.0
-    if model.mu_k is not None:
-        mu = model.memory(out)[:, 0]
-        excess = max(0.0, float(np.max(np.abs(mu))) - model.mu_k)
-        np.clip(mu, -model.mu_k, model.mu_k, out=mu)
+    for j, law in enumerate(model.laws):
+        if law is not None:
+            mu = model.memory(out)[:, 0, j]
+            excess = max(excess, float(np.max(np.abs(mu))) - law.bound)
+            np.clip(mu, -law.bound, law.bound, out=mu)
     return Run(times, out, nfev, steps, resets, excess)
 
 
@@ -231,8 +239,10 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
     stiffness matrix is singular, and links that touch or leave make it jump. Energy must fall, so
     that it ends at a minimum, not a saddle (the polygon of links has both along its path). Ends
     when no force on a link (or moment over half a link) exceeds `tol` times the belt's EA/1000.
-    Pulleys keep their angles; memory and ledger are cleared.
+    Pulleys keep their angles; memory and ledger are cleared. Motions and laws of single pulleys are
+    left out: unlike Dahl's, a law may resist a prescribed motion from its first instant.
     """
+    model = dataclasses.replace(model, friction=None, motion={})
     y = np.array(y0, dtype=float)
     model.links(y)[1] = 0.0
     model.pulleys(y)[1] = 0.0

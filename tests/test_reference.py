@@ -16,7 +16,24 @@ import pytest
 import reference as ref
 import reference_run as runs
 import scipy.integrate
-from oracle_drives import no_torque, shaken, small_drive
+from oracle_drives import law_by_hand, no_torque, shaken, small_drive
+from reference_friction import Dahl, ElasticPlastic, LuGre
+
+LUGRE = LuGre(mu_k=0.5, mu_s=0.8, v_stribeck=0.3, sigma=1e4, damping=0.2, viscous=0.1)
+ELASTIC = ElasticPlastic(mu=0.6, stiffness=1e7, damping=5e3)  # c v of 100 N at 1 m/s
+
+
+def three_pulleys(**changes: Any) -> ref.Reference:
+    """Counter-clockwise, unequal."""
+    data: dict[str, Any] = {
+        "length": 1.55,
+        "centers": np.array([[0.0, 0.0], [0.4, -0.05], [0.2, 0.3]]),
+        "radii": np.array([0.1, 0.07, 0.05]),
+        "inertias": np.array([0.01, 0.02, 0.005]),
+        "winding": 1,
+    }
+    return ref.paper_drive(40, **(data | changes))
+
 
 MODELS: dict[str, Callable[[], ref.Reference]] = {
     "paper": ref.paper_drive,
@@ -25,14 +42,20 @@ MODELS: dict[str, Callable[[], ref.Reference]] = {
         gravity=(1.0, -9.81), bending_damping=0.02, bending_stiffness=0.5
     ),
     "bearing drag": lambda: ref.paper_drive(drag=np.array([[3.0, 0.1, 0.02], [1.0, 0.0, 0.3]])),
-    # Counter-clockwise, unequal, three pulleys.
-    "three pulleys": lambda: ref.paper_drive(
-        40,
-        length=1.55,
-        centers=np.array([[0.0, 0.0], [0.4, -0.05], [0.2, 0.3]]),
-        radii=np.array([0.1, 0.07, 0.05]),
-        inertias=np.array([0.01, 0.02, 0.005]),
-        winding=1,
+    "three pulleys": three_pulleys,
+    "LuGre": lambda: ref.paper_drive(friction=(LUGRE, LUGRE)),
+    "elastic/plastic": lambda: ref.paper_drive(friction=(ELASTIC, ELASTIC)),
+    "Dahl, LuGre, elastic/plastic": lambda: three_pulleys(
+        friction=(Dahl(0.7, 2e4), LUGRE, ELASTIC)
+    ),
+    "elastic/plastic, none, Dahl": lambda: three_pulleys(friction=(ELASTIC, None, Dahl(0.7, 2e4))),
+    "prescribed motion": lambda: three_pulleys(
+        friction=(LUGRE, ELASTIC, None),
+        drag=np.array([[3.0, 0.1, 0.02], [1.0, 0.0, 0.3], [0.0, 0.2, 0.0]]),
+        motion={
+            0: lambda t: (4.0 + 300.0 * t, 300.0),
+            2: lambda t: (-5.0 * math.cos(20.0 * t + 0.5), 100.0 * math.sin(20.0 * t + 0.5)),
+        },
     ),
 }
 
@@ -248,9 +271,12 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
         for side, at_end in ((+1, pull[:, right]), (-1, -pull[:, i])):
             arm = side * model.l0 / 2 * e[:, i]
             moment += arm[0] * at_end[1] - arm[1] * at_end[0]
-        for j in range(model.n_pulleys):
-            force += at.normal[j, i] * at.outward[j, :, i] - at.friction[j, i] * at.tangent[j, :, i]
-            torque_on_pulley[j] += at.friction[j, i] * at.distance[j, i]
+        for j, law in enumerate(model.laws):
+            grip, _ = law_by_hand(
+                law, model.memory(y)[0, j, i], at.velocity[j, i], at.normal[j, i], model.l0
+            )
+            force += at.normal[j, i] * at.outward[j, :, i] - grip * at.tangent[j, :, i]
+            torque_on_pulley[j] += grip * at.distance[j, i]
         acceleration[:, i] = force / model.mass
         alpha[i] = moment / model.inertia
     if model.drag is not None:
@@ -258,6 +284,7 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
         sign = np.array([math.tanh(math.asinh(v)) for v in w / model.omega_0])  # v / sqrt(1 + v^2)
         torque_on_pulley -= model.drag.T[0] * sign
         torque_on_pulley -= model.drag.T[1] * w + model.drag.T[2] * w**2 * np.sign(w)
+    torque_on_pulley += model.torques(0.0, y, torque)
     links = model.links(dy)
     # Rounding only: 1e-11 of the largest acceleration.
     np.testing.assert_allclose(links[1, :2], acceleration, atol=1e-11 * abs(acceleration).max())
@@ -270,12 +297,66 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
         model.ledger(dy), model.powers(0.0, y, torque), rtol=1e-11, atol=1e-9
     )
     touching = at.penetration > 0
-    mu_rate, slip_rate = model.memory(dy)
-    np.testing.assert_allclose(slip_rate, np.where(touching, at.velocity, 0.0), atol=1e-12)
-    if model.mu_k is not None and model.sigma is not None:
-        mu, v = model.memory(y)[0], at.velocity
-        law = np.where(touching, model.sigma * (v - np.abs(v) * mu / model.mu_k), 0.0)
-        np.testing.assert_allclose(mu_rate, law, rtol=1e-11, atol=1e-9)
+    z_rate, slip_rate = model.memory(dy)
+    rubbing = touching & np.array([law is not None for law in model.laws])[:, None]
+    np.testing.assert_allclose(slip_rate, np.where(rubbing, at.velocity, 0.0), atol=1e-12)
+    for pair, z in np.ndenumerate(model.memory(y)[0]):
+        v, normal = float(at.velocity[pair]), float(at.normal[pair])
+        grip, rate = law_by_hand(model.laws[pair[0]], z, v, normal, model.l0)
+        assert z_rate[pair] == pytest.approx(rate if touching[pair] else 0.0, rel=1e-11, abs=1e-9)
+        assert at.friction[pair] == pytest.approx(grip, rel=1e-11, abs=1e-9)
+        assert at.mu[pair] * normal == pytest.approx(grip, rel=1e-11, abs=1e-9)
+    assert not at.mu[at.normal == 0].any()
+
+
+def test_states_are_those_that_laws_tell_apart() -> None:
+    """The shaken states reach sticking and slipping links, and all of LuGre's velocities."""
+    model = ref.paper_drive(friction=(LUGRE, ELASTIC))
+    seen = []
+    for seed in range(1, 5):
+        at = model.contacts(shaken(model, seed))
+        holds = at.normal > 0
+        seen.append(
+            [
+                np.sum(holds[0] & (np.abs(at.velocity[0]) < LUGRE.v_stribeck)),
+                np.sum(holds[0] & (np.abs(at.velocity[0]) > 2 * LUGRE.v_stribeck)),
+                np.sum(holds[1] & (np.abs(at.mu[1]) < 0.99 * ELASTIC.mu)),
+                np.sum(holds[1] & (np.abs(at.mu[1]) > (1 - 1e-12) * ELASTIC.mu)),
+            ]
+        )
+    assert np.min(np.sum(seen, axis=0)) > 5
+
+
+def test_dahl_on_every_pulley_is_dahl() -> None:
+    """The law as an object, and the fast way for the same law on all pulleys: the same bits."""
+    one, other = ref.paper_drive(), ref.paper_drive(friction=(Dahl(1.0, 1e4),) * 2)
+    y = shaken(one, 1)
+    np.testing.assert_array_equal(one.rhs(0.0, y, no_torque), other.rhs(0.0, y, no_torque))
+    np.testing.assert_array_equal(one.contacts(y).friction, other.contacts(y).friction)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_torque_of_a_prescribed_motion_makes_that_motion(seed: int) -> None:
+    """Set on free pulleys, it gives every link and pulley the rates that the prescription gave."""
+    model = MODELS["prescribed motion"]()
+    y = shaken(model, seed)
+    needed = model.torques(0.0, y, no_torque)
+    assert np.all(np.abs(needed[[0, 2]]) > 0.1) and needed[1] == 0
+    dy = model.rhs(0.0, y, no_torque)
+    np.testing.assert_array_equal(model.pulleys(dy)[0], model.pulleys(y)[1])
+    assert model.pulleys(dy)[1, 0] == 300.0
+    assert model.pulleys(dy)[1, 2] == 100.0 * math.sin(0.5)
+    free = dataclasses.replace(model, motion={})
+    # Rounding of the sums over links in (2.12), 1e-11 as above.
+    np.testing.assert_allclose(free.rhs(0.0, y, lambda *_: needed), dy, rtol=1e-11, atol=1e-9)
+    # What torques are set on it means nothing, whatever they are.
+    absurd = np.array([np.nan, 0.0, np.inf])
+    np.testing.assert_array_equal(model.rhs(0.0, y, lambda *_: absurd), dy)
+    # Nor does a speed of the state that is not the prescribed one.
+    astray = y.copy()
+    model.pulleys(astray)[1, [0, 2]] += 1.0
+    np.testing.assert_array_equal(model.rhs(0.0, astray, no_torque), dy)
+    np.testing.assert_array_equal(model.follow(0.0, astray), y)
 
 
 def test_penetration_agrees_with_rhs_to_the_last_bit() -> None:
@@ -343,7 +424,11 @@ def test_angular_momentum_rate_is_that_of_external_forces(model: ref.Reference) 
     d, d_rate = model.joint_vectors(y)
     couple = -model.b_tra * np.sum(d[0] * d_rate[1] - d[1] * d_rate[0])
     assert rate == pytest.approx(
-        applied.sum() - model.drag_torque(model.pulleys(y)[1]).sum() + bearings + weight + couple,
+        model.torques(0.0, y, lambda *_: applied).sum()
+        - model.drag_torque(model.pulleys(y)[1]).sum()
+        + bearings
+        + weight
+        + couple,
         abs=1e-11 * np.abs(spin).max() * model.n_bodies,
     )
 
@@ -433,9 +518,14 @@ def moved(
         for name in (
             *("length", "n_bodies", "linear_density", "axial_stiffness", "axial_damping"),
             *("bending_stiffness", "bending_damping", "radii", "inertias", "contact"),
-            *("mu_k", "sigma", "drag"),
+            *("mu_k", "sigma", "friction", "drag"),
         )
     }
+
+    def turned(motion: ref.Motion) -> ref.Motion:
+        return lambda t: (sign * motion(t)[0], sign * motion(t)[1])
+
+    changes["motion"] = {j: turned(motion) for j, motion in model.motion.items()}
     other = ref.Reference(
         **changes,
         centers=model.centers @ matrix.T + np.asarray(shift),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 import reference as ref
 import reference_run as runs
 from oracle_drives import no_torque, shaken, small_drive
+from reference_friction import Dahl, ElasticPlastic, Law, LuGre
 
 # -------------------------------------------------------------------- integration
 
@@ -46,6 +49,114 @@ def test_energy_residual_of_a_run_vanishes(small_run: tuple[ref.Reference, runs.
     # ... and the books balance to tol times the work done. Each step errs by less than 1e-6 of the
     # stretch; the energy of a stretch of 1e-2 l0 is a joule.
     assert np.abs(residual).max() < 1e-6 * ledger[0]
+
+
+# Links of the small drive press with some 100 N and slide at up to 1 m/s: friction changes over
+# about a millimetre, and dampers carry up to half of it.
+LUGRE = LuGre(mu_k=0.5, mu_s=0.7, v_stribeck=0.05, sigma=2e3, damping=0.5, viscous=0.1)
+ELASTIC = ElasticPlastic(mu=0.6, stiffness=1e6, damping=500.0)
+LAWS: dict[str, tuple[Law | None, Law | None]] = {
+    "LuGre": (LUGRE, LUGRE),
+    "elastic/plastic": (ELASTIC, ELASTIC),
+    "LuGre and elastic/plastic": (LUGRE, ELASTIC),
+    "elastic/plastic and Dahl": (ELASTIC, Dahl(0.8, 2e3)),
+    "LuGre and none": (LUGRE, None),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_energy_residual_vanishes_with_every_law(name: str) -> None:
+    """The books balance as with Dahl's law, with bearing drag on top; every law takes its share."""
+    drag = np.array([[0.5, 1e-3, 0.0], [0.1, 0.0, 1e-4]])
+    model = small_drive(inertias=np.array([5e-4, 5e-4]), friction=LAWS[name], drag=drag)
+    start = runs.settle(model, ref.start_state(model))
+    times = np.linspace(0.0, 0.02, 401)
+    run = runs.integrate(model, start, ramp, times, tol=1e-6, breakpoints=[0.01])
+    ledger = model.ledger(run.y)[-1]
+    assert np.all(ledger > 0) and ledger[3] > 0.01 * ledger[0]
+    assert np.abs(model.residual(run.y, run.y[0])).max() < 1e-6 * ledger[0]
+    contacts = model.contacts(run.y)
+    power = (contacts.friction * contacts.velocity).sum(axis=2)
+    for j, law in enumerate(model.laws):
+        share = np.trapezoid(power[:, j], times)
+        assert share == 0 if law is None else share > 0
+        limit = 0.0 if law is None else law.mu if isinstance(law, ElasticPlastic) else np.inf
+        # F / N of a force that is cut off at mu N, rounded twice.
+        assert np.abs(contacts.mu[:, j]).max() <= limit * (1 + 1e-15)
+    assert run.mu_excess < 1e-6
+    lost = model.penetration(run.y) <= 0
+    assert np.any(lost[0] != lost[-1]) and not model.memory(run.y)[:, 0][lost].any()
+
+
+# -------------------------------------------------------------------- prescribed motion
+
+
+def started(t: float) -> tuple[float, float]:
+    """From rest at 2000 rad/s^2 to 20 rad/s, which is reached after 10 ms."""
+    return (-2000.0 * t, -2000.0) if t < 0.01 else (-20.0, 0.0)
+
+
+@pytest.mark.parametrize("drag", [None, np.array([[0.5, 1e-3, 0.0], [0.1, 0.0, 1e-4]])])
+def test_energy_residual_vanishes_under_prescribed_motion(drag: Any) -> None:
+    """Torque, power, angle and speed of a drive whose pulley 0 is brought to speed."""
+    model = small_drive(
+        inertias=np.array([5e-4, 5e-4]), friction=(LUGRE, ELASTIC), drag=drag, motion={0: started}
+    )
+    start = runs.settle(model, ref.start_state(model))
+    times = np.linspace(0.0, 0.02, 401)
+    run = runs.integrate(model, start, no_torque, times, tol=1e-6, breakpoints=[0.01])
+    theta, omega = np.moveaxis(model.pulleys(run.y), 1, 0)
+    exact = np.where(times < 0.01, -1000.0 * times**2, 0.1 - 20.0 * times)
+    # 1e-6 of the scale of an angle, 1e-3 rad, per step.
+    assert np.abs(theta[:, 0] - exact).max() <= run.steps * 1e-9
+    np.testing.assert_array_equal(omega[:, 0], [started(t)[0] for t in times])
+    assert omega[-1, 1] < -1.0  # the belt takes the other one along
+    ledger = model.ledger(run.y)
+    assert ledger[-1, 0] > 0.05
+    assert np.abs(model.residual(run.y, run.y[0])).max() < 1e-6 * ledger[-1, 0]
+    # Power as reported, summed over the samples: half an interval of the largest change of power
+    # is what the trapezoidal rule can miss where the acceleration jumps, and little elsewhere.
+    power = np.array(
+        [
+            model.torques(t, y, no_torque)[0] * w[0]
+            for t, y, w in zip(times, run.y, omega, strict=True)
+        ]
+    )
+    jump = 0.5 * times[1] * np.abs(np.diff(power)).max()
+    assert np.trapezoid(power, times) == pytest.approx(ledger[-1, 0], abs=2 * jump)
+
+
+def test_prescribed_speed_is_that_of_a_pulley_too_heavy_to_change_it() -> None:
+    """At a constant speed the belt cannot tell, nor the torque, which is what slows the heavy one.
+
+    20 N m, the most there is, change the speed of 1e6 kg m^2 by 2e-7 rad/s at most within the run,
+    2e-8 of the slip at its start. All else that the two runs do not share is the errors of steps.
+    """
+    constant = {0: lambda t: (-10.0, 0.0)}
+    inertias = np.array([1e6, 5e-4])
+    held = small_drive(inertias=inertias, friction=(LUGRE, ELASTIC), motion=constant)
+    heavy = dataclasses.replace(held, motion={})
+    start = runs.settle(held, ref.start_state(held))
+    held.pulleys(start)[1, 0] = -10.0
+    times = np.linspace(0.0, 0.01, 5)
+    one, other = (runs.integrate(m, start, no_torque, times, tol=1e-8) for m in (held, heavy))
+    force, expected = held.joints(one.y)[1], held.joints(other.y)[1]
+    assert np.ptp(expected[-1]) > 5.0
+    # Steps of 1e-8 of the stretch, as in the test of output times below.
+    assert np.abs(force - expected).max() < 1e-6 * expected.mean()
+    torque = np.array([held.torques(0.0, y, no_torque)[0] for y in one.y])
+    slowing = [heavy.pulleys(heavy.rhs(0.0, y, no_torque))[1, 0] * inertias[0] for y in other.y]
+    assert np.abs(torque).max() > 0.5
+    np.testing.assert_allclose(torque, np.negative(slowing), atol=1e-6 * np.abs(torque).max())
+
+
+def test_run_begins_at_the_prescribed_speed() -> None:
+    model = small_drive(motion={1: lambda t: (3.0, 0.0)})
+    with pytest.raises(ValueError, match="another speed"):
+        runs.integrate(model, ref.start_state(model), no_torque, [0.0, 1e-4])
+
+
+# -------------------------------------------------------------------- limits and lost contacts
 
 
 def test_run_keeps_friction_within_its_limit(small_run: tuple[ref.Reference, runs.Run]) -> None:
