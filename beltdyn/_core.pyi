@@ -12,7 +12,7 @@ __version__: str
 RULES: tuple[tuple[str, str, float, bool, float], ...]  # name, wording, least, excluded, most
 PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, unit, text
 LAWS: tuple[tuple[str, str, str], ...]  # friction: name, class, text; its parameters' group: name
-STATE_FIELDS: tuple[tuple[str, str], ...]  # name, size (LINKS, SLOTS, PULLEYS)
+STATE_FIELDS: tuple[tuple[str, str, str, str], ...]  # name, size (LINKS, ...), unit, text
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
 ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: what output "energy" has columns of
 STATS: tuple[tuple[str, str], ...]  # name, text

@@ -26,7 +26,7 @@ _T = TypeVar("_T")
 #: Raised whenever older files could be misread.
 _FORMAT = 2
 _STATUS = ("finished", "failed", "interrupted")
-_FINAL = {f"final_state.{name}": size for name, size in _core.STATE_FIELDS}
+_FINAL = {f"final_state.{name}": size for name, size, *_ in _core.STATE_FIELDS}
 #: A step is accepted only if the state after it is finite, but before a run fails the forces and
 #: energies of such a state may exceed the range of floats. The state itself is always finite.
 _MAY_OVERFLOW = {
@@ -64,7 +64,7 @@ def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
         if result[group] is not None:
             arrays = result[group].arrays()
             values |= {f"{group}.{name}": array for name, array in arrays.items()}
-    values |= {f"final_state.{name}": getattr(final, name) for name, _ in _core.STATE_FIELDS}
+    values |= {f"final_state.{name}": getattr(final, name) for name, *_ in _core.STATE_FIELDS}
     values |= {"meta.json": json.dumps(meta), "params.toml": result["params"].to_toml()}
     npz.write(path, values)
 

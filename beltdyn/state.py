@@ -15,7 +15,7 @@ from .checks import Array, real, real_array
 
 __all__ = ["State"]
 
-_SIZES: dict[str, str] = dict(_core.STATE_FIELDS)
+_SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
@@ -68,7 +68,9 @@ class State:
         vx: Velocities of the mass centres (n_b,) [m/s].
         vy: The same.
         vphi: Angular velocities of the links (n_b,) [rad/s].
-        mu: Friction coefficients, the Dahl state of (2.9) (n_b,) [1]; 0 off the pulleys.
+        mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
+            Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
+            of an elastic/plastic one.
         slip: Slip displacements since contact began (n_b,) [m].
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].

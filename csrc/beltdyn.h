@@ -183,7 +183,7 @@ int bd_check_parameter(const char *group, const char *name, const char *label, d
  * n_pulleys. phi is continuous: joint 0 carries the winding. */
 typedef struct bd_state {
   double t;
-#define X(name, size) double *name;
+#define X(symbol, name, size, scale, unit, text) double *name;
   BD_STATE_FIELDS(X)
 #undef X
 } bd_state;

@@ -52,20 +52,22 @@
 #define BD_TYPE_FINITE double
 #define BD_TYPE_LINKS int
 
-/* Fields of a state: X(name, size): LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS
- * n_p. With time they are the physical state; to go on bit for bit a run
- * needs more (bd_sim_export). */
+/* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
+ * size: LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS n_p; in this order. scale:
+ * what errors are measured by (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED,
+ * both over a lever arm (TURN, SPIN), the FRICTION law's own; NONE: errors are not looked at. With
+ * time they are the physical state; to go on bit for bit a run needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
-  X(x, LINKS)                                                                                      \
-  X(y, LINKS)                                                                                      \
-  X(phi, LINKS)                                                                                    \
-  X(vx, LINKS)                                                                                     \
-  X(vy, LINKS)                                                                                     \
-  X(vphi, LINKS)                                                                                   \
-  X(mu, SLOTS)                                                                                     \
-  X(slip, SLOTS)                                                                                   \
-  X(theta, PULLEYS)                                                                                \
-  X(omega, PULLEYS)
+  X(X, x, LINKS, STRETCH, "m", "mass centre of the link")                                          \
+  X(Y, y, LINKS, STRETCH, "m", "mass centre of the link")                                          \
+  X(PHI, phi, LINKS, TURN, "rad", "angle of the link, continuous")                                 \
+  X(VX, vx, LINKS, SPEED, "m/s", "velocity of the mass centre")                                    \
+  X(VY, vy, LINKS, SPEED, "m/s", "velocity of the mass centre")                                    \
+  X(VPHI, vphi, LINKS, SPIN, "rad/s", "angular velocity of the link")                              \
+  X(MU, mu, SLOTS, FRICTION, "its law's", "state of the friction law, z")                          \
+  X(SLIP, slip, SLOTS, NONE, "m", "slip displacement since contact began")                         \
+  X(THETA, theta, PULLEYS, TURN, "rad", "rotation angle of the pulley")                            \
+  X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \

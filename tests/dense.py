@@ -38,7 +38,7 @@ class Layout:
         units = {"x": 1.0, "y": 1.0, "phi": 1.0 / half, "theta": 1.0 / radius, "slip": 1.0}
         units |= {"vx": w, "vy": w, "vphi": w / half, "omega": w / radius}
         units["mu"] = max(1.0 / STRETCH, oracle.sigma or 0.0)
-        sizes = {name: np.size(state[name]) for name, _ in _core.STATE_FIELDS}
+        sizes = {name: np.size(state[name]) for name, *_ in _core.STATE_FIELDS}
         scale = [np.full(n, STRETCH * units[name]) for name, n in sizes.items()]
         return cls(sizes, np.concatenate(scale))
 

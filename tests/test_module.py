@@ -35,12 +35,12 @@ from beltdyn.errors import SimulationError
 
 def test_tables_are_what_the_objects_use(model, rest):
     simulation = make_simulation(model, rest)
-    state_names = [name for name, _ in _core.STATE_FIELDS]
+    state_names = [name for name, *_ in _core.STATE_FIELDS]
     assert list(simulation.state()) == ["t", *state_names]
     assert list(model.rate(rest, [0, 0])) == state_names
     assert list(simulation.sample([0.0])) == [row[0] for row in _core.OUTPUTS] + ["pulley"]
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
-    assert {size for _, size in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS"}
+    assert {size for _, size, *_ in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS"}
     assert {row[2] for row in _core.OUTPUTS} == {"LINKS", "PULLEYS", "ENERGY"}
     assert [row[0] for row in _core.RULES] == ["POSITIVE", "NONNEGATIVE", "FINITE", "LINKS"]
     assert {row[2] for row in _core.PARAMETERS} <= {row[0] for row in _core.RULES}
@@ -49,7 +49,7 @@ def test_tables_are_what_the_objects_use(model, rest):
 def test_tables_hold_their_columns():
     for table, width in [
         (_core.PARAMETERS, 5),
-        (_core.STATE_FIELDS, 2),
+        (_core.STATE_FIELDS, 4),
         (_core.OUTPUTS, 5),
         (_core.ENERGY_TERMS, 2),
         (_core.STATS, 2),

@@ -14,6 +14,8 @@
 #ifndef BELTDYN_BASE_H
 #define BELTDYN_BASE_H
 
+#include <stddef.h>
+
 #include "beltdyn.h"
 
 #define BD_PI 3.14159265358979323846
@@ -21,7 +23,33 @@
 #define BD_LANES 8 /* blocks are padded to the widest vector */
 #define BD_ALIGN 64
 
-enum { F_X, F_Y, F_PHI, F_VX, F_VY, F_VPHI, F_MU };
+/* Rows of BD_STATE_FIELDS; of a field of links also the number of its block, F_MU the first of the
+ * friction slots'. */
+enum {
+#define X(symbol, name, size, scale, unit, text) F_##symbol,
+  BD_STATE_FIELDS(X)
+#undef X
+      BD_N_FIELDS
+};
+
+enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_PULLEYS };
+enum {
+  BD_SCALE_NONE,
+  BD_SCALE_STRETCH,
+  BD_SCALE_TURN,
+  BD_SCALE_SPEED,
+  BD_SCALE_SPIN,
+  BD_SCALE_FRICTION
+};
+
+/* A row of BD_STATE_FIELDS. */
+typedef struct bd_field_row {
+  const char *name;
+  int size, scale;
+  size_t member; /* offset of its array in bd_state */
+} bd_field_row;
+
+extern const bd_field_row bd_state_fields[BD_N_FIELDS];
 
 /* Work integrals carried in the tail. Those from W_DRAG on only where the drive has the effect:
  * n_work of the layout says how many there are. */
@@ -46,6 +74,14 @@ static inline const double *bd_cfield(const bd_layout *lay, const double *y, int
 static inline int bd_f_slip(const bd_layout *lay) {
   return F_MU + lay->slots;
 }
+
+/* How many pieces of the state vector a row of the table has, one per slot at most; how long each
+ * is, and where piece k begins. */
+int bd_field_pieces(const bd_layout *lay, int row);
+int bd_field_length(const bd_layout *lay, int row);
+size_t bd_field_offset(const bd_layout *lay, int row, int k);
+/* The row and the link or pulley (the other -1) of an entry of the vector; -1: padding, work. */
+int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley);
 
 /* --- base.c ---------------------------------------------------------------------------------- */
 

@@ -48,7 +48,7 @@ typedef struct {
 /* --- states ---------------------------------------------------------------------------------- */
 
 enum {
-#define X(name, size) BD_CORE_STATE_##name,
+#define X(symbol, name, size, scale, unit, text) BD_CORE_STATE_##name,
   BD_STATE_FIELDS(X)
 #undef X
       BD_CORE_N_STATE

@@ -19,7 +19,7 @@ static const struct {
   int size;
   size_t offset;
 } state_fields[] = {
-#define X(name, size) {#name, SIZE_##size, offsetof(bd_state, name)},
+#define X(symbol, name, size, scale, unit, text) {#name, SIZE_##size, offsetof(bd_state, name)},
     BD_STATE_FIELDS(X)
 #undef X
 };

@@ -366,8 +366,8 @@ static int add_tables(PyObject *module) {
       BD_LAWS(LAW)
 #undef LAW
   };
-  static const char *const state_fields[][2] = {
-#define X(name, size) {#name, #size},
+  static const char *const state_fields[][4] = {
+#define X(symbol, name, size, scale, unit, text) {#name, #size, unit, text},
       BD_STATE_FIELDS(X)
 #undef X
   };

@@ -99,5 +99,11 @@ void bd_state_export(const bd_model *model, const double *y, double turns, bd_st
 void bd_state_wind(const bd_layout *lay, double *y, double *turns);
 /* First non-finite entry by name and index; NULL if none. */
 const char *bd_state_bad(const bd_layout *lay, const double *y, int *body, int *pulley);
+/* What errors of a row of the table are measured by, in slot or on pulley k; INFINITY: they are
+ * not. Stretch for positions; over half a link or a radius for angles; and for velocities what a
+ * joint's stretch is worth over the time a wave needs round a belt of 60 links, which measured runs
+ * found as strict as the stretch itself. A state of friction's error is that of the force it stands
+ * for, over the normal force at rest. */
+double bd_state_scale(const bd_model *model, int row, int k);
 
 #endif

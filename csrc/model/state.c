@@ -3,6 +3,7 @@
  * Between the caller's arrays and the flat vector of base/base.h.
  */
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #include "model/model.h"
@@ -12,45 +13,68 @@
 #define MAX_ANGLE 50.0
 #define LARGEST_ANGLE 1e9 /* beyond it an angle has no digits left for a step's turn */
 
-static int field_index(const char *name) {
-  int k = 0;
-#define X(field, size)                                                                             \
-  if (strcmp(name, #field) == 0) {                                                                 \
-    return k;                                                                                      \
-  }                                                                                                \
-  ++k;
-  BD_STATE_FIELDS(X)
+/* --- the table ------------------------------------------------------------------------------- */
+
+const bd_field_row bd_state_fields[BD_N_FIELDS] = {
+#define X(symbol, name, size, scale, unit, text)                                                   \
+  {#name, BD_SIZE_##size, BD_SCALE_##scale, offsetof(bd_state, name)},
+    BD_STATE_FIELDS(X)
 #undef X
-  return -1;
+};
+
+int bd_field_pieces(const bd_layout *lay, int row) {
+  return bd_state_fields[row].size == BD_SIZE_SLOTS ? lay->slots : 1;
 }
 
-static int finite_block(const double *v, int n, const char *name, bd_error *err) {
-  for (int i = 0; i < n; ++i) {
-    if (!isfinite(v[i])) {
-      return bd_fail_at(err, BD_ERR_STATE, name, (double)NAN, field_index(name) < 8 ? i : -1,
-                        field_index(name) < 8 ? -1 : i, v[i], "state %s[%d] must be finite, got %g",
-                        name, i, v[i]);
+int bd_field_length(const bd_layout *lay, int row) {
+  return bd_state_fields[row].size == BD_SIZE_PULLEYS ? lay->np : lay->n;
+}
+
+size_t bd_field_offset(const bd_layout *lay, int row, int k) {
+  if (row >= F_THETA) {
+    return (size_t)(lay->theta + (row - F_THETA) * lay->np);
+  }
+  const int block = row < F_MU ? row : F_MU + (row - F_MU) * lay->slots + k;
+  return (size_t)block * (size_t)lay->stride + BD_HALO;
+}
+
+int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
+  const int at = (int)entry, block = at / lay->stride, link = at % lay->stride - BD_HALO;
+  *body = *pulley = -1;
+  if (at >= lay->theta) {
+    const int row = F_THETA + (at - lay->theta) / lay->np;
+    *pulley = row < BD_N_FIELDS ? (at - lay->theta) % lay->np : -1;
+    return row < BD_N_FIELDS ? row : -1;
+  }
+  if (link < 0 || link >= lay->n) {
+    return -1;
+  }
+  *body = link;
+  return block < F_MU ? block : F_MU + (block - F_MU) / lay->slots;
+}
+
+/* --- in and out ------------------------------------------------------------------------------ */
+
+static double *member(const bd_state *state, int row) {
+  double *array;
+  memcpy(&array, (const char *)state + bd_state_fields[row].member, sizeof array);
+  return array;
+}
+
+static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *err) {
+  for (int row = 0; row < BD_N_FIELDS; ++row) {
+    const double *v = member(state, row);
+    const int length = bd_field_length(lay, row), of_links = row < F_THETA;
+    for (int i = 0; i < length * bd_field_pieces(lay, row); ++i) {
+      if (!isfinite(v[i])) {
+        return bd_fail_at(err, BD_ERR_STATE, bd_state_fields[row].name, (double)NAN,
+                          of_links ? i % length : -1, of_links ? -1 : i, v[i],
+                          "state %s[%d] must be finite, got %g", bd_state_fields[row].name, i,
+                          v[i]);
+      }
     }
   }
   return BD_OK;
-}
-
-#define COUNT_LINKS lay->n
-#define COUNT_SLOTS (lay->n * lay->slots)
-#define COUNT_PULLEYS lay->np
-
-static void put_links(const bd_layout *lay, double *y, int f, const double *v, double shift) {
-  double *block = bd_field(lay, y, f);
-  for (int i = 0; i < lay->n; ++i) {
-    block[i] = v[i] + shift;
-  }
-}
-
-static void get_links(const bd_layout *lay, const double *y, int f, double *v, double shift) {
-  const double *block = bd_cfield(lay, y, f);
-  for (int i = 0; i < lay->n; ++i) {
-    v[i] = block[i] + shift;
-  }
 }
 
 /* Angles run on continuously and close with the winding: a step near a turn is one wrapped away. */
@@ -91,29 +115,25 @@ static int check_friction(const bd_model *model, const bd_state *state, bd_error
 
 void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
                   double *y) {
-  put_links(lay, y, F_X, state->x, shift_x);
-  put_links(lay, y, F_Y, state->y, shift_y);
-  put_links(lay, y, F_PHI, state->phi, 0.0);
-  put_links(lay, y, F_VX, state->vx, 0.0);
-  put_links(lay, y, F_VY, state->vy, 0.0);
-  put_links(lay, y, F_VPHI, state->vphi, 0.0);
-  for (int s = 0; s < lay->slots; ++s) {
-    put_links(lay, y, F_MU + s, state->mu + s * lay->n, 0.0);
-    put_links(lay, y, bd_f_slip(lay) + s, state->slip + s * lay->n, 0.0);
+  for (int row = 0; row < BD_N_FIELDS; ++row) {
+    const double *from = member(state, row);
+    const double shift = row == F_X ? shift_x : row == F_Y ? shift_y : 0.0;
+    const int length = bd_field_length(lay, row);
+    for (int k = 0; k < bd_field_pieces(lay, row); ++k) {
+      double *to = y + bd_field_offset(lay, row, k);
+      for (int i = 0; i < length; ++i) {
+        to[i] = from[k * length + i] + shift;
+      }
+    }
   }
-  memcpy(y + lay->theta, state->theta, (size_t)lay->np * sizeof *y);
-  memcpy(y + lay->omega, state->omega, (size_t)lay->np * sizeof *y);
 }
 
 int bd_state_import(const bd_model *model, const bd_state *state, double *y, double *turns,
                     bd_error *err) {
   const bd_layout *lay = &model->lay;
-#define X(name, size)                                                                              \
-  if (finite_block(state->name, COUNT_##size, #name, err) != BD_OK) {                              \
-    return BD_ERR_STATE;                                                                           \
+  if (check_finite(lay, state, err) != BD_OK) {
+    return BD_ERR_STATE;
   }
-  BD_STATE_FIELDS(X)
-#undef X
   if (!isfinite(state->t)) {
     return bd_fail(err, BD_ERR_STATE, "t", "state t must be finite, got %g", state->t);
   }
@@ -145,18 +165,20 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
 
 void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state) {
   const bd_layout *lay = &model->lay;
-  get_links(lay, y, F_X, state->x, model->origin[0]);
-  get_links(lay, y, F_Y, state->y, model->origin[1]);
-  get_links(lay, y, F_PHI, state->phi, turns * 2.0 * BD_PI);
-  get_links(lay, y, F_VX, state->vx, 0.0);
-  get_links(lay, y, F_VY, state->vy, 0.0);
-  get_links(lay, y, F_VPHI, state->vphi, 0.0);
-  for (int s = 0; s < lay->slots; ++s) {
-    get_links(lay, y, F_MU + s, state->mu + s * lay->n, 0.0);
-    get_links(lay, y, bd_f_slip(lay) + s, state->slip + s * lay->n, 0.0);
+  for (int row = 0; row < BD_N_FIELDS; ++row) {
+    double *to = member(state, row);
+    const double shift = row == F_X     ? model->origin[0]
+                         : row == F_Y   ? model->origin[1]
+                         : row == F_PHI ? turns * 2.0 * BD_PI
+                                        : 0.0;
+    const int length = bd_field_length(lay, row);
+    for (int k = 0; k < bd_field_pieces(lay, row); ++k) {
+      const double *from = y + bd_field_offset(lay, row, k);
+      for (int i = 0; i < length; ++i) {
+        to[k * length + i] = from[i] + shift;
+      }
+    }
   }
-  memcpy(state->theta, y + lay->theta, (size_t)lay->np * sizeof *y);
-  memcpy(state->omega, y + lay->omega, (size_t)lay->np * sizeof *y);
 }
 
 void bd_state_wind(const bd_layout *lay, double *y, double *turns) {
@@ -172,22 +194,40 @@ void bd_state_wind(const bd_layout *lay, double *y, double *turns) {
 }
 
 const char *bd_state_bad(const bd_layout *lay, const double *y, int *body, int *pulley) {
-  static const char *const names[] = {"x", "y", "phi", "vx", "vy", "vphi", "mu", "slip"};
+  for (size_t entry = 0; entry < (size_t)lay->work; ++entry) {
+    const int row = isfinite(y[entry]) ? -1 : bd_field_at(lay, entry, body, pulley);
+    if (row >= 0) {
+      return bd_state_fields[row].name;
+    }
+  }
   *body = *pulley = -1;
-  for (int f = F_X; f < F_MU + 2 * lay->slots; ++f) {
-    const double *block = bd_cfield(lay, y, f);
-    for (int i = 0; i < lay->n; ++i) {
-      if (!isfinite(block[i])) {
-        *body = i;
-        return f < F_MU ? names[f] : f < F_MU + lay->slots ? "mu" : "slip";
+  return NULL;
+}
+
+double bd_state_scale(const bd_model *model, int row, int k) {
+  const bd_field_row *field = &bd_state_fields[row];
+  const double strain = model->geometry.code == BD_OK ? model->info.strain : 0.01;
+  const double stretch = strain * model->info.link_length, speed = bd_speed_scale(model);
+  const double arm =
+      field->size == BD_SIZE_PULLEYS ? model->radius[k] : 0.5 * model->info.link_length;
+  double least = INFINITY;
+  switch (field->scale) {
+  case BD_SCALE_STRETCH:
+    return stretch;
+  case BD_SCALE_TURN:
+    return stretch / arm;
+  case BD_SCALE_SPEED:
+    return speed;
+  case BD_SCALE_SPIN:
+    return speed / arm;
+  case BD_SCALE_FRICTION:
+    for (int j = 0; j < model->lay.np; ++j) {
+      if (model->slot[j] == k && model->friction[j].law != BD_LAW_NONE) {
+        least = fmin(least, bd_friction_state_scale(model, j));
       }
     }
+    return least;
+  default:
+    return INFINITY;
   }
-  for (int j = 0; j < lay->np; ++j) {
-    if (!isfinite(y[lay->theta + j]) || !isfinite(y[lay->omega + j])) {
-      *pulley = j;
-      return isfinite(y[lay->omega + j]) ? "theta" : "omega";
-    }
-  }
-  return NULL;
 }

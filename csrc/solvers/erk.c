@@ -124,7 +124,6 @@ void bd_erk_inside(bd_stepper *stepper, double h, double s, double *y) {
 const char *bd_erk_worst(const bd_stepper *stepper, double h, int *body, int *pulley) {
   const bd_tableau *m = stepper->now->table;
   const bd_layout *lay = &stepper->model->lay;
-  static const char *const names[] = {"x", "y", "phi", "vx", "vy", "vphi"};
   const char *name = "the state";
   double worst = 0.0;
   *body = *pulley = -1;
@@ -135,11 +134,8 @@ const char *bd_erk_worst(const bd_stepper *stepper, double h, int *body, int *pu
     }
     e = stepper->weights[k] * fabs(e);
     if (!(e <= worst) && stepper->weights[k] > 0.0) {
-      int f = (int)k / lay->stride;
       worst = e;
-      *body = (int)k < lay->theta ? (int)k % lay->stride - BD_HALO : -1;
-      *pulley = *body < 0 ? ((int)k - lay->theta) % lay->np : -1;
-      name = *body < 0 ? ((int)k < lay->omega ? "theta" : "omega") : f < F_MU ? names[f] : "mu";
+      name = bd_state_fields[bd_field_at(lay, k, body, pulley)].name;
     }
   }
   return name;

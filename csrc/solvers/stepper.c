@@ -37,41 +37,18 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   stepper->method = stepper->now = method;
 }
 
-/* Of the pulleys that a friction slot serves, the largest: a state's error is that of the force it
- * stands for, over the normal force at rest. */
-static double friction_weight(const bd_model *model, int slot) {
-  double weight = 0.0;
-  for (int j = 0; j < model->lay.np; ++j) {
-    if (model->slot[j] == slot && model->friction[j].law != BD_LAW_NONE) {
-      weight = fmax(weight, 1.0 / bd_friction_state_scale(model, j));
-    }
-  }
-  return weight;
-}
-
-/* 1 / scale for every unknown. Stretch for positions; over half a link or a radius for angles; and
- * for velocities what a joint's stretch is worth over the time a wave needs round a belt of 60
- * links, which measured runs found as strict as the stretch itself. */
+/* 1 / scale for every unknown. */
 void bd_stepper_weigh(bd_stepper *stepper) {
   const bd_model *model = stepper->model;
   const bd_layout *lay = &model->lay;
-  const bd_info *info = &model->info;
-  double strain = model->geometry.code == BD_OK ? info->strain : 0.01;
-  double stretch = strain * info->link_length;
-  double speed = bd_speed_scale(model);
-  double half = 0.5 * info->link_length;
-  double scale[] = {stretch, stretch, stretch / half, speed, speed, speed / half};
   memset(stepper->weights, 0, lay->size * sizeof *stepper->weights);
-  for (int f = F_X; f < F_MU + lay->slots; ++f) {
-    double *w = bd_field(lay, stepper->weights, f);
-    const double weight = f < F_MU ? 1.0 / scale[f] : friction_weight(model, f - F_MU);
-    for (int i = 0; i < lay->n; ++i) {
-      w[i] = weight;
+  for (int row = 0; row < BD_N_FIELDS; ++row) {
+    for (int k = 0; k < bd_field_pieces(lay, row); ++k) {
+      double *w = stepper->weights + bd_field_offset(lay, row, k);
+      for (int i = 0; i < bd_field_length(lay, row); ++i) {
+        w[i] = 1.0 / bd_state_scale(model, row, row < F_THETA ? k : i);
+      }
     }
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    stepper->weights[lay->theta + j] = model->radius[j] / stretch;
-    stepper->weights[lay->omega + j] = model->radius[j] / speed;
   }
 }
 
