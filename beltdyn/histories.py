@@ -103,11 +103,14 @@ class JointHistory(Group):
 class ContactHistory(Group):
     """Contact of the links over time, (2.3)-(2.10), each (n_t, n_b).
 
+    Without friction, ``friction``, ``mu`` and ``slip`` are zeros that take no memory and cannot be
+    changed.
+
     Attributes:
         pulley: Index of the touched pulley, -1 for none (int).
         normal: Normal force N on the link (2.8) [N].
         friction: Friction force mu N (2.10) [N], on the link against the counter-clockwise tangent.
-        mu: Friction coefficient (2.9) [1].
+        mu: Friction coefficient, friction force over normal force [1]; with Dahl friction (2.9).
         slip: Slip displacement since contact began [m].
         velocity: Relative velocity v_T, counter-clockwise [m/s].
     """
@@ -282,8 +285,12 @@ def histories(
             other way round.
     """
     columns: dict[str, dict[str, Any]] = {"contact": {"pulley": arrays["pulley"]}}
-    for name, group, *_ in _core.OUTPUTS:
-        if group != "energy":
+    for name, group, size, *_ in _core.OUTPUTS:
+        if group == "energy":
+            continue
+        if size == "FRICTION" and name not in arrays:
+            columns[group][name] = np.broadcast_to(0.0, arrays["pulley"].shape)
+        else:
             columns.setdefault(group, {})[name] = arrays[name]
     groups: dict[str, Any] = {group: GROUPS[group](**found) for group, found in columns.items()}
     groups["energy"] = None

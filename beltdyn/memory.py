@@ -20,7 +20,9 @@ def available() -> int | None:
     return min(known) if known else None
 
 
-def check_samples(n_t: int, n_bodies: int, n_pulleys: int, ledger: bool, drag: bool = False) -> int:
+def check_samples(
+    n_t: int, n_bodies: int, n_pulleys: int, ledger: bool, drag: bool, friction: bool
+) -> int:
     """Give the memory that the samples of a run need [byte], if it is available.
 
     Raises:
@@ -29,6 +31,7 @@ def check_samples(n_t: int, n_bodies: int, n_pulleys: int, ledger: bool, drag: b
     columns = len(_core.ENERGY_TERMS) - (not drag)  # drag_loss
     widths = {
         "LINKS": n_bodies,
+        "FRICTION": n_bodies if friction else 0,
         "PULLEYS": n_pulleys,
         "ENERGY": columns + _LEDGER_COPIES if ledger else 0,
     }

@@ -149,6 +149,7 @@ def simulate(
         len(params.pulleys),
         ledger=options["ledger"],
         drag=any_drag(params.pulleys),
+        friction=params.has_friction,
     )
 
     # Before settling, which may take long, and may fail for the very reason they name.

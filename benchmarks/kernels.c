@@ -279,7 +279,7 @@ static void carve(bd_carver *carver, bench *b, const bd_torque *torque) {
   bd_newton_carve(carver, &b->newton, b->model);
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
-    bd_plan_carve(carver, plans[k], lay);
+    bd_plan_carve(carver, plans[k], b->model);
     bd_torque_set_carve(carver, &plans[k]->torques, lay->np, torque);
   }
 }

@@ -93,7 +93,8 @@
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
-/* Sampled outputs, one row a sample: X(name, group, size, unit, text). */
+/* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of a state's
+ * fields; FRICTION, links of drives with friction; ENERGY, columns of the ledger. */
 #define BD_OUTPUTS(X)                                                                              \
   X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \
@@ -107,9 +108,9 @@
   X(deformation, joints, LINKS, "m", "stretch of the joint on the left of the link, along it")     \
   X(force, joints, LINKS, "N", "force in that joint, along it, tension positive")                  \
   X(normal, contact, LINKS, "N", "normal force on the link, N")                                    \
-  X(friction, contact, LINKS, "N", "friction force; on the link it acts along -t")                 \
-  X(mu, contact, LINKS, "1", "friction coefficient, friction force over N")                        \
-  X(slip, contact, LINKS, "m", "slip displacement since contact began")                            \
+  X(friction, contact, FRICTION, "N", "friction force; on the link it acts along -t")              \
+  X(mu, contact, FRICTION, "1", "friction coefficient, friction force over N")                     \
+  X(slip, contact, FRICTION, "m", "slip displacement since contact began")                         \
   X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
   X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")
 

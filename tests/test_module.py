@@ -41,7 +41,7 @@ def test_tables_are_what_the_objects_use(model, rest):
     assert list(simulation.sample([0.0])) == [row[0] for row in _core.OUTPUTS] + ["pulley"]
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
     assert {size for _, size, *_ in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS"}
-    assert {row[2] for row in _core.OUTPUTS} == {"LINKS", "PULLEYS", "ENERGY"}
+    assert {row[2] for row in _core.OUTPUTS} == {"LINKS", "FRICTION", "PULLEYS", "ENERGY"}
     assert [row[0] for row in _core.RULES] == ["POSITIVE", "NONNEGATIVE", "FINITE", "LINKS"]
     assert {row[2] for row in _core.PARAMETERS} <= {row[0] for row in _core.RULES}
 

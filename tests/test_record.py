@@ -50,7 +50,7 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
         "terms",
         0.02,
     ),
-    "frictionless": ({"dahl": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
+    "frictionless": ({"friction": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
     "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),

@@ -149,7 +149,7 @@ def test_time_is_the_first_axis(result: bd.Result) -> None:
     for name, _group, size, *_ in _core.OUTPUTS:
         if size != "ENERGY":
             array = getattr(getattr(result, _group), name)
-            assert array.shape == (N_T, 60 if size == "LINKS" else 2), name
+            assert array.shape == (N_T, 2 if size == "PULLEYS" else 60), name
             assert np.isfinite(array).all(), name
     assert result.contact.pulley.shape == (N_T, 60)
     assert result.contact.pulley.dtype.kind == "i"

@@ -26,6 +26,13 @@ void *bd_carve(bd_carver *carver, size_t count, size_t size) {
   return piece;
 }
 
+void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block) {
+  BD_CARVE(carver, *block, lay->stride);
+  if (carver->base) {
+    *block += BD_HALO;
+  }
+}
+
 /* aligned_alloc is missing or partial on some platforms: align by hand, keep the heap's own pointer
  * just before the block. */
 void *bd_block_new(size_t size) {

@@ -14,8 +14,6 @@
 #ifndef BELTDYN_BASE_H
 #define BELTDYN_BASE_H
 
-#include <stddef.h>
-
 #include "beltdyn.h"
 
 #define BD_PI 3.14159265358979323846
@@ -31,25 +29,6 @@ enum {
 #undef X
       BD_N_FIELDS
 };
-
-enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_PULLEYS };
-enum {
-  BD_SCALE_NONE,
-  BD_SCALE_STRETCH,
-  BD_SCALE_TURN,
-  BD_SCALE_SPEED,
-  BD_SCALE_SPIN,
-  BD_SCALE_FRICTION
-};
-
-/* A row of BD_STATE_FIELDS. */
-typedef struct bd_field_row {
-  const char *name;
-  int size, scale;
-  size_t member; /* offset of its array in bd_state */
-} bd_field_row;
-
-extern const bd_field_row bd_state_fields[BD_N_FIELDS];
 
 /* Work integrals carried in the tail. Those from W_DRAG on only where the drive has the effect:
  * n_work of the layout says how many there are. */
@@ -75,14 +54,6 @@ static inline int bd_f_slip(const bd_layout *lay) {
   return F_MU + lay->slots;
 }
 
-/* How many pieces of the state vector a row of the table has, one per slot at most; how long each
- * is, and where piece k begins. */
-int bd_field_pieces(const bd_layout *lay, int row);
-int bd_field_length(const bd_layout *lay, int row);
-size_t bd_field_offset(const bd_layout *lay, int row, int k);
-/* The row and the link or pulley (the other -1) of an entry of the vector; -1: padding, work. */
-int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley);
-
 /* --- base.c ---------------------------------------------------------------------------------- */
 
 /* Objects are one block each: the same carving code runs twice, first with base NULL to add up the
@@ -95,6 +66,9 @@ typedef struct bd_carver {
 void *bd_carve(bd_carver *carver, size_t count, size_t size);
 #define BD_CARVE(carver, pointer, count)                                                           \
   ((pointer) = bd_carve((carver), (size_t)(count), sizeof *(pointer)))
+
+/* A block of the links' places, the halo before its first one. */
+void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block);
 
 void *bd_block_new(size_t size); /* zeroed, aligned to BD_ALIGN */
 void bd_block_free(void *block);

@@ -87,6 +87,33 @@ int bd_belt_line_overlap(int np, const double *cx, const double *cy, const doubl
 
 /* --- state.c --------------------------------------------------------------------------------- */
 
+enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_PULLEYS };
+enum {
+  BD_SCALE_NONE,
+  BD_SCALE_STRETCH,
+  BD_SCALE_TURN,
+  BD_SCALE_SPEED,
+  BD_SCALE_SPIN,
+  BD_SCALE_FRICTION
+};
+
+/* A row of BD_STATE_FIELDS. */
+typedef struct bd_field_row {
+  const char *name;
+  int size, scale;
+  size_t member; /* offset of its array in bd_state */
+} bd_field_row;
+
+extern const bd_field_row bd_state_fields[BD_N_FIELDS];
+
+/* How many pieces of the state vector a row of the table has, one per slot at most; how long each
+ * is, and where piece k begins. */
+int bd_field_pieces(const bd_layout *lay, int row);
+int bd_field_length(const bd_layout *lay, int row);
+size_t bd_field_offset(const bd_layout *lay, int row, int k);
+/* The row and the link or pulley (the other -1) of an entry of the vector; -1: padding, work. */
+int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley);
+
 /* Between the caller's arrays and the flat vector; import checks that all is finite and takes whole
  * turns off phi, `turns` of them. */
 int bd_state_import(const bd_model *model, const bd_state *state, double *y, double *turns,

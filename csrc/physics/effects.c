@@ -44,6 +44,14 @@ static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error 
   return BD_OK;
 }
 
+static void carve_joints_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  bd_tangent *t = &out->joints;
+  double **const by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin, &t->pull};
+  for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
+    bd_carve_links(carver, &model->lay, by_link[k]);
+  }
+}
+
 static void tangent_joints(const bd_plan *plan, const double *y, bd_derivatives *out) {
   plan->kernels->newton->linearise_joints(&plan->links, y, &out->joints);
 }
@@ -69,12 +77,9 @@ static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error
 
 /* --- contact and friction --------------------------------------------------------------------- */
 
-static int has_friction(const bd_model *model, const bd_plan_options *options) {
-  return options->friction && model->has_friction;
-}
-
-static int is_frictionless(const bd_model *model, const bd_plan_options *options) {
-  return !has_friction(model, options);
+static int always(const bd_model *model, const bd_plan_options *options) {
+  (void)model, (void)options;
+  return 1;
 }
 
 static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
@@ -94,6 +99,23 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   dy[lay->work + W_CONTACT] = contact_loss;
   dy[lay->work + W_FRICTION] = friction_loss;
   return BD_OK;
+}
+
+static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
+  BD_CARVE(carver, plan->best, lay->n);
+  BD_CARVE(carver, plan->contact_pulleys, lay->np);
+  BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);
+  BD_CARVE(carver, plan->friction, lay->np);
+  bd_search_carve(carver, &plan->search, lay);
+}
+
+static void carve_contact_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
+  out->max_runs = lay->n8 / BD_LANES;
+  BD_CARVE(carver, out->contact_pulleys, lay->np);
+  BD_CARVE(carver, out->n_runs, lay->np);
+  BD_CARVE(carver, out->runs, lay->np * out->max_runs);
 }
 
 /* Which links are near which pulley: whether contact is linearised as it stands or as a step of
@@ -153,6 +175,10 @@ static int pass_drag(bd_plan *plan, double t, double *y, double *dy, bd_error *e
   }
   dy[lay->work + W_DRAG] = loss;
   return BD_OK;
+}
+
+static void carve_drag_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  BD_CARVE(carver, out->pulley_damping, model->lay.np);
 }
 
 static void tangent_drag(const bd_plan *plan, const double *y, bd_derivatives *out) {
@@ -240,6 +266,8 @@ static const bd_effect table[] = {
         .enabled = bends,
         .rate = pass_joints,
         .tangent = tangent_joints,
+        .carve_tangent = carve_joints_tangent,
+        .outputs = bd_outputs_of_joints,
         .energy = bd_energy_of_joints,
         .n_works = 1,
         .works = {W_JOINT},
@@ -249,6 +277,8 @@ static const bd_effect table[] = {
         .enabled = is_limp,
         .rate = pass_joints,
         .tangent = tangent_joints,
+        .carve_tangent = carve_joints_tangent,
+        .outputs = bd_outputs_of_joints,
         .energy = bd_energy_of_joints,
         .n_works = 1,
         .works = {W_JOINT},
@@ -261,19 +291,14 @@ static const bd_effect table[] = {
         .energy = bd_energy_of_gravity,
     },
     {
-        .name = "contact with Dahl friction",
-        .enabled = has_friction,
+        .name = "contact", /* with the laws of its friction: plan->contact_name */
+        .enabled = always,
         .rate = pass_contact,
         .tangent = tangent_contact,
-        .energy = bd_energy_of_contact,
-        .n_works = 2,
-        .works = {W_CONTACT, W_FRICTION},
-    },
-    {
-        .name = "contact without friction",
-        .enabled = is_frictionless,
-        .rate = pass_contact,
-        .tangent = tangent_contact,
+        .carve = carve_contact,
+        .carve_tangent = carve_contact_tangent,
+        .after_step = bd_contact_after_step,
+        .outputs = bd_outputs_of_contact,
         .energy = bd_energy_of_contact,
         .n_works = 2,
         .works = {W_CONTACT, W_FRICTION},
@@ -291,6 +316,7 @@ static const bd_effect table[] = {
         .enabled = has_drag,
         .rate = pass_drag,
         .tangent = tangent_drag,
+        .carve_tangent = carve_drag_tangent,
         .n_works = 1,
         .works = {W_DRAG},
     },
@@ -313,4 +339,34 @@ int bd_effects_of(const bd_model *model, const bd_plan_options *options,
     }
   }
   return n;
+}
+
+/* All that a plan of this model may be made with. */
+static int all_effects_of(const bd_model *model, const bd_effect *effects[BD_MAX_EFFECTS]) {
+  const double somewhere[2] = {0.0, 0.0};
+  return bd_effects_of(
+      model,
+      &(bd_plan_options){
+          .ledger = 1, .friction = 1, .drag = 1, .mass_damping = 1.0, .offset = somewhere},
+      effects);
+}
+
+void bd_effects_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  const bd_effect *effects[BD_MAX_EFFECTS];
+  const int n = all_effects_of(model, effects);
+  for (int k = 0; k < n; ++k) {
+    if (effects[k]->carve) {
+      effects[k]->carve(carver, plan, model);
+    }
+  }
+}
+
+void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  const bd_effect *effects[BD_MAX_EFFECTS];
+  const int n = all_effects_of(model, effects);
+  for (int k = 0; k < n; ++k) {
+    if (effects[k]->carve_tangent) {
+      effects[k]->carve_tangent(carver, out, model);
+    }
+  }
 }

@@ -181,7 +181,7 @@ static void put(double *to, size_t k, int width, const double *from, double shif
   }
 }
 
-static void put_joints(bd_plan *plan, double *y, const bd_output *out, size_t k) {
+void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   int n = plan->model->lay.n;
   for (int i = 0; (out->deformation || out->force) && i < n; ++i) {
     double along, rate, squared, turn;
@@ -197,7 +197,7 @@ static void put_joints(bd_plan *plan, double *y, const bd_output *out, size_t k)
 }
 
 /* Of a link on two pulleys, those of the larger normal force. */
-static void put_contact(bd_plan *plan, double *y, const bd_output *out, size_t k) {
+void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
   const size_t n = (size_t)lay->n, row = k * n;
   double *columns[] = {out->normal, out->friction, out->mu, out->slip, out->velocity};
@@ -249,8 +249,11 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   put(out->vx, k, lay->n, bd_cfield(lay, y, F_VX), 0.0);
   put(out->vy, k, lay->n, bd_cfield(lay, y, F_VY), 0.0);
   put(out->vphi, k, lay->n, bd_cfield(lay, y, F_VPHI), 0.0);
-  put_joints(plan, y, out, k);
-  put_contact(plan, y, out, k);
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->outputs) {
+      plan->effects[e]->outputs(plan, y, out, k);
+    }
+  }
   if (out->energy) {
     double terms[BD_N_ENERGY], *row = out->energy + k * (size_t)plan->n_columns;
     double total = bd_energy(plan, y, terms), supplied = y[lay->work + W_DRIVE];

@@ -83,6 +83,15 @@ typedef struct bd_effect {
   /* Keeps its derivatives at y, whose rate was the last to be evaluated. NULL: they are not known,
    * and implicit methods refuse the effect by its name (newton_system.c). */
   void (*tangent)(const bd_plan *plan, const double *y, bd_derivatives *out);
+  /* Scratch of its pass, and of its derivatives, in models that can have it; NULL: none. */
+  void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
+  void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
+  /* What happens to y between two steps; NULL: nothing. *changed: so much, over the scale of errors
+   * more than `tolerance`, that rates must be taken anew. */
+  int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                    bd_error *err);
+  /* Row k of its outputs; NULL: it has none. */
+  void (*outputs)(bd_plan *plan, const double *y, const bd_output *out, size_t k);
   /* Adds the energy it stores at y to the terms; NULL: it stores none. */
   void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
   int n_works, works[2]; /* its work integrals in the state's tail: W_... */
@@ -93,6 +102,9 @@ enum { BD_MAX_EFFECTS = 16 };
 /* The effects that this model and these options have, in the order of their passes; how many. */
 int bd_effects_of(const bd_model *model, const bd_plan_options *options,
                   const bd_effect *effects[BD_MAX_EFFECTS]);
+/* The scratch of all that this model can have. */
+void bd_effects_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
+void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_model *model);
 /* Settling only: speed of circulation. */
 double bd_plan_circulation(const bd_plan *plan, const double *y);
 
@@ -130,12 +142,13 @@ struct bd_plan {
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
+  char contact_name[80]; /* of the contact's pass, with the laws of friction */
   int n_columns, columns[BD_N_ENERGY]; /* of the output `energy` */
   int n_effects;
   const bd_effect *effects[BD_MAX_EFFECTS];
 };
 
-void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
+void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 /* Centres at time t into the contact_pulleys (they stand still unless settling moves them). */
@@ -143,11 +156,14 @@ void bd_plan_place(bd_plan *plan, double t);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
  * states of links on no pulley are reset. */
 void bd_plan_assign_contacts(bd_plan *plan, double *y);
+/* What the effects make of y after a step. */
+int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                       bd_error *err);
 /* MODEL section 4 after a step: the friction state of a link off its pulley is reset, and that of
  * others brought within its bound. *changed: by more than `tolerance`, so that the rates must be
  * taken anew. Fails when a link has sunk past half a pulley's radius. */
-int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                       bd_error *err);
+int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                          bd_error *err);
 
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
@@ -160,7 +176,9 @@ void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
                 const bd_output *out, size_t k);
-/* Stored energy of single effects, added to the terms. */
+/* Outputs of single effects; their stored energy, added to the terms. */
+void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);

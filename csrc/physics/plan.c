@@ -6,18 +6,20 @@
  * function, not a test inside the loop.
  */
 #include <math.h>
+#include <stdio.h>
 
 #include "physics/physics.h"
 
 /* --- making it ------------------------------------------------------------------------------- */
 
-void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
+void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
   bd_links *links = &plan->links;
   double *link_mask;
   BD_CARVE(carver, link_mask, lay->stride);
   links->link_mask = link_mask;
-  double **const scratch[] = {&links->cos, &links->sin, &links->rx, &links->ry,
-                              &links->fx,  &links->fy,  &plan->best};
+  double **const scratch[] = {&links->cos, &links->sin, &links->rx,
+                              &links->ry,  &links->fx,  &links->fy};
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
     BD_CARVE(carver, *scratch[k], lay->stride);
     if (carver->base) {
@@ -27,11 +29,30 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
   for (int i = 0; carver->base && i < lay->n; ++i) {
     link_mask[i] = 1.0;
   }
-  BD_CARVE(carver, plan->contact_pulleys, lay->np);
-  BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);
   BD_CARVE(carver, plan->torque, lay->np);
-  BD_CARVE(carver, plan->friction, lay->np);
-  bd_search_carve(carver, &plan->search, lay);
+  bd_effects_carve(carver, plan, model);
+}
+
+/* "contact with Dahl and LuGre friction" */
+static void name_contact(bd_plan *plan) {
+  const char *const names[] = {" with ", " and ", " and "};
+  size_t used = (size_t)snprintf(plan->contact_name, sizeof plan->contact_name, "contact");
+  int n = 0;
+  for (int law = BD_LAW_NONE + 1; law < BD_N_LAWS; ++law) {
+    int has = 0;
+    for (int j = 0; j < plan->model->lay.np; ++j) {
+      has |= plan->contact_pulleys[j].law == law;
+    }
+    if (has && used < sizeof plan->contact_name) {
+      used += (size_t)snprintf(plan->contact_name + used, sizeof plan->contact_name - used, "%s%s",
+                               names[n < 2 ? n : 2], bd_law_text(law));
+      ++n;
+    }
+  }
+  if (used < sizeof plan->contact_name) {
+    snprintf(plan->contact_name + used, sizeof plan->contact_name - used, "%s",
+             n > 0 ? " friction" : " without friction");
+  }
 }
 
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options) {
@@ -73,6 +94,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
       plan->contact_pulleys[j].bound = bd_friction_bound(model, j);
     }
   }
+  name_contact(plan);
   plan->n_effects = bd_effects_of(model, options, plan->effects);
   bd_energy_choose_columns(plan);
 }
@@ -179,9 +201,20 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
 
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err) {
+  int code = BD_OK;
+  *changed = 0;
+  for (int e = 0; code == BD_OK && e < plan->n_effects; ++e) {
+    if (plan->effects[e]->after_step) {
+      code = plan->effects[e]->after_step(plan, t, y, tolerance, changed, err);
+    }
+  }
+  return code;
+}
+
+int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                          bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   int found = 0;
-  *changed = 0;
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     const double *owner = plan->owner + pulley->slot * lay->n8;

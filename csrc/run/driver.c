@@ -491,7 +491,8 @@ void bd_sim_explain(const bd_sim *sim, char *text, size_t size) {
 const char *bd_sim_pass(const bd_sim *sim, int k) {
   const bd_plan *plan = &sim->stepper.plan;
   if (k >= 0 && k < plan->n_effects) {
-    return plan->effects[k]->name;
+    const char *name = plan->effects[k]->name;
+    return strcmp(name, "contact") == 0 ? plan->contact_name : name;
   }
   return k == plan->n_effects && plan->ledger ? "energy ledger" : NULL;
 }

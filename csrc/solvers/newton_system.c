@@ -41,14 +41,6 @@ static const bd_newton_kernels *ring_kernels(const bd_model *model) {
   return model->lay.n >= 4 * best->width ? best : &bd_newton_baseline;
 }
 
-/* A block of `count` links' places with room for the halo. */
-static void carve_links(bd_carver *carver, const bd_layout *lay, double **block) {
-  BD_CARVE(carver, *block, lay->stride);
-  if (carver->base) {
-    *block += BD_HALO;
-  }
-}
-
 /* A law that is not general shares two arrays, and has no part of others. */
 static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_tangent *contact,
                           int general) {
@@ -81,10 +73,10 @@ static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_ta
   double **more[] = {&contact->by_normal, &contact->by_state, &contact->by_slip,
                      &contact->gain_normal, &contact->state_by_normal};
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
-    carve_links(carver, lay, fields[k]);
+    bd_carve_links(carver, lay, fields[k]);
   }
   for (size_t k = 0; general && k < sizeof more / sizeof more[0]; ++k) {
-    carve_links(carver, lay, more[k]);
+    bd_carve_links(carver, lay, more[k]);
   }
   if (!general) {
     contact->by_normal = contact->mu;
@@ -96,12 +88,11 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
   const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
-  bd_tangent *t = &system->at.joints;
   bd_blocks *b = &system->blocks;
-  double **by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin,   &t->pull,   &b->xx,
-                        &b->xy,    &b->yx,    &b->yy,  &b->pp,  &system->x, &system->y, &system->p};
+  bd_effects_carve_tangents(carver, &system->at, model);
+  double **by_link[] = {&b->xx, &b->xy, &b->yx, &b->yy, &b->pp, &system->x, &system->y, &system->p};
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
-    carve_links(carver, lay, by_link[k]);
+    bd_carve_links(carver, lay, by_link[k]);
   }
   BD_CARVE(carver, system->contact, np);
   for (int j = 0; j < np; ++j) {
@@ -116,9 +107,6 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, scratch, 3 * width * rows);
   system->ring.scratch = scratch;
   BD_CARVE(carver, system->border, 3 * np * lay->stride);
-  BD_CARVE(carver, system->at.contact_pulleys, np);
-  BD_CARVE(carver, system->at.n_runs, np);
-  BD_CARVE(carver, system->at.runs, np * (lay->n8 / BD_LANES));
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, np);
   BD_CARVE(carver, system->matrix, np * np);
@@ -126,13 +114,9 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->by_theta, np * np);
   BD_CARVE(carver, system->by_omega, np * np);
   BD_CARVE(carver, system->by_time, np);
-  if (model->drag) {
-    BD_CARVE(carver, system->at.pulley_damping, np);
-  }
   if (!carver->base) {
     return;
   }
-  system->at.max_runs = lay->n8 / BD_LANES;
   system->ring.n_rows = rows;
   system->ring_kernels = ring;
   const int whole = lay->n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
@@ -142,9 +126,9 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
     system->ring.shorter[a] = shorter;
     first += rows - shorter;
   }
-  b->cos = t->cos;
-  b->sin = t->sin;
-  b->spin = t->spin;
+  b->cos = system->at.joints.cos;
+  b->sin = system->at.joints.sin;
+  b->spin = system->at.joints.spin;
 }
 
 /* --- linearisation --------------------------------------------------------------------------- */

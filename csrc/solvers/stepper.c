@@ -30,7 +30,7 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   if (implicit) {
     bd_newton_carve(carver, &stepper->newton, model);
   }
-  bd_plan_carve(carver, &stepper->plan, lay);
+  bd_plan_carve(carver, &stepper->plan, model);
   bd_torque_functions_carve(carver, &stepper->functions, lay->np);
   bd_torque_set_carve(carver, &stepper->plan.torques, lay->np, torque);
   stepper->model = model;
