@@ -233,6 +233,17 @@ static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice) {
 
 /* --- the scene ------------------------------------------------------------------------------- */
 
+/* All parameters of a group. */
+static uint64_t hash_group(uint64_t sum, const char *group, const void *values) {
+  for (size_t k = 0; k < bd_n_parameters; ++k) {
+    if (strcmp(bd_parameters[k].group, group) == 0) {
+      const double value = bd_parameter_value(&bd_parameters[k], values);
+      sum = hash(sum, &value, sizeof value);
+    }
+  }
+  return sum;
+}
+
 /* Of everything that was given when the simulation was made, but the state, the sample times and
  * max_steps, which may be another: of a torque function, that there is one. */
 static uint64_t scene_of(const bd_sim *sim) {
@@ -242,21 +253,10 @@ static uint64_t scene_of(const bd_sim *sim) {
   const size_t np = (size_t)model->lay.np;
   uint64_t sum = EMPTY;
 #define ADD(field) sum = hash(sum, &(field), sizeof(field))
-  const double belt[] = {model->belt.length,
-                         model->belt.n_bodies,
-                         model->belt.linear_density,
-                         model->belt.axial_stiffness,
-                         model->belt.axial_damping,
-                         model->belt.bending_stiffness,
-                         model->belt.bending_damping,
-                         model->contact.quadratic,
-                         model->contact.linear,
-                         model->contact.damping,
-                         model->gravity[0],
-                         model->gravity[1],
-                         model->origin[0],
-                         model->origin[1]};
-  ADD(belt);
+  sum = hash_group(sum, "belt", &model->belt);
+  sum = hash_group(sum, "contact", &model->contact);
+  ADD(model->gravity);
+  ADD(model->origin);
   const double *const arrays[] = {model->cx, model->cy, model->radius, model->inertia};
   for (int k = 0; k < 4; ++k) {
     sum = hash(sum, arrays[k], np * sizeof(double));
@@ -264,12 +264,7 @@ static uint64_t scene_of(const bd_sim *sim) {
   for (size_t j = 0; j < np; ++j) {
     const bd_friction *friction = &model->friction[j];
     ADD(friction->law);
-    for (size_t k = 0; k < bd_n_parameters; ++k) {
-      if (strcmp(bd_parameters[k].group, bd_law_name(friction->law)) == 0) {
-        const double value = bd_parameter_value(&bd_parameters[k], &friction->dahl);
-        ADD(value);
-      }
-    }
+    sum = hash_group(sum, bd_law_name(friction->law), &friction->dahl);
   }
   if (model->drag) {
     sum = hash(sum, model->drag, np * sizeof *model->drag);
