@@ -89,7 +89,9 @@ double bd_friction_kinetic(const bd_model *model, int j) {
 bd_friction_stiffness bd_friction_stiffness_of(const bd_model *model, int j, double normal) {
   bd_law_point rest, slips;
   bd_friction_at(model, j, 0.0, 0.0, normal, &rest);
-  bd_friction_at(model, j, 0.0, 1.0, normal, &slips);
+  const double far =
+      rest.by_state > 0.0 ? 2.0 * bd_friction_kinetic(model, j) * normal / rest.by_state : 0.0;
+  bd_friction_at(model, j, far, 1.0, normal, &slips);
   return (bd_friction_stiffness){
       .stiffness = rest.by_state * rest.rate_by_slip,
       .damping = rest.by_slip,

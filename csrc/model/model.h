@@ -52,7 +52,7 @@ void bd_friction_at(const bd_model *model, int j, double z, double v, double nor
 double bd_friction_bound(const bd_model *model, int j);
 double bd_friction_kinetic(const bd_model *model, int j);
 /* As seen by a link that sticks under a normal force: stiffness [N/m] and damping [N s/m]; and the
- * rate at which the state of a general law adapts in slip, at 1 m/s [1/s]. */
+ * rate at which the state of a general law adapts in full slip, at 1 m/s [1/s]. */
 typedef struct bd_friction_stiffness {
   double stiffness, damping, adapts;
 } bd_friction_stiffness;
