@@ -43,6 +43,7 @@ from .identification import (
     Target,
     identify,
 )
+from .motions import Motion
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
 from .result import Result
@@ -72,6 +73,7 @@ __all__ = [
     "IdentificationInterrupted",
     "Interrupted",
     "LuGre",
+    "Motion",
     "Params",
     "PiecewiseLinear",
     "Pulley",

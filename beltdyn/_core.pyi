@@ -31,6 +31,8 @@ def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
 #: | ("call", callable)
 TorqueTerm = tuple[Any, ...]
+#: (pulley, "piecewise", t, values) | (pulley, "speed", callable) | (pulley, "angle", callable)
+MotionTerm = tuple[Any, ...]
 #: name of a row of LAWS, its numbers
 FrictionLaw = tuple[str, tuple[float, ...]]
 #: STATE_FIELDS by name, and "t"
@@ -78,6 +80,7 @@ class Simulation:
         breakpoints: ArrayLike = (),
         torque_interval: float = ...,
         guards: bool = True,
+        motion: Sequence[MotionTerm] = (),
     ) -> None: ...
     @classmethod
     def settle(
@@ -123,4 +126,4 @@ class Simulation:
     def export_record(self) -> bytes:
         """Give all that the run needs to continue bit for bit, in another process too."""
     def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
-        """Continue from a record, in a new simulation of the same model, torque and options."""
+        """Continue from a record, in a new simulation of the same model, motion and so on."""

@@ -148,12 +148,13 @@ def run(
     outputs = _Outputs(out, plot, animate, quiet)
     outputs.check()
     try:
-        params, torque_fn, scene_t_end = _find(scene)
+        params, torque_fn, scene_t_end, motion = _find(scene)
         with _interruptible(), silenced():
             result = simulate(
                 params,
                 torque_fn,
                 scene_t_end if t_end is None else t_end,
+                motion=motion,
                 method=method,
                 rtol=rtol,
                 step=step,

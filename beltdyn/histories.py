@@ -57,7 +57,8 @@ class PulleyHistory(Group):
     Attributes:
         theta: Angle, counter-clockwise [rad].
         omega: Angular velocity [rad/s].
-        torque: Set torque M_d of (2.12) [N m].
+        torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
+            that it needs.
     """
 
     theta: Array
@@ -133,7 +134,7 @@ class EnergyLedger(Group):
         bending: Stored in the bending of the joints.
         contact: Stored in the contact.
         gravity: Potential.
-        drive: Work done by the set torques since the start.
+        drive: Work done since the start by the set torques, and by those of prescribed motions.
         joint_loss: Lost in the dampers of the joints since the start.
         contact_loss: Lost in the dampers of the contact since the start.
         friction_loss: Work of friction against slip since the start.

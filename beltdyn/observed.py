@@ -6,7 +6,7 @@ or changed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,23 +30,24 @@ SLIPPED = 10.0
 FAINT = 0.01
 
 
-def observe(result: Result) -> tuple[RunWarning, ...]:
+def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
     """Give the warnings of a run's samples: no_friction, full_slip, slack_span, units (of torque).
 
     Args:
         result: A run, finished or not.
+        moved: Pulleys whose motion is prescribed, whose torque nobody has set.
     """
     if result.t.size == 0:
         return ()
     with np.errstate(all="ignore"):  # a failed run may end with huge numbers
         return (
-            *_torques(result),
-            *_full_slip(result),
+            *_torques(result, moved),
+            *_full_slip(result, moved),
             *_slack_spans(result),
         )
 
 
-def _torques(result: Result) -> Iterator[RunWarning]:
+def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, pulleys = result.params, result.pulleys
     if not params.has_friction:
         fed = pulleys.torque * pulleys.omega
@@ -63,6 +64,7 @@ def _torques(result: Result) -> Iterator[RunWarning]:
     tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
     carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
     size = np.abs(pulleys.torque)
+    size[:, list(moved)] = 0.0
     # in a twentieth of the samples: a controller may set extreme torques for a moment
     over = np.quantile(size, 0.95, axis=0) / carried
     worst = int(np.argmax(over))
@@ -76,7 +78,7 @@ def _torques(result: Result) -> Iterator[RunWarning]:
         )
 
 
-def _full_slip(result: Result) -> Iterator[RunWarning]:
+def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, contact = result.params, result.contact
     if not params.has_friction:
         return
@@ -105,7 +107,9 @@ def _full_slip(result: Result) -> Iterator[RunWarning]:
         first, last, whole = _when(result.t, lasts, slips)
         carried = float(np.max(np.abs(friction[slips, k]))) * pulley.radius
         given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
-        of_set = f", the set torque is {given:.3g} N m" if given > carried else ""
+        of_set = (
+            f", the set torque is {given:.3g} N m" if given > carried and k not in moved else ""
+        )
         yield RunWarning(
             code="full_slip",
             text=f"pulley {k} slips over its whole wrap, by {slip:.2g} m, {whole} between "

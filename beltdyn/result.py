@@ -52,7 +52,7 @@ class Result:
 
     Attributes:
         t: Sample times (n_t,) [s]; those reached, if the run did not finish.
-        pulleys: Angles, speeds and set torques of the pulleys.
+        pulleys: Angles, speeds and torques of the pulleys.
         belt: Coordinates and velocities of the links.
         joints: Deformation and force of the joints.
         contact: Contact and friction of the links; for a link on two pulleys those of the one with

@@ -69,6 +69,7 @@ class RunWarning:
         fallback *    steps in which only the first-order method succeeded have errors of more than
                       five times what was asked: a jump, or a stiffness out of scale?
         fixed_step *  the error of fixed steps exceeds half the tension: shorter ones, or ``rtol``
+        torque_ignored  a torque is set on a pulley whose motion is prescribed: it has no effect
 
     Attributes:
         code: Its name, such as "mesh" or "full_slip"; ``str()`` begins with it.

@@ -1,18 +1,20 @@
 """Named scenes: one library for tests, benchmarks, notebooks and the command line.
 
-Each scene gives ``params, torque_fn, t_end``, so ``simulate(*scenes.kubas_case_1())`` works.
+Each scene gives ``params, torque_fn, t_end, motion``, so ``simulate(*scenes.kubas_case_1())``
+works.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from . import toml
-from .checks import positive
+from .checks import integer, positive, shown
 from .friction import Dahl
+from .motions import Motion, MotionLike, as_motions
 from .params import Params
 from .parts import Belt, Contact, Pulley
 from .tensioning import Tensioning
@@ -38,26 +40,34 @@ class Scene(NamedTuple):
         params: The drive.
         torque_fn: The set torques, as :func:`beltdyn.simulate` takes them.
         t_end: End of the run [s].
+        motion: The prescribed motions by pulley, as :func:`beltdyn.simulate` takes them, or None.
     """
 
     params: Params
     torque_fn: TorqueLike
     t_end: float
+    motion: Mapping[int, MotionLike] | None = None
 
     def check(self) -> None:
-        """Raise TypeError or ValueError unless the three fit together."""
+        """Raise TypeError or ValueError unless they fit together."""
         positive("t_end", self.t_end, "s")
         as_terms(self.torque_fn, len(self.params.pulleys))
+        as_motions(self.motion, len(self.params.pulleys))
 
     def __str__(self) -> str:
-        return f"{self.params}\n  torque {self.torque_fn}\n  t_end  {self.t_end:g} s"
+        motions = "".join(
+            f"\n  motion of pulley {pulley}: {motion}"
+            for pulley, motion in (self.motion or {}).items()
+        )
+        return f"{self.params}\n  torque {self.torque_fn}{motions}\n  t_end  {self.t_end:g} s"
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> Scene:
-        """Read a scene: the tables of :meth:`beltdyn.Params.to_toml`, ``t_end`` and [[torque]].
+        """Read a scene: what :meth:`beltdyn.Params.to_toml` gives, t_end, [[torque]], [[motion]].
 
         A complete one; ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a
-        row for each time and a torque for each pulley in it::
+        row for each time and a torque for each pulley in it. ``motion = [{ pulley = 0, kind =
+        "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a speed::
 
             t_end = 1.0
             gravity = [0.0, -9.81]
@@ -94,7 +104,8 @@ class Scene(NamedTuple):
         """Give the scene as TOML text, also written to ``path``; exact both ways.
 
         Raises:
-            TypeError: The torque is a function; only torque objects can be written.
+            TypeError: The torque or a motion is a function; only torque objects can be written, and
+                speeds that are :class:`PiecewiseLinear`.
             ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
             OSError: The file cannot be written; a file that was there before is unchanged.
         """
@@ -107,9 +118,10 @@ class Scene(NamedTuple):
             if field not in document:
                 raise ValueError(f"{field}: missing")
         t_end, torque = (document.pop(field) for field in toml.SCENE_ONLY)
+        motion = _motion_of(document.pop("motion", []))
         parts = toml.structure(torque, tuple[Torque, ...], "torque")
         params = toml.structure(document, Params)
-        scene = cls(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end)
+        scene = cls(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end, motion)
         scene.check()
         return scene
 
@@ -117,7 +129,7 @@ class Scene(NamedTuple):
         """Give the tables of TOML.
 
         Raises:
-            TypeError: The torque is a function, which TOML cannot hold.
+            TypeError: The torque or a motion is a function, which TOML cannot hold.
         """
         torque = self.torque_fn
         if not isinstance(torque, Torque):
@@ -125,11 +137,42 @@ class Scene(NamedTuple):
                 f"torque_fn must be made of torque objects to be written as TOML, got {torque!r}"
             )
         parts = torque.parts if isinstance(torque, TorqueSum) else [torque]
+        motions = [_motion_table(*item) for item in (self.motion or {}).items()]
         return {
             "t_end": self.t_end,
             **self.params._document(),
             "torque": [toml.unstructure(part) for part in parts],
+            **({"motion": motions} if motions else {}),
         }
+
+
+def _motion_table(pulley: int, motion: MotionLike) -> dict[str, Any]:
+    speed = motion.speed if isinstance(motion, Motion) else motion
+    if not isinstance(speed, PiecewiseLinear):
+        raise TypeError(
+            f"motion[{pulley}] must be a speed that is a PiecewiseLinear to be written as TOML, "
+            f"got {motion!r}"
+        )
+    values = speed.values[:, 0].tolist()
+    return {"pulley": pulley, **toml.unstructure(speed), "values": values}
+
+
+def _motion_of(tables: object) -> dict[int, MotionLike] | None:
+    if not isinstance(tables, list):
+        raise ValueError("motion: must be an array of tables, [[motion]]")
+    found: dict[int, MotionLike] = {}
+    for k, table in enumerate(tables):
+        path = f"motion[{k}]"
+        if not isinstance(table, dict):
+            raise ValueError(f"{path}: must be a table, got {shown(table)}")
+        if "pulley" not in table:
+            raise ValueError(f"{path}.pulley: missing")
+        fields = dict(table)
+        pulley = integer(f"{path}.pulley", fields.pop("pulley"), 0)
+        if pulley in found:
+            raise ValueError(f"{path}.pulley: pulley {pulley} has a motion already")
+        found[pulley] = toml.structure(fields, Torque, path)
+    return found or None
 
 
 def _kubas_drive(sigma: float) -> Params:

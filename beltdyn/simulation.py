@@ -16,6 +16,7 @@ from .checks import Array, flag, integer, positive, real, real_array, sample_tim
 from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
 from .histories import Stats
+from .motions import Motion, MotionLike, as_motions, first_speeds, motion_terms
 from .params import Params
 from .parts import any_drag
 from .result import Result
@@ -39,6 +40,7 @@ def simulate(
     params: Params,
     torque_fn: TorqueLike,
     t_end: float,
+    motion: Mapping[int, MotionLike] | None = None,
     *,
     t_eval: ArrayLike | None = None,
     method: str = "auto",
@@ -52,7 +54,7 @@ def simulate(
     ledger: bool = True,
     torque_interval: float = 5e-4,
 ) -> Result:
-    """Integrate the equations of motion (2.11), (2.12) under given torques.
+    """Integrate the equations of motion (2.11), (2.12) under given torques and motions.
 
     The methods, of which the default, "auto", needs no choice::
 
@@ -84,6 +86,12 @@ def simulate(
             makes a run take twice as long if it computes with plain floats, six times as long if
             it uses NumPy.
         t_end: End of the run [s], after ``initial.t``.
+        motion: Prescribed motions by pulley, ``{0: PiecewiseLinear(t, omega)}``: a
+            :class:`PiecewiseLinear` of one value per time, or a function of time, gives the speed
+            [rad/s], a :class:`beltdyn.Motion` the speed or the angle. Speeds must not jump. The
+            torque that a motion needs is in ``result.pulleys.torque``, its work in
+            ``energy.drive``; torques set on such a pulley have no effect. While a motion is given
+            by a function, steps are no longer than ``torque_interval``.
         t_eval: Times of the samples (n_t,) [s], non-decreasing, within the run; None: 1001
             equally spaced ones.
         method: One of :data:`METHODS`, see above.
@@ -94,10 +102,13 @@ def simulate(
             as for sigma = 1e7 1/m) reverses in jumps; errors were up to three times as large
             there. Values above 0.1 loosen nothing further. Fixed steps ignore it.
         initial: State to start from; None: the belt at rest under preload, from :func:`settle`,
-            tensioned as ``params.tensioning`` says.
+            tensioned as ``params.tensioning`` says, and, if a motion begins with another speed than
+            0, running at it (:meth:`State.at_speed`). Otherwise the speeds of prescribed motions
+            must begin with those of ``initial``, to 1e-9 of them.
         progress: Whether to show a progress bar on stderr (needs ``rich``).
-        breakpoints: Times at which ``torque_fn`` has a kink or jump (k,) [s]; steps end exactly
-            there. The kinks of torque objects are known.
+        breakpoints: Times at which ``torque_fn`` has a kink or jump, or a motion given by a
+            function a kink (k,) [s]; steps end exactly there. The kinks of torque objects are
+            known.
         step: "rk4", "lbdf2", "lie": the fixed step [s], without error control or estimate; "tsit5",
             "rodas4", "auto": the first step [s]. None: chosen; "lbdf2" and "lie" then control their
             error, "rk4" takes three quarters of what is stable for joints, contact, friction,
@@ -122,8 +133,9 @@ def simulate(
         MemoryError: The samples do not fit into memory; raised before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``: those of the drive
             alone before the run, the rest after it; :class:`beltdyn.RunWarning` lists all.
-        Exception: Whatever ``torque_fn`` raises comes out unchanged, from ctypes, cffi and Numba
-            callbacks as well; what was computed is in its attribute ``result``.
+        Exception: Whatever ``torque_fn`` or a motion raises comes out unchanged, from ctypes, cffi
+            and Numba callbacks as well; what was computed is in its attribute ``result``, None
+            before the first step.
     """
     _check_params(params)
     _check_initial(params, initial)
@@ -143,6 +155,7 @@ def simulate(
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
+    motions = as_motions(motion, len(params.pulleys))
     needed = memory.check_samples(
         times.size,
         params.belt.n_bodies,
@@ -157,15 +170,19 @@ def simulate(
     issue(of_drive, stacklevel=2)
     settle_start = time.perf_counter()
     state = settle(params, progress=progress) if initial is None else initial
+    if initial is None and motions:
+        state = _set_going(params, state, motions, _first_after(start, options, end))
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
-    sim = _core.Simulation(
-        params._model,
-        state._to_core(params.has_friction),
-        terms,
-        end,
-        **options,
-    )
+    with _nothing_computed():
+        sim = _core.Simulation(
+            params._model,
+            state._to_core(params.has_friction),
+            terms,
+            end,
+            motion=motion_terms(motions),
+            **options,
+        )
     try:
         arrays = sim.sample(times)
         cpu_start, wall_start = time.thread_time(), time.perf_counter()
@@ -199,7 +216,7 @@ def simulate(
             final_state=State._from_core(sim.state()),
         )
         of_core = (RunWarning(**one) for one in sim.warnings)
-        of_samples = observed.observe(seen)
+        of_samples = observed.observe(seen, motions)
         if any(one.code == "slack_span" for one in of_samples):
             seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))
         return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples))
@@ -234,7 +251,8 @@ def simulate(
             raise interrupted() from raised
         if finishing:
             raise
-        why = f"the torque function raised {type(raised).__name__} after t = {sim.time:.6g} s"
+        whose = "a torque or motion function" if motions else "the torque function"
+        why = f"{whose} raised {type(raised).__name__} after t = {sim.time:.6g} s"
         _keep_result(raised, result("failed", why))
         raised.add_note(why)
         if raised is error:
@@ -321,7 +339,30 @@ def settle(
     return State._from_core(sim.state(), t=start, residual=float(sim.stats["residual"]))
 
 
-def _keep_result(error: BaseException, result: Result) -> None:
+def _first_after(start: float, options: Mapping[str, Any], end: float) -> float:
+    """Give the first breakpoint of the run, or its end."""
+    later = options["breakpoints"][options["breakpoints"] > start]
+    return min(end, float(later[0])) if later.size else end
+
+
+def _set_going(params: Params, rest: State, motions: Mapping[int, Motion], until: float) -> State:
+    """Give the state from which motions begin that may not begin at rest."""
+    with _nothing_computed():
+        speeds = first_speeds(motions, rest.t, until)
+    return rest.at_speed(params, speeds) if any(speeds.values()) else rest
+
+
+@contextmanager
+def _nothing_computed() -> Iterator[None]:
+    """Give exceptions from here an empty ``result``."""
+    try:
+        yield
+    except Exception as error:
+        _keep_result(error, None)
+        raise
+
+
+def _keep_result(error: BaseException, result: Result | None) -> None:
     """Attach the finished part of a run to the user's exception, unless it has a ``result``."""
     if not hasattr(error, "result"):
         with suppress(AttributeError, TypeError):

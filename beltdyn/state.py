@@ -11,7 +11,8 @@ import attrs
 import numpy as np
 
 from . import _core, npz
-from .checks import Array, real, real_array
+from .checks import Array, integer, real, real_array
+from .params import Params
 
 __all__ = ["State"]
 
@@ -120,6 +121,56 @@ class State:
             expected = (n_pulleys if size == "PULLEYS" else n_bodies,)
             if shape != expected:
                 raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
+
+    def at_speed(self, params: Params, omega: Mapping[int, float]) -> State:
+        """Give the same state with the belt running, and all pulleys turning with it.
+
+        The belt circulates along itself at the speed of the rims of the pulleys named, and the
+        others turn with the same speed of the rim. Positions, angles and friction stay as they are:
+        the centrifugal tension of a running belt and its creep are not in this state, and develop
+        in a transient.
+
+        Args:
+            params: The drive.
+            omega: Speeds of one or several pulleys, by index [rad/s]; of several, the speeds of
+                their rims must agree to 1e-9.
+
+        Raises:
+            TypeError: Not a mapping from indices to numbers.
+            ValueError: No pulley is named, or none of that index exists; the rims' speeds differ.
+        """
+        self.check_fits(params.belt.n_bodies, len(params.pulleys))
+        if not isinstance(omega, Mapping):
+            raise TypeError(f"omega must be a mapping from pulleys to speeds, got {omega!r}")
+        if not omega:
+            raise ValueError("omega must name at least one pulley")
+        winding, radii = params.info["winding"], [pulley.radius for pulley in params.pulleys]
+        rims = {
+            integer("omega index", index, 0, len(radii) - 1): winding
+            * radii[index]
+            * real(f"omega[{index}]", value, "rad/s")
+            for index, value in omega.items()
+        }
+        slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
+        v = rims[fastest]
+        if v - rims[slowest] > 1e-9 * max(map(abs, rims.values())):
+            raise ValueError(
+                f"the rims of pulleys {slowest} and {fastest} must run at one speed, got "
+                f"{rims[slowest]:.10g} and {v:.10g} m/s along the belt: name one of them, or make "
+                "a state with these speeds yourself"
+            )
+        following = np.roll(self.phi, -1)
+        following[-1] += 2.0 * np.pi * winding
+        before = np.roll(self.phi, 1)
+        before[0] -= 2.0 * np.pi * winding
+        return attrs.evolve(
+            self,
+            vx=v * np.cos(self.phi),
+            vy=v * np.sin(self.phi),
+            vphi=v * (following - before) / (2.0 * params.info["link_length"]),
+            omega=np.array([winding * v / radius for radius in radii]),
+            residual=None,
+        )
 
     @classmethod
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:

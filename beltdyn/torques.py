@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from .checks import Array, real_array
+from .checks import Array, real_array, refuse_masked
 
 __all__ = ["PiecewiseLinear", "Torque", "TorqueLike", "TorqueSum", "Viscous", "as_terms"]
 
@@ -75,19 +75,29 @@ def _times(value: ArrayLike) -> Array:
 
 
 def _values(value: ArrayLike) -> Array:
-    return real_array("PiecewiseLinear.values", value, ndim=2)
+    refuse_masked("PiecewiseLinear.values", value)
+    try:
+        of_one_pulley = np.ndim(value) == 1
+    except ValueError:  # rows of different lengths
+        of_one_pulley = False
+    if not of_one_pulley:
+        return real_array("PiecewiseLinear.values", value, ndim=2)
+    return real_array("PiecewiseLinear.values", value, ndim=1)[:, None]
 
 
 @attrs.frozen(repr=False)
 class PiecewiseLinear(Torque):
-    """Torques given at times, linear between them, constant before the first and after the last.
+    """Values given at times, linear between them, constant before the first and after the last.
+
+    Torques, or, for one pulley, the speed of a prescribed motion (:func:`beltdyn.simulate`).
 
     The paper's driving torque of case 1 on two pulleys: ``PiecewiseLinear([0, 0.3],
     [[0, 0], [-100, 0]])``.
 
     Attributes:
         t: Times (n_t,) [s], non-decreasing; a time given twice is a jump.
-        values: Torques (n_t, n_p) [N m].
+        values: Torques (n_t, n_p) [N m], or speeds (n_t, 1) [rad/s]. For one pulley they may be
+            given as (n_t,).
 
     Raises:
         TypeError: Not real numbers.

@@ -211,11 +211,33 @@ typedef struct bd_torque_term {
   void *user;
 } bd_torque_term;
 
+/* Value of a motion at a time; non-zero stops the run: BD_ERR_CALLBACK. A function of time alone:
+ * it is called several times round each time (for derivatives), never outside the run, and again by
+ * the simulation that runs beside a run (growth.c). */
+typedef int (*bd_motion_call)(double t, double *value, void *user);
+
+enum { BD_MOTION_PIECEWISE, BD_MOTION_SPEED, BD_MOTION_ANGLE };
+
+/* Prescribed motion of a pulley, at most one each (MODEL section 5). PIECEWISE: its speed, linear
+ * between the times t (n_t, increasing), constant outside. SPEED, ANGLE: its speed, or its angle
+ * but for a constant, by calls. A speed must be continuous, and at the start that of the initial
+ * state. Where a function kinks is to be named in the breakpoints. */
+typedef struct bd_motion {
+  int pulley, kind;
+  size_t n_t;
+  const double *t, *values; /* [s], [rad/s]; copied */
+  bd_motion_call call;
+  void *user;
+} bd_motion;
+
+/* All that drives the pulleys. */
 typedef struct bd_torque {
   size_t n_terms;
   const bd_torque_term *terms;
   size_t n_breakpoints; /* more times at which to stop exactly (piecewise times are known) */
   const double *breakpoints;
+  size_t n_motions;
+  const bd_motion *motions; /* torque terms have no say in the pulleys that these move */
   /* Looked at after every call of a FUNCTION: not 0 stops the run (BD_ERR_CALLBACK), for functions
    * that cannot say so themselves, and for other threads. May be NULL; must outlive the
    * simulation. */
@@ -243,7 +265,8 @@ void bd_options_default(bd_options *options);
 typedef struct bd_sim bd_sim;
 
 /* Ready to run from `initial` to t_end under `torque`. A state with a joint stretched by more than
- * a link, or that does not run round every pulley, is BD_ERR_STATE. */
+ * a link, that does not run round every pulley, or in which a pulley has not the speed with which
+ * its prescribed motion begins, is BD_ERR_STATE. */
 int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err);
 

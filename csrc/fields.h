@@ -98,7 +98,7 @@
 #define BD_OUTPUTS(X)                                                                              \
   X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \
-  X(torque, pulleys, PULLEYS, "N m", "set torque M_d")                                             \
+  X(torque, pulleys, PULLEYS, "N m", "set torque M_d; or what a prescribed motion needs")          \
   X(x, belt, LINKS, "m", "mass centre")                                                            \
   X(y, belt, LINKS, "m", "mass centre")                                                            \
   X(phi, belt, LINKS, "rad", "link angle, continuous")                                             \
@@ -161,7 +161,8 @@
   X(torque, 1, "the torque function changes faster than steps follow")                             \
   X(rough_torque, 1, "the torque function jumps all the time")                                     \
   X(fallback, 1, "steps that only the first order could make erred by more than was asked")        \
-  X(fixed_step, 1, "the fixed step is too long")
+  X(fixed_step, 1, "the fixed step is too long")                                                   \
+  X(torque_ignored, 0, "a torque is set on a pulley whose motion is prescribed")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),
  * CALL (a callback asked to stop), RUN (a run that cannot go on). */
@@ -171,10 +172,10 @@
   X(BD_ERR_GEOMETRY, VALUE, "the belt cannot run on these pulleys")                                \
   X(BD_ERR_STATE, VALUE, "the state is not finite or not of this model")                           \
   X(BD_ERR_OPTION, VALUE, "an option breaks its rule")                                             \
-  X(BD_ERR_TORQUE_DATA, VALUE, "the torque data break their rule")                                 \
+  X(BD_ERR_TORQUE_DATA, VALUE, "the torque or motion data break their rule")                       \
   X(BD_ERR_BUSY, USE, "the simulation is running in another call")                                 \
-  X(BD_ERR_CALLBACK, CALL, "the torque function asked to stop")                                    \
-  X(BD_ERR_TORQUE_VALUE, RUN, "the torque is not finite")                                          \
+  X(BD_ERR_CALLBACK, CALL, "a torque or motion function asked to stop")                            \
+  X(BD_ERR_TORQUE_VALUE, RUN, "a torque or a motion is not finite")                                \
   X(BD_ERR_STEP_FLOOR, RUN, "the step fell below its floor")                                       \
   X(BD_ERR_NOT_FINITE, RUN, "the state is no longer finite")                                       \
   X(BD_ERR_PASSED_THROUGH, RUN, "a link passed through a pulley")                                  \

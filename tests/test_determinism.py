@@ -36,7 +36,7 @@ def sums(name: str) -> list[str]:
     """Check sums of settling and of three runs by one method: under terms, under a function, and
     with bearing drag.
     """
-    params, torque, _ = drives.plain_scene()
+    params, torque, *_ = drives.plain_scene()
     drag = bd.Drag(coulomb=0.5, viscous=0.02, quadratic=1e-3)
     pulleys = [attrs.evolve(pulley, drag=drag) for pulley in params.pulleys]
     dragging = attrs.evolve(params, pulleys=pulleys)

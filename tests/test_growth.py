@@ -128,7 +128,7 @@ def test_a_torque_function_is_not_called_for_the_twin() -> None:
 
 def test_long_runs_of_the_second_order_claim_more() -> None:
     """Damping shifts the creep, and that adds up: the estimate grows with the run."""
-    params, torque, _ = bd.scenes.kubas_case_1()
+    params, torque, *_ = bd.scenes.kubas_case_1()
     state = bd.settle(params)
     short, long = (
         bd.simulate(params, torque, t_end, initial=state, method="lbdf2", rtol=1e-2).stats.error

@@ -138,7 +138,7 @@ def test_an_explicit_step_beyond_stability_ends_the_run(factor: float, rest: bd.
 @pytest.mark.parametrize("method", ["lbdf2", "lie"])
 def test_a_fixed_implicit_step_that_takes_the_vibration_away_says_so(method: str) -> None:
     """Of the three-pulley scene, 4e-4 s lose 12 % of the energy."""
-    params, torque, _ = bd.scenes.three_pulleys()
+    params, torque, *_ = bd.scenes.three_pulleys()
     with pytest.warns(bd.AccuracyWarning, match=r"^balance: .* lost by the integration"):
         run = bd.simulate(params, torque, 0.5, method=method, step=4e-4)
     assert "balance" in codes(run)
@@ -172,7 +172,7 @@ def test_the_balance_is_carried_without_a_ledger() -> None:
 
 def test_energy_from_nowhere_ends_a_run() -> None:
     """Euler's implicit method at steps in which links fly through the rims of a hard contact."""
-    params, torque, _ = bd.scenes.three_pulleys()
+    params, torque, *_ = bd.scenes.three_pulleys()
     hard = attrs.evolve(params, contact=attrs.evolve(params.contact, linear=5e10, quadratic=5e13))
     state = bd.settle(hard)
     said = 0
@@ -459,7 +459,7 @@ def test_looks_have_a_least_interval(rest: bd.State) -> None:
 
 def test_the_claim_does_not_hang_on_the_ledger() -> None:
     """Without one the balance is summed too coarsely to be part of it."""
-    params, torque, _ = bd.scenes.flywheel_start()
+    params, torque, *_ = bd.scenes.flywheel_start()
     state = bd.settle(params)
     with pytest.warns(bd.BeltdynWarning, match="^full_slip"):
         claims = [

@@ -117,7 +117,7 @@ def test_signatures_can_be_read():
     ]
     assert keyword == [
         "method", "rtol", "step", "max_step", "max_steps", "ledger", "breakpoints",
-        "torque_interval", "guards",
+        "torque_interval", "guards", "motion",
     ]  # fmt: skip
     settle = inspect.signature(_core.Simulation.settle).parameters
     assert list(settle)[:2] == ["model", "state"] and settle["state"].default is None

@@ -23,7 +23,7 @@ N_T, T_END = 61, 0.3
 
 @pytest.fixture(scope="module")
 def result() -> bd.Result:
-    params, torque, _ = bd.scenes.kubas_case_1()
+    params, torque, *_ = bd.scenes.kubas_case_1()
     return bd.simulate(params, torque, T_END, t_eval=np.linspace(0.0, T_END, N_T))
 
 

@@ -317,7 +317,7 @@ def test_a_driven_drive_without_friction() -> None:
 
 def test_full_slip_says_where_when_and_how_much() -> None:
     """The driving pulley runs away for a while, and then takes hold."""
-    params, torque, t_end = bd.scenes.flywheel_start()
+    params, torque, t_end, _ = bd.scenes.flywheel_start()
     result = run(params, torque, t_end)
     driving, driven = found(result, "full_slip")
     assert (driving.where, driven.where) == ("pulley 0", "pulley 1")
@@ -455,7 +455,7 @@ def test_the_command_line_says_it_last_and_once(call: Callable[..., Any]) -> Non
 
 
 def test_the_summary_lists_every_warning_it_counts() -> None:
-    params, torque, t_end = bd.scenes.flywheel_start()
+    params, torque, t_end, _ = bd.scenes.flywheel_start()
     listed = dict(run(params, torque, 0.5 * t_end).summary())["warnings"]
     assert listed == "3: mesh, full_slip (pulley 0), full_slip (pulley 1)"
 

@@ -131,7 +131,7 @@ def test_arrays_are_read_only_copies() -> None:
         ([[0, 1]], [[0], [0]], ValueError, r"PiecewiseLinear\.t must have 1 dimension"),
         (["0"], [[0]], TypeError, r"PiecewiseLinear\.t must hold real numbers"),
         (None, [[0]], TypeError, r"PiecewiseLinear\.t must hold real numbers"),
-        ([0, 1], [0, 1], ValueError, r"PiecewiseLinear\.values must have 2 dimension"),
+        ([0, 1], [[[0]], [[1]]], ValueError, r"PiecewiseLinear\.values must have 2 dimension"),
         ([0, 1], [[0]], ValueError, r"PiecewiseLinear\.values .* = \(2, n_p\), got \(1, 1\)"),
         ([0, 1], [[], []], ValueError, r"PiecewiseLinear\.values must have shape"),
         ([0, 1], [[0], [1, 2]], ValueError, r"PiecewiseLinear\.values must be a regular array"),

@@ -5,7 +5,7 @@
  *   module.c      the module: tables, functions, errors
  *   model.c       Model, and states in and out
  *   output.c      the arrays a run fills
- *   torque.c      torque terms, and calling Python from the core
+ *   torque.c      torque terms and motions, and calling Python from the core
  *   simulation.c  Simulation
  */
 #ifndef BELTDYN_CORE_H
@@ -81,9 +81,10 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
 
 /* --- torque ---------------------------------------------------------------------------------- */
 
-/* One Python callable among the torque terms; the core gets its address as `user`. */
+/* One Python callable among torque terms and motions; the core gets its address as `user`. */
 typedef struct {
   PyObject *callable;
+  int pulley;                   /* of a motion */
   PyArrayObject *theta, *omega; /* given to the callable, and again if it has kept neither */
   npy_intp n_pulleys;
   const volatile int *stop; /* the simulation's flag: looked at before each call */
@@ -92,16 +93,17 @@ typedef struct {
 typedef struct {
   bd_torque torque;
   bd_torque_term *terms;
-  PyObject *arrays; /* list: owners of what the terms point to, until the core has copied it */
+  bd_motion *motions;
+  PyObject *arrays; /* list: owners of what these point to, until the core has copied it */
   bd_core_call *calls;
   Py_ssize_t n_calls;
 } bd_core_torque;
 
-/* From a sequence of terms and an array of breakpoints, checked, and the flag by which the
- * simulation is stopped. Release it in either case; set `calls` NULL first where a simulation has
- * taken them over. */
+/* From a sequence of terms, an array of breakpoints and a sequence of motions (NULL: none),
+ * checked, and the flag by which the simulation is stopped. Release it in either case; set `calls`
+ * NULL first where a simulation has taken them over. */
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        npy_intp n_pulleys, const volatile int *stop);
+                        PyObject *motions, npy_intp n_pulleys, const volatile int *stop);
 /* -1 with KeyboardInterrupt if the flag is set. */
 int bd_core_check_stop(const volatile int *stop);
 void bd_core_torque_release(bd_core_torque *torque);

@@ -152,15 +152,15 @@ static volatile int *new_stop(void) {
 static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
   char *names[] = {"model",  "state",    "torque",    "t_end",  "method",      "rtol",
                    "step",   "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
-                   "guards", NULL};
+                   "guards", "motion",   NULL};
   bd_core_module *module = PyType_GetModuleState(type);
-  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL;
+  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL, *motions = NULL;
   option_objects in = {0};
-  if (!module ||
-      !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOOOO:Simulation", names,
-                                   module->model_type, &model_object, &mapping, &terms, &end,
-                                   &in.method, &in.rtol, &in.step, &in.max_step, &in.max_steps,
-                                   &in.ledger, &breakpoints, &in.torque_interval, &in.guards)) {
+  if (!module || !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOOOOO:Simulation", names,
+                                              module->model_type, &model_object, &mapping, &terms,
+                                              &end, &in.method, &in.rtol, &in.step, &in.max_step,
+                                              &in.max_steps, &in.ledger, &breakpoints,
+                                              &in.torque_interval, &in.guards, &motions)) {
     return NULL;
   }
   bd_core_model *model = (bd_core_model *)model_object;
@@ -178,7 +178,8 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     return NULL;
   }
   volatile int *stop = new_stop();
-  if (!stop || bd_core_torque_read(&torque, terms, breakpoints, model->info.n_pulleys, stop) < 0) {
+  if (!stop ||
+      bd_core_torque_read(&torque, terms, breakpoints, motions, model->info.n_pulleys, stop) < 0) {
     PyMem_Free((void *)stop);
     goto out;
   }
@@ -735,7 +736,7 @@ PyDoc_STRVAR(
     sim_doc,
     "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
     "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
-    "           torque_interval=..., guards=True)\n--\n\n"
+    "           torque_interval=..., guards=True, motion=())\n--\n\n"
     "One run; not to be used by two threads at once (RuntimeError).\n\n"
     "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
     "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
@@ -745,7 +746,9 @@ PyDoc_STRVAR(
     "(adaptive methods). step: of \"rk4\", \"lbdf2\", \"lie\", or the first step [s], 0: chosen.\n"
     "max_step [s] and max_steps: 0: none. ledger: carry the energy ledger. breakpoints:\n"
     "more times [s] at which to stop exactly. torque_interval: longest time between two\n"
-    "calls of a function [s]. guards: False, to measure what they cost.\n"
+    "calls of a function [s]. guards: False, to measure what they cost. motion: of pulleys,\n"
+    "(pulley, \"piecewise\", t, values) of the speed [rad/s], (pulley, \"speed\", f) or\n"
+    "(pulley, \"angle\", f) with f(t) a number, called for times within the run, some twice.\n"
     "Raises TypeError or ValueError naming the argument.");
 
 static PyType_Slot sim_slots[] = {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Torque terms as the core wants them, and the one place where the core calls Python.
+ * Torque terms and motions as the core wants them, and the one place where the core calls Python.
  *
  * A Python torque is called some 1e6 times a run, so its two argument arrays are used again, but
  * only while nobody else holds them: a callable that keeps them keeps their values. Guarded by
@@ -160,6 +160,30 @@ static int call_python(double t, const double *theta, const double *omega, doubl
   return failed;
 }
 
+/* A bd_motion_call; runs with the GIL held. */
+static int call_python_motion(double t, double *value, void *user) {
+  bd_core_call *call = user;
+  if (bd_core_check_stop(call->stop) < 0) {
+    return -1;
+  }
+  PyObject *time = PyFloat_FromDouble(t);
+  PyObject *result = time ? PyObject_CallOneArg(call->callable, time) : NULL;
+  Py_XDECREF(time);
+  if (!result) {
+    return -1;
+  }
+  int failed = 0;
+  if (PyFloat_CheckExact(result)) {
+    *value = PyFloat_AS_DOUBLE(result);
+  } else {
+    char name[BD_NAME_SIZE];
+    PyOS_snprintf(name, sizeof name, "what the motion of pulley %d returns", call->pulley);
+    failed = bd_convert_real(result, name, value);
+  }
+  Py_DECREF(result);
+  return failed;
+}
+
 /* --- terms ----------------------------------------------------------------------------------- */
 
 /* Converts an array and keeps it until the core has copied it. */
@@ -229,17 +253,26 @@ static int read_function(const reader *in) {
   return 0;
 }
 
-static int read_call(const reader *in) {
-  PyObject *callable = PyTuple_GET_ITEM(in->tuple, 1);
+static bd_core_call *keep_callable(bd_core_torque *out, PyObject *callable, const char *name) {
   if (!PyCallable_Check(callable)) {
-    PyErr_Format(PyExc_TypeError, "torque[%zd] must hold a callable, got %.100s", in->index,
+    PyErr_Format(PyExc_TypeError, "%s must hold a callable, got %.100s", name,
                  Py_TYPE(callable)->tp_name);
+    return NULL;
+  }
+  bd_core_call *call = &out->calls[out->n_calls++];
+  call->callable = Py_NewRef(callable);
+  call->stop = out->torque.stop;
+  return call;
+}
+
+static int read_call(const reader *in) {
+  char name[BD_NAME_SIZE];
+  PyOS_snprintf(name, sizeof name, "torque[%zd]", in->index);
+  bd_core_call *call = keep_callable(in->out, PyTuple_GET_ITEM(in->tuple, 1), name);
+  if (!call) {
     return -1;
   }
-  bd_core_call *call = &in->out->calls[in->out->n_calls++];
-  call->callable = Py_NewRef(callable);
   call->n_pulleys = in->n_pulleys;
-  call->stop = in->out->torque.stop;
   in->term->call = call_python;
   in->term->user = call;
   return 0;
@@ -284,6 +317,50 @@ static int read_term(reader *in) {
   return -1;
 }
 
+/* (pulley, "piecewise", t, values), (pulley, "speed", call) or (pulley, "angle", call). */
+static int read_motion(bd_core_torque *out, PyObject *tuple, Py_ssize_t index) {
+  static const char *const kinds[] = {"piecewise", "speed", "angle"};
+  bd_motion *motion = &out->motions[index];
+  const Py_ssize_t got = PyTuple_Check(tuple) ? PyTuple_GET_SIZE(tuple) : 0;
+  char name[BD_NAME_SIZE];
+  long pulley;
+  motion->kind = BD_MOTION_PIECEWISE;
+  while (got >= 3 && motion->kind <= BD_MOTION_ANGLE &&
+         (!PyUnicode_Check(PyTuple_GET_ITEM(tuple, 1)) ||
+          PyUnicode_CompareWithASCIIString(PyTuple_GET_ITEM(tuple, 1), kinds[motion->kind]))) {
+    ++motion->kind;
+  }
+  if (motion->kind > BD_MOTION_ANGLE || got != (motion->kind == BD_MOTION_PIECEWISE ? 4 : 3)) {
+    PyErr_Format(PyExc_ValueError,
+                 "motion[%zd] must be (pulley, 'piecewise', t, values), (pulley, 'speed', call) or "
+                 "(pulley, 'angle', call), got %R",
+                 index, tuple);
+    return -1;
+  }
+  PyOS_snprintf(name, sizeof name, "motion[%zd] pulley", index);
+  if (bd_convert_long(PyTuple_GET_ITEM(tuple, 0), name, &pulley) < 0) {
+    return -1;
+  }
+  motion->pulley = pulley >= 0 && pulley < BD_MAX_PULLEYS ? (int)pulley : -1; /* the core refuses */
+  PyOS_snprintf(name, sizeof name, "motion[%zd]", index);
+  if (motion->kind == BD_MOTION_PIECEWISE) {
+    npy_intp n_t = BD_ANY;
+    motion->t = keep_array(out, PyTuple_GET_ITEM(tuple, 2), name, 1, &n_t, &n_t);
+    motion->values =
+        motion->t ? keep_array(out, PyTuple_GET_ITEM(tuple, 3), name, 1, &n_t, NULL) : NULL;
+    motion->n_t = (size_t)n_t;
+    return motion->values ? 0 : -1;
+  }
+  bd_core_call *call = keep_callable(out, PyTuple_GET_ITEM(tuple, 2), name);
+  if (!call) {
+    return -1;
+  }
+  call->pulley = motion->pulley;
+  motion->call = call_python_motion;
+  motion->user = call;
+  return 0;
+}
+
 static int read_breakpoints(bd_core_torque *out, PyObject *breakpoints) {
   if (!breakpoints) {
     return 0;
@@ -297,27 +374,36 @@ static int read_breakpoints(bd_core_torque *out, PyObject *breakpoints) {
   return 0;
 }
 
+/* A tuple of our own: converting runs Python code, which could change a list under us. */
+static PyObject *own_tuple(PyObject *sequence, const char *rule) {
+  PyObject *items = PySequence_Tuple(sequence);
+  if (!items && PyErr_ExceptionMatches(PyExc_TypeError)) {
+    PyErr_Format(PyExc_TypeError, "%s, got %.100s", rule, Py_TYPE(sequence)->tp_name);
+  }
+  return items;
+}
+
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        npy_intp n_pulleys, const volatile int *stop) {
+                        PyObject *motions, npy_intp n_pulleys, const volatile int *stop) {
   *out = (bd_core_torque){.torque.stop = stop};
-  /* A tuple of our own: converting runs Python code, which could change a list under us. */
-  PyObject *items = PySequence_Tuple(terms);
-  if (!items) {
-    if (PyErr_ExceptionMatches(PyExc_TypeError)) {
-      PyErr_Format(PyExc_TypeError, "torque must be a sequence of terms, got %.100s",
-                   Py_TYPE(terms)->tp_name);
-    }
+  int failed = -1;
+  PyObject *items = own_tuple(terms, "torque must be a sequence of terms");
+  PyObject *moves = !items    ? NULL
+                    : motions ? own_tuple(motions, "motion must be a sequence of tuples")
+                              : PyTuple_New(0);
+  if (!moves) {
+    Py_XDECREF(items);
     return -1;
   }
-  int failed = -1;
-  const Py_ssize_t n = PyTuple_GET_SIZE(items);
+  const Py_ssize_t n = PyTuple_GET_SIZE(items), n_motions = PyTuple_GET_SIZE(moves);
   out->arrays = PyList_New(0);
   out->terms = PyMem_Calloc((size_t)n, sizeof *out->terms);
-  out->calls = PyMem_Calloc((size_t)n, sizeof *out->calls);
+  out->motions = PyMem_Calloc((size_t)n_motions, sizeof *out->motions);
+  out->calls = PyMem_Calloc((size_t)(n + n_motions), sizeof *out->calls);
   if (!out->arrays) {
     goto out;
   }
-  if (!out->terms || !out->calls) {
+  if (!out->terms || !out->motions || !out->calls) {
     PyErr_NoMemory();
     goto out;
   }
@@ -329,9 +415,17 @@ int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoi
   }
   out->torque.terms = out->terms;
   out->torque.n_terms = (size_t)n;
+  for (Py_ssize_t i = 0; i < n_motions; i++) {
+    if (read_motion(out, PyTuple_GET_ITEM(moves, i), i) < 0) {
+      goto out;
+    }
+  }
+  out->torque.motions = out->motions;
+  out->torque.n_motions = (size_t)n_motions;
   failed = read_breakpoints(out, breakpoints);
 out:
   Py_DECREF(items);
+  Py_DECREF(moves);
   return failed;
 }
 
@@ -347,6 +441,7 @@ void bd_core_calls_free(bd_core_call *calls, Py_ssize_t n) {
 void bd_core_torque_release(bd_core_torque *torque) {
   bd_core_calls_free(torque->calls, torque->n_calls);
   PyMem_Free(torque->terms);
+  PyMem_Free(torque->motions);
   Py_XDECREF(torque->arrays);
   *torque = (bd_core_torque){0};
 }

@@ -187,6 +187,42 @@ static void tangent_drag(const bd_plan *plan, const double *y, bd_derivatives *o
   }
 }
 
+/* --- prescribed motion ------------------------------------------------------------------------ */
+
+static int has_motion(const bd_model *model, const bd_plan_options *options) {
+  (void)model;
+  return options->motion;
+}
+
+/* Before contact, which depends on the speeds. */
+static int pass_motion(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)dy;
+  return plan->torques.motion.from_rate ? bd_motion_set_eval(&plan->torques, t, plan->t_piece, err)
+                                        : bd_motion_put(plan, t, y, err);
+}
+
+/* As exact as the time: a method gives what its formula does. */
+static int motion_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                             bd_error *err) {
+  (void)tolerance, (void)changed;
+  return bd_motion_put(plan, t, y, err);
+}
+
+/* After all that acts on a pulley: what is missing to the acceleration prescribed is the torque
+ * that the motion needs. */
+static int pass_motion_torque(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_motion_set *set = &plan->torques.motion;
+  const bd_layout *lay = &plan->model->lay;
+  for (size_t k = 0; k < set->n; ++k) {
+    int j = set->motions[k].pulley;
+    double torque = plan->model->inertia[j] * (set->alpha[k] - dy[lay->omega + j]);
+    dy[lay->omega + j] = set->alpha[k];
+    dy[lay->work + W_DRIVE] += torque * y[lay->omega + j];
+  }
+  return BD_OK;
+}
+
 /* --- mass-proportional damping (settling) ----------------------------------------------------- */
 
 static int has_mass_damping(const bd_model *model, const bd_plan_options *options) {
@@ -253,7 +289,8 @@ static void tangent_mass_damping(const bd_plan *plan, const double *y, bd_deriva
 
 /* In the order of their passes: joints set the links' rates, and the pulleys' pass those of the
  * pulleys, others add to them; mass-proportional damping sees the accelerations of all. The
- * derivatives of set torques need checks that only a step can make (torque_functions.c). */
+ * derivatives of set torques need checks that only a step can make (torque_functions.c). A pulley
+ * whose motion is prescribed has no equation of its own to be derived (newton_system.c). */
 static const bd_effect table[] = {
     {
         .name = "moving centres",
@@ -291,6 +328,13 @@ static const bd_effect table[] = {
         .energy = bd_energy_of_gravity,
     },
     {
+        .name = "prescribed motion",
+        .enabled = has_motion,
+        .rate = pass_motion,
+        .tangent = tangent_none,
+        .after_step = motion_after_step,
+    },
+    {
         .name = "contact", /* with the laws of its friction: plan->contact_name */
         .enabled = always,
         .rate = pass_contact,
@@ -319,6 +363,13 @@ static const bd_effect table[] = {
         .carve_tangent = carve_drag_tangent,
         .n_works = 1,
         .works = {W_DRAG},
+    },
+    {
+        .name = "torques of prescribed motion",
+        .enabled = has_motion,
+        .rate = pass_motion_torque,
+        .tangent = tangent_none,
+        .outputs = bd_outputs_of_motion,
     },
     {
         .name = "mass-proportional damping",

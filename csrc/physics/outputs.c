@@ -113,6 +113,20 @@ void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_
   }
 }
 
+double bd_friction_torque(const bd_plan *plan, const double *y, int j) {
+  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+  double sum = 0.0;
+  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
+      touch c;
+      if (touching(plan, y, i, j, &c)) {
+        sum += c.friction * (plan->contact_pulleys[j].radius - c.penetration);
+      }
+    }
+  }
+  return sum;
+}
+
 static double kinetic_energy(const bd_model *model, const double *y) {
   const bd_layout *lay = &model->lay;
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);

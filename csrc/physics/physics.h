@@ -10,6 +10,21 @@
 
 /* --- torque.c -------------------------------------------------------------------------------- */
 
+/* Prescribed motions, by motion; and, by pulley, whether it has one. */
+typedef struct bd_motion_set {
+  size_t n; /* 0: nothing of this is there */
+  bd_motion *motions;
+  int *of_pulley;
+  double *theta, *omega, *alpha, *jerk; /* at the time `t`: angle (of calls for the speed: none), */
+  double t, t_piece;                    /* and its derivatives */
+  double *offset;                       /* the pulley's angle less that of its motion */
+  double begin, end;                    /* of the run: calls are for no other time */
+  int called;                           /* there are calls */
+  int from_rate;         /* stages of a method whose order takes speeds that follow from rates */
+  int ignored;           /* 1 + a pulley on which a torque was set all the same, */
+  double ignored_torque; /* and that torque */
+} bd_motion_set;
+
 typedef struct bd_torque_set {
   int np;
   size_t n_terms, n_breaks;
@@ -22,12 +37,13 @@ typedef struct bd_torque_set {
   int watched;              /* functions: their least and largest torques are kept, by pulley */
   double *low, *high;
   int smooth; /* every term is one whose derivatives are known */
+  bd_motion_set motion;
 } bd_torque_set;
 
 void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque);
 int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *err);
 /* t_piece: a time inside the present piece, which decides the side at a jump. BD_OK,
- * BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. */
+ * BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. 0 for pulleys with a prescribed motion. */
 int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const double *theta,
                        const double *omega, double *torque, bd_error *err);
 /* Derivatives at the same point, where the torque is `torque`: over one another, by row, (np, np)
@@ -37,6 +53,23 @@ int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *t
 int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piece,
                           const double *theta, const double *omega, const double *torque,
                           double *slope, bd_error *err);
+
+/* First of n ascending times above t; n if there is none. */
+size_t bd_first_above(const double *times, size_t n, double t);
+
+/* --- motion.c -------------------------------------------------------------------------------- */
+
+void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd_torque *torque);
+int bd_motion_set_check(bd_motion_set *set, int np, bd_error *err);
+/* The motions at a time, into the set. BD_OK, BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. */
+int bd_motion_set_eval(bd_torque_set *set, double t, double t_piece, bd_error *err);
+static inline int bd_is_moved(const bd_torque_set *set, int j) {
+  return set->motion.n > 0 && set->motion.of_pulley[j];
+}
+/* Whether motion k says what the angle is, and not the speed alone. */
+static inline int bd_knows_angle(const bd_motion_set *set, size_t k) {
+  return set->motions[k].kind != BD_MOTION_SPEED;
+}
 
 /* --- search.c -------------------------------------------------------------------------------- */
 
@@ -56,7 +89,7 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
 typedef struct bd_plan bd_plan;
 
 typedef struct bd_plan_options {
-  int ledger, friction, drag, hold_pulleys, no_power;
+  int ledger, friction, drag, hold_pulleys, no_power, motion;
   double mass_damping;
   const double *offset;
   double move_time;
@@ -165,6 +198,16 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
 int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                           bd_error *err);
 
+/* --- motion.c, on a plan --------------------------------------------------------------------- */
+
+/* The prescribed speeds at t, and angles that are known, into y. */
+int bd_motion_put(bd_plan *plan, double t, double *y, bd_error *err);
+/* At the start of a run from t to t_end: the speeds of y must be those prescribed, angles go on
+ * from those of y. */
+int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_error *err);
+/* In place of set torques those that the motions last evaluated need at y. */
+void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
@@ -176,6 +219,8 @@ void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
                 const bd_output *out, size_t k);
+/* Torque of friction on pulley j at a state. */
+double bd_friction_torque(const bd_plan *plan, const double *y, int j);
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);

@@ -38,7 +38,11 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd
       }
     }
   }
+  for (size_t k = 0; torque && k < torque->n_motions; ++k) {
+    n_breaks += torque->motions[k].n_t;
+  }
   BD_CARVE(carver, set->breaks, n_breaks);
+  bd_motion_set_carve(carver, &set->motion, np, torque);
   set->np = np;
   set->n_terms = n_terms;
 }
@@ -115,6 +119,14 @@ int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *er
     }
     set->breaks[n++] = torque->breakpoints[k];
   }
+  if (bd_motion_set_check(&set->motion, set->np, err) != BD_OK) {
+    return BD_ERR_TORQUE_DATA;
+  }
+  for (size_t k = 0; k < set->motion.n; ++k) {
+    for (size_t i = 0; i < set->motion.motions[k].n_t; ++i) {
+      set->breaks[n++] = set->motion.motions[k].t[i];
+    }
+  }
   qsort(set->breaks, n, sizeof *set->breaks, ascending);
   set->n_breaks = 0;
   set->after = -(double)INFINITY;
@@ -127,18 +139,23 @@ int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *er
   return BD_OK;
 }
 
-static void piecewise(const bd_torque_term *term, int np, double t, double t_piece,
-                      double *torque) {
-  const double *times = term->t;
-  size_t n = term->n_t, low = 0, high = n; /* first time above t_piece */
+size_t bd_first_above(const double *times, size_t n, double t) {
+  size_t low = 0, high = n;
   while (low < high) {
     size_t mid = low + (high - low) / 2;
-    if (times[mid] > t_piece) {
+    if (times[mid] > t) {
       high = mid;
     } else {
       low = mid + 1;
     }
   }
+  return low;
+}
+
+static void piecewise(const bd_torque_term *term, int np, double t, double t_piece,
+                      double *torque) {
+  const double *times = term->t;
+  size_t n = term->n_t, low = bd_first_above(times, n, t_piece);
   const double *after = term->values + (low < n ? low : n - 1) * (size_t)np;
   const double *before = low > 0 ? after - (low < n ? np : 0) : after;
   double width = low > 0 && low < n ? times[low] - times[low - 1] : 0.0;
@@ -194,6 +211,14 @@ int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const doubl
     }
     for (int j = 0; j < np; ++j) {
       torque[j] += set->part[j];
+    }
+  }
+  for (size_t k = 0; k < set->motion.n; ++k) {
+    double *none = &torque[set->motion.motions[k].pulley];
+    if (*none != 0.0) {
+      set->motion.ignored = set->motion.motions[k].pulley + 1;
+      set->motion.ignored_torque = *none;
+      *none = 0.0;
     }
   }
   for (int j = 0; j < np; ++j) {

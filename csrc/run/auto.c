@@ -39,6 +39,9 @@ static double cost_of(const bd_sim *sim, const bd_method *m) {
       cost += CALL * calls;
     }
   }
+  if (set->motion.called) {
+    cost += CALL * m->vectors; /* several of a number, once a stage */
+  }
   return cost;
 }
 

@@ -140,6 +140,9 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   if (code == BD_OK) {
     code = bd_guard_initial(&(*out)->stepper.plan, (*out)->stepper.y, err, initial->t);
   }
+  if (code == BD_OK) {
+    code = bd_sim_begin_motion(*out, err);
+  }
   if (code != BD_OK) {
     bd_sim_free(*out);
     *out = NULL;
@@ -189,7 +192,10 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   sim->stepper.t = sim->t0 = initial->t;
   sim->t_end = t_end;
   bd_plan_make(&sim->stepper.plan, model,
-               &(bd_plan_options){.ledger = options->ledger, .friction = 1, .drag = 1});
+               &(bd_plan_options){.ledger = options->ledger,
+                                  .friction = 1,
+                                  .drag = 1,
+                                  .motion = sim->stepper.plan.torques.motion.n > 0});
   const int implicit = method->implicit || (pair.method[1] && pair.method[1]->implicit);
   if (implicit &&
       bd_newton_check(&sim->stepper.plan, pair.method[0] ? "auto" : method->name, err) != BD_OK) {

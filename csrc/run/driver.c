@@ -18,9 +18,12 @@
 
 static int sample(bd_sim *sim, double t, double *y) {
   const bd_layout *lay = &sim->stepper.model->lay;
-  int code =
-      bd_torque_set_eval(&sim->stepper.plan.torques, t, sim->stepper.plan.t_piece, y + lay->theta,
-                         y + lay->omega, sim->stepper.plan.torque, &sim->stepper.report.failure);
+  int code = bd_motion_put(&sim->stepper.plan, t, y, &sim->stepper.report.failure);
+  if (code == BD_OK) {
+    code =
+        bd_torque_set_eval(&sim->stepper.plan.torques, t, sim->stepper.plan.t_piece, y + lay->theta,
+                           y + lay->omega, sim->stepper.plan.torque, &sim->stepper.report.failure);
+  }
   if (code == BD_OK) {
     bd_observe(&sim->stepper.plan, y, sim->stepper.turns, sim->stepper.plan.torque, sim->e0,
                &sim->output, sim->next_sample++);
@@ -47,6 +50,16 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
   return BD_OK;
 }
 
+static void warn_of_ignored_torque(bd_stepper *stepper, double t) {
+  const bd_motion_set *motion = &stepper->plan.torques.motion;
+  if (motion->ignored > 0) {
+    bd_warn(&stepper->report, BD_WARN_torque_ignored, t, -1, motion->ignored - 1,
+            "the torque set on pulley %d, %.4g N m by t = %.6g s, has no effect, for the motion of "
+            "this pulley is prescribed: set 0, or leave the motion out",
+            motion->ignored - 1, motion->ignored_torque, t);
+  }
+}
+
 /* Adopts y_new at t_new. */
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
@@ -64,6 +77,7 @@ static int accept(bd_sim *sim, double h, double t_new) {
   }
   /* an implicit method takes the rate at y_new after the change */
   bd_stepper_advance(&sim->stepper, h, t_new, sim->stepper.now->implicit || !changed);
+  warn_of_ignored_torque(&sim->stepper, t_new);
   ++sim->stats.steps;
   sim->stats.largest_step = fmax(sim->stats.largest_step, h);
   sim->stats.smallest_step = sim->stats.steps == 1 ? h : fmin(sim->stats.smallest_step, h);
@@ -131,6 +145,11 @@ static double shortest(const bd_sim *sim) {
          fmax(fabs(sim->stepper.t), 1.0 / sim->stepper.model->info.spectral_bound);
 }
 
+int bd_sim_begin_motion(bd_sim *sim, bd_error *err) {
+  sim->stepper.plan.t_piece = 0.5 * (sim->stepper.t + next_stop(sim));
+  return bd_motion_begin(&sim->stepper.plan, sim->stepper.t, sim->t_end, sim->stepper.y, err);
+}
+
 static int start(bd_sim *sim) {
   const double STABILITY_SHARE = 0.75; /* the bound on all stiffnesses is an estimate */
   double h = sim->options.step > 0.0 ? sim->options.step
@@ -144,12 +163,19 @@ static int start(bd_sim *sim) {
   bd_stepper_reset(&sim->stepper);
   bd_plan_assign_contacts(&sim->stepper.plan, sim->stepper.y);
   bd_search_ready(&sim->stepper.plan, sim->stepper.y, sim->stepper.h);
-  sim->stepper.plan.t_piece = 0.5 * (sim->stepper.t + next_stop(sim));
+  int code = bd_sim_begin_motion(sim, &sim->stepper.report.failure);
+  if (code == BD_OK) {
+    code = bd_motion_put(&sim->stepper.plan, sim->stepper.t, sim->stepper.y,
+                         &sim->stepper.report.failure);
+  }
+  if (code != BD_OK) {
+    return code;
+  }
   double terms[BD_N_ENERGY];
   sim->e0 = bd_energy(&sim->stepper.plan, sim->stepper.y, terms);
   bd_guard_begin(sim);
   while (sim->next_sample < sim->n_samples && sim->t_sample[sim->next_sample] <= sim->stepper.t) {
-    int code = sample(sim, sim->stepper.t, sim->stepper.y);
+    code = sample(sim, sim->stepper.t, sim->stepper.y);
     if (code != BD_OK) {
       return code;
     }

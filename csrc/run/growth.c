@@ -15,7 +15,8 @@
  * that each reversal is a jump, or the belt's vibrations last for long, periods are longer, and
  * one begins as soon as twins have made less than a fifth of the steps.
  *
- * A torque function is not to be called twice: where there is one, two twins run, one of them not
+ * Prescribed motions are functions of time alone, and are called again. A torque function is not to
+ * be called twice: where there is one, two twins run, one of them not
  * displaced, under the torques that the run had at the ends of its steps. Guarded by
  * tests/test_growth.py.
  */
@@ -60,7 +61,10 @@ static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
     twin->t_end = sim->t_end;
     bd_stepper_weigh(&twin->stepper);
     bd_plan_make(&twin->stepper.plan, sim->stepper.model,
-                 &(bd_plan_options){.friction = 1, .drag = 1, .no_power = 1});
+                 &(bd_plan_options){.friction = 1,
+                                    .drag = 1,
+                                    .no_power = 1,
+                                    .motion = twin->stepper.plan.torques.motion.n > 0});
   }
   return twin;
 }
@@ -79,9 +83,12 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   double times[2] = {0.0, 1.0};
   double *zero = bd_block_new(2 * (size_t)model->lay.np * sizeof *zero);
   bd_torque_term seen = {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = times, .values = zero};
+  bd_torque as_seen = *torque; /* but for the motions, which are functions of time alone */
+  as_seen.n_terms = 1;
+  as_seen.terms = &seen;
   if (zero) {
-    t->sim = make(sim, &(bd_torque){.n_terms = 1, .terms = &seen});
-    t->still = make(sim, &(bd_torque){.n_terms = 1, .terms = &seen});
+    t->sim = make(sim, &as_seen);
+    t->still = make(sim, &as_seen);
   }
   bd_block_free(zero);
   return t->sim && t->still ? BD_OK : BD_ERR_MEMORY;

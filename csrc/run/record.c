@@ -109,6 +109,11 @@ static void visit_torque(visitor *v, bd_torque_functions *functions, int np) {
 
 static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
   bd_search *search = &plan->search;
+  bd_motion_set *motion = &plan->torques.motion;
+  if (motion->n > 0) {
+    ONE(v, motion->begin);
+    MANY(v, motion->offset, motion->n);
+  }
   MANY(v, plan->owner, lay->n8 * lay->slots);
   MANY(v, plan->torque, lay->np);
   MANY(v, plan->friction, lay->np);
@@ -245,7 +250,7 @@ static uint64_t hash_group(uint64_t sum, const char *group, const void *values) 
 }
 
 /* Of everything that was given when the simulation was made, but the state, the sample times and
- * max_steps, which may be another: of a torque function, that there is one. */
+ * max_steps, which may be another: of a torque or motion function, that there is one. */
 static uint64_t scene_of(const bd_sim *sim) {
   const bd_model *model = sim->stepper.model;
   const bd_torque_set *set = &sim->stepper.plan.torques;
@@ -278,6 +283,12 @@ static uint64_t scene_of(const bd_sim *sim) {
     } else if (term->kind == BD_TORQUE_VISCOUS) {
       sum = hash(sum, term->coefficients, np * sizeof(double));
     }
+  }
+  for (size_t k = 0; k < set->motion.n; ++k) {
+    const bd_motion *motion = &set->motion.motions[k];
+    ADD(motion->pulley);
+    ADD(motion->kind);
+    sum = hash(sum, motion->t, 2 * motion->n_t * sizeof(double)); /* the values follow the times */
   }
   sum = hash(sum, set->breaks, set->n_breaks * sizeof(double));
   const char *method = sim->choice.method[0] ? "auto" : sim->stepper.method->name;

@@ -111,6 +111,8 @@ int bd_sim_fail_fixed(bd_sim *sim, double h, double error);
 
 /* Refuses times that rounding would blur. */
 int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err);
+/* Whether the run may begin with the prescribed motions; what they need to know of it. */
+int bd_sim_begin_motion(bd_sim *sim, bd_error *err);
 /* Goes to t_new, in one step if that errs by no more than the tolerance, as another simulation has
  * done; without samples. */
 int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance);

@@ -38,9 +38,37 @@ int bd_implicit_torque_by_time(bd_stepper *stepper, double h, int at_start) {
   int code = bd_torque_set_by_time(
       &stepper->plan.torques, stepper->t, dt, stepper->plan.t_piece, stepper->y + lay->theta,
       stepper->y + lay->omega, stepper->functions.now, system->by_time, &stepper->report.failure);
-  return code == BD_OK && at_start && !stepper->plan.torques.smooth
-             ? bd_torque_functions_by_time(stepper, h)
-             : code;
+  if (code == BD_OK && at_start && !stepper->plan.torques.smooth) {
+    code = bd_torque_functions_by_time(stepper, h);
+  }
+  const bd_motion_set *motion = &stepper->plan.torques.motion;
+  if (code == BD_OK && at_start && motion->n > 0) {
+    code = bd_motion_set_eval(&stepper->plan.torques, stepper->t, stepper->plan.t_piece,
+                              &stepper->report.failure);
+  }
+  for (size_t k = 0; code == BD_OK && at_start && k < motion->n; ++k) {
+    int j = motion->motions[k].pulley;
+    system->by_time[j] = stepper->model->inertia[j] * motion->jerk[k];
+  }
+  return code;
+}
+
+int bd_implicit_prescribe(bd_stepper *stepper, double h, double g, double *c) {
+  const bd_layout *lay = &stepper->model->lay;
+  const bd_motion_set *motion = &stepper->plan.torques.motion;
+  int code = motion->n == 0 ? BD_OK
+                            : bd_motion_set_eval(&stepper->plan.torques, stepper->t + h,
+                                                 stepper->plan.t_piece, &stepper->report.failure);
+  for (size_t k = 0; code == BD_OK && k < motion->n; ++k) {
+    const int j = motion->motions[k].pulley;
+    const double faster = motion->omega[k] - stepper->y[lay->omega + j];
+    c[lay->omega + j] = faster / g;
+    if (bd_knows_angle(motion, k)) {
+      double turned = motion->offset[k] + motion->theta[k] - stepper->y[lay->theta + j];
+      c[lay->theta + j] = turned / g - faster;
+    }
+  }
+  return code;
 }
 
 void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double factor) {

@@ -67,6 +67,10 @@ int bd_lbdf_attempt(bd_stepper *stepper, double h, double *error) {
   }
   bd_implicit_add_torque_by_time(stepper, d, h);
   bd_newton_add_normal_correction(&stepper->newton, &stepper->plan, d);
+  code = bd_implicit_prescribe(stepper, h, g, d);
+  if (code != BD_OK) {
+    return code;
+  }
   bd_newton_solve(&stepper->newton, &stepper->plan, d);
   const double one = 1.0;
   kernels->combine(lay->size, stepper->y_new, stepper->y, 1.0, 1, &one, &d);

@@ -10,8 +10,11 @@
  *   k_q = b_q + g k_v,    k_z = (b_z + g gain dv_T[k] + g gain_N dN[k]) / (1 + g decay)
  *
  * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
- * column a pulley: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
+ * column a shaft: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
  * link is that of its end, half its length times phi, so that all blocks are masses.
+ *
+ * A shaft is a body of one degree of freedom; at present every shaft is a pulley. One whose motion
+ * is prescribed has k_v = b_v for its row, and acts on the rest by its column as any other.
  *
  * Joint on the left of link i, e = (cos, sin) of its direction, e' across it, S = [1, -e'] at its
  * left and R = [1, e'] at its right end (MODEL section 2): g df = D^S_i k_i - D^R_l k_l with
@@ -178,9 +181,42 @@ void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const do
   }
 }
 
+/* --- the border ------------------------------------------------------------------------------ */
+
+static int shafts(const bd_plan *plan) {
+  return plan->pulleys_locked ? 0 : plan->model->lay.np;
+}
+
+static int is_prescribed(const bd_plan *plan, int shaft) {
+  return bd_is_moved(&plan->torques, shaft);
+}
+
+/* A shaft's inertia, and what its own acceleration does to the forces on it. */
+static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan, int shaft,
+                            double g) {
+  double inertia =
+      plan->model->inertia[shaft] * (1.0 + g * system->at.mass_damping) + system->own[shaft];
+  if (system->at.pulley_damping) {
+    inertia += g * system->at.pulley_damping[shaft];
+  }
+  return inertia;
+}
+
+/* A shaft's row times the velocities of the links. */
+static double shaft_row(const bd_newton_system *system, const bd_plan *plan, int shaft,
+                        const double *x, const double *y) {
+  return plan->kernels->newton->border_row(system->at.n_runs[shaft], runs_of(system, shaft),
+                                           &system->contact[shaft], x, y);
+}
+
+/* The part of a shaft's column that the ring takes: T^-1 B, three blocks. */
+static double *border_of(const bd_newton_system *system, const bd_layout *lay, int shaft) {
+  return system->border + (size_t)(3 * shaft) * (size_t)lay->stride + BD_HALO;
+}
+
 /* --- factorisation --------------------------------------------------------------------------- */
 
-/* Of the pulleys' small matrix: with pivots, whose reciprocals are kept, in place, by rows. */
+/* Of the shafts' small matrix: with pivots, whose reciprocals are kept, in place, by rows. */
 static void decompose(int n, double *a, int *pivots) {
   for (int k = 0; k < n; ++k) {
     int best = k;
@@ -222,11 +258,6 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
   }
 }
 
-/* The part of a pulley's column that the ring takes: T^-1 B, three blocks. */
-static double *border_of(const bd_newton_system *system, const bd_layout *lay, int j) {
-  return system->border + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
-}
-
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -249,23 +280,22 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
         z + lay->stride);
   }
   system->ring_kernels->factor(&system->ring, b);
-  const int np = plan->pulleys_locked ? 0 : lay->np;
-  for (int j = 0; j < np; ++j) {
+  const int n = shafts(plan);
+  for (int j = 0; j < n; ++j) {
     double *z = border_of(system, lay, j);
     system->ring_kernels->solve(&system->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
-    for (int i = 0; i < np; ++i) {
-      double inertia =
-          i == j ? model->inertia[i] * (1.0 + g * system->at.mass_damping) + system->own[i] : 0.0;
-      if (i == j && system->at.pulley_damping) {
-        inertia += g * system->at.pulley_damping[i];
+    for (int i = 0; i < n; ++i) {
+      if (is_prescribed(plan, i)) {
+        system->matrix[i * n + j] = i == j;
+        continue;
       }
-      double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
-      system->matrix[i * np + j] = inertia - g * torque -
-                                   kernels->border_row(system->at.n_runs[i], runs_of(system, i),
-                                                       &system->contact[i], z, z + lay->stride);
+      double inertia = i == j ? shaft_inertia(system, plan, i, g) : 0.0;
+      double torque = system->by_omega[i * n + j] + g * system->by_theta[i * n + j];
+      system->matrix[i * n + j] =
+          inertia - g * torque - shaft_row(system, plan, i, z, z + lay->stride);
     }
   }
-  decompose(np, system->matrix, system->pivots);
+  decompose(n, system->matrix, system->pivots);
 }
 
 /* --- solve ----------------------------------------------------------------------------------- */
@@ -276,7 +306,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const double g = system->stage.g;
-  const int np = plan->pulleys_locked ? 0 : lay->np;
+  const int n = shafts(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   for (int j = 0; j < lay->np; ++j) {
@@ -285,16 +315,19 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
                                       &system->contact[j], pulley->law != BD_LAW_NONE, c, x, y);
   }
   system->ring_kernels->solve(&system->ring, system->blocks.k, x, y, p);
-  for (int j = 0; j < np; ++j) {
-    rhs[j] += g * model->inertia[j] * c[lay->omega + j];
-    for (int k = 0; k < np; ++k) {
-      rhs[j] += g * g * system->by_theta[j * np + k] * c[lay->theta + k];
+  for (int j = 0; j < n; ++j) {
+    if (is_prescribed(plan, j)) {
+      rhs[j] = g * c[lay->omega + j];
+      continue;
     }
-    rhs[j] -=
-        kernels->border_row(system->at.n_runs[j], runs_of(system, j), &system->contact[j], x, y);
+    rhs[j] += g * model->inertia[j] * c[lay->omega + j];
+    for (int k = 0; k < n; ++k) {
+      rhs[j] += g * g * system->by_theta[j * n + k] * c[lay->theta + k];
+    }
+    rhs[j] -= shaft_row(system, plan, j, x, y);
   }
-  substitute(np, system->matrix, system->pivots, rhs);
-  kernels->finish_links(links, &system->stage, np, border_of(system, lay, 0), rhs, x, y, p, c);
+  substitute(n, system->matrix, system->pivots, rhs);
+  kernels->finish_links(links, &system->stage, n, border_of(system, lay, 0), rhs, x, y, p, c);
   for (int j = 0; j < lay->np; ++j) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);

@@ -73,6 +73,8 @@ int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
   bd_newton_factor(&stepper->newton, &stepper->plan, m->gamma * h);
   ++stepper->nlu;
   stepper->plan.skip_power = 1;
+  /* the order of the stages is that of speeds which come from the same formula as all else */
+  stepper->plan.torques.motion.from_rate = 1;
   for (int s = 0; s < m->stages; ++s) {
     if (s == 0) {
       memcpy(u[0], stepper->stage[0], size * sizeof *u[0]);
@@ -94,6 +96,7 @@ int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
     bd_newton_solve(&stepper->newton, &stepper->plan, u[s]);
   }
   stepper->plan.skip_power = stepper->plan.no_power;
+  stepper->plan.torques.motion.from_rate = 0;
   if (code == BD_OK) {
     double *last = u[m->stages - 1];
     kernels->combine(size, stepper->y_new, stepper->y_mid, 1.0, 1, &one, &last);

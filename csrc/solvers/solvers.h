@@ -184,6 +184,9 @@ int bd_implicit_linearise(bd_stepper *stepper);
  * what it means for the pulleys, added to c. */
 int bd_implicit_torque_by_time(bd_stepper *stepper, double h, int at_start);
 void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double factor);
+/* What prescribed motions change over the step of length h, into c, so that a solve with g gives it
+ * back. */
+int bd_implicit_prescribe(bd_stepper *stepper, double h, double g, double *c);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
 int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
 /* The ledger's part of a state inside the step just made. */

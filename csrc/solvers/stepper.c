@@ -37,7 +37,7 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   stepper->method = stepper->now = method;
 }
 
-/* 1 / scale for every unknown. */
+/* 1 / scale for every unknown; 0 of what prescribed motions say, which has no error. */
 void bd_stepper_weigh(bd_stepper *stepper) {
   const bd_model *model = stepper->model;
   const bd_layout *lay = &model->lay;
@@ -49,6 +49,12 @@ void bd_stepper_weigh(bd_stepper *stepper) {
         w[i] = 1.0 / bd_state_scale(model, row, row < F_THETA ? k : i);
       }
     }
+  }
+  const bd_motion_set *motion = &stepper->plan.torques.motion;
+  for (size_t k = 0; k < motion->n; ++k) {
+    const int j = motion->motions[k].pulley;
+    stepper->weights[lay->omega + j] = 0.0;
+    stepper->weights[lay->theta + j] *= !bd_knows_angle(motion, k);
   }
 }
 
@@ -74,6 +80,9 @@ double bd_stepper_longest(const bd_stepper *stepper, double h) {
   }
   if (!stepper->plan.torques.smooth && !stepper->fixed) {
     h = fmin(h, MOST_LOOKS * stepper->functions.interval);
+  }
+  if (stepper->plan.torques.motion.called && !stepper->fixed) {
+    h = fmin(h, stepper->functions.interval);
   }
   return stepper->max_step > 0.0 ? fmin(h, stepper->max_step) : h;
 }
@@ -105,6 +114,12 @@ void bd_stepper_copy(bd_stepper *to, const bd_stepper *from) {
     to->history_h[k] = from->history_h[k];
   }
   memcpy(to->plan.owner, from->plan.owner, (size_t)(lay->n8 * lay->slots) * sizeof *to->plan.owner);
+  bd_motion_set *motion = &to->plan.torques.motion;
+  for (size_t k = 0; k < motion->n; ++k) {
+    motion->offset[k] = from->plan.torques.motion.offset[k];
+  }
+  motion->begin = from->plan.torques.motion.begin;
+  motion->end = from->plan.torques.motion.end;
   to->n_history = from->n_history;
   to->method = to->now = from->method;
   to->t = from->t;

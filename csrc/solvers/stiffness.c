@@ -32,8 +32,9 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
         sqrt(info->contact_linear * info->contact_linear + 4.0 * info->contact_quadratic * normal);
     double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
     const bd_friction_stiffness friction = bd_friction_stiffness_of(model, j, normal);
+    const double inertia = set && bd_is_moved(set, j) ? (double)INFINITY : model->inertia[j];
     /* of all links on the wrap together, on the pulley's inertia */
-    const double of_wrap = wrap * r * r * r / (info->link_length * model->inertia[j]);
+    const double of_wrap = wrap * r * r * r / (info->link_length * inertia);
     double viscous = 0.0;
     for (size_t k = 0; set && k < set->n_terms; ++k) {
       viscous +=
@@ -50,8 +51,8 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
         {friction.stiffness / m, friction.damping / m, "friction", -1},
         {friction.stiffness * of_wrap, friction.damping * of_wrap,
          "a pulley with very small inertia", j},
-        {0.0, viscous / model->inertia[j], "a load with a very large viscous coefficient", j},
-        {0.0, drag / model->inertia[j], "a pulley with very large bearing drag", j},
+        {0.0, viscous / inertia, "a load with a very large viscous coefficient", j},
+        {0.0, drag / inertia, "a pulley with very large bearing drag", j},
     };
     double link_k = 0.0, link_d = 0.0;
     if (friction.adapts > most) {

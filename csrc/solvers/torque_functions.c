@@ -173,10 +173,10 @@ int bd_torque_functions_derive(bd_stepper *stepper) {
     return BD_OK;
   }
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    double wide = 0.01 * fmax(fabs(omega[j]), 1.0 / stepper->weights[lay->omega + j]);
+    double wide = 0.01 * fmax(fabs(omega[j]), bd_state_scale(stepper->model, F_OMEGA, j));
     code = verify(stepper, &omega[j], wide, stepper->h, system->by_omega + j);
     if (code == BD_OK) {
-      wide = 0.01 / stepper->weights[lay->theta + j];
+      wide = 0.01 * bd_state_scale(stepper->model, F_THETA, j);
       code = verify(stepper, &theta[j], wide, stepper->h * stepper->h, system->by_theta + j);
     }
   }

@@ -147,7 +147,7 @@ static void settles_and_runs(void) {
       {.kind = BD_TORQUE_PIECEWISE, .n_t = 4, .t = t, .values = values[0]},
       {.kind = BD_TORQUE_VISCOUS, .coefficients = drag}};
   const double more[] = {0.5e-3};
-  const bd_torque torque = {2, terms, 1, more, NULL};
+  const bd_torque torque = {.n_terms = 2, .terms = terms, .n_breakpoints = 1, .breakpoints = more};
   enum { SAMPLES = 7 };
   double times[SAMPLES] = {0, 0.3e-3, 0.5e-3, 1e-3, 1e-3, 2.5e-3, 3e-3};
   static double rows[17][SAMPLES * N];
@@ -318,6 +318,71 @@ static void torque_functions_are_heard(void) {
   bd_model_free(model);
 }
 
+static int swing(double t, double *value, void *user) {
+  const double *limits = user; /* of the times that it may be called for */
+  CHECK(t >= limits[0] && t <= limits[1]);
+  *value = t > limits[2] ? (double)NAN : 0.01 * (1.0 - cos(200.0 * t));
+  return t > limits[3] ? 7 : 0;
+}
+
+static void prescribed_motions(void) {
+  static room r;
+  bd_error err;
+  bd_sim *sim = NULL;
+  bd_state state = state_in(&r);
+  bd_model *model = settled_drive(&state);
+  CHECK(model != NULL);
+  const double up[] = {0.0, 1e-3}, back[] = {1e-3, 0.0}, twice[] = {0.0, 0.0};
+  const double speed[] = {0.0, -2.0}, bad_speed[] = {0.0, (double)NAN}, fast[] = {-1.0, -2.0};
+  const bd_motion bad[] = {
+      {.pulley = 0, .kind = BD_MOTION_PIECEWISE, .n_t = 2, .t = back, .values = speed},
+      {.pulley = 0, .kind = BD_MOTION_PIECEWISE, .n_t = 2, .t = twice, .values = speed},
+      {.pulley = 0, .kind = BD_MOTION_PIECEWISE, .n_t = 2, .t = up, .values = bad_speed},
+      {.pulley = 0, .kind = BD_MOTION_PIECEWISE},
+      {.pulley = NP, .kind = BD_MOTION_SPEED, .call = swing},
+      {.pulley = -1, .kind = BD_MOTION_SPEED, .call = swing},
+      {.pulley = 0, .kind = BD_MOTION_ANGLE},
+      {.pulley = 0, .kind = 77, .call = swing},
+  };
+  for (size_t k = 0; k < sizeof bad / sizeof bad[0]; ++k) {
+    const bd_torque torque = {.n_motions = 1, .motions = &bad[k]};
+    CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-3, NULL, &err) == BD_ERR_TORQUE_DATA);
+    CHECK(sim == NULL && strcmp(err.field, "motion") == 0);
+  }
+  const bd_motion at_speed = {
+      .pulley = 2, .kind = BD_MOTION_PIECEWISE, .n_t = 2, .t = up, .values = fast};
+  bd_torque torque = {.n_motions = 1, .motions = &at_speed};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-3, NULL, &err) == BD_ERR_STATE);
+  CHECK(sim == NULL && err.pulley == 2 && err.value == -1.0);
+
+  double limits[] = {0.0, 2e-3, INFINITY, INFINITY};
+  const bd_motion moves[] = {
+      {.pulley = 2, .kind = BD_MOTION_PIECEWISE, .n_t = 2, .t = up, .values = speed},
+      {.pulley = 0, .kind = BD_MOTION_ANGLE, .call = swing, .user = limits},
+  };
+  torque = (bd_torque){.n_motions = 2, .motions = moves};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 2e-3, NULL, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_OK);
+  bd_sim_state(sim, &state);
+  CHECK(state.omega[2] == -2.0 && fabs(state.theta[2] + 3e-3) < 1e-15);
+  CHECK(fabs(state.theta[0] - 0.01 * (1.0 - cos(0.4))) < 1e-15);
+  CHECK(fabs(state.omega[0] - 2.0 * sin(0.4)) < 1e-9);
+  bd_sim_free(sim);
+  state = state_in(&r);
+  bd_model_free(model);
+  model = settled_drive(&state);
+  limits[3] = 1e-3;
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 2e-3, NULL, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_ERR_CALLBACK && err.pulley == 0);
+  bd_sim_free(sim);
+  limits[2] = 1e-3;
+  limits[3] = INFINITY;
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 2e-3, NULL, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_ERR_TORQUE_VALUE && err.pulley == 0);
+  bd_sim_free(sim);
+  bd_model_free(model);
+}
+
 static void rates_leave_no_trace(void) {
   static room r, r2;
   bd_error err;
@@ -347,9 +412,9 @@ static void dahl_in_closed_form(void) {
 static const test tests[] = {
 #define T(name)                                                                                    \
   { #name, name }
-    T(errors_have_names),    T(bad_scenes_are_refused), T(belt_lines_have_their_lengths),
-    T(settles_and_runs),     T(bad_runs_are_refused),   T(torque_functions_are_heard),
-    T(rates_leave_no_trace), T(dahl_in_closed_form),
+    T(errors_have_names),  T(bad_scenes_are_refused), T(belt_lines_have_their_lengths),
+    T(settles_and_runs),   T(bad_runs_are_refused),   T(torque_functions_are_heard),
+    T(prescribed_motions), T(rates_leave_no_trace),   T(dahl_in_closed_form),
 };
 
 int main(int argc, char **argv) {
