@@ -10,8 +10,10 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import attrs
+import numpy as np
 
 from . import _core
+from .checks import Array
 from .rules import Printable, from_table, rules_of
 
 __all__ = ["LAWS", "Dahl", "ElasticPlastic", "Friction", "LuGre", "law_or_none"]
@@ -90,6 +92,11 @@ class LuGre(Friction):
     sigma: float
     damping: float = 0.0
     viscous: float = 0.0
+
+    def in_slip(self, v: Array) -> Array:
+        """Friction coefficients in steady slip at these slip velocities [m/s]."""
+        stribeck = (self.mu_s - self.mu_k) * np.exp(-((v / self.v_stribeck) ** 2))
+        return np.asarray(self.mu_k + stribeck + self.viscous * np.abs(v))
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("elastic_plastic"))

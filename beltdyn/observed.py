@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import Array
+from .friction import LuGre
 from .result import Result
 from .run_warnings import RunWarning
 from .sanity import units
@@ -22,7 +23,8 @@ __all__ = ["observe"]
 TORQUE = 10.0
 #: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
 #: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
-#: below: 0.88 in case 1 of the paper, which is loaded almost to its limit.
+#: below: 0.88 in case 1 of the paper, which is loaded almost to its limit. In place of mu_k stands
+#: what LuGre friction has at the slip velocity of each link: a link that sticks can hold mu_s.
 SATURATED = 0.98
 #: Slip in units of mu_k/sigma, below which a pulley has only moved within its friction joint.
 SLIPPED = 10.0
@@ -87,6 +89,11 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     bins = _bins(contact.pulley, n_p)
     friction = _per_pulley(contact.friction, bins, n_p)
     most = kinetic * _per_pulley(contact.normal, bins, n_p)
+    for k in range(n_p):
+        law = params.friction_on(k)
+        if isinstance(law, LuGre):
+            held = law.in_slip(contact.velocity) * contact.normal
+            most[:, k] = _per_pulley(held, bins, n_p)[:, k]
     tension = params.info["mean_tension"]
     saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
     rows = np.flatnonzero(saturated.any(axis=1))

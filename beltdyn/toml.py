@@ -122,7 +122,7 @@ def _explain(error: BaseException, path: str) -> str:
     message = str(error)
     # Messages of the classes begin with their name ("pulley.radius must ..."), which the more
     # precise path replaces.
-    own = re.match(r"[A-Za-z]+\.(?=\w)", message)
+    own = re.match(r"[A-Za-z_]+\.(?=\w)", message)
     if not path:
         return message
     return _join(path, message[own.end() :]) if own else f"{path}: {message}"

@@ -1,9 +1,10 @@
 """The Jacobian as a dense matrix: of the core's solver, by differences of the core and the oracle.
 
 Unknowns in the order of the core's state, scaled: a stretch s for places, over half a link or a
-radius for angles, s w for velocities, w the fastest undamped frequency of the joints, and what a
-slip of s makes of friction coefficients, 1 at least. Entries then are of size w, or of what damps
-or presses more, and a matrix norm means something.
+radius for angles, s w for velocities, w the fastest undamped frequency of the joints. The state of
+a friction law is scaled by what a slip of s makes of it, at least by what makes friction as large
+as the normal force. Entries then are of size w, or of what damps or presses more, and a matrix norm
+means something.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ class Layout:
 
     sizes: Mapping[str, int]
     scale: Array
+    friction: Array  # what makes friction as large as the normal force, of every entry of "mu"
 
     @classmethod
     def of(cls, oracle: reference.Reference, state: Mapping[str, Any]) -> Layout:
@@ -37,10 +39,11 @@ class Layout:
         w = math.sqrt(12.0 * oracle.c_tra / oracle.mass)
         units = {"x": 1.0, "y": 1.0, "phi": 1.0 / half, "theta": 1.0 / radius, "slip": 1.0}
         units |= {"vx": w, "vy": w, "vphi": w / half, "omega": w / radius}
-        units["mu"] = max(1.0 / STRETCH, oracle.sigma or 0.0)
         sizes = {name: np.size(state[name]) for name, *_ in _core.STATE_FIELDS}
-        scale = [np.full(n, STRETCH * units[name]) for name, n in sizes.items()]
-        return cls(sizes, np.concatenate(scale))
+        scale = {name: np.full(n, STRETCH * units.get(name, 0.0)) for name, n in sizes.items()}
+        friction, by_slip = friction_scales(oracle, state)
+        scale["mu"] = np.maximum(friction, STRETCH * by_slip)
+        return cls(sizes, np.concatenate(list(scale.values())), friction)
 
     def pack(self, state: Mapping[str, Any]) -> Array:
         return np.concatenate([np.ravel(state[name]) for name in self.sizes]) / self.scale
@@ -51,10 +54,10 @@ class Layout:
         return {"t": t, **dict(zip(self.sizes, parts, strict=True))}
 
     def steps(self) -> Array:
-        """For differences: 1e-4 of the scales, and of 1 for friction coefficients."""
+        """For differences: 1e-4 of the scales, and for friction of what is as large as N."""
         steps = np.full(len(self.scale), 1e-4)
         mu = self.blocks()["mu"]
-        steps[mu] /= self.scale[mu]
+        steps[mu] *= self.friction / self.scale[mu]
         return steps
 
     def blocks(self) -> dict[str, slice]:
@@ -63,6 +66,27 @@ class Layout:
             name: slice(int(end) - size, int(end))
             for (name, size), end in zip(self.sizes.items(), ends, strict=True)
         }
+
+
+def friction_scales(oracle: reference.Reference, state: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Of every entry of "mu", by the law of the pulley that the link touches: the state at which
+    friction is as large as N at the joints' stretch, and how the state changes with slip at rest.
+    """
+    n, zero = oracle.n_bodies, np.zeros(1)
+    slots = np.size(state["mu"]) // n
+    size, by_slip = np.ones((slots, n)), np.zeros((slots, n))
+    where = {name: value for name, value in state.items() if name not in ("mu", "slip")}
+    touch = oracle.penetration(oracle.pack(where)) > 0
+    for j, slot in enumerate(slots_of(oracle)):
+        law = oracle.laws[j]
+        if law is not None:
+            pressure = oracle.c_tra * STRETCH / oracle.radii[j]
+            normal = pressure * oracle.l0
+            size[slot, touch[j]] = law.scale(pressure)
+            step = 1e-12  # m/s; the slope at rest, where a law may have a kink
+            rate = law.rate(zero, zero + step, zero + normal, oracle.l0)
+            by_slip[slot, touch[j]] = rate[0] / step
+    return size.ravel(), by_slip.ravel()
 
 
 def solve(model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float) -> Vector:
@@ -94,14 +118,26 @@ def jacobian_of_solver(
     return j
 
 
-def jacobian_by_differences(rate: Vector, y: Array, step: Array) -> Array:
-    """Central differences, one column an unknown, with a step for each."""
+def jacobian_by_differences(layout: Layout, rate: Vector, y: Array) -> Array:
+    """Central differences, one column an unknown.
+
+    Of fourth order for speeds, with which friction may change over 0.1 m/s, some hundred steps;
+    they feed no stretch, so that little is rounded.
+    """
     columns = np.empty((len(y), len(y)))
-    for i, h in enumerate(step):
+    blocks = layout.blocks()
+    speeds = {i for name in ("vx", "vy", "vphi", "omega") for i in np.r_[blocks[name]]}
+
+    def slope(i: int, h: float) -> Array:
         ahead, behind = y.copy(), y.copy()
         ahead[i] += h
         behind[i] -= h
-        columns[:, i] = (rate(ahead) - rate(behind)) / (ahead[i] - behind[i])
+        return (rate(ahead) - rate(behind)) / (ahead[i] - behind[i])
+
+    for i, h in enumerate(layout.steps()):
+        columns[:, i] = slope(i, h)
+        if i in speeds:
+            columns[:, i] = (4.0 * slope(i, 0.5 * h) - columns[:, i]) / 3.0
     return columns
 
 

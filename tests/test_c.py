@@ -124,6 +124,13 @@ def test_kernels_at_every_level(core: Core) -> None:
     objects = [core.object(path, "-O3", *levels[path.stem.rpartition("_")[2]]) for path in sources]
     test = ROOT / "tests" / "c" / "test_kernels.c"
     target = core.program(test, "-O3", "-DBD_X86_LEVELS=1", more=objects)
+    assert ", 0 failures" in run(target)
+
+
+def test_exponentials_are_counted(core: Core) -> None:
+    """None without a Stribeck curve."""
+    counting = ["-O3", "-DBD_COUNT_EXPONENTIALS"]
+    target = core.program(ROOT / "tests" / "c" / "test_exponentials.c", *counting)
     assert "1 tests, 0 failures" in run(target)
 
 

@@ -14,8 +14,11 @@ import numpy as np
 import pytest
 import reference as ref
 import scipy.integrate
+from laws import core_law
 from oracle_drives import law_by_hand
 from reference_friction import Array, Dahl, ElasticPlastic, Law, LuGre
+
+from beltdyn import _core
 
 Provider = Callable[[Law, float, Array, Array, Array], tuple[Array, Array]]
 """From law, l0, z, v, normal (arrays of one size): F and dz/dt."""
@@ -28,7 +31,12 @@ def oracle(law: Law, l0: float, z: Array, v: Array, normal: Array) -> tuple[Arra
     return law.force(z, v, normal, l0), law.rate(z, v, normal, l0)
 
 
-PROVIDERS: dict[str, Provider] = {"oracle": oracle}
+def core(law: Law, l0: float, z: Array, v: Array, normal: Array) -> tuple[Array, Array]:
+    out = _core.friction_law(core_law(law), l0, z, v, normal)
+    return out["force"], out["rate"]
+
+
+PROVIDERS: dict[str, Provider] = {"oracle": oracle, "core": core}
 
 
 @pytest.fixture(params=list(PROVIDERS.values()), ids=list(PROVIDERS))

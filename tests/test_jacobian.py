@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 import reference
 from bridge import oracle_of
+from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
+from reference_friction import ElasticPlastic, Law
 from test_kernels import available
 
 import beltdyn as bd
@@ -71,11 +73,11 @@ class Case:
 def core_of(oracle: reference.Reference) -> _core.Model:
     """The core's model of the oracle's drive; pulleys may overlap, unlike those of a Params."""
     o = oracle
-    friction = None if o.mu_k is None or o.sigma is None else ("dahl", (o.mu_k, o.sigma))
+    laws = [None if law is None else core_law(law) for law in o.laws]
     belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
             o.bending_stiffness, o.bending_damping)  # fmt: skip
     drag = None if o.drag is None else [tuple(row) for row in o.drag]
-    return _core.Model(belt, o.centers, o.radii, o.inertias, o.contact, friction, o.gravity, drag)
+    return _core.Model(belt, o.centers, o.radii, o.inertias, o.contact, None, o.gravity, drag, laws)
 
 
 def off_the_kinks(oracle: reference.Reference, state: dict[str, Any]) -> bool:
@@ -110,10 +112,30 @@ def shaken(oracle: reference.Reference, state: dict[str, Any], seed: int) -> dic
         out["theta"] = np.asarray(state["theta"], dtype=float)
         if off_the_kinks(oracle, out):
             break
-    size = 0 if oracle.mu_k is None else (1 + slots.max()) * n
-    limit = 0.0 if oracle.mu_k is None else 0.9 * oracle.mu_k
-    out["mu"], out["slip"] = limit * rng.uniform(-1, 1, size), 1e-4 * rng.uniform(-1, 1, size)
+    n_slots = 1 + slots.max() if any(oracle.laws) else 0
+    out["mu"] = 1e-5 * rng.uniform(-1, 1, (n_slots, n))  # where nothing is touched
+    out["slip"] = 1e-4 * rng.uniform(-1, 1, n_slots * n)
+    at = oracle.contacts(oracle.pack({k: v for k, v in out.items() if k not in ("mu", "slip")}))
+    for j, law in enumerate(oracle.laws):
+        if law is not None:
+            z = friction_states(law, at.velocity[j], at.normal[j], oracle.l0, rng)
+            out["mu"][slots[j]] = np.where(at.penetration[j] > 0, z, out["mu"][slots[j]])
+    out["mu"] = out["mu"].ravel()
     return out
+
+
+def friction_states(
+    law: Law, v: Array, normal: Array, l0: float, rng: np.random.Generator
+) -> Array:
+    """Anywhere within nine tenths of the bound; where sticking has one, on both sides of its limit,
+    a fifth of it away.
+    """
+    spread = rng.uniform(-1, 1, len(v))
+    if isinstance(law, ElasticPlastic):
+        share = np.where(np.abs(spread) < 0.5, 1.6 * spread, spread + np.copysign(0.7, spread))
+        limit = np.maximum(law.mu * normal, 1.0)  # N; of what is not pressed any
+        return np.asarray((share * limit / l0 - law.damping * v) / law.stiffness)
+    return np.asarray(0.9 * law.bound * spread)
 
 
 def case_of(oracle: reference.Reference, state: dict[str, Any], seed: int = 0) -> Case:
@@ -136,15 +158,16 @@ def running() -> dict[str, tuple[bd.Params, dict[str, Any]]]:
 
 def crossed(n: int, **changes: Any) -> tuple[reference.Reference, dict[str, Any]]:
     """A ring through two pulleys that overlap: links on none, one and both of them."""
-    oracle = reference.paper_drive(
-        n,
-        centers=np.array([[0.0, 0.0], [0.05, 0.02]]),
-        radii=np.array([0.1, 0.09]),
-        inertias=np.array([0.01, 0.02]),
-        length=0.6,
-        **{"contact": (5e8, 2.5e6, 1e2), "bending_damping": 2e-7, "gravity": (1.0, -9.81)}
-        | changes,
-    )
+    given: dict[str, Any] = {
+        "centers": np.array([[0.0, 0.0], [0.05, 0.02]]),
+        "radii": np.array([0.1, 0.09]),
+        "inertias": np.array([0.01, 0.02]),
+        "length": 0.6,
+        "contact": (5e8, 2.5e6, 1e2),
+        "bending_damping": 2e-7,
+        "gravity": (1.0, -9.81),
+    }
+    oracle = reference.paper_drive(n, **given | changes)
     angle = np.linspace(0.0, -2 * np.pi, n, endpoint=False)
     state = {"x": 0.025 + 0.115 * np.cos(angle), "y": 0.01 + 0.085 * np.sin(angle)}
     state |= {"phi": angle - np.pi / 2, "theta": np.zeros(2), "omega": np.zeros(2), "t": 0.0}
@@ -158,6 +181,14 @@ def changed(params: bd.Params, **changes: Any) -> bd.Params:
     return attrs.evolve(params, belt=attrs.evolve(params.belt, **belt), **parts)
 
 
+#: Every law of the table, and what of a law is left out by its parameters.
+LAW_CASES = {
+    **{name: law for name, law in EXAMPLES.items() if name != "dahl"},
+    "lugre, no damping": UNDAMPED_LUGRE,
+    "lugre, no Stribeck": attrs.evolve(PLAIN_LUGRE, damping=0.1, viscous=0.05),
+}
+DAHL, LUGRE, ELASTIC = (EXAMPLES[name] for name in ("dahl", "lugre", "elastic_plastic"))
+
 CASES = (
     "two pulleys",
     "three pulleys",
@@ -170,16 +201,28 @@ CASES = (
     "pressed together",
     "bearing drag",
     "overlapping",
+    *LAW_CASES,
+    "mixed laws",
+    "mixed laws, one pulley without",
+    "overlapping, mixed laws",
 )
 
 
 def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -> Case:
     if name == "overlapping":
         return case_of(*crossed(40))
-    params, state = running["three-pulleys" if name == "three pulleys" else "kubas-case-1"]
+    if name == "overlapping, mixed laws":
+        return case_of(*crossed(40, friction=(oracle_law(LUGRE), oracle_law(ELASTIC))))
+    three = name == "three pulleys" or name.startswith("mixed laws")
+    params, state = running["three-pulleys" if three else "kubas-case-1"]
     contact = params.contact
     hard = attrs.evolve(contact, quadratic=1e3 * contact.quadratic, linear=1e3 * contact.linear)
     soft = attrs.evolve(contact, damping=0.0)
+
+    def own(*laws: bd.Friction | None) -> list[bd.Pulley]:
+        pairs = zip(params.pulleys, laws, strict=True)
+        return [attrs.evolve(pulley, friction=law) for pulley, law in pairs]
+
     changes: dict[str, dict[str, Any]] = {
         "bending damping": {"bending_damping": 1e-3},
         "no bending": {"bending_stiffness": 0.0},
@@ -194,6 +237,11 @@ def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -
             ]
         },
     }
+    changes |= {law: {"friction": friction} for law, friction in LAW_CASES.items()}
+    if three:
+        changes["mixed laws"] = {"pulleys": own(LUGRE, ELASTIC, None)}  # the drive's is Dahl's
+        one_without = {"friction": None, "pulleys": own(ELASTIC, None, LUGRE)}
+        changes["mixed laws, one pulley without"] = one_without
     params = changed(params, **changes.get(name, {}))
     if name == "pressed together":  # every joint in compression, by 0.5 % of a link
         middle = params.pulleys[1].center[0] / 2
@@ -228,13 +276,13 @@ def test_every_entry(running: dict[str, tuple[bd.Params, dict[str, Any]]], name:
     """Joints, bending, contact, friction, pulleys: of the core's own rates and of the oracle's."""
     case = make_case(name, running)
     layout, j = case.layout, case.jacobian()
-    y, step = layout.pack(case.state), layout.steps()
+    y = layout.pack(case.state)
     slots = dense.slots_of(case.oracle)
     for rate in (
         dense.rate_of_core(case.model, layout),
         dense.rate_of_oracle(case.oracle, layout, slots),
     ):
-        assert_entries(layout, j, dense.jacobian_by_differences(rate, y, step), case.fastest)
+        assert_entries(layout, j, dense.jacobian_by_differences(layout, rate, y), case.fastest)
 
 
 # -------------------------------------------------------------------- solves
@@ -278,10 +326,17 @@ def test_solves_leave_rounding(
         assert np.max(np.abs(error)) <= max(known, 1e-13) * np.max(np.abs(expected)), g
 
 
-@pytest.mark.parametrize("n", [*range(3, 21), 31, 32, 33, 59, 60, 61, 63, 64, 65, 71, 72])
-def test_every_ring_length_at_every_level(monkeypatch: pytest.MonkeyPatch, n: int) -> None:
+@pytest.mark.parametrize(
+    ("n", "mixed"),
+    [(n, False) for n in (*range(3, 21), 31, 32, 33, 59, 60, 61, 63, 64, 65, 71, 72)]
+    + [(n, True) for n in (5, 7, 8, 9, 16, 17, 33)],
+)
+def test_every_ring_length_at_every_level(
+    monkeypatch: pytest.MonkeyPatch, n: int, mixed: bool
+) -> None:
     """Around the widths of the vectors and of the arcs: arcs of one link, arcs one link shorter."""
-    oracle, state = crossed(n)
+    laws = {"friction": (oracle_law(LUGRE), oracle_law(ELASTIC))} if mixed else {}
+    oracle, state = crossed(n, **laws)
     levels = available(monkeypatch)
     j = None
     for level in levels:
@@ -290,8 +345,8 @@ def test_every_ring_length_at_every_level(monkeypatch: pytest.MonkeyPatch, n: in
         if j is None:
             j, layout = case.jacobian(), case.layout
             rate = dense.rate_of_oracle(oracle, layout, dense.slots_of(oracle))
-            y, step = layout.pack(case.state), layout.steps()
-            assert_entries(layout, j, dense.jacobian_by_differences(rate, y, step), case.fastest)
+            y = layout.pack(case.state)
+            assert_entries(layout, j, dense.jacobian_by_differences(layout, rate, y), case.fastest)
         for g in (1e-6, 1e-4, 1e-2):
             for _ in range(3):
                 c = case.fastest * rng.uniform(-1, 1, len(j))
@@ -359,17 +414,23 @@ class Spot:
     def both_ways(self, along: Array, side: float) -> tuple[Array, Array]:
         """J times a direction: by the solver; by differences that go to one side alone.
 
-        Of second order: exact where the rates are quadratic, as the contact's force is.
+        Of second order: exact where the rates are quadratic, as the contact's force is. Steps of
+        speeds, 1e-5 m/s, are small against a Stribeck velocity.
         """
         case, layout = self.case, self.case.layout
-        rate, y, h = dense.rate_of_core(case.model, layout), layout.pack(case.state), 1e-3 * side
+        h = side * (1e-6 if along[layout.blocks()["vx"].start :].any() else 1e-3)
+        rate, y = dense.rate_of_core(case.model, layout), layout.pack(case.state)
         slope = (-3 * rate(y) + 4 * rate(y + h * along) - rate(y + 2 * h * along)) / (2 * h)
         return case.jacobian() @ along, slope
 
 
-def place(sink: float, v_radial: float, v_slide: float, mu: float = 0.5) -> Spot:
-    """A link of the ring moved onto pulley 0, so deep, with these speeds from and past it."""
-    oracle, state = crossed(24)
+def place(
+    sink: float, v_radial: float, v_slide: float, mu: float = 0.5, law: Law | None = None
+) -> Spot:
+    """A link of the ring moved onto pulley 0, so deep, with these speeds from and past it; Dahl's
+    law, or another, and its state.
+    """
+    oracle, state = crossed(24, **({} if law is None else {"friction": (law, law)}))
     state = shaken(oracle, state, seed=3)
     at = oracle.penetration(
         oracle.pack({k: v for k, v in state.items() if k not in ("mu", "slip")})
@@ -417,6 +478,96 @@ def test_both_sides_of_sliding(mu: float) -> None:
     rest = still.case.jacobian() @ still.vector(still.across, rates=True)
     mean = 0.5 * (slopes[1.0] + slopes[-1.0])[entry(still, "mu")]
     assert rest[entry(still, "mu")] == pytest.approx(mean, rel=1e-9)
+
+
+def at_rest(spot: Spot) -> Array:
+    """J along the slide of the link once it and its pulley stand still."""
+    for name in ("vx", "vy"):
+        spot.case.state[name][spot.link] = 0.0
+    spot.case.state["omega"][0] = 0.0
+    return np.asarray(spot.case.jacobian() @ spot.vector(spot.across, rates=True))
+
+
+@pytest.mark.parametrize("share", [0.6, -0.3])
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_both_sides_of_sliding_with_every_law(name: str, share: float) -> None:
+    """As above, of whatever law: forces and the state's rate; at rest, the mean of both sides."""
+    law = oracle_law(EXAMPLES[name])
+    assert law is not None
+    z = share * law.scale(2.5e6 * 1e-5)  # of the pressure at this depth
+    slopes = [
+        assert_slope(spot := place(1e-5, 0.0, side * 1e-10, z, law),
+                     spot.vector(spot.across, rates=True), side)
+        for side in (1.0, -1.0)
+    ]  # fmt: skip
+    still = place(1e-5, 0.0, 0.0, z, law)
+    rows = [entry(still, field) for field in ("vx", "vy", "mu", "slip")]
+    mean = 0.5 * (slopes[0] + slopes[1])[rows]
+    assert at_rest(still)[rows] == pytest.approx(mean, rel=1e-8, abs=1e-9 * still.case.fastest)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_both_sides_of_sticking(way: float) -> None:
+    """Elastic/plastic friction at its limit, reached by speed, by the stretch, as N falls.
+
+    Below it z' = v and F = k z + c v; above it F = +-mu N, and z' does not know of v.
+    """
+    law = oracle_law(ELASTIC)
+    assert isinstance(law, ElasticPlastic)
+    sink, v = 1e-4, way * 0.2
+    bare = crossed(24)[0]
+    limit = way * law.mu * (bare.c1 * sink**2 + bare.c2 * sink)
+    k, c = law.stiffness * bare.l0, law.damping * bare.l0
+    for side in (-1.0, 1.0):  # sticks, slips
+        z = ((1.0 + 1e-9 * side) * limit - c * v) / k
+        spot = place(sink, 0.0, v, z, law)
+        scale, per_speed = spot.case.layout.scale, spot.case.layout.scale[entry(spot, "vx")]
+        stretch = np.zeros(len(scale))
+        stretch[entry(spot, "mu")] = 1.0
+        faster = assert_slope(spot, spot.vector(spot.across, rates=True), side * way)
+        longer = assert_slope(spot, stretch, side * way)
+        lighter = assert_slope(spot, spot.vector(spot.radial, rates=False), side)
+        rates = [one[entry(spot, "mu")] for one in (faster, longer, lighter)]
+        if side < 0:
+            expected = [per_speed, 0.0, -spot.case.state["omega"][0] * dense.STRETCH]
+        else:
+            stiff = 2 * bare.c1 * sink + bare.c2
+            lost = way * law.mu * stiff / c * dense.STRETCH
+            expected = [0.0, -k / c * scale[entry(spot, "mu")], -lost]
+        assert np.array(rates) * scale[entry(spot, "mu")] == pytest.approx(
+            np.array(expected), rel=1e-7, abs=1e-9
+        ), side
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("sink", [1e-5, 2e-4])
+def test_both_sides_of_pressing_with_every_law(name: str, sink: float) -> None:
+    """N lets go by the speed of the link or by its place: on both sides, J is that of the rates."""
+    law = oracle_law(EXAMPLES[name])
+    assert law is not None
+    oracle = crossed(24)[0]
+    release = (oracle.c1 * sink**2 + oracle.c2 * sink) / oracle.b
+    z = 0.5 * law.scale(2.5e6 * 1e-4)
+    for side in (1.0, -1.0):
+        spot = place(sink, release + side * 1e-10, 0.2, z, law)
+        for rates in (True, False):
+            assert_slope(spot, spot.vector(spot.radial, rates), side)
+        assert_slope(spot, spot.vector(spot.across, rates=True), side)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("v_radial", [-0.1, 0.1], ids=["coming", "leaving"])
+def test_both_sides_of_touching_with_every_law(name: str, v_radial: float) -> None:
+    law = oracle_law(EXAMPLES[name])
+    assert law is not None
+    z = 0.5 * law.scale(2.5e6 * 1e-4)
+    for side in (1.0, -1.0):
+        spot = place(-side * 1e-11, v_radial, 0.2, z, law)
+        for rates in (True, False):
+            assert_slope(spot, spot.vector(spot.radial, rates), side)
+        slide = assert_slope(spot, spot.vector(spot.across, rates=True), side)
+        for field in ("slip", "mu"):
+            assert (slide[entry(spot, field)] != 0.0) <= (side < 0.0), field
 
 
 @pytest.mark.parametrize("sink", [1e-5, 2e-4])

@@ -15,11 +15,15 @@ import pytest
 import reference
 import reference_run
 from bridge import fields, oracle_of
+from laws import EXAMPLES, scaled, with_laws
 from slow import slow_if
 
 import beltdyn as bd
 
 WINDOW = 0.05
+
+
+Start = Callable[[], tuple[bd.scenes.Scene, bd.State]]
 
 
 def settled_case_1() -> tuple[bd.scenes.Scene, bd.State]:
@@ -50,7 +54,48 @@ def dragging() -> bd.scenes.Scene:
     return scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))
 
 
-CASES = {
+def with_law(make: Callable[[], bd.scenes.Scene], law: bd.Friction) -> bd.scenes.Scene:
+    scene = make()
+    return scene._replace(params=attrs.evolve(scene.params, friction=law))
+
+
+def mixed(make: Callable[[], bd.scenes.Scene], *laws: bd.Friction | None) -> bd.scenes.Scene:
+    scene = make()
+    return scene._replace(params=with_laws(scene.params, *laws))
+
+
+DAHL, LUGRE, ELASTIC = (EXAMPLES[name] for name in ("dahl", "lugre", "elastic_plastic"))
+
+
+def mixed_two() -> bd.scenes.Scene:
+    """Case 1 with a law of its own on each pulley, and coefficients of its own."""
+    return mixed(bd.scenes.kubas_case_1, scaled(LUGRE, 1.5), scaled(ELASTIC, 1.3))
+
+
+def mixed_three() -> bd.scenes.Scene:
+    return mixed(bd.scenes.three_pulleys, ELASTIC, None, LUGRE)
+
+
+def cases_of(name: str, law: bd.Friction) -> dict[str, Start]:
+    """Every law of the table but Dahl's, which the cases below have."""
+    strong, weak = scaled(law, 1.5), scaled(law, 0.5)
+
+    def case_1() -> bd.scenes.Scene:
+        return with_law(bd.scenes.kubas_case_1, strong)
+
+    return {
+        f"{name}, from rest": lambda: (case_1(), bd.settle(case_1().params)),
+        f"{name}, running": lambda: running(case_1, 0.28),
+        f"{name}, three unequal pulleys": lambda: running(
+            lambda: with_law(bd.scenes.three_pulleys, law), 0.22
+        ),
+        f"{name}, full slip": lambda: running(
+            lambda: with_law(bd.scenes.flywheel_start, weak), 0.10
+        ),
+    }
+
+
+CASES: dict[str, Start] = {
     "case 1 from rest": settled_case_1,
     "case 1 at the end of its ramp": lambda: running(bd.scenes.kubas_case_1, 0.28),
     "three unequal pulleys, gravity, a load step": lambda: running(bd.scenes.three_pulleys, 0.22),
@@ -58,12 +103,22 @@ CASES = {
     "bearing drag, from rest": lambda: (dragging(), bd.settle(dragging().params)),
     "bearing drag, running": lambda: running(dragging, 0.2),
     "flywheel, full slip": lambda: running(bd.scenes.flywheel_start, 0.10),
+    "a law for each pulley, from rest": lambda: (mixed_two(), bd.settle(mixed_two().params)),
+    "a law for each pulley, running": lambda: running(mixed_two, 0.28),
+    "two laws on three pulleys, one without": lambda: running(mixed_three, 0.22),
 }
-LONGEST = list(CASES)[1:].__contains__
+for law_name, example in EXAMPLES.items():
+    if law_name != "dahl":
+        CASES |= cases_of(law_name, example)
+SHORT = ("case 1 from rest", "a law for each pulley, from rest")
+
+
+def is_long(case: str) -> bool:
+    return case not in SHORT
 
 
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")
-@pytest.mark.parametrize("case", slow_if(LONGEST, CASES))
+@pytest.mark.parametrize("case", slow_if(is_long, CASES))
 def test_core_agrees_with_oracle(case: str) -> None:
     scene, start = CASES[case]()
     params, torque = scene.params, scene.torque_fn
@@ -82,8 +137,9 @@ def test_core_agrees_with_oracle(case: str) -> None:
         )
     theta = oracle.pulleys(run.y)[..., 0, :]
     _, force = oracle.joints(run.y)
-    mu, slip = (memory.sum(axis=-2) for memory in np.moveaxis(oracle.memory(run.y), -3, 0))
+    state, slip = (memory.sum(axis=-2) for memory in np.moveaxis(oracle.memory(run.y), -3, 0))
     contacts = oracle.contacts(run.y)
+    normal = contacts.normal.sum(axis=-2)
 
     tension = np.mean(force)
     assert np.max(np.abs(result.pulleys.theta - theta)) <= 1e-8 * np.max(np.abs(theta))
@@ -94,11 +150,20 @@ def test_core_agrees_with_oracle(case: str) -> None:
     assert (energy.drag_loss is None) == ("drag" not in case)
     ours = np.transpose([energy.joint_loss, energy.contact_loss, energy.friction_loss, drag_loss])
     assert np.max(np.abs(ours - losses)) <= 1e-6 * np.max(np.abs(losses))
-    assert np.max(np.abs(result.contact.mu - mu)) <= 1e-5
-    # a slip displacement is mu's over sigma; contact forces are joint forces turned by an angle
-    assert np.max(np.abs(result.contact.slip - slip)) <= 1e-5 / params.friction.sigma * 10
-    assert np.max(np.abs(result.contact.normal - contacts.normal.sum(axis=-2))) <= 1e-6 * tension
-    assert np.array_equal(result.contact.pulley >= 0, (contacts.penetration > 0).any(axis=-2))
+    assert np.max(np.abs(result.contact.mu - contacts.mu.sum(axis=-2))) <= 1e-5
+    friction = contacts.friction.sum(axis=-2)
+    assert np.max(np.abs(result.contact.friction - friction)) <= 1e-5 * np.max(normal)
+    # a slip displacement is mu's over the stiffness; contact forces are joint forces turned by an
+    # angle
+    kinetic, developed = params._slip_limits
+    per_mu = np.divide(developed, kinetic, out=np.zeros_like(kinetic), where=kinetic > 0)
+    assert np.all(np.abs(result.contact.slip - slip) <= 10e-5 * per_mu[result.contact.pulley])
+    assert np.max(np.abs(result.contact.normal - normal)) <= 1e-6 * tension
+    touched = result.contact.pulley
+    assert np.array_equal(touched >= 0, (contacts.penetration > 0).any(axis=-2))
+    for k, law in enumerate(oracle.laws):
+        error = np.abs(result.final_state.mu - state[-1])[touched[-1] == k]
+        assert law is None or np.all(error <= 1e-5 * law.scale(tension / oracle.radii[k]))
 
 
 def test_comparison_can_fail() -> None:

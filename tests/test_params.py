@@ -12,10 +12,12 @@ import attrs
 import drives
 import numpy as np
 import pytest
+from laws import EXAMPLES, with_laws
 
 import beltdyn as bd
 from beltdyn import _core
 from beltdyn.friction import LAWS
+from beltdyn.identification import names
 
 CLASSES: dict[str, Any] = {
     "belt": bd.Belt,
@@ -37,9 +39,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "pulley": {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01},
     "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3},
-    "dahl": {"mu_k": 1.0, "sigma": 1e4},
-    "lugre": {"mu_k": 0.6, "mu_s": 0.9, "v_stribeck": 0.01, "sigma": 1e4},
-    "elastic_plastic": {"mu": 0.8, "stiffness": 2e7, "damping": 2e2},
+    **{name: attrs.asdict(law) for name, law in EXAMPLES.items()},
 }
 ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS]
 NUMBERS = [(group, name) for group, name, rule in ROWS if rule != "LINKS"]
@@ -166,6 +166,15 @@ def test_only_what_has_a_natural_zero_has_a_default(params: bd.Params) -> None:
     assert bd.Contact(linear=1e7) == bd.Contact(quadratic=0.0, linear=1e7, damping=0.0)
     bare = bd.Params(belt=belt, pulleys=params.pulleys, contact=params.contact)
     assert bare.friction is None and bare.gravity == (0.0, 0.0)
+    assert all(pulley.friction is None for pulley in bare.pulleys)
+    lugre = bd.LuGre(mu_k=0.6, mu_s=0.9, v_stribeck=0.01, sigma=1e4)
+    assert (lugre.damping, lugre.viscous) == (0.0, 0.0)
+    for name, law in EXAMPLES.items():
+        for field in attrs.fields(type(law)):
+            if field.default is attrs.NOTHING:
+                given = {k: v for k, v in GOOD[name].items() if k != field.name}
+                with pytest.raises(TypeError, match=field.name):
+                    LAWS[name](**given)
 
 
 def test_fields_are_of_their_class(params: bd.Params) -> None:
@@ -185,6 +194,77 @@ def test_fields_are_of_their_class(params: bd.Params) -> None:
             attrs.evolve(params, **change)
     with pytest.raises(ValueError, match="pulleys must hold at least one"):
         attrs.evolve(params, pulleys=[])
+
+
+def test_friction_of_a_pulley_is_a_law(params: bd.Params) -> None:
+    pulley = params.pulleys[0]
+    classes = ", ".join(law.__name__ for law in LAWS.values())
+    for bad, kind in ((1.0, "float"), ("dahl", "str"), (GOOD["dahl"], "dict"), (bd.Dahl, "type")):
+        message = rf"friction must be a friction law \({classes}\) or None, got {kind}$"
+        with pytest.raises(TypeError, match="^pulley." + message):
+            attrs.evolve(pulley, friction=bad)
+        with pytest.raises(TypeError, match="^" + message):
+            attrs.evolve(params, friction=bad)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_laws_are_values(params: bd.Params, name: str) -> None:
+    """Frozen, equal by their numbers, hashable, copied whole; of one pulley and of the drive."""
+    law = EXAMPLES[name]
+    again = LAWS[name](**GOOD[name])
+    assert law == again and hash(law) == hash(again)
+    assert eval(repr(law), vars(bd)) == law
+    first = next(iter(GOOD[name]))
+    assert law != attrs.evolve(law, **{first: 2 * GOOD[name][first]})
+    with pytest.raises(attrs.exceptions.FrozenInstanceError):
+        setattr(law, first, 1.0)
+    for drive in (attrs.evolve(params, friction=law), with_laws(params, None, law)):
+        assert drive != params or law == params.friction
+        for other in (pickle.loads(pickle.dumps(drive)), copy.deepcopy(drive)):
+            assert other == drive and other._model.friction == drive._model.friction
+        assert eval(repr(drive), vars(bd)) == drive
+    assert with_laws(params, None, law).friction_on(0) is None
+    assert with_laws(params, None, law).friction_on(1) == law
+    assert attrs.evolve(params, friction=law).friction_on(1) == law
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None:
+    law = EXAMPLES[name]
+    text = str(law)
+    assert text.splitlines()[0] == type(law).__name__
+    on_pulley, of_drive = str(with_laws(params, None, law)), str(attrs.evolve(params, friction=law))
+    for group, field, _, unit, meaning in _core.PARAMETERS:
+        if group == name:
+            quantity = f"{getattr(law, field):.10g}" + ("" if unit == "1" else f" {unit}")
+            for lines, label in (
+                (text, field),
+                (on_pulley, f"pulleys[1].friction.{field}"),
+                (of_drive, f"friction.{field}"),
+            ):
+                (line,) = (one for one in lines.splitlines() if one.split()[:1] == [label])
+                assert quantity in line and line.endswith(meaning)
+    assert "friction.law" in of_drive and name in of_drive
+    assert "pulleys[0].friction" not in on_pulley
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_numbers_of_laws_have_names(params: bd.Params, name: str) -> None:
+    """What `identify` may look for, of the drive's law and of a pulley's."""
+    own = attrs.evolve(with_laws(params, None, EXAMPLES[name]), friction=EXAMPLES[name])
+    fields = [field.name for field in attrs.fields(LAWS[name])]
+    for label in [f"{part}.{field}" for part in ("friction", "pulleys[1].friction")
+                  for field in fields]:  # fmt: skip
+        assert label in names.numbers(own)
+        (value,) = names.read(own, label)
+        changed = names.assign(own, [(names.parse(label), 1.5 * value)])
+        assert names.read(changed, label) == [1.5 * value]
+        assert changed != own
+        rule = names.rule_of(own, label)
+        assert rule is not None and f"friction.{rule.name}" in label
+    assert not any(label.startswith("pulleys[0].friction") for label in names.numbers(own))
+    with pytest.raises(ValueError, match=r"this drive has no pulleys\[0\]\.friction$"):
+        names.read(own, f"pulleys[0].friction.{fields[0]}")
 
 
 def test_pulleys_from_any_sequence(params: bd.Params) -> None:

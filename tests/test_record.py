@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from laws import EXAMPLES
 from module_common import INF, TORQUE, make_model, refused, same_bits
 
 from beltdyn import SimulationError, _core
@@ -41,6 +42,7 @@ def relay(_t: float, _theta: Any, omega: Any) -> list[float]:
 
 
 FUNCTIONS = {"driven": driven, "relay": relay}
+MIXED = [EXAMPLES[name]._to_core() for name in ("lugre", "elastic_plastic")]
 #: Changes of the model, kind of torque, t_end: lightly damped, so that a twin runs from early on;
 #: two pulleys that stick; torque functions.
 DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
@@ -52,6 +54,7 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     ),
     "frictionless": ({"friction": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
     "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
+    "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),
 }

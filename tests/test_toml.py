@@ -13,8 +13,10 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from laws import EXAMPLES, with_laws
 
 import beltdyn as bd
+from beltdyn import _core
 
 SCENE = """\
 t_end = 0.5
@@ -71,6 +73,35 @@ def test_params_survive_the_round_trip_to_the_last_bit(tmp_path: Path) -> None:
     assert bd.Params.from_toml(params.to_toml()) == params
     params.to_toml(tmp_path / "drive.toml")
     assert bd.Params.from_toml(tmp_path / "drive.toml") == params
+
+
+FRICTION = [(law,) * 3 for law in EXAMPLES.values()]
+FRICTION += [(law, None, None) for law in EXAMPLES.values()]
+FRICTION += [(None, None, law) for law in EXAMPLES.values()]
+FRICTION += [(EXAMPLES["lugre"], EXAMPLES["elastic_plastic"], EXAMPLES["dahl"]), (None,) * 3]
+
+
+@pytest.mark.parametrize("own", FRICTION)
+@pytest.mark.parametrize("shared", [None, *EXAMPLES.values()])
+def test_friction_survives_the_round_trip_exactly(
+    shared: bd.Friction | None, own: tuple[bd.Friction | None, ...]
+) -> None:
+    """Of the drive, of pulleys, of both, with numbers that no short text has."""
+    third = tuple(law and _with_thirds(law) for law in own)
+    params = attrs.evolve(with_laws(bd.scenes.three_pulleys().params, *third), friction=shared)
+    text = params.to_toml()
+    again = bd.Params.from_toml(text)
+    assert again == params and again.to_toml() == text
+    assert again._model.friction == params._model.friction
+    document = tomllib.loads(text)
+    assert ("friction" in document) == (shared is not None)
+    for table, law in zip(document["pulleys"], third, strict=True):
+        assert table.get("friction", {}).get("kind") == (None if law is None else law.law)
+
+
+def _with_thirds(law: bd.Friction) -> bd.Friction:
+    numbers = attrs.asdict(law)
+    return attrs.evolve(law, **{name: value / 3 for name, value in numbers.items()})
 
 
 def test_a_scene_written_by_hand() -> None:
@@ -176,6 +207,53 @@ def test_mistakes_are_one_line_that_names_the_path(
     with pytest.raises(ValueError) as caught:
         bd.Scene.from_toml(path)
     assert str(caught.value).startswith(f"{path}: {message}")
+
+
+def table_of(law: bd.Friction, **changes: Any) -> dict[str, Any]:
+    return {"kind": law.law, **attrs.asdict(law), **changes}
+
+
+@pytest.mark.parametrize("path", ["friction", "pulleys[1].friction"])
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_mistakes_in_friction_name_the_path(name: str, path: str) -> None:
+    """Of every law, each of its parameters: missing, misspelt, of another kind, out of bounds."""
+    law = EXAMPLES[name]
+
+    def message_of(table: Any) -> str:
+        document = tomllib.loads(SCENE)
+        if path == "friction":
+            document["friction"] = table
+        else:
+            document["pulleys"][1]["friction"] = table
+        with pytest.raises(ValueError) as caught:
+            bd.Scene.from_toml(tomli_w.dumps(document))
+        text = str(caught.value)
+        assert "\n" not in text
+        return text
+
+    kinds = ", ".join(EXAMPLES)
+    for kind in ("coulomb", "Dahl", "", 1, ["dahl"]):
+        message = message_of(table_of(law, kind=kind))
+        assert message.startswith(f"{path}.kind must be one of {kinds}, got ")
+    for wrong in (3, [table_of(law)], "dahl"):
+        assert message_of(wrong).startswith(f"{path}: must be a table, got ")
+    for group, field, rule, _, _ in _core.PARAMETERS:
+        if group != name:
+            continue
+        good = table_of(law)
+        value = good.pop(field)
+        if attrs.fields_dict(type(law))[field].default is attrs.NOTHING:
+            assert message_of(good) == f"{path}.{field}: missing"
+        hint = f"{path}.{field}_: unknown field (did you mean {field!r}?)"
+        assert message_of({**good, f"{field}_": value}) == hint
+        for bad, what in (
+            ("1", "a real number"),
+            (True, "a real number"),
+            (float("nan"), "finite"),
+        ):
+            assert message_of({**good, field: bad}).startswith(f"{path}.{field} must be {what}")
+        words = {"POSITIVE": "> 0", "NONNEGATIVE": ">= 0"}[rule]
+        assert message_of({**good, field: -1.0}).startswith(f"{path}.{field} must be {words} (")
 
 
 @pytest.mark.parametrize(

@@ -93,21 +93,33 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
   return BD_OK;
 }
 
-/* The state of friction, within the largest bound of the pulleys that a slot serves. */
-static int check_friction(const bd_model *model, const bd_state *state, bd_error *err) {
-  const bd_layout *lay = &model->lay;
-  for (int s = 0; s < lay->slots; ++s) {
-    double bound = 0.0;
-    for (int j = 0; j < lay->np; ++j) {
-      bound = model->slot[j] == s ? fmax(bound, bd_friction_bound(model, j)) : bound;
+/* Bound of a link's friction state: of the law of the pulley that it touches, else, where it will
+ * be reset, the largest of the slot's. */
+static double friction_bound(const bd_model *model, const bd_state *state, int slot, int i) {
+  double largest = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    if (model->slot[j] != slot || model->friction[j].law == BD_LAW_NONE) {
+      continue;
     }
-    for (int k = s * lay->n; k < (s + 1) * lay->n; ++k) {
-      if (fabs(state->mu[k]) > bound * (1.0 + 1e-12)) {
-        return bd_fail_at(
-            err, BD_ERR_STATE, "mu", state->t, k % lay->n, -1, state->mu[k],
-            "state mu[%d] must lie within +-%g, the bound of the friction law, got %g", k, bound,
-            state->mu[k]);
-      }
+    const double bound = bd_friction_bound(model, j);
+    const double dx = state->x[i] - model->origin[0] - model->cx[j];
+    const double dy = state->y[i] - model->origin[1] - model->cy[j];
+    if (hypot(dx, dy) < model->radius[j]) {
+      return bound;
+    }
+    largest = fmax(largest, bound);
+  }
+  return largest;
+}
+
+static int check_friction(const bd_model *model, const bd_state *state, bd_error *err) {
+  const int n = model->lay.n;
+  for (int k = 0; k < model->lay.slots * n; ++k) {
+    const double bound = friction_bound(model, state, k / n, k % n);
+    if (fabs(state->mu[k]) > bound * (1.0 + 1e-12)) {
+      return bd_fail_at(err, BD_ERR_STATE, "mu", state->t, k % n, -1, state->mu[k],
+                        "state mu[%d] must lie within +-%g, the bound of the friction law, got %g",
+                        k, bound, state->mu[k]);
     }
   }
   return BD_OK;

@@ -149,7 +149,7 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y) {
   }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-    for (int i = 0; i < lay->n; ++i) {
+    for (int i = 0; pulley->law != BD_LAW_NONE && i < lay->n; ++i) {
       double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
       if (dx * dx + dy * dy < pulley->radius * pulley->radius) {
         plan->owner[pulley->slot * lay->n8 + i] = j;

@@ -99,6 +99,97 @@ static void bad_scenes_are_refused(void) {
   refused(&scene, "pulleys", __LINE__);
 }
 
+/* Every parameter of a law is 0.5. */
+static bd_friction some_friction(int law) {
+  bd_friction friction = {.law = law};
+  switch (law) {
+#define X(group, name, rule, unit, text) friction.group.name = 0.5;
+#define LAW(name, class, general, text)                                                            \
+  case BD_LAW_##name:                                                                              \
+    BD_LAW_##name(X) break;
+    BD_LAWS(LAW)
+#undef LAW
+#undef X
+  }
+  return friction;
+}
+
+static void bad_friction_is_refused(void) {
+  bd_pulley pulleys[NP];
+  bd_friction friction = test_friction, own = test_friction;
+  bd_scene scene = test_scene();
+  memcpy(pulleys, test_pulleys, sizeof pulleys);
+  scene.pulleys = pulleys;
+  scene.friction = &friction;
+  pulleys[2].friction = &own;
+  const int unknown[] = {BD_LAW_NONE, BD_N_LAWS, -1, 1000};
+  for (int k = 0; k < 4; ++k) {
+    friction.law = unknown[k];
+    refused(&scene, "friction", __LINE__);
+    friction = test_friction;
+    own.law = unknown[k];
+    refused(&scene, "pulleys[2].friction", __LINE__);
+    own = test_friction;
+  }
+  const double bad[] = {-1.0, (double)NAN, (double)INFINITY, 0.0};
+  for (int k = 0; k < 4; ++k) {
+#define X(group, name, rule, unit, text)                                                           \
+  if (k < 3 || strcmp(#rule, "POSITIVE") == 0) {                                                   \
+    friction = some_friction(BD_LAW_##group);                                                      \
+    friction.group.name = bad[k];                                                                  \
+    refused(&scene, "friction." #name, __LINE__);                                                  \
+    own = friction;                                                                                \
+    friction = test_friction;                                                                      \
+    refused(&scene, "pulleys[2].friction." #name, __LINE__);                                       \
+    own = test_friction;                                                                           \
+  }
+#define LAW(name, class, general, text) BD_LAW_##name(X)
+    BD_LAWS(LAW)
+#undef LAW
+#undef X
+  }
+}
+
+static void each_pulley_has_its_friction(void) {
+  bd_pulley pulleys[NP];
+  bd_scene scene = test_scene();
+  bd_model *model = NULL;
+  memcpy(pulleys, test_pulleys, sizeof pulleys);
+  scene.pulleys = pulleys;
+  for (int law = BD_LAW_NONE + 1; law < BD_N_LAWS; ++law) {
+    const bd_friction own = some_friction(law);
+    double kinetic, slip;
+    pulleys[1].friction = &own;
+    for (int shared = 0; shared < 2; ++shared) {
+      scene.friction = shared ? &test_friction : NULL;
+      CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+      CHECK(bd_model_friction(model, 1, &kinetic, &slip) == law);
+      CHECK(kinetic == 0.5 && slip > 0.0 && isfinite(slip));
+      CHECK(bd_model_friction(model, 0, &kinetic, &slip) == (shared ? BD_LAW_dahl : BD_LAW_NONE));
+      CHECK(shared ? kinetic == 0.8 && fabs(slip - 0.8 / 1e4) < 1e-18
+                   : kinetic == 0.0 && isinf(slip));
+      bd_model_free(model);
+    }
+  }
+}
+
+static void laws_are_evaluated(void) {
+  bd_law_point p;
+  bd_error err;
+  for (int law = BD_LAW_NONE + 1; law < BD_N_LAWS; ++law) {
+    const bd_friction friction = some_friction(law);
+    CHECK(bd_friction_evaluate(&friction, 0.02, 0.0, 0.1, 100.0, &p, &err) == BD_OK);
+    CHECK(p.force >= 0.0 && p.rate > 0.0 && isfinite(p.force) && isfinite(p.rate));
+    CHECK(bd_friction_evaluate(&friction, 0.0, 0.0, 0.1, 100.0, &p, &err) == BD_ERR_OPTION);
+    CHECK(bd_friction_evaluate(&friction, 0.02, (double)NAN, 0.1, 1.0, &p, &err) < 0);
+    CHECK(bd_friction_evaluate(&friction, 0.02, 0.0, (double)INFINITY, 1.0, &p, &err) < 0);
+    CHECK(bd_friction_evaluate(&friction, 0.02, 0.0, 0.1, -1.0, &p, &err) < 0);
+  }
+  const bd_friction none = {.law = BD_LAW_NONE};
+  CHECK(bd_friction_evaluate(&none, 0.02, 0.0, 0.1, 1.0, &p, &err) == BD_ERR_PARAMETER);
+  CHECK(strcmp(err.field, "friction") == 0);
+}
+
 static void belt_lines_have_their_lengths(void) {
   const bd_pulley equal[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
                              {{0.29, 0}, 0.1, 1, {0, 0, 0}, NULL}};
@@ -412,9 +503,12 @@ static void dahl_in_closed_form(void) {
 static const test tests[] = {
 #define T(name)                                                                                    \
   { #name, name }
-    T(errors_have_names),  T(bad_scenes_are_refused), T(belt_lines_have_their_lengths),
-    T(settles_and_runs),   T(bad_runs_are_refused),   T(torque_functions_are_heard),
-    T(prescribed_motions), T(rates_leave_no_trace),   T(dahl_in_closed_form),
+    T(errors_have_names),          T(bad_scenes_are_refused),
+    T(bad_friction_is_refused),    T(each_pulley_has_its_friction),
+    T(laws_are_evaluated),         T(belt_lines_have_their_lengths),
+    T(settles_and_runs),           T(bad_runs_are_refused),
+    T(torque_functions_are_heard), T(rates_leave_no_trace),
+    T(prescribed_motions),         T(dahl_in_closed_form),
 };
 
 int main(int argc, char **argv) {

@@ -72,6 +72,46 @@ static void what_is_off_is_not_there(void) {
   bd_model_free(without);
 }
 
+/* Bytes of a state and of a simulation; the friction slots of a drive with these laws. */
+static int slots_of(const bd_friction *friction, const bd_friction *own, size_t *state,
+                    size_t *all) {
+  bd_pulley pulleys[NP];
+  bd_scene scene = test_scene();
+  bd_model *model = NULL;
+  memcpy(pulleys, test_pulleys, sizeof pulleys);
+  pulleys[1].friction = own;
+  scene.pulleys = pulleys;
+  scene.friction = friction;
+  CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+  const int slots = model->lay.slots;
+  *state = model->lay.size * sizeof(double);
+  *all = bytes(model);
+  bd_model_free(model);
+  return slots;
+}
+
+/* A drive without friction has no state of it; with any law, on all pulleys or on one, two fields
+ * more; the linear systems have more arrays only for pulleys whose law is a general one. */
+static void friction_costs_what_it_needs(void) {
+  size_t none, all_none, one, all_one, two, all_two;
+  CHECK(slots_of(NULL, NULL, &none, &all_none) == 0);
+  CHECK(slots_of(&test_friction, NULL, &one, &all_one) == 1);
+  CHECK(one > none && one - none <= 2 * 8 * (BD_HALO + N + 1 + BD_LANES) && all_one > all_none);
+  CHECK(slots_of(NULL, &test_friction, &two, &all_two) == 1);
+  CHECK(two == one && all_two == all_one);
+  const bd_friction others[] = {
+      {BD_LAW_elastic_plastic, .elastic_plastic = {0.8, 2e7, 400.0}},
+      {BD_LAW_lugre, .lugre = {0.6, 0.8, 0.05, 1e4, 0.1, 0.02}},
+  };
+  for (int k = 0; k < 2; ++k) {
+    size_t shared, all_shared;
+    CHECK(slots_of(&test_friction, &others[k], &two, &all_two) == 1);
+    CHECK(two == one && all_two > all_one);
+    CHECK(slots_of(&others[k], NULL, &shared, &all_shared) == 1);
+    CHECK(shared == one && all_shared - all_one == NP * (all_two - all_one));
+  }
+}
+
 static void without_derivatives_refused(void) {
   bd_pulley pulleys[NP];
   bd_model *model = NULL;
@@ -92,6 +132,7 @@ static void without_derivatives_refused(void) {
 
 static const test tests[] = {
     {"what_is_off_is_not_there", what_is_off_is_not_there},
+    {"friction_costs_what_it_needs", friction_costs_what_it_needs},
     {"without_derivatives_refused", without_derivatives_refused},
 };
 

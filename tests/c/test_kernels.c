@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
  * Sums of vectors, at every kernel level that is built in and that the processor has, against plain
- * loops; built with sanitizers by tests/test_c.py.
+ * loops; the exponential against the library's; built with sanitizers by tests/test_c.py.
  */
 #define _POSIX_C_SOURCE 200809L
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
 #include "check.h"
 #include "kernels/kernels.h"
+#include "kernels/vector.h"
 
 enum { LINKS = 13, PULLEYS = 3, STRIDE = BD_HALO + 16, THETA = 8 * STRIDE, SIZE = THETA + 16 };
 
@@ -125,8 +127,51 @@ static void sums_of_any_number_of_vectors(void) {
   CHECK(checked >= 1);
 }
 
-static const test tests[] = {{"sums_of_any_number_of_vectors", sums_of_any_number_of_vectors}};
+/* The friction laws' exponential as this file is compiled, against the library's of long doubles
+ * (of doubles, to an ulp, where there are no longer ones): an ulp or two, as it says of itself. */
+static void exponentials_have_their_digits(void) {
+  const double places[] = {0.0, -0.0, -5e-324, -1e-300, -1e-16, -0.34657, -0.34658, -699.9999};
+  double worst = 0.0;
+  for (int k = 0; k < 700000 + 8; ++k) {
+    double a = k < 8 ? places[k] : -1e-3 * (k - 8) - 1e-3 * fabs(next_number());
+    a = fmax(a, -700.0);
+    const double exact = (double)expl((long double)a), got = first_of(exponential(splat(a)));
+    worst = fmax(worst, fabs(got - exact) / exact);
+  }
+  CHECK(worst <= 2.0 * DBL_EPSILON);
+  CHECK(first_of(exponential(splat(0.0))) == 1.0);
+  const double beyond[] = {-700.0, -745.0, -1e5, -1e300, -(double)INFINITY};
+  for (int k = 0; k < 5; ++k) {
+    const double got = first_of(exponential(splat(beyond[k])));
+    CHECK(got >= 0.0 && got < 1e-304);
+  }
+}
+
+/* The same of every level, seen through LuGre's law: with mu_s = 1 and next to nothing for mu_k,
+ * g(v) = exp(-v^2), and -dG/dz = |v| / g(v), to two ulp more. */
+static void exponentials_of_every_level(void) {
+  const char *const levels[] = {"baseline", "avx2", "avx512"};
+  const bd_friction friction = {BD_LAW_lugre, .lugre = {1e-306, 1.0, 1.0, 1.0, 0.0, 0.0}};
+  for (int k = 0; k < 3; ++k) {
+    setenv("BELTDYN_KERNELS", levels[k], 1);
+    const bd_kernels *kernels = bd_kernels_choose();
+    double worst = 0.0;
+    for (int i = 1; kernels && i <= 66000; ++i) {
+      const double v = sqrt(1e-2 * i), exact = (double)expl(-(long double)(v * v));
+      bd_law_point at;
+      kernels->law[BD_LAW_lugre](&friction, 0.02, 0.0, v, 1.0, &at);
+      worst = fmax(worst, fabs(-v / at.rate_by_state - exact) / exact);
+    }
+    CHECK(worst <= 4.0 * DBL_EPSILON);
+  }
+}
+
+static const test tests[] = {
+    {"sums_of_any_number_of_vectors", sums_of_any_number_of_vectors},
+    {"exponentials_have_their_digits", exponentials_have_their_digits},
+    {"exponentials_of_every_level", exponentials_of_every_level},
+};
 
 int main(int argc, char **argv) {
-  return run_tests(argc, argv, tests, 1);
+  return run_tests(argc, argv, tests, (int)(sizeof tests / sizeof tests[0]));
 }

@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * How many exponentials the core computes, settling and running: none, unless friction has a
+ * Stribeck curve. Built with BD_COUNT_EXPONENTIALS by tests/test_c.py.
+ */
+#include "check.h"
+#include "scene.h"
+
+long bd_exponentials; /* counted by kernels/vector.h */
+
+/* All of a drive that has this friction: at rest, by every kind of method, sampled. */
+static long counted(const bd_friction *friction, const bd_friction *own) {
+  static room r;
+  static double mu[2 * N];
+  const double t[] = {0.0, 1e-3}, torque_values[2][NP] = {{0}, {-20.0, 2.0, 0.0}};
+  const bd_torque_term term = {
+      .kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = t, .values = torque_values[0]};
+  const bd_torque torque = {.n_terms = 1, .terms = &term};
+  const char *const methods[] = {"tsit5", "rk4", "rodas4", "lbdf2", "lie", "auto"};
+  const bd_output out = {.mu = mu};
+  bd_pulley pulleys[NP];
+  bd_scene scene = test_scene();
+  bd_model *model = NULL;
+  bd_state state = state_in(&r);
+  bd_options options;
+  memcpy(pulleys, test_pulleys, sizeof pulleys);
+  pulleys[1].friction = own;
+  scene.pulleys = pulleys;
+  scene.friction = friction;
+  bd_exponentials = 0;
+  CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+  CHECK(settle_into(model, &state, NULL) == BD_OK);
+  bd_options_default(&options);
+  for (int k = 0; k < 6; ++k) {
+    bd_sim *sim = NULL;
+    options.method = methods[k];
+    CHECK(bd_sim_create(&sim, model, &state, &torque, 1e-3, &options, NULL) == BD_OK);
+    CHECK(bd_sim_set_output(sim, 2, t, &out, NULL) == BD_OK);
+    CHECK(finish(sim, NULL) == BD_OK);
+    bd_sim_free(sim);
+  }
+  bd_model_free(model);
+  return bd_exponentials;
+}
+
+static void only_a_stribeck_curve_needs_them(void) {
+  const bd_friction dahl = test_friction;
+  const bd_friction plastic = {BD_LAW_elastic_plastic, .elastic_plastic = {0.8, 2e7, 400.0}};
+  const bd_friction plain = {BD_LAW_lugre, .lugre = {0.8, 0.8, 0.05, 1e4, 0.1, 0.02}};
+  const bd_friction stribeck = {BD_LAW_lugre, .lugre = {0.6, 0.8, 0.05, 1e4, 0.1, 0.02}};
+  const bd_friction *const without[] = {NULL, &dahl, &plastic, &plain};
+  for (int j = 0; j < 4; ++j) {
+    for (int k = 0; k < 4; ++k) {
+      CHECK(counted(without[j], without[k]) == 0);
+    }
+    CHECK(counted(without[j], &stribeck) > 0);
+  }
+  CHECK(counted(&stribeck, NULL) > 0);
+}
+
+static const test tests[] = {
+    {"only_a_stribeck_curve_needs_them", only_a_stribeck_curve_needs_them},
+};
+
+int main(int argc, char **argv) {
+  return run_tests(argc, argv, tests, 1);
+}
