@@ -33,6 +33,7 @@ if _core_version != __version__:
 
 from . import scenes
 from .errors import Interrupted, SimulationError
+from .friction import LAWS as _LAWS
 from .friction import Dahl, ElasticPlastic, Friction, LuGre
 from .histories import Stats
 from .identification import (
@@ -94,6 +95,8 @@ __all__ = [
     "settle",
     "simulate",
 ]
+
+globals().update({_law.__name__: _law for _law in _LAWS.values()})  # those without a class, too
 
 
 def __getattr__(name: str) -> Any:

@@ -14,9 +14,10 @@ PARAMETERS: tuple[tuple[str, str, str, str, str], ...]  # group, name, rule, uni
 LAWS: tuple[tuple[str, str, str], ...]  # friction: name, class, text; its parameters' group: name
 STATE_FIELDS: tuple[tuple[str, str, str, str], ...]  # name, size (LINKS, ...), unit, text
 OUTPUTS: tuple[tuple[str, str, str, str, str], ...]  # name, group, size, unit, text
-ENERGY_TERMS: tuple[tuple[str, str], ...]  # name, text: what output "energy" has columns of
+ENERGY_TERMS: tuple[tuple[str, str, str], ...]  # name, kind, text: columns of output "energy"
 STATS: tuple[tuple[str, str], ...]  # name, text
 ERRORS: tuple[tuple[str, int, str, str], ...]  # symbol, code, kind, text
+METHODS: tuple[str, ...]  # names of the integration methods, "auto" first
 MAX_STRAIN: float
 MAX_LINKS: int
 
@@ -56,6 +57,8 @@ class Model:
     def check_geometry(self) -> None: ...
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
+    @property
+    def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
@@ -114,8 +117,6 @@ class Simulation:
     def method(self) -> str: ...
     @property
     def choice(self) -> str: ...
-    @property
-    def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy"
     @property
     def passes(self) -> tuple[str, ...]: ...
     @property

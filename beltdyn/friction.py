@@ -1,7 +1,8 @@
 """Friction laws between belt and pulleys: their parameters, checked and printed.
 
 The laws are rows of ``csrc/friction/laws.h``, with a header each; the classes here have the
-parameters of the same names. A law of the table without a class here gets one made from its row.
+parameters of the same names. A law of the table without a class here gets one made from its row,
+which :mod:`beltdyn` has by its name as well.
 """
 
 from __future__ import annotations
@@ -140,10 +141,13 @@ def law_or_none(name: str) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
 def _made_from(name: str, class_name: str, text: str) -> type[Friction]:
     """Make the class of a law from its row and the rows of its parameters."""
     rules = rules_of(name)
-    fields = "\n".join(f"    {rule.name}: {rule.text} [{rule.unit}]." for rule in rules.values())
+    fields = "".join(
+        f"        {rule.name}: {rule.text} [{rule.unit}], {rule.wording}.\n"
+        for rule in rules.values()
+    )
     body: dict[str, Any] = {
         "law": name,
-        "__doc__": f"Friction law {text}.\n\nAttributes:\n{fields}\n",
+        "__doc__": f"{text} friction.\n\n    Attributes:\n{fields}",
         "__module__": __name__,
         "__annotations__": dict.fromkeys(rules, "float"),
     }
@@ -156,3 +160,5 @@ LAWS: dict[str, type[Friction]] = {
     name: globals().get(class_name) or _made_from(name, class_name, text)
     for name, class_name, text in _core.LAWS
 }
+# Those that were made can be imported from here, and so pickled.
+globals().update({law.__name__: law for law in LAWS.values()})

@@ -6,6 +6,7 @@ here, or a field without a row, is an error.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -163,13 +164,17 @@ class EnergyLedger(Group):
     @property
     def total(self) -> Array:
         """Stored energy E (n_t,) [J]."""
-        return self.kinetic + self.axial + self.bending + self.contact + self.gravity
+        return self._sum("STORED")
 
     @property
     def losses(self) -> Array:
         """Energy dissipated by dampers, friction and drag since the start (n_t,) [J]."""
-        losses = self.joint_loss + self.contact_loss + self.friction_loss
-        return losses if self.drag_loss is None else losses + self.drag_loss
+        return self._sum("LOST")
+
+    def _sum(self, kind: str) -> Array:
+        """Add up the terms of a kind of ``_core.ENERGY_TERMS``."""
+        terms = [getattr(self, name) for name, of, _ in _core.ENERGY_TERMS if of == kind]
+        return functools.reduce(np.add, [term for term in terms if term is not None])
 
     @classmethod
     def _from_core(

@@ -21,19 +21,20 @@ def available() -> int | None:
 
 
 def check_samples(
-    n_t: int, n_bodies: int, n_pulleys: int, ledger: bool, drag: bool, friction: bool
+    n_t: int, n_bodies: int, n_pulleys: int, energy_terms: int, friction: bool
 ) -> int:
     """Give the memory that the samples of a run need [byte], if it is available.
+
+    ``energy_terms`` is the number of columns of the ledger, 0: it is not kept.
 
     Raises:
         MemoryError: It is not; the message says what is needed, what is available, what to try.
     """
-    columns = len(_core.ENERGY_TERMS) - (not drag)  # drag_loss
     widths = {
         "LINKS": n_bodies,
         "FRICTION": n_bodies if friction else 0,
         "PULLEYS": n_pulleys,
-        "ENERGY": columns + _LEDGER_COPIES if ledger else 0,
+        "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
     }
     row = sum(8 * widths[size] for _name, _group, size, *_ in _core.OUTPUTS) + 4 * n_bodies
     needed, there = n_t * row, available()

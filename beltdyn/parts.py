@@ -9,14 +9,12 @@ Dahl friction model", equations (2.1)-(2.13).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import attrs
 
 from .friction import Friction, law_or_none
 from .rules import Printable, Rule, from_table, instance_of
 
-__all__ = ["Belt", "Contact", "Drag", "Pulley", "any_drag"]
+__all__ = ["Belt", "Contact", "Drag", "Pulley"]
 
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
@@ -96,12 +94,6 @@ class Pulley(Printable):
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
-
-
-def any_drag(pulleys: Iterable[Pulley]) -> bool:
-    """Tell whether a pulley has drag; the core takes coefficients of zero for none."""
-    drags = (pulley.drag for pulley in pulleys)
-    return any(drag is not None and any(attrs.astuple(drag)) for drag in drags)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("contact"))

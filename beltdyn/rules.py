@@ -45,6 +45,12 @@ class Rule(NamedTuple):
         _core.check_parameter(self.group, self.name, self.group, number)
         return number
 
+    @property
+    def wording(self) -> str:
+        """What a number must be, as in "> 0"."""
+        wording: str = _RULES[self.rule][0]
+        return wording
+
     def quantity(self, value: Any) -> str:
         """Write a value with its unit."""
         number = f"({value[0]:.10g}, {value[1]:.10g})" if self.rule == "PAIR" else f"{value:.10g}"

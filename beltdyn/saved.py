@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .histories import GROUPS, Stats
 from .params import Params
-from .parts import any_drag
 from .run_warnings import RunWarning
 from .state import State
 
@@ -195,9 +194,10 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
         raise ValueError("t must be finite and non-decreasing")
 
-    dragged = any_drag(params.pulleys)
-    if "energy.drag_loss" in values and not dragged:
-        raise ValueError("energy.drag_loss does not belong there: no pulley has drag")
+    absent = {f"energy.{name}" for name, *_ in _core.ENERGY_TERMS}
+    absent -= {f"energy.{name}" for name in params._model.energy_terms}
+    for name in sorted(absent & values.keys()):
+        raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     with_energy = any(name.startswith("energy.") for name in values)
 
     def history(group: str) -> dict[str, NDArray[Any]]:
@@ -205,7 +205,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         arrays = {}
         for field in GROUPS[group].names():
             name = f"{group}.{field}"
-            if name == "energy.drag_loss" and not dragged:
+            if name in absent:
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
             arrays[field] = npz.number_array(name, values[name], kind, shape)

@@ -18,7 +18,6 @@ from .escaped import Escaped
 from .histories import Stats
 from .motions import Motion, MotionLike, as_motions, first_speeds, motion_terms
 from .params import Params
-from .parts import any_drag
 from .result import Result
 from .run_warnings import RunWarning, issue
 from .state import State
@@ -27,8 +26,8 @@ from .torques import TorqueLike, as_terms
 
 __all__ = ["METHODS", "settle", "simulate"]
 
-#: Integration methods; :func:`simulate` describes them.
-METHODS = ("auto", "tsit5", "rk4", "lbdf2", "rodas4", "lie")
+#: Integration methods, of the core's table; :func:`simulate` describes them.
+METHODS = _core.METHODS
 
 _RTOL_RANGE = (1e-12, 1.0)
 _DEFAULT_SAMPLES = 1001
@@ -160,8 +159,7 @@ def simulate(
         times.size,
         params.belt.n_bodies,
         len(params.pulleys),
-        ledger=options["ledger"],
-        drag=any_drag(params.pulleys),
+        energy_terms=len(params._model.energy_terms) if options["ledger"] else 0,
         friction=params.has_friction,
     )
 
@@ -205,7 +203,7 @@ def simulate(
         seen = Result._from_core(
             times,
             arrays,
-            sim.energy_terms,
+            params._model.energy_terms,
             sim.samples,
             stats=stats,
             effects=tuple(sim.passes),

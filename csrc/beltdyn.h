@@ -247,9 +247,9 @@ typedef struct bd_torque {
 /* --- simulation ------------------------------------------------------------------------------ */
 
 typedef struct bd_options {
-  const char *method; /* NULL or "auto", or a row of the table in methods.c */
+  const char *method; /* one of bd_method_name, or NULL: "auto" */
   double rtol;        /* adaptive: error asked for, of the joint forces over the mean tension; what
-                       * local errors it allows is in the table in methods.c */
+                       * local errors it allows stands with the method (bd_method.aim) */
   double step;     /* rk4: the step (0: from all that is stiff, stiffness.c); lbdf2, lie: the step
                     * (0: they are adaptive); the others: the first step (0: chosen) */
   double max_step; /* 0: none */
@@ -261,6 +261,8 @@ typedef struct bd_options {
 } bd_options;
 
 void bd_options_default(bd_options *options);
+/* Names of the methods, "auto" first; NULL past the last. */
+const char *bd_method_name(size_t k);
 
 typedef struct bd_sim bd_sim;
 
@@ -307,15 +309,16 @@ typedef struct bd_output {
 } bd_output;
 
 enum {
-#define X(name, text) BD_ENERGY_##name,
+#define X(name, kind, text) BD_ENERGY_##name,
   BD_ENERGY_TERMS(X)
 #undef X
       BD_N_ENERGY
 };
 
-/* The columns of the output `energy`, as BD_ENERGY_...; how many, and so the length of its rows.
- * Those up to BD_ENERGY_residual are always there, in their order. terms: BD_N_ENERGY, or NULL. */
-int bd_sim_energy_terms(const bd_sim *sim, int *terms);
+/* The columns of the output `energy` in runs of a model, as BD_ENERGY_...; how many, and so the
+ * length of its rows. Those up to BD_ENERGY_residual are always there, in their order. terms:
+ * BD_N_ENERGY, or NULL. */
+int bd_model_energy_terms(const bd_model *model, int *terms);
 int bd_sim_set_output(bd_sim *sim, size_t n, const double *t, const bd_output *output,
                       bd_error *err);
 

@@ -114,20 +114,29 @@
   X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
   X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")
 
-/* The energy ledger, MODEL section 7: X(name, text). What follows the residual is of effects that
- * not every drive has, and has a column only in drives that have them (bd_sim_energy_terms). */
+/* The energy ledger, MODEL section 7: X(name, kind, text). kind: STORED, a part of E; SUPPLIED and
+ * LOST, works since the start, integrals in the tail of the state vector (W_name), the first of
+ * them what the set torques put in; CHECK, the residual. What follows the residual is of effects
+ * that not every drive has, and has a column only in drives that have them
+ * (bd_model_energy_terms). */
 #define BD_ENERGY_TERMS(X)                                                                         \
-  X(kinetic, "links and pulleys")                                                                  \
-  X(axial, "stored in the joints' stretch")                                                        \
-  X(bending, "stored in the joints' bending")                                                      \
-  X(contact, "stored in the contact")                                                              \
-  X(gravity, "potential")                                                                          \
-  X(drive, "work done by the set torques since the start")                                         \
-  X(joint_loss, "lost in the joint dampers since the start")                                       \
-  X(contact_loss, "lost in the contact dampers since the start")                                   \
-  X(friction_loss, "work of friction against slip since the start")                                \
-  X(residual, "E(t) - E(0) - (drive - losses): 0 but for integration error")                       \
-  X(drag_loss, "lost to bearing drag since the start")
+  X(kinetic, STORED, "links and pulleys")                                                          \
+  X(axial, STORED, "stored in the joints' stretch")                                                \
+  X(bending, STORED, "stored in the joints' bending")                                              \
+  X(contact, STORED, "stored in the contact")                                                      \
+  X(gravity, STORED, "potential")                                                                  \
+  X(drive, SUPPLIED, "work done by the set torques since the start")                               \
+  X(joint_loss, LOST, "lost in the joint dampers since the start")                                 \
+  X(contact_loss, LOST, "lost in the contact dampers since the start")                             \
+  X(friction_loss, LOST, "work of friction against slip since the start")                          \
+  X(residual, CHECK, "E(t) - E(0) - (drive - losses): 0 but for integration error")                \
+  X(drag_loss, LOST, "lost to bearing drag since the start")
+
+/* What is expanded for the rows that are works, and for no others. */
+#define BD_WORK_STORED(...)
+#define BD_WORK_SUPPLIED(...) __VA_ARGS__
+#define BD_WORK_LOST(...) __VA_ARGS__
+#define BD_WORK_CHECK(...)
 
 /* Counters of a run: X(type, name, text). */
 #define BD_STATS(X)                                                                                \

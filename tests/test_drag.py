@@ -264,18 +264,18 @@ def test_off_costs_nothing() -> None:
         simulation.advance(0.0)
         record = simulation.export_record()
         assert simulation.advance(INF) is True
-        runs.append((simulation, samples, record))
-    plain, samples, record = runs[0]
+        runs.append((model, simulation, samples, record))
+    without, plain, samples, record = runs[0]
     assert "bearing drag" not in plain.passes
-    assert "drag_loss" not in plain.energy_terms
-    for other, its_samples, its_record in runs[1:3]:
+    assert "drag_loss" not in without.energy_terms
+    for of_none, other, its_samples, its_record in runs[1:3]:
         assert other.passes == plain.passes
-        assert other.energy_terms == plain.energy_terms
+        assert of_none.energy_terms == without.energy_terms
         assert its_record == record
         assert same_bits(its_samples, samples)
-    on, its_samples, _ = runs[3]
+    having, on, its_samples, _ = runs[3]
     assert set(on.passes) - set(plain.passes) == {"bearing drag"}
-    assert on.energy_terms == (*plain.energy_terms, "drag_loss")
+    assert having.energy_terms == (*without.energy_terms, "drag_loss")
     assert its_samples["energy"].shape[1] == samples["energy"].shape[1] + 1
 
 

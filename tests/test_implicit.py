@@ -14,13 +14,13 @@ from smooth import T_END, observed_order, smooth_scene, swing
 import beltdyn as bd
 
 Array = np.ndarray
-SOURCE = Path(__file__).parent.parent / "csrc" / "solvers" / "rosenbrock.c"
+SOURCE = Path(__file__).parent.parent / "csrc" / "solvers" / "rodas4.c"
 
 # -------------------------------------------------------------------- coefficients
 
 
 def table(name: str) -> Array:
-    """Numbers of an array of rosenbrock.c."""
+    """Numbers of an array of rodas4.c."""
     found = re.search(rf"\b{name}\[\] = \{{(.*?)\}}", SOURCE.read_text(), re.DOTALL)
     assert found is not None, name
     return np.array([float(number) for number in found[1].split(",") if number.strip()])
@@ -41,19 +41,19 @@ class Rodas4:
 
     def __init__(self) -> None:
         stages, gamma = 6, 0.25
-        a = table("rodas4_a")
+        a = table("a")
         assert len(a) == 15
         self.a = lower(a, stages)
-        self.gamma = np.linalg.inv(np.eye(stages) / gamma - lower(table("rodas4_c"), stages))
+        self.gamma = np.linalg.inv(np.eye(stages) / gamma - lower(table("c"), stages))
         self.alpha = self.a @ self.gamma
         self.beta = self.alpha + self.gamma
-        self.times, self.slopes = table("rodas4_time"), table("rodas4_slope")
+        self.times, self.slopes = table("time"), table("slope")
         self.m = np.append(self.a[-1, :-1], 1.0)
         self.b = self.m @ self.gamma
         self.b_embedded = self.alpha[-1]
 
     def dense(self, s: float) -> Array:
-        d2, d3 = table("rodas4_d2"), table("rodas4_d3")
+        d2, d3 = table("d2"), table("d3")
         return s * (self.m + (1 - s) * (d2 + s * d3)) @ self.gamma
 
     def conditions(self, b: Array, s: float = 1.0) -> dict[str, tuple[float, float]]:

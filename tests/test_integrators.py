@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import attrs
 import drives
@@ -11,6 +16,79 @@ import pytest
 from smooth import T_END, observed_order, smooth_scene, swing
 
 import beltdyn as bd
+
+SOLVERS = Path(__file__).parent.parent / "csrc" / "solvers"
+EXPLICIT = [path for path in sorted(SOLVERS.glob("*.c")) if "BD_EXPLICIT(" in path.read_text()]
+
+Tree = tuple[Any, ...]
+"""A rooted tree, as those hanging from its root."""
+
+
+def trees(order: int) -> set[Tree]:
+    """All rooted trees of so many nodes: each that is smaller by one, a leaf put on any node."""
+
+    def grown(tree: Tree) -> Iterator[Tree]:
+        yield (*tree, ())
+        for k, branch in enumerate(tree):
+            for more in grown(branch):
+                yield (*tree[:k], more, *tree[k + 1 :])
+
+    def sorted_tree(tree: Tree) -> Tree:
+        return tuple(sorted(sorted_tree(branch) for branch in tree))
+
+    if order == 1:
+        return {()}
+    return {sorted_tree(more) for tree in trees(order - 1) for more in grown(tree)}
+
+
+def size_and_density(tree: Tree) -> tuple[int, int]:
+    parts = [size_and_density(branch) for branch in tree]
+    size = 1 + sum(part[0] for part in parts)
+    return size, size * math.prod(part[1] for part in parts)
+
+
+def weight_of_stages(tree: Tree, a: np.ndarray) -> np.ndarray:
+    products = [a @ weight_of_stages(branch, a) for branch in tree]
+    return np.prod([np.ones(len(a)), *products], axis=0)
+
+
+@pytest.mark.parametrize("path", EXPLICIT, ids=lambda path: path.stem)
+def test_explicit_methods_meet_their_order_conditions(path: Path) -> None:
+    """Butcher's, b phi(tree) = 1 / gamma(tree): of the order that the file states, and of one less
+    than its errors' for the formula that it is compared with.
+
+    Coefficients are printed to 16 digits and of size 13 at most; the products are of two of them.
+    """
+    text = path.read_text()
+
+    def numbers(name: str) -> np.ndarray:
+        found = re.search(rf"double {name}\[\] = \{{(.*?)\}}", text, re.DOTALL)
+        assert found, name
+        quotients = [number.split("/") for number in found[1].split(",") if number.strip()]
+        return np.array([float(top) / float(*below or [1]) for top, *below in quotients])
+
+    def number(name: str) -> int:
+        found = re.search(rf"\.{name} = (\d+)", text)
+        assert found, name
+        return int(found[1])
+
+    c, error, stages = numbers("c"), numbers("error"), number("stages")
+    a = np.zeros((stages, stages))
+    a[np.tril_indices(stages, -1)] = numbers("a")
+    assert len(c) == len(error) == stages
+    assert number("vectors") == stages
+    np.testing.assert_allclose(a.sum(axis=1), c, rtol=0, atol=1e-13)
+    assert c[-1] == 1.0
+    b = a[-1]
+    for weights, order in ((b, number("order")), (b - error, number("error_order") - 1)):
+        for tree in {tree for n in range(1, order + 1) for tree in trees(n)}:
+            exact = 1 / size_and_density(tree)[1]
+            assert weights @ weight_of_stages(tree, a) == pytest.approx(exact, abs=1e-13), tree
+    assert max(abs(error)) > 1e-3
+
+
+def test_trees_are_all_there() -> None:
+    assert [len(trees(order)) for order in range(1, 6)] == [1, 1, 2, 4, 9]
 
 
 def final(params: bd.Params, start: bd.State, t_end: float, **options: object) -> np.ndarray:

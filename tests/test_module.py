@@ -51,7 +51,7 @@ def test_tables_hold_their_columns():
         (_core.PARAMETERS, 5),
         (_core.STATE_FIELDS, 4),
         (_core.OUTPUTS, 5),
-        (_core.ENERGY_TERMS, 2),
+        (_core.ENERGY_TERMS, 3),
         (_core.STATS, 2),
     ]:
         assert isinstance(table, tuple) and len(table) > 0

@@ -103,9 +103,9 @@ def test_stats_and_passes(model, rest):
 def test_sample_shapes(model, rest):
     simulation = make_simulation(model, rest)
     samples = simulation.sample([0.0, 0.01, 0.02])
-    widths = {"LINKS": N_B, "FRICTION": N_B, "PULLEYS": N_P, "ENERGY": len(simulation.energy_terms)}
-    columns = [name for name, _ in _core.ENERGY_TERMS if name != "drag_loss"]  # without drag
-    assert simulation.energy_terms == tuple(columns)
+    widths = {"LINKS": N_B, "FRICTION": N_B, "PULLEYS": N_P, "ENERGY": len(model.energy_terms)}
+    columns = [name for name, *_ in _core.ENERGY_TERMS if name != "drag_loss"]  # without drag
+    assert model.energy_terms == tuple(columns)
     for name, _, size, *_ in _core.OUTPUTS:
         assert samples[name].shape == (3, widths[size]) and samples[name].dtype == np.float64
         assert np.isnan(samples[name]).all() and samples[name].flags.c_contiguous

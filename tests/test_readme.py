@@ -93,7 +93,8 @@ def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
 
 
 def test_the_files_that_contributing_names_are_there() -> None:
-    paths = re.findall(r"`((?:csrc|beltdyn|tests|benchmarks)/[\w/.]+)`", CONTRIBUTING)
+    there = re.sub(r"New file `\S+`", "", CONTRIBUTING)  # test_contributing.py makes those
+    paths = re.findall(r"`((?:csrc|beltdyn|tests|benchmarks)/[\w/.]+)`", there)
     assert len(paths) > 30
     missing = [path for path in paths if not (ROOT / path).exists()]
     assert not missing

@@ -115,7 +115,7 @@ def test_groups_are_those_of_the_table(result: bd.Result) -> None:
     groups: dict[str, list[str]] = {}
     for name, group, *_ in _core.OUTPUTS:
         groups.setdefault(group, []).append(name)
-    energy = [name for name, _ in _core.ENERGY_TERMS]
+    energy = [name for name, *_ in _core.ENERGY_TERMS]
     for group, names in (groups | {"energy": energy}).items():
         fields = {field.name for field in attrs.fields(type(getattr(result, group)))}
         assert fields - {"pulley", "passed"} == set(names), group
@@ -128,7 +128,7 @@ def test_groups_are_those_of_the_table(result: bd.Result) -> None:
 def test_no_output_or_counter_of_the_core_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.zeros(1)
     arrays = {name: np.zeros((1, 1)) for name, *_ in _core.OUTPUTS} | {"pulley": np.zeros((1, 1))}
-    terms = [name for name, _ in _core.ENERGY_TERMS]
+    terms = [name for name, *_ in _core.ENERGY_TERMS]
     arrays["energy"] = np.zeros((1, len(terms)))
     histories(t, arrays, terms)
     table = _core.OUTPUTS

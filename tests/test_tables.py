@@ -95,7 +95,7 @@ def test_histories_have_the_outputs_of_the_table() -> None:
         rows = [row for row in _core.OUTPUTS if row[1] == group]
         texts = described(cls)
         if group == "energy":
-            columns = [name for name, _ in _core.ENERGY_TERMS]
+            columns = [name for name, *_ in _core.ENERGY_TERMS]
             assert sorted(texts) == sorted([*columns, "passed"])
             continue
         assert list(texts) == [*(["pulley"] if group == "contact" else []), *(r[0] for r in rows)]

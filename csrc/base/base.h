@@ -30,9 +30,14 @@ enum {
       BD_N_FIELDS
 };
 
-/* Work integrals carried in the tail. Those from W_DRAG on only where the drive has the effect:
- * n_work of the layout says how many there are. */
-enum { W_DRIVE, W_JOINT, W_CONTACT, W_FRICTION, W_DRAG, MAX_WORK };
+/* Work integrals carried in the tail: rows of BD_ENERGY_TERMS. Those of effects that not every
+ * drive has come last; n_work of the layout says how many there are. */
+enum {
+#define X(name, kind, text) BD_WORK_##kind(W_##name, )
+  BD_ENERGY_TERMS(X)
+#undef X
+      MAX_WORK
+};
 
 typedef struct bd_layout {
   int n, n8, np, slots;

@@ -475,6 +475,26 @@ static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
   return all;
 }
 
+static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) {
+  static const char *const names[] = {
+#define X(name, kind, text) #name,
+      BD_ENERGY_TERMS(X)
+#undef X
+  };
+  const bd_core_model *self = (const bd_core_model *)object;
+  int terms[BD_N_ENERGY], n = bd_model_energy_terms(self->model, terms);
+  PyObject *all = PyTuple_New(n);
+  for (int k = 0; all && k < n; k++) {
+    PyObject *name = PyUnicode_FromString(names[terms[k]]);
+    if (name) {
+      PyTuple_SET_ITEM(all, k, name);
+    } else {
+      Py_CLEAR(all);
+    }
+  }
+  return all;
+}
+
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
@@ -486,6 +506,8 @@ static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
+    {"energy_terms", model_energy_terms, NULL,
+     "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 

@@ -355,6 +355,20 @@ static PyObject *rule_table(void) {
   return table;
 }
 
+static PyObject *method_names(void) {
+  PyObject *list = PyList_New(0), *tuple;
+  for (size_t k = 0; list && bd_method_name(k); k++) {
+    PyObject *name = PyUnicode_FromString(bd_method_name(k));
+    if (!name || PyList_Append(list, name) < 0) {
+      Py_CLEAR(list);
+    }
+    Py_XDECREF(name);
+  }
+  tuple = list ? PyList_AsTuple(list) : NULL;
+  Py_XDECREF(list);
+  return tuple;
+}
+
 static int add_tables(PyObject *module) {
   static const char *const parameters[][5] = {
 #define X(group, name, rule, unit, text) {#group, #name, #rule, unit, text},
@@ -376,8 +390,8 @@ static int add_tables(PyObject *module) {
       BD_OUTPUTS(X)
 #undef X
   };
-  static const char *const energy_terms[][2] = {
-#define X(name, text) {#name, text},
+  static const char *const energy_terms[][3] = {
+#define X(name, kind, text) {#name, #kind, text},
       BD_ENERGY_TERMS(X)
 #undef X
   };
@@ -394,6 +408,7 @@ static int add_tables(PyObject *module) {
                  add(module, "ENERGY_TERMS", TABLE(energy_terms)) < 0 ||
                  add(module, "STATS", TABLE(stats)) < 0 ||
                  add(module, "ERRORS", error_table()) < 0 ||
+                 add(module, "METHODS", method_names()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
                  add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0

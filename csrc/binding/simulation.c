@@ -346,7 +346,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
                                                       : "sample times must be set before the run");
   } else if ((dict = PyDict_New()) && (keep = PyList_New(0))) {
     ready = !bd_core_output_new(&output, keep, dict, &self->model->info,
-                                self->ledger ? bd_sim_energy_terms(self->sim, NULL) : 0,
+                                self->ledger ? bd_model_energy_terms(self->model->model, NULL) : 0,
                                 PyArray_DIM(t, 0));
   }
   if (ready) {
@@ -674,27 +674,6 @@ static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
 }
 
 /* Fixed when the simulation is made, so this may be read while it runs. */
-/* What the ledger holds does not change with the run: no need to be the only user. */
-static PyObject *sim_energy_terms(PyObject *object, void *Py_UNUSED(closure)) {
-  static const char *const names[] = {
-#define X(name, text) #name,
-      BD_ENERGY_TERMS(X)
-#undef X
-  };
-  bd_core_sim *self = (bd_core_sim *)object;
-  int terms[BD_N_ENERGY], n = self->ledger && self->sim ? bd_sim_energy_terms(self->sim, terms) : 0;
-  PyObject *tuple = PyTuple_New(n);
-  for (int k = 0; tuple && k < n; k++) {
-    PyObject *name = PyUnicode_FromString(names[terms[k]]);
-    if (name) {
-      PyTuple_SET_ITEM(tuple, k, name);
-    } else {
-      Py_CLEAR(tuple);
-    }
-  }
-  return tuple;
-}
-
 static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
   return Py_NewRef(((bd_core_sim *)object)->passes);
 }
@@ -719,9 +698,6 @@ static PyGetSetDef sim_properties[] = {
     {"samples", sim_samples, NULL, "Finished sample rows. RuntimeError while running.", NULL},
     {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
     {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
-    {"energy_terms", sim_energy_terms, NULL,
-     "Columns of the output \"energy\", rows of ENERGY_TERMS by name; none without the ledger.",
-     NULL},
     {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
     {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
      NULL},

@@ -105,7 +105,7 @@ static void lay_out(bd_layout *lay, int n, int np, int slots, int drag) {
   lay->theta = (F_MU + 2 * slots) * lay->stride;
   lay->omega = lay->theta + np;
   lay->work = lay->omega + np;
-  lay->n_work = drag ? MAX_WORK : W_DRAG;
+  lay->n_work = drag ? MAX_WORK : W_drag_loss;
   lay->size = (size_t)(lay->work + lay->n_work + BD_LANES - 1) / BD_LANES * BD_LANES;
 }
 

@@ -18,7 +18,7 @@ double bd_drag_torque(const bd_model *model, int j, double omega) {
   return drag->coulomb * sign + (drag->viscous + drag->quadratic * fabs(omega)) * omega;
 }
 
-double bd_drag_slope(const bd_model *model, int j, double omega) {
+static double slope(const bd_model *model, int j, double omega) {
   const bd_drag *drag = &model->drag[j];
   double w0 = turning_speed(model, j), w2 = omega * omega + w0 * w0;
   return drag->coulomb * (w0 / w2) * (w0 / sqrt(w2)) + drag->viscous +
@@ -32,4 +32,35 @@ double bd_drag_steepest(const bd_model *model, int j, double tension) {
   const bd_drag *drag = &model->drag[j];
   double fastest = sqrt(tension / model->belt.linear_density) / model->radius[j];
   return drag->coulomb / turning_speed(model, j) + drag->viscous + 2.0 * drag->quadratic * fastest;
+}
+
+/* --- the effect ------------------------------------------------------------------------------ */
+
+/* At rest there is none, and settling would only take longer. */
+int bd_drag_enabled(const bd_model *model, const bd_plan_options *options) {
+  return !options->settling && model->drag != NULL;
+}
+
+int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  double loss = 0.0;
+  for (int j = 0; j < lay->np; ++j) {
+    double omega = y[lay->omega + j], torque = bd_drag_torque(model, j, omega);
+    dy[lay->omega + j] -= torque / model->inertia[j];
+    loss += torque * omega;
+  }
+  dy[lay->work + W_drag_loss] = loss;
+  return BD_OK;
+}
+
+void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  for (int j = 0; j < plan->model->lay.np; ++j) {
+    out->pulley_damping[j] = slope(plan->model, j, y[plan->model->lay.omega + j]);
+  }
+}
+
+void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  BD_CARVE(carver, out->pulley_damping, model->lay.np);
 }

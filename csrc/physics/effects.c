@@ -40,7 +40,7 @@ static int is_limp(const bd_model *model, const bd_plan_options *options) {
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   double loss = plan->kernels->joints[plan->bending_on][!plan->skip_power](&plan->links, y, dy);
-  dy[plan->model->lay.work + W_JOINT] = loss;
+  dy[plan->model->lay.work + W_joint_loss] = loss;
   return BD_OK;
 }
 
@@ -96,8 +96,8 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
     contact_loss += sums.contact_loss;
     friction_loss += sums.friction_loss;
   }
-  dy[lay->work + W_CONTACT] = contact_loss;
-  dy[lay->work + W_FRICTION] = friction_loss;
+  dy[lay->work + W_contact_loss] = contact_loss;
+  dy[lay->work + W_friction_loss] = friction_loss;
   return BD_OK;
 }
 
@@ -153,38 +153,8 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
     dy[lay->omega + j] = (plan->torque[j] + plan->friction[j]) / plan->model->inertia[j];
     drive += plan->torque[j] * omega[j];
   }
-  dy[lay->work + W_DRIVE] = drive;
+  dy[lay->work + W_drive] = drive;
   return BD_OK;
-}
-
-/* --- bearing drag ----------------------------------------------------------------------------- */
-
-static int has_drag(const bd_model *model, const bd_plan_options *options) {
-  return options->drag && !options->hold_pulleys && model->drag != NULL;
-}
-
-static int pass_drag(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)t, (void)err;
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
-  double loss = 0.0;
-  for (int j = 0; j < lay->np; ++j) {
-    double omega = y[lay->omega + j], torque = bd_drag_torque(model, j, omega);
-    dy[lay->omega + j] -= torque / model->inertia[j];
-    loss += torque * omega;
-  }
-  dy[lay->work + W_DRAG] = loss;
-  return BD_OK;
-}
-
-static void carve_drag_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
-  BD_CARVE(carver, out->pulley_damping, model->lay.np);
-}
-
-static void tangent_drag(const bd_plan *plan, const double *y, bd_derivatives *out) {
-  for (int j = 0; j < plan->model->lay.np; ++j) {
-    out->pulley_damping[j] = bd_drag_slope(plan->model, j, y[plan->model->lay.omega + j]);
-  }
 }
 
 /* --- prescribed motion ------------------------------------------------------------------------ */
@@ -218,7 +188,7 @@ static int pass_motion_torque(bd_plan *plan, double t, double *y, double *dy, bd
     int j = set->motions[k].pulley;
     double torque = plan->model->inertia[j] * (set->alpha[k] - dy[lay->omega + j]);
     dy[lay->omega + j] = set->alpha[k];
-    dy[lay->work + W_DRIVE] += torque * y[lay->omega + j];
+    dy[lay->work + W_drive] += torque * y[lay->omega + j];
   }
   return BD_OK;
 }
@@ -307,7 +277,7 @@ static const bd_effect table[] = {
         .outputs = bd_outputs_of_joints,
         .energy = bd_energy_of_joints,
         .n_works = 1,
-        .works = {W_JOINT},
+        .works = {W_joint_loss},
     },
     {
         .name = "joints: axial spring-dampers",
@@ -318,7 +288,7 @@ static const bd_effect table[] = {
         .outputs = bd_outputs_of_joints,
         .energy = bd_energy_of_joints,
         .n_works = 1,
-        .works = {W_JOINT},
+        .works = {W_joint_loss},
     },
     {
         .name = "gravity",
@@ -345,7 +315,7 @@ static const bd_effect table[] = {
         .outputs = bd_outputs_of_contact,
         .energy = bd_energy_of_contact,
         .n_works = 2,
-        .works = {W_CONTACT, W_FRICTION},
+        .works = {W_contact_loss, W_friction_loss},
     },
     {
         .name = "pulleys: set torques",
@@ -353,16 +323,16 @@ static const bd_effect table[] = {
         .rate = pass_pulleys,
         .tangent = tangent_none,
         .n_works = 1,
-        .works = {W_DRIVE},
+        .works = {W_drive},
     },
     {
         .name = "bearing drag",
-        .enabled = has_drag,
-        .rate = pass_drag,
-        .tangent = tangent_drag,
-        .carve_tangent = carve_drag_tangent,
+        .enabled = bd_drag_enabled,
+        .rate = bd_drag_rate,
+        .tangent = bd_drag_tangent,
+        .carve_tangent = bd_drag_carve_tangent,
         .n_works = 1,
-        .works = {W_DRAG},
+        .works = {W_drag_loss},
     },
     {
         .name = "torques of prescribed motion",
@@ -397,8 +367,7 @@ static int all_effects_of(const bd_model *model, const bd_effect *effects[BD_MAX
   const double somewhere[2] = {0.0, 0.0};
   return bd_effects_of(
       model,
-      &(bd_plan_options){
-          .ledger = 1, .friction = 1, .drag = 1, .mass_damping = 1.0, .offset = somewhere},
+      &(bd_plan_options){.ledger = 1, .friction = 1, .mass_damping = 1.0, .offset = somewhere},
       effects);
 }
 

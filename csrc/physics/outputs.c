@@ -143,29 +143,42 @@ static double kinetic_energy(const bd_model *model, const double *y) {
   return sum;
 }
 
-/* Ledger column of every work integral. */
+enum { IS_STORED, IS_SUPPLIED, IS_LOST, IS_CHECK };
+
+/* Of every work integral, its column of the ledger. */
 static const int column_of[MAX_WORK] = {
-    [W_DRIVE] = BD_ENERGY_drive,          [W_JOINT] = BD_ENERGY_joint_loss,
-    [W_CONTACT] = BD_ENERGY_contact_loss, [W_FRICTION] = BD_ENERGY_friction_loss,
-    [W_DRAG] = BD_ENERGY_drag_loss,
+#define X(name, kind, text) BD_WORK_##kind([W_##name] = BD_ENERGY_##name, )
+    BD_ENERGY_TERMS(X)
+#undef X
 };
 
-void bd_energy_choose_columns(bd_plan *plan) {
-  plan->n_columns = 0;
-  for (int c = 0; c <= BD_ENERGY_residual; ++c) {
-    plan->columns[plan->n_columns++] = c;
-  }
-  for (int e = 0; e < plan->n_effects; ++e) {
-    for (int k = 0; k < plan->effects[e]->n_works; ++k) {
-      int column = column_of[plan->effects[e]->works[k]];
-      if (column > BD_ENERGY_residual) {
-        plan->columns[plan->n_columns++] = column;
+static const int is_stored[BD_N_ENERGY] = {
+#define X(name, kind, text) [BD_ENERGY_##name] = IS_##kind == IS_STORED,
+    BD_ENERGY_TERMS(X)
+#undef X
+};
+
+int bd_model_energy_terms(const bd_model *model, int *terms) {
+  const bd_effect *effects[BD_MAX_EFFECTS];
+  const int n_effects = bd_effects_of(model, &(bd_plan_options){.friction = 1}, effects);
+  int n = 0;
+  for (int c = 0; c < BD_N_ENERGY; ++c) {
+    int has = c <= BD_ENERGY_residual;
+    for (int e = 0; e < n_effects; ++e) {
+      for (int k = 0; k < effects[e]->n_works; ++k) {
+        has |= column_of[effects[e]->works[k]] == c;
       }
     }
+    if (has && terms) {
+      terms[n] = c;
+    }
+    n += has;
   }
+  return n;
 }
 
 double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  double stored = 0.0;
   memset(terms, 0, BD_N_ENERGY * sizeof *terms);
   terms[BD_ENERGY_kinetic] = kinetic_energy(plan->model, y);
   for (int e = 0; e < plan->n_effects; ++e) {
@@ -177,13 +190,15 @@ double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]
       terms[column_of[effect->works[k]]] = y[plan->model->lay.work + effect->works[k]];
     }
   }
-  return terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_axial] + terms[BD_ENERGY_bending] +
-         terms[BD_ENERGY_contact] + terms[BD_ENERGY_gravity];
+  for (int c = 0; c < BD_N_ENERGY; ++c) {
+    stored += is_stored[c] ? terms[c] : 0.0;
+  }
+  return stored;
 }
 
 double bd_losses(const bd_layout *lay, const double *y) {
   double sum = 0.0;
-  for (int k = W_DRIVE + 1; k < lay->n_work; ++k) {
+  for (int k = W_drive + 1; k < lay->n_work; ++k) {
     sum += y[lay->work + k];
   }
   return sum;
@@ -270,8 +285,8 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   }
   if (out->energy) {
     double terms[BD_N_ENERGY], *row = out->energy + k * (size_t)plan->n_columns;
-    double total = bd_energy(plan, y, terms), supplied = y[lay->work + W_DRIVE];
-    for (int w = W_DRIVE + 1; w < lay->n_work; ++w) {
+    double total = bd_energy(plan, y, terms), supplied = y[lay->work + W_drive];
+    for (int w = W_drive + 1; w < lay->n_work; ++w) {
       supplied -= y[lay->work + w];
     }
     terms[BD_ENERGY_residual] = total - e0 - supplied;

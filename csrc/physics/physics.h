@@ -88,8 +88,13 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
 
 typedef struct bd_plan bd_plan;
 
+/* The longest: with every law. */
+#define BD_LAW_TEXT(name, class, general, text) " with " text
+#define BD_CONTACT_NAME "contact" BD_LAWS(BD_LAW_TEXT) " without friction"
+
 typedef struct bd_plan_options {
-  int ledger, friction, drag, hold_pulleys, no_power, motion;
+  int ledger, friction, hold_pulleys, no_power, motion;
+  int settling; /* not a run: without what acts in runs alone */
   double mass_damping;
   const double *offset;
   double move_time;
@@ -143,11 +148,14 @@ double bd_plan_circulation(const bd_plan *plan, const double *y);
 
 /* --- drag.c ---------------------------------------------------------------------------------- */
 
-/* Torque of the drag on pulley j, against omega > 0; its derivative, and a bound of that for the
- * speeds at which a belt under this tension can run. For models with drag. */
+/* Torque of the drag on pulley j, against omega > 0; a bound of its derivative for the speeds at
+ * which a belt under this tension can run. For models with drag. */
 double bd_drag_torque(const bd_model *model, int j, double omega);
-double bd_drag_slope(const bd_model *model, int j, double omega);
 double bd_drag_steepest(const bd_model *model, int j, double tension);
+int bd_drag_enabled(const bd_model *model, const bd_plan_options *options);
+int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
+void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
 
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
@@ -175,8 +183,8 @@ struct bd_plan {
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
-  char contact_name[80]; /* of the contact's pass, with the laws of friction */
-  int n_columns, columns[BD_N_ENERGY]; /* of the output `energy` */
+  char contact_name[sizeof(BD_CONTACT_NAME)]; /* of the contact's pass, with the laws of friction */
+  int n_columns, columns[BD_N_ENERGY];        /* of the output `energy` */
   int n_effects;
   const bd_effect *effects[BD_MAX_EFFECTS];
 };
@@ -231,8 +239,6 @@ void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */
 double bd_mean_force(const bd_plan *plan, const double *y);
-/* Which columns the ledger of this plan has, into plan->columns. */
-void bd_energy_choose_columns(bd_plan *plan);
 /* E of MODEL section 7; its terms, and the works since the start. */
 double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 

@@ -35,24 +35,22 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
 
 /* "contact with Dahl and LuGre friction" */
 static void name_contact(bd_plan *plan) {
-  const char *const names[] = {" with ", " and ", " and "};
-  size_t used = (size_t)snprintf(plan->contact_name, sizeof plan->contact_name, "contact");
+  char *name = plan->contact_name;
+  const size_t size = sizeof plan->contact_name;
+  size_t used = (size_t)snprintf(name, size, "contact");
   int n = 0;
   for (int law = BD_LAW_NONE + 1; law < BD_N_LAWS; ++law) {
     int has = 0;
     for (int j = 0; j < plan->model->lay.np; ++j) {
       has |= plan->contact_pulleys[j].law == law;
     }
-    if (has && used < sizeof plan->contact_name) {
-      used += (size_t)snprintf(plan->contact_name + used, sizeof plan->contact_name - used, "%s%s",
-                               names[n < 2 ? n : 2], bd_law_text(law));
+    if (has) {
+      used += (size_t)snprintf(name + used, size - used, "%s%s", n > 0 ? " and " : " with ",
+                               bd_law_text(law));
       ++n;
     }
   }
-  if (used < sizeof plan->contact_name) {
-    snprintf(plan->contact_name + used, sizeof plan->contact_name - used, "%s",
-             n > 0 ? " friction" : " without friction");
-  }
+  snprintf(name + used, size - used, "%s", n > 0 ? " friction" : " without friction");
 }
 
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options) {
@@ -96,7 +94,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   }
   name_contact(plan);
   plan->n_effects = bd_effects_of(model, options, plan->effects);
-  bd_energy_choose_columns(plan);
+  plan->n_columns = bd_model_energy_terms(model, plan->columns);
 }
 
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {

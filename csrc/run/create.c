@@ -53,13 +53,17 @@ static int automatic(const bd_options *options) {
   return !options->method || strcmp(options->method, "auto") == 0;
 }
 
+const char *bd_method_name(size_t k) {
+  const bd_method *method = k > 0 ? bd_method_at(k - 1) : NULL;
+  return k == 0 ? "auto" : method ? method->name : NULL;
+}
+
 static int check_options(const bd_options *options, bd_error *err) {
   if (!automatic(options) && !bd_method_find(options->method)) {
-    char names[128] = "auto";
-    const bd_method *method;
-    for (size_t k = 0; (method = bd_method_at(k)); ++k) {
+    char names[256] = "";
+    for (size_t k = 0; bd_method_name(k); ++k) {
       size_t used = strlen(names);
-      snprintf(names + used, sizeof names - used, ", %s", method->name);
+      snprintf(names + used, sizeof names - used, "%s%s", k > 0 ? ", " : "", bd_method_name(k));
     }
     return bd_fail(err, BD_ERR_OPTION, "method", "method must be one of %s, got \"%s\"", names,
                    options->method);
@@ -194,7 +198,6 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   bd_plan_make(&sim->stepper.plan, model,
                &(bd_plan_options){.ledger = options->ledger,
                                   .friction = 1,
-                                  .drag = 1,
                                   .motion = sim->stepper.plan.torques.motion.n > 0});
   const int implicit = method->implicit || (pair.method[1] && pair.method[1]->implicit);
   if (implicit &&

@@ -523,14 +523,6 @@ const char *bd_sim_pass(const bd_sim *sim, int k) {
   return k == plan->n_effects && plan->ledger ? "energy ledger" : NULL;
 }
 
-int bd_sim_energy_terms(const bd_sim *sim, int *terms) {
-  const bd_plan *plan = &sim->stepper.plan;
-  for (int c = 0; terms && c < plan->n_columns; ++c) {
-    terms[c] = plan->columns[c];
-  }
-  return plan->n_columns;
-}
-
 int bd_sim_state(const bd_sim *sim, bd_state *out) {
   out->t = sim->stepper.t;
   bd_state_export(sim->stepper.model, sim->stepper.y, sim->stepper.turns, out);

@@ -62,7 +62,6 @@ static bd_sim *make(bd_sim *sim, const bd_torque *torque) {
     bd_stepper_weigh(&twin->stepper);
     bd_plan_make(&twin->stepper.plan, sim->stepper.model,
                  &(bd_plan_options){.friction = 1,
-                                    .drag = 1,
                                     .no_power = 1,
                                     .motion = twin->stepper.plan.torques.motion.n > 0});
   }

@@ -175,9 +175,9 @@ static int check_balance(bd_sim *sim, double energy) {
   bd_guard *guard = &sim->guard;
   const double *work = sim->stepper.y + sim->stepper.model->lay.work;
   double losses = bd_losses(&sim->stepper.model->lay, sim->stepper.y);
-  double residual = energy - sim->e0 - (work[W_DRIVE] - losses);
-  guard->fed += fmax(0.0, work[W_DRIVE] - guard->drive);
-  guard->drive = work[W_DRIVE];
+  double residual = energy - sim->e0 - (work[W_drive] - losses);
+  guard->fed += fmax(0.0, work[W_drive] - guard->drive);
+  guard->drive = work[W_drive];
   guard->passed = fmax(guard->passed, fmax(guard->fed, fmax(losses, fabs(energy - sim->e0))));
   const double strain =
       sim->stepper.model->geometry.code == BD_OK ? sim->stepper.model->info.strain : 0.0;

@@ -191,6 +191,7 @@ static void set_up(bd_settling *settling, double step) {
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
                                   .no_power = 1,
+                                  .settling = 1,
                                   .mass_damping = mass_damping,
                                   .offset = given->offset,
                                   .move_time = move_time});

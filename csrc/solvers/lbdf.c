@@ -40,7 +40,7 @@ static void differences(const bd_stepper *stepper, double h, int order, double *
   }
 }
 
-int bd_lbdf_attempt(bd_stepper *stepper, double h, double *error) {
+static int attempt(bd_stepper *stepper, double h, double *error) {
   const bd_layout *lay = &stepper->model->lay;
   const bd_kernels *kernels = stepper->plan.kernels;
   const int order = order_now(stepper);
@@ -88,7 +88,7 @@ int bd_lbdf_attempt(bd_stepper *stepper, double h, double *error) {
   return BD_OK;
 }
 
-void bd_lbdf_inside(bd_stepper *stepper, double h, double s, double *y) {
+static void inside(bd_stepper *stepper, double h, double s, double *y) {
   const double r = order_now(stepper) > 1 ? stepper->history_h[0] / h : 0.0;
   const double a[] = {r > 0.0 ? s * (s + r) / (1.0 + r) : s, r > 0.0 ? -s * (s + r - 1.0) / r : -s,
                       r > 0.0 ? s * (s - 1.0) / (r * (r + 1.0)) : 0.0};
@@ -97,6 +97,40 @@ void bd_lbdf_inside(bd_stepper *stepper, double h, double s, double *y) {
   bd_implicit_work_inside(stepper, h, s, y);
 }
 
-int bd_lbdf_finish(bd_stepper *stepper, double h, double t_new) {
+static int finish(bd_stepper *stepper, double h, double t_new) {
   return bd_implicit_finish(stepper, h, t_new, 0);
 }
+
+const bd_method bd_method_lbdf2 = {
+    .name = "lbdf2",
+    .implicit = 1,
+    .order = 2,
+    .error_order = 3,
+    .vectors = 3,
+    .history = 2,
+    .adaptive = 1,
+    .may_be_fixed = 1,
+    .growth = 2.0,
+    .aim = {100.0, 2.0},
+    .cost = {1.60, 0.052},
+    .attempt = attempt,
+    .finish = finish,
+    .inside = inside,
+};
+
+const bd_method bd_method_lie = {
+    .name = "lie",
+    .implicit = 1,
+    .order = 1,
+    .error_order = 2,
+    .vectors = 3,
+    .history = 1,
+    .adaptive = 1,
+    .may_be_fixed = 1,
+    .growth = 2.0,
+    .aim = {100.0, 2.0},
+    .cost = {1.60, 0.052},
+    .attempt = attempt,
+    .finish = finish,
+    .inside = inside,
+};

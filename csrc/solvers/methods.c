@@ -1,35 +1,33 @@
 /* SPDX-License-Identifier: MIT
  *
- * The table of integration methods: one row each. The driver (run/driver.c) knows a method by its
- * row alone; the rows' functions are in erk.c, rosenbrock.c and lbdf.c.
- *
- * aim: what a method must hold its local errors below for joint forces to come out about as near,
- * over the mean tension, as rtol asks, measured with benchmarks/work_precision.py: damping out the
- * belt's vibration, as methods of low order do, is an error that adds up over time, so they need
- * local errors that go with the square. rk4's error is that of the formula of order 3 in its
- * stages, which says whether a fixed step is out of all proportion. cost: benchmarks/kernels.py.
+ * The table of integration methods. The driver (run/driver.c) knows a method by its bd_method
+ * alone, which stands at the end of its file; another method is another file and a row here. First
+ * explicit methods, then implicit ones, in the order in which lists of them are shown.
  */
 #include <math.h>
 #include <string.h>
 
 #include "solvers/solvers.h"
 
-#define EXPLICIT bd_erk_attempt, bd_erk_finish, bd_erk_inside
-#define ROSENBROCK bd_rosenbrock_attempt, bd_rosenbrock_finish, bd_rosenbrock_inside
-#define LBDF bd_lbdf_attempt, bd_lbdf_finish, bd_lbdf_inside
+#define METHODS(X)                                                                                 \
+  X(tsit5)                                                                                         \
+  X(rk4)                                                                                           \
+  X(lbdf2)                                                                                         \
+  X(rodas4)                                                                                        \
+  X(lie)
 
-static const bd_method methods[] = {
-    /* name, implicit, order, error_order, vectors, history, adaptive, may_be_fixed, stability,
-     * growth, aim {factor, power}, cost {of a step, of a link in it} */
-    {"tsit5", 0, 5, 5, 7, 0, 1, 0, 3.5, 5.0, {1.0, 1.0}, {0.40, 0.032}, EXPLICIT, &bd_tsit5},
-    {"rk4", 0, 4, 4, 5, 0, 0, 1, 2.78, 1.0, {1.0, 1.0}, {0.40, 0.025}, EXPLICIT, &bd_rk4},
-    {"lbdf2", 1, 2, 3, 3, 2, 1, 1, 0.0, 2.0, {100.0, 2.0}, {1.60, 0.052}, LBDF, NULL},
-    {"rodas4", 1, 4, 4, 8, 0, 1, 0, 0.0, 5.0, {10.0, 1.0}, {3.00, 0.150}, ROSENBROCK, &bd_rodas4},
-    {"lie", 1, 1, 2, 3, 1, 1, 1, 0.0, 2.0, {100.0, 2.0}, {1.60, 0.052}, LBDF, NULL},
+#define X(name) extern const bd_method bd_method_##name;
+METHODS(X)
+#undef X
+
+static const bd_method *const methods[] = {
+#define X(name) &bd_method_##name,
+    METHODS(X)
+#undef X
 };
 
 const bd_method *bd_method_at(size_t k) {
-  return k < sizeof methods / sizeof methods[0] ? &methods[k] : NULL;
+  return k < sizeof methods / sizeof methods[0] ? methods[k] : NULL;
 }
 
 const bd_method *bd_method_find(const char *name) {

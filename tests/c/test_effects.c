@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The table of effects, seen from inside the core: what is off is not there, and an effect without
- * derivatives is refused by implicit methods.
+ * The tables of effects and methods, seen from inside the core: what is off is not there, an effect
+ * without derivatives is refused by implicit methods, and methods fit into a stepper.
  */
 #include <stdlib.h>
 
@@ -55,17 +55,17 @@ static void what_is_off_is_not_there(void) {
   CHECK(on->stepper.plan.n_effects == off->stepper.plan.n_effects + 1);
   CHECK(with->drag && on->stepper.newton.at.pulley_damping);
   CHECK(!without->drag && !off->stepper.newton.at.pulley_damping);
-  CHECK(with->lay.n_work == MAX_WORK && without->lay.n_work == W_DRAG);
+  CHECK(with->lay.n_work == MAX_WORK && without->lay.n_work == W_drag_loss);
   CHECK(without->lay.work + without->lay.n_work <= (int)without->lay.size);
   CHECK(bytes(without) < bytes(with));
   int terms[BD_N_ENERGY];
-  CHECK(bd_sim_energy_terms(off, terms) == BD_ENERGY_residual + 1);
+  CHECK(bd_model_energy_terms(without, terms) == BD_ENERGY_residual + 1);
   for (int c = 0; c <= BD_ENERGY_residual; ++c) {
     CHECK(terms[c] == c);
   }
-  CHECK(bd_sim_energy_terms(on, terms) == BD_ENERGY_residual + 2);
+  CHECK(bd_model_energy_terms(with, terms) == BD_ENERGY_residual + 2);
   CHECK(terms[BD_ENERGY_residual + 1] == BD_ENERGY_drag_loss);
-  CHECK(bd_sim_energy_terms(on, NULL) == BD_ENERGY_residual + 2);
+  CHECK(bd_model_energy_terms(with, NULL) == BD_ENERGY_residual + 2);
   bd_sim_free(on);
   bd_sim_free(off);
   bd_model_free(with);
@@ -130,10 +130,23 @@ static void without_derivatives_refused(void) {
   bd_model_free(model);
 }
 
+/* The arrays of a stepper have room for what the methods say they need. */
+static void methods_have_room(void) {
+  size_t n = 0;
+  for (const bd_method *method; (method = bd_method_at(n)); ++n) {
+    CHECK(method->vectors >= 2 && method->vectors <= MAX_VECTORS);
+    CHECK(method->history >= 0 && method->history <= MAX_HISTORY);
+    CHECK(bd_method_find(method->name) == method);
+    CHECK(strcmp(bd_method_name(n + 1), method->name) == 0);
+  }
+  CHECK(n >= 5 && strcmp(bd_method_name(0), "auto") == 0 && !bd_method_name(n + 1));
+}
+
 static const test tests[] = {
     {"what_is_off_is_not_there", what_is_off_is_not_there},
     {"friction_costs_what_it_needs", friction_costs_what_it_needs},
     {"without_derivatives_refused", without_derivatives_refused},
+    {"methods_have_room", methods_have_room},
 };
 
 int main(int argc, char **argv) {
