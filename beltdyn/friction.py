@@ -7,14 +7,16 @@ which :mod:`beltdyn` has by its name as well.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
 import attrs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _core
-from .checks import Array
+from .checks import Array, positive, real_array
 from .rules import Printable, from_table, rules_of
 
 __all__ = ["LAWS", "Dahl", "ElasticPlastic", "Friction", "LuGre", "law_or_none"]
@@ -27,6 +29,46 @@ class Friction(Printable):
 
     #: Name of the law in the core's table, and in TOML.
     law: ClassVar[str]
+
+    def coefficient(self, slip: ArrayLike, *, velocity: float, normal: float) -> Array:
+        """Compute the friction coefficient along a path of slip, as a test bench measures it.
+
+        A piece of belt under a constant normal force is drawn from point to point at constant
+        speed, beginning without friction. Each move is taken with the rate of the state and its
+        derivative where it begins: exact for laws linear in their state at constant velocity, such
+        as Dahl and LuGre; elastic/plastic friction notices at the next point that it slips.
+
+        Args:
+            slip: Slip displacement at each point (n,) [m].
+            velocity: Speed between points [m/s], > 0.
+            normal: Normal force per metre of belt: its tension over the radius [N/m], > 0.
+
+        Returns:
+            Friction force over normal force (n,) on arrival at each point; 0 at the first.
+
+        Raises:
+            TypeError, ValueError: An argument breaks its rule.
+        """
+        points = real_array("slip", slip, ndim=1)
+        speed = positive("velocity", velocity, "m/s")
+        pressed = positive("normal", normal, "N/m")
+        coefficients = np.zeros(points.size)
+        state = 0.0
+
+        def at(v: float) -> dict[str, float]:
+            point = _core.friction_law(self._to_core(), 1.0, [state], [v], [pressed])
+            return {name: float(value[0]) for name, value in point.items()}
+
+        for k in range(1, points.size):
+            move = float(points[k] - points[k - 1])
+            coefficients[k] = coefficients[k - 1]
+            if move != 0.0:
+                v, duration = math.copysign(speed, move), abs(move) / speed
+                begin = at(v)
+                growth = begin["rate_by_state"] * duration
+                state += begin["rate"] * duration * (math.expm1(growth) / growth if growth else 1.0)
+                coefficients[k] = at(v)["force"] / pressed
+        return coefficients
 
     def _rows(self) -> list[tuple[str, str, str]]:
         return [("law", self.law, ""), *super()._rows()]

@@ -2,7 +2,7 @@
  *
  * Times of the core's inner loops, for benchmarks/kernels.py, which compiles this against the core
  * and feeds it drives on stdin: how many rounds and drives, then for each its scene and a state.
- * Prints one line a figure: level, links, row, median time of a call [ns].
+ * Prints one line a figure: level, drive, links in contact, row, median time of a call [ns].
  *
  * To add a row: a function of a bench, and a line in `rows`. Rows are timed round after round, so
  * that a machine that slows down slows all. Compiled once more for each instruction level, with
@@ -131,15 +131,23 @@ static void row_joints(bench *b) {
   sink += b->plan.kernels->joints[b->plan.bending_on][0](&b->plan.links, b->y, b->stage[0]);
 }
 
-static void row_contact(bench *b) {
+static void contact(bench *b, int ledger) {
   bd_plan *plan = &b->plan;
   for (int j = 0; j < b->model->lay.np; ++j) {
     bd_sums sums;
-    plan->kernels->contact[plan->contact_pulleys[j].law][0](
+    plan->kernels->contact[plan->contact_pulleys[j].law][ledger](
         &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, b->y, b->stage[0], &sums);
-    sink += sums.torque;
+    sink += sums.torque + sums.friction_loss;
   }
+}
+
+static void row_contact(bench *b) {
+  contact(b, 0);
+}
+
+static void row_contact_ledger(bench *b) {
+  contact(b, 1);
 }
 
 static void row_combine(bench *b) {
@@ -170,22 +178,58 @@ static void row_factor(bench *b) {
   bd_newton_factor(&b->newton, &b->plan, 1e-5);
 }
 
+/* The parts of the linear systems that the friction law decides. */
+static void row_linearise_contact(bench *b) {
+  bd_newton_linearise_contact(&b->newton, &b->plan, b->y, 0.0);
+}
+
+static void row_add_contact(bench *b) {
+  const bd_newton_system *system = &b->newton;
+  double *column_x = bd_field(&b->model->lay, b->y_new, F_X);
+  double *column_y = bd_field(&b->model->lay, b->y_new, F_Y);
+  for (int j = 0; j < b->model->lay.np; ++j) {
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    sink += b->plan.kernels->newton->add_contact[bd_law_is_general(pulley->law)](
+        pulley, system->at.n_runs[j], system->at.runs + j * system->at.max_runs,
+        &system->contact[j], system->stage.g, &system->blocks, column_x, column_y);
+  }
+}
+
+static void row_finish_contact(bench *b) {
+  const bd_newton_system *system = &b->newton;
+  for (int j = 0; j < b->model->lay.np; ++j) {
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    if (pulley->law != BD_LAW_NONE) {
+      b->plan.kernels->newton->finish_contact[bd_law_is_general(pulley->law)](
+          &b->model->lay, pulley, system->at.n_runs[j], system->at.runs + j * system->at.max_runs,
+          &system->contact[j], system->stage.g, 1.0, b->stage[1]);
+    }
+  }
+}
+
 /* of rates, which have to be fetched anew, for they become the solution */
 static void row_solve(bench *b) {
   memcpy(b->stage[1], b->stage[0], b->model->lay.size * sizeof *b->stage[0]);
   bd_newton_solve(&b->newton, &b->plan, b->stage[1]);
 }
 
+static void step(bench *b, int method) {
+  bd_error err;
+  if (bd_sim_advance(b->runs[method], 1, &err) < BD_OK) {
+    die(err.message);
+  }
+}
+
 static void row_tsit5(bench *b) {
-  bd_sim_advance(b->runs[0], 1, NULL);
+  step(b, 0);
 }
 
 static void row_lbdf2(bench *b) {
-  bd_sim_advance(b->runs[1], 1, NULL);
+  step(b, 1);
 }
 
 static void row_rodas4(bench *b) {
-  bd_sim_advance(b->runs[2], 1, NULL);
+  step(b, 2);
 }
 
 static const struct {
@@ -196,13 +240,17 @@ static const struct {
     {"  with ledger", row_rate_ledger},
     {"  joints", row_joints},
     {"  contact", row_contact},
+    {"  contact + ledger", row_contact_ledger},
     {"combine 6 stages", row_combine},
     {"error norm", row_error},
     {"after step", row_after},
     {"search", row_search},
     {"Jacobian", row_linearise},
+    {"  of contact", row_linearise_contact},
     {"factorisation", row_factor},
+    {"  adding contact", row_add_contact},
     {"solve", row_solve},
+    {"  states of friction", row_finish_contact},
     {"step of tsit5", row_tsit5},
     {"step of lbdf2", row_lbdf2},
     {"step of rodas4", row_rodas4},
@@ -227,6 +275,20 @@ static double *numbers(int n) {
   return values ? values : (die("out of memory"), NULL);
 }
 
+/* "none", or a law's name and its parameters in their order. */
+static void read_friction(bd_friction *friction) {
+  char name[32];
+  if (scanf("%31s", name) != 1 || (friction->law = bd_law_find(name)) < 0) {
+    friction->law = BD_LAW_NONE;
+  }
+  for (size_t k = 0; k < bd_n_parameters; ++k) {
+    if (friction->law != BD_LAW_NONE && strcmp(bd_parameters[k].group, name) == 0) {
+      const double value = number();
+      memcpy((char *)&friction->dahl + bd_parameters[k].offset, &value, sizeof value);
+    }
+  }
+}
+
 typedef struct drive {
   bd_scene scene;
   bd_friction friction;
@@ -244,12 +306,11 @@ static void read_drive(drive *d) {
                             &belt->bending_damping,
                             &d->scene.contact.quadratic,
                             &d->scene.contact.linear,
-                            &d->scene.contact.damping,
-                            &d->friction.dahl.mu_k,
-                            &d->friction.dahl.sigma};
+                            &d->scene.contact.damping};
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
     *fields[k] = number();
   }
+  read_friction(&d->friction);
   int np = d->scene.n_pulleys = (int)number(), n = belt->n_bodies;
   bd_pulley *pulleys = malloc((size_t)np * sizeof *pulleys);
   for (int j = 0; j < np; ++j) {
@@ -289,7 +350,7 @@ static void open_bench(bench *b, const drive *d) {
   bd_model *model;
   bd_error err = {0};
   drive copy = *d; /* the scene points to its friction */
-  copy.scene.friction = &copy.friction;
+  copy.scene.friction = copy.friction.law == BD_LAW_NONE ? NULL : &copy.friction;
   if (bd_model_create(&model, &copy.scene, &err) != BD_OK) {
     die(err.message);
   }
@@ -365,6 +426,19 @@ static double median(int n, double *values) {
   return values[n / 2];
 }
 
+static int in_contact(const bench *b) {
+  const bd_layout *lay = &b->model->lay;
+  const double *x = bd_cfield(lay, b->y, F_X), *y = bd_cfield(lay, b->y, F_Y);
+  int count = 0;
+  for (int i = 0; i < lay->n; ++i) {
+    for (int j = 0; j < lay->np; ++j) {
+      const bd_contact_pulley *pulley = &b->plan.contact_pulleys[j];
+      count += hypot(x[i] - pulley->x, y[i] - pulley->y) < pulley->radius;
+    }
+  }
+  return count;
+}
+
 static void time_level(const char *level, int rounds, int n_drives, const drive *drives) {
   for (int d = 0; d < n_drives; ++d) {
     bench b;
@@ -380,7 +454,8 @@ static void time_level(const char *level, int rounds, int n_drives, const drive 
       }
     }
     for (int row = 0; row < N_ROWS; ++row) {
-      printf("%s,%d,%s,%.6g\n", level, b.model->lay.n, rows[row].name, median(rounds, times[row]));
+      printf("%s,%d,%d,%s,%.6g\n", level, d, in_contact(&b), rows[row].name,
+             median(rounds, times[row]));
     }
     for (int k = 0; k < 3; ++k) {
       bd_sim_free(b.runs[k]);
@@ -423,7 +498,8 @@ int main(void) {
       }
     }
     for (int limit = 0; limit < 3; ++limit) {
-      printf("%s,%d,%s,%.6g\n", name, BD_LANES, limit_names[limit], median(rounds, times[limit]));
+      printf("%s,%d,%d,%s,%.6g\n", name, 0, 0, limit_names[limit],
+             median(rounds, times[limit]) / BD_LANES);
     }
   }
   return sink == 1.0; /* never, but the compiler cannot know */

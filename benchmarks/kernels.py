@@ -5,7 +5,8 @@
 Compiles benchmarks/kernels.c against csrc/ with the flags of setup.py and runs it on the paper's
 case 1 at the state of 0.4 s. For belts of more links this state is interpolated along the belt: on
 a pulley links sink in as deep as their neighbours did, the penetration being the same per metre.
-Medians over interleaved repeats of CPU time.
+The friction laws, all of the core's table, are compared at this state, too, under the coefficients
+of friction that Dahl's law has there. Medians over interleaved repeats of CPU time.
 """
 
 from __future__ import annotations
@@ -25,11 +26,24 @@ import attrs
 import numpy as np
 
 import beltdyn as bd
+from beltdyn import _core, friction, rules
 
 ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
 SIZES = (60, 120, 240, 480, 960, 3840)
+LAW_LINKS = 480  # of the belt on which the laws are compared
+#: What the law decides, of the right-hand side and of the linear systems; then whole steps.
+LAW_COLUMNS = {
+    "contact": "  contact",
+    "+ ledger": "  contact + ledger",
+    "Jacobian": "  of contact",
+    "factor": "  adding contact",
+    "solve": "  states of friction",
+    "tsit5": "step of tsit5",
+    "lbdf2": "step of lbdf2",
+    "rodas4": "step of rodas4",
+}
 
 
 def setup_constants() -> dict[str, Any]:
@@ -92,18 +106,54 @@ def drawn_out(state: bd.State, params: bd.Params, n: int) -> dict[str, np.ndarra
     return out | {"theta": state.theta, "omega": state.omega}
 
 
+def laws(dahl: bd.Dahl) -> dict[str, bd.Friction | None]:
+    """All laws of the table, with parameters near Dahl's; those of others than these are 1."""
+    mu, sigma = dahl.mu_k, dahl.sigma
+    lugre = bd.LuGre(mu_k=mu, mu_s=mu, v_stribeck=0.02, sigma=sigma, damping=0.1, viscous=0.01)
+    given: dict[str, bd.Friction | None] = {
+        "none": None,
+        "Dahl": dahl,
+        "LuGre, mu_s = mu_k": lugre,
+        "LuGre": attrs.evolve(lugre, mu_s=1.3 * mu),
+        "ElasticPlastic": bd.ElasticPlastic(mu=mu, stiffness=5e7, damping=500.0),
+    }
+    known = {type(law) for law in given.values()}
+    others = {name: law for name, law in friction.LAWS.items() if law not in known}
+    return given | {
+        law.__name__: law(**dict.fromkeys(rules.rules_of(name), 1.0))
+        for name, law in others.items()
+    }
+
+
+def under(
+    law: bd.Friction | None, state: bd.State, normal: np.ndarray, link_length: float
+) -> bd.State:
+    """The state, Dahl's, as one of the law: with the same coefficient of friction of every link."""
+    if law is None:
+        return state
+    pressed, none = normal > 0, np.zeros_like(normal)
+    force = np.where(pressed, normal, 1.0)
+    slope = _core.friction_law(law._to_core(), link_length, none, none, force)["by_state"]
+    return attrs.evolve(state, mu=np.where(pressed, state.mu * force / slope, 0.0))
+
+
 def drive_text(params: bd.Params, state: dict[str, np.ndarray]) -> str:
-    belt, contact, friction = params.belt, params.contact, params.friction
-    assert friction is not None
+    belt, contact, law = params.belt, params.contact, params.friction
+    name, parameters = law._to_core() if law else ("none", ())
     values = [belt.n_bodies, belt.length, belt.linear_density, belt.axial_stiffness,
               belt.axial_damping, belt.bending_stiffness, belt.bending_damping, contact.quadratic,
-              contact.linear, contact.damping, friction.mu_k, friction.sigma,
-              len(params.pulleys)]  # fmt: skip
+              contact.linear, contact.damping]  # fmt: skip
+    words = [*map(in_full, values), name, *map(in_full, parameters)]
+    values = [len(params.pulleys)]
     for p in params.pulleys:
         values += [*p.center, p.radius, p.inertia]
     for array in state.values():
         values += list(array)
-    return " ".join(float(v).hex() for v in values)
+    return " ".join([*words, *map(in_full, values)])
+
+
+def in_full(value: float) -> str:
+    return float(value).hex()
 
 
 def machine(flags: list[str]) -> str:
@@ -121,22 +171,31 @@ def machine(flags: list[str]) -> str:
     )
 
 
-def tables(lines: list[str]) -> list[str]:
-    cells: dict[str, dict[str, dict[int, float]]] = {}
+def tables(lines: list[str], sizes: tuple[int, ...], names: list[str]) -> list[str]:
+    """Of the drives of these sizes, and of those with these laws, which come after them."""
+    times: dict[str, dict[str, dict[int, float]]] = {}
+    touching: dict[int, int] = {}
     for line in lines:
-        level, n, row, value = line.split(",")
-        cells.setdefault(level, {}).setdefault(row, {})[int(n)] = float(value) / int(n)
+        level, drive, contacts, row, value = line.split(",")
+        times.setdefault(level, {}).setdefault(row, {})[int(drive)] = float(value)
+        touching[int(drive)] = int(contacts)
     text = []
-    for level, rows in cells.items():
-        sizes = list(rows["right-hand side"])
+    for level, rows in times.items():
+        limits = {row: values[0] for row, values in rows.items() if len(values) == 1}
         text += ["", f"{level + ': ns per link':24}" + "".join(f"{n:>8}" for n in sizes)]
-        for row, values in rows.items():
-            if sizes[0] in values:
-                text += [f"  {row:22}" + "".join(f"{values[n]:8.2f}" for n in sizes)]
-            else:  # a limit of the machine, per double
-                ns = next(iter(values.values()))
-                rate = f"{2 / ns:.0f} Gflop/s" if "load" not in row else f"{8 / ns:.0f} GB/s"
-                text += [f"  {row:22}{ns:8.3f} ns per double, {rate}"]
+        for row in [row for row in rows if row not in limits]:
+            cells = [rows[row][drive] / n for drive, n in enumerate(sizes)]
+            text += [f"  {row:22}" + "".join(f"{cell:8.2f}" for cell in cells)]
+        for row, ns in limits.items():  # of the machine, per double
+            rate = f"{2 / ns:.0f} Gflop/s" if "load" not in row else f"{8 / ns:.0f} GB/s"
+            text += [f"  {row:22}{ns:8.3f} ns per double, {rate}"]
+        head = "".join(f"{column:>9}" for column in LAW_COLUMNS)
+        text += ["", f"{level + ', by friction law':24}{'ns per link in contact':>45}"
+                 f"{'ns per link, steps':>27}", f"{f'{LAW_LINKS} links':24}{head}"]  # fmt: skip
+        for drive, name in enumerate(names, start=len(sizes)):
+            cells = [rows[row][drive] / (LAW_LINKS if "step" in row else touching[drive])
+                     for row in LAW_COLUMNS.values()]  # fmt: skip
+            text += [f"  {name:22}" + "".join(f"{cell:9.2f}" for cell in cells)]
     return text
 
 
@@ -153,11 +212,18 @@ def main() -> None:
     )  # the paper's belt has 60 links by design
     scene = bd.scenes.kubas_case_1()
     start = bd.settle(scene.params)
-    state = bd.simulate(*scene[:2], 0.4, initial=start, t_eval=[0.4]).final_state
+    result = bd.simulate(*scene[:2], 0.4, initial=start, t_eval=[0.4])
+    state, normal = result.final_state, result.contact.normal[-1]
+    link_length = scene.params.info["link_length"]
+    assert isinstance(scene.params.friction, bd.Dahl)
+    by_name = laws(scene.params.friction)
     drives = []
-    for n in sizes:
-        params = attrs.evolve(scene.params, belt=attrs.evolve(scene.params.belt, n_bodies=n))
-        drives.append(drive_text(params, drawn_out(state, scene.params, n)))
+    for n, law in [*((n, scene.params.friction) for n in sizes),
+                   *((LAW_LINKS, law) for law in by_name.values())]:  # fmt: skip
+        params = attrs.evolve(scene.params, friction=law,
+                              belt=attrs.evolve(scene.params.belt, n_bodies=n))  # fmt: skip
+        at = under(law, state, normal, link_length)
+        drives.append(drive_text(params, drawn_out(at, scene.params, n)))
     with tempfile.TemporaryDirectory() as folder:
         program, flags = compile_benchmark(Path(folder))
         done = subprocess.run([program], input="\n".join([f"{rounds} {len(drives)}", *drives]),
@@ -167,7 +233,7 @@ def main() -> None:
             "case 1 at 0.4 s, two pulleys, friction and bending: inner loops of the core",
             machine(flags),
             f"CPU time, medians of {rounds} interleaved repeats",
-            *tables(done.stdout.splitlines()),
+            *tables(done.stdout.splitlines(), sizes, list(by_name)),
         ]
     )
     print(text)
