@@ -389,6 +389,10 @@ class Reference:
                 pairs = (..., j, slice(None))
                 friction[pairs] = law.force(z[pairs], speed[pairs], normal[pairs], self.l0)
         mu = np.divide(friction, normal, out=np.zeros_like(normal), where=normal > 0)
+        for j, law in enumerate(self.laws):
+            if isinstance(law, Dahl):  # F = z N, also where N = 0
+                pairs = (..., j, slice(None))
+                mu[pairs] = np.where(p[pairs] > 0, z[pairs], 0.0)
         return Contacts(p, rate, normal, friction, mu, speed, outward, tangent, distance)
 
     def energy_terms(self, y: Array) -> dict[str, Array]:
@@ -461,7 +465,7 @@ class Contacts:
     rate: Array  # dp/dt (2.6)
     normal: Array  # N (2.8), clamped
     friction: Array  # F (2.10); the force on the link is -F tangent
-    mu: Array  # F / N, 0 where N = 0
+    mu: Array  # F / N; where N = 0, z of Dahl's law, else 0
     velocity: Array  # v_T, of any pair, also one not in contact
     outward: Array  # unit vector from pulley centre to link
     tangent: Array  # z x outward

@@ -29,7 +29,7 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   const int friction = d->law != BD_LAW_NONE;
   double z = friction ? bd_cfield(lay, y, F_MU + d->slot)[i] : 0.0;
   z = z > d->bound ? d->bound : z < -d->bound ? -d->bound : z;
-  out->mu = out->normal > 0.0 ? z : 0.0;
+  out->mu = z;
   out->friction = z * out->normal;
   if (bd_law_is_general(d->law)) {
     bd_law_point point;
