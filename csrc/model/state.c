@@ -4,6 +4,7 @@
  */
 #include <math.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "model/model.h"
@@ -205,7 +206,22 @@ void bd_state_wind(const bd_layout *lay, double *y, double *turns) {
   *turns += whole;
 }
 
+/* Whether all of v are finite: adding 1 to the bits of an exponent of ones sets the sign. */
+static int all_finite(const double *v, size_t n) {
+  uint64_t found = 0;
+  for (size_t k = 0; k < n; ++k) {
+    uint64_t bits;
+    memcpy(&bits, &v[k], sizeof bits);
+    found |= (bits & 0x7ff0000000000000u) + 0x0010000000000000u;
+  }
+  return found >> 63 == 0;
+}
+
 const char *bd_state_bad(const bd_layout *lay, const double *y, int *body, int *pulley) {
+  *body = *pulley = -1;
+  if (all_finite(y, (size_t)lay->work)) {
+    return NULL;
+  }
   for (size_t entry = 0; entry < (size_t)lay->work; ++entry) {
     const int row = isfinite(y[entry]) ? -1 : bd_field_at(lay, entry, body, pulley);
     if (row >= 0) {
