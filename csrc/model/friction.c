@@ -118,6 +118,18 @@ int bd_model_friction(const bd_model *model, int pulley, double *kinetic, double
   return law;
 }
 
+int bd_friction_scales_differ(const bd_model *model) {
+  double least = (double)INFINITY, most = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    if (model->friction[j].law != BD_LAW_NONE) {
+      const double scale = bd_friction_state_scale(model, j);
+      least = fmin(least, scale);
+      most = fmax(most, scale);
+    }
+  }
+  return most > least;
+}
+
 double bd_least_slip(const bd_model *model) {
   double least = INFINITY;
   for (int j = 0; j < model->lay.np; ++j) {

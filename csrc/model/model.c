@@ -301,6 +301,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   check_line(model);
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
   model->kernels = kernels;
+  model->friction_scales_differ = bd_friction_scales_differ(model);
   *out = model;
   return BD_OK;
 }

@@ -20,6 +20,8 @@ struct bd_model {
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
+  int friction_scales_differ; /* of the laws' states (bd_friction_state_scale), from pulley to
+                                 pulley */
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
@@ -60,6 +62,7 @@ bd_friction_stiffness bd_friction_stiffness_of(const bd_model *model, int j, dou
 /* At rest under preload: the slip in which friction is fully developed [m]; the state that is worth
  * the normal force. Of pulleys with friction. */
 double bd_friction_slip(const bd_model *model, int j);
+int bd_friction_scales_differ(const bd_model *model);
 double bd_least_slip(const bd_model *model); /* of all pulleys; INFINITY without friction */
 double bd_friction_state_scale(const bd_model *model, int j);
 

@@ -63,6 +63,7 @@ static void warn_of_ignored_torque(bd_stepper *stepper, double t) {
 /* Adopts y_new at t_new. */
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
+  const long contacts = sim->stepper.plan.contacts_changed;
   int code = bd_plan_after_step(&sim->stepper.plan, t_new, sim->stepper.y_new,
                                 1e-3 * sim->stepper.rtol, &changed, &sim->stepper.report.failure);
   if (code == BD_OK) {
@@ -77,6 +78,9 @@ static int accept(bd_sim *sim, double h, double t_new) {
   }
   /* an implicit method takes the rate at y_new after the change */
   bd_stepper_advance(&sim->stepper, h, t_new, sim->stepper.now->implicit || !changed);
+  if (sim->stepper.plan.contacts_changed != contacts) {
+    bd_stepper_weigh_friction(&sim->stepper);
+  }
   warn_of_ignored_torque(&sim->stepper, t_new);
   ++sim->stats.steps;
   sim->stats.largest_step = fmax(sim->stats.largest_step, h);
@@ -162,6 +166,7 @@ static int start(bd_sim *sim) {
   sim->started = 1;
   bd_stepper_reset(&sim->stepper);
   bd_plan_assign_contacts(&sim->stepper.plan, sim->stepper.y);
+  bd_stepper_weigh_friction(&sim->stepper);
   bd_search_ready(&sim->stepper.plan, sim->stepper.y, sim->stepper.h);
   int code = bd_sim_begin_motion(sim, &sim->stepper.report.failure);
   if (code == BD_OK) {
@@ -366,6 +371,7 @@ static int reject(bd_sim *sim, const trial *t, int code, int retries) {
       return stepper->fixed ? bd_sim_fail_unstable(sim, code, h) : code;
     }
     bd_plan_assign_contacts(&stepper->plan, stepper->y);
+    bd_stepper_weigh_friction(stepper);
   }
   if (at_floor && (!m->implicit || stepper->now->order == 1)) {
     return isfinite(t->error) ? bd_sim_fail_floor(sim, h)

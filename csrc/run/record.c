@@ -384,5 +384,11 @@ int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
   sim->status = sim->started ? BD_MORE : BD_OK;
   sim->stepper.jacobian_known = 0;
   bd_plan_place(&sim->stepper.plan, sim->stepper.t);
+  bd_sim *const all[] = {sim, sim->twin.sim, sim->twin.still};
+  for (int k = 0; k < 3; ++k) {
+    if (all[k]) {
+      bd_stepper_weigh_friction(&all[k]->stepper);
+    }
+  }
   return BD_OK;
 }

@@ -166,6 +166,8 @@ struct bd_stepper {
 void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *model,
                       const bd_method *method, const bd_method *other, const bd_torque *torque);
 void bd_stepper_weigh(bd_stepper *stepper);
+/* The weights of friction again, after links have come to a pulley or left one. */
+void bd_stepper_weigh_friction(bd_stepper *stepper);
 /* Rate at any time and state; counted. */
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */

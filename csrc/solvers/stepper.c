@@ -58,6 +58,27 @@ void bd_stepper_weigh(bd_stepper *stepper) {
   }
 }
 
+/* Where laws on the pulleys of a slot have states of different scales, that of the pulley that
+ * holds a link counts; of links on no pulley the largest scale. */
+void bd_stepper_weigh_friction(bd_stepper *stepper) {
+  const bd_model *model = stepper->model;
+  const bd_layout *lay = &model->lay;
+  for (int k = 0; model->friction_scales_differ && k < lay->slots; ++k) {
+    double *w = stepper->weights + bd_field_offset(lay, F_MU, k);
+    const double *owner = stepper->plan.owner + k * lay->n8;
+    double least = (double)INFINITY;
+    for (int j = 0; j < lay->np; ++j) {
+      if (model->slot[j] == k && model->friction[j].law != BD_LAW_NONE) {
+        least = fmin(least, 1.0 / bd_friction_state_scale(model, j));
+      }
+    }
+    for (int i = 0; i < lay->n; ++i) {
+      const int j = (int)owner[i];
+      w[i] = j >= 0 ? 1.0 / bd_friction_state_scale(model, j) : least;
+    }
+  }
+}
+
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy) {
   ++stepper->nfev;
   return bd_plan_rate(&stepper->plan, t, y, dy, &stepper->report.failure);
@@ -104,6 +125,7 @@ void bd_stepper_reset(bd_stepper *stepper) {
   bd_plan_place(&stepper->plan, stepper->t);
   stepper->plan.search.margin = 0.0;
   stepper->plan.search.travelled = INFINITY;
+  bd_stepper_weigh_friction(stepper);
 }
 
 void bd_stepper_copy(bd_stepper *to, const bd_stepper *from) {
