@@ -46,7 +46,9 @@ def oracle_law(friction: Friction | None) -> Law | None:
     """The oracle's law, a class of the same name, with the same numbers."""
     if friction is None:
         return None
-    law: Law = getattr(reference_friction, type(friction).__name__)(*friction._to_core()[1])
+    name = type(friction).__name__
+    assert hasattr(reference_friction, name), f"tests/reference_friction.py lacks {name}"
+    law: Law = getattr(reference_friction, name)(*friction._to_core()[1])
     return law
 
 

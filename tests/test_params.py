@@ -12,7 +12,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from laws import EXAMPLES, with_laws
+from laws import EXAMPLES, typical, with_laws
 
 import beltdyn as bd
 from beltdyn import _core
@@ -246,6 +246,13 @@ def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None
                 assert quantity in line and line.endswith(meaning)
     assert "friction.law" in of_drive and name in of_drive
     assert "pulleys[0].friction" not in on_pulley
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_law_is_made_of_typical_numbers(params: bd.Params, name: str) -> None:
+    """As the example is of a law that has none of its own: it settles and holds the belt."""
+    friction = attrs.evolve(params, friction=typical(name))
+    assert bd.settle(friction, friction=True, tolerance=1e-3).mu.any()
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
