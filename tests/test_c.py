@@ -21,14 +21,14 @@ FLAGS = [
     "-fno-pic",  # tables of constants stay read-only, as the test of the symbols wants to see
 ]  # fmt: skip
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
-COUNTING = ["-DBD_MALLOC=counting_malloc", "-DBD_FREE=counting_free"]
+COUNTING = ["BD_MALLOC=counting_malloc", "BD_FREE=counting_free"]
+#: What the files of the kernels consist of, at every instruction level.
+KERNELS = "".join(p.read_text() for p in sorted((CORE / "kernels").glob("*.h")))
 #: Everything that does not see Python or a particular processor.
 SOURCES = sorted(
     p for p in CORE.glob("*/*.c")
     if p.parent.name not in ("binding", "examples") and "avx" not in p.name
 )  # fmt: skip
-#: Of these, what asks the heap and can be told to ask another.
-HEAP = [p for p in SOURCES if "BD_MALLOC" in p.read_text()]
 
 
 class Core:
@@ -47,21 +47,26 @@ class Core:
             subprocess.run([*command, "-o", str(target)], check=True)
         return self.known[source, flags]
 
-    def objects(self, *flags: str, heap: Sequence[str] = ()) -> list[Path]:
-        """Compile the core; `heap` are flags of what asks for memory."""
-        return [self.object(path, *flags, *(heap if path in HEAP else ())) for path in SOURCES]
+    def objects(self, *flags: str, macros: Sequence[str] = ()) -> list[Path]:
+        """Compile the core; a macro is defined in the files that name it, the others stay."""
+        found = []
+        for path in SOURCES:
+            text = path.read_text() + (KERNELS if path.parent.name == "kernels" else "")
+            defined = [f"-D{macro}" for macro in macros if macro.partition("=")[0] in text]
+            found.append(self.object(path, *flags, *defined))
+        return found
 
     def program(
         self,
         source: Path,
         *flags: str,
         own: Sequence[str] = (),
-        heap: Sequence[str] = (),
+        macros: Sequence[str] = (),
         more: Sequence[Path] = (),
     ) -> Path:
         """Link a program with the core and more; `own` are flags of its own source alone."""
         flags = (*flags, *os.environ.get("CFLAGS", "").split())
-        objects = [self.object(source, *flags, *own), *self.objects(*flags, heap=heap), *more]
+        objects = [self.object(source, *flags, *own), *self.objects(*flags, macros=macros), *more]
         target = objects[0].with_suffix("")
         link = [*flags, "-no-pie", *os.environ.get("LDFLAGS", "").split()]
         subprocess.run([COMPILER, *link, *map(str, objects), "-lm", "-o", str(target)], check=True)
@@ -107,7 +112,7 @@ def test_only_the_binding_sees_python() -> None:
 def test_c_tests(core: Core, program: str, flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
     source = ROOT / "tests" / "c" / f"{program}.c"
-    target = core.program(source, *flags, heap=COUNTING if program == "test_memory" else ())
+    target = core.program(source, *flags, macros=COUNTING if program == "test_memory" else ())
     out = run(target)
     match = re.search(r"(\d+) tests, 0 failures", out)
     assert match, out
@@ -123,14 +128,14 @@ def test_kernels_at_every_level(core: Core) -> None:
     assert len(sources) == 4
     objects = [core.object(path, "-O3", *levels[path.stem.rpartition("_")[2]]) for path in sources]
     test = ROOT / "tests" / "c" / "test_kernels.c"
-    target = core.program(test, "-O3", "-DBD_X86_LEVELS=1", more=objects)
+    target = core.program(test, "-O3", macros=["BD_X86_LEVELS=1"], more=objects)
     assert ", 0 failures" in run(target)
 
 
 def test_exponentials_are_counted(core: Core) -> None:
     """None without a Stribeck curve."""
-    counting = ["-O3", "-DBD_COUNT_EXPONENTIALS"]
-    target = core.program(ROOT / "tests" / "c" / "test_exponentials.c", *counting)
+    source = ROOT / "tests" / "c" / "test_exponentials.c"
+    target = core.program(source, "-O3", macros=["BD_COUNT_EXPONENTIALS"])
     assert "1 tests, 0 failures" in run(target)
 
 

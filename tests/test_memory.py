@@ -197,6 +197,7 @@ except MemoryError as error:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_AS")
+@pytest.mark.slow
 def test_a_process_that_may_have_less_than_there_is() -> None:
     command = [sys.executable, "-c", SMALL, str(Path(__file__).parent)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)

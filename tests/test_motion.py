@@ -93,7 +93,7 @@ def grip(result: bd.Result, pulley: int) -> np.ndarray:
 # --- against other models -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("moved", [(0,), (0, 1)])
+@pytest.mark.parametrize("moved", [(0,), pytest.param((0, 1), marks=pytest.mark.slow)])
 def test_core_agrees_with_oracle(
     moved: tuple[int, ...], params: bd.Params, start: bd.State
 ) -> None:

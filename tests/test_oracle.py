@@ -222,6 +222,7 @@ def test_rates_agree_at_random_states(name: str) -> None:
         assert np.max(np.abs(rate[key] - want)) <= 1e-11 * scale, key
 
 
+@pytest.mark.slow
 def test_link_on_two_pulleys_at_once() -> None:
     """Two overlapping circles hold some links at once: forces add, each pair keeps its friction.
 

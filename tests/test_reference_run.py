@@ -12,6 +12,7 @@ import reference as ref
 import reference_run as runs
 from oracle_drives import no_torque, shaken, small_drive
 from reference_friction import Dahl, ElasticPlastic, Law, LuGre
+from slow import slow_if
 
 # -------------------------------------------------------------------- integration
 
@@ -64,7 +65,7 @@ LAWS: dict[str, tuple[Law | None, Law | None]] = {
 }
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", slow_if(lambda name: name != "LuGre and elastic/plastic", LAWS))
 def test_energy_residual_vanishes_with_every_law(name: str) -> None:
     """The books balance as with Dahl's law, with bearing drag on top; every law takes its share."""
     drag = np.array([[0.5, 1e-3, 0.0], [0.1, 0.0, 1e-4]])

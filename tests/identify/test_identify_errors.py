@@ -129,14 +129,15 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(
 ) -> None:
     """The runs that are interrupted would take a minute or more; their threads end with it."""
     before = threading.active_count()
-    trials = []
+    trials, timers = [], []
 
     def begin(params: bd.Params) -> bd.State:
         trials.append(params.friction.mu_k)  # type: ignore[union-attr]
         if len(trials) == 6:
             main = threading.main_thread().ident
             assert main is not None
-            threading.Timer(0.3, signal.pthread_kill, (main, signal.SIGINT)).start()
+            timers.append(threading.Timer(0.3, signal.pthread_kill, (main, signal.SIGINT)))
+            timers[-1].start()
         return rest
 
     def long_after_the_fifth(_t: float, _theta: Any, _omega: Any) -> list[float]:
@@ -153,6 +154,7 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(
     assert not found.success and "interrupted" in str(found)
     assert found.values["friction.mu_k"] in trials
     assert math.isfinite(found.std["friction.mu_k"])
+    timers[0].join()
     assert threading.active_count() <= before
 
 
