@@ -53,6 +53,7 @@ class Model:
         gravity: tuple[float, float],
         drag: Sequence[tuple[float, float, float] | None] | None = None,
         pulley_friction: Sequence[FrictionLaw | None] | None = None,
+        mesh: str = "paper",
     ) -> None: ...
     def check_geometry(self) -> None: ...
     @property

@@ -97,6 +97,7 @@ class Params:
                 None if pulley.friction is None else pulley.friction._to_core()
                 for pulley in self.pulleys
             ],
+            self.belt.mesh,
         )
         model.check_geometry()
         self.tensioning.check_fits(len(self.pulleys))

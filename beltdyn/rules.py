@@ -103,6 +103,8 @@ class Printable:
             value, rule = getattr(self, field.name), field.metadata.get("rule")
             if rule is not None:
                 rows.append((field.name, rule.quantity(value), rule.text))
+            elif isinstance(value, str):
+                rows.append((field.name, value, ""))
             elif value is not None:
                 rows += [(f"{field.name}.{name}", *others) for name, *others in value._rows()]
         return rows

@@ -75,9 +75,14 @@ int bd_warning_accuracy(int code);
 
 /* --- scene ----------------------------------------------------------------------------------- */
 
+/* Discretisations in space (MODEL section 3): the paper's as a whole, with contact of the links'
+ * centres; contact of the joints, with the links' mass at their ends. */
+enum { BD_MESH_PAPER, BD_MESH_JOINT };
+
 #define X(group, name, rule, unit, text) BD_TYPE_##rule name;
 typedef struct bd_belt {
   BD_BELT(X)
+  int mesh; /* BD_MESH_... */
 } bd_belt;
 
 /* Torque against the rotation: coulomb s(omega) + viscous omega + quadratic omega |omega|, s a

@@ -30,6 +30,7 @@ def oracle_of(params: bd.Params) -> reference.Reference:
         gravity=params.gravity,
         winding=winding_of(params),
         drag=drag_of(params),
+        mesh=belt.mesh,
         **friction_of(params),
     )
 

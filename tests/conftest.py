@@ -30,6 +30,12 @@ def handlers() -> Iterator[None]:
         signal.signal(number, handler)
 
 
+@pytest.fixture(params=["paper", "joint"], scope="module")
+def mesh(request: pytest.FixtureRequest) -> str:
+    """Each discretisation in space (MODEL section 3)."""
+    return str(request.param)
+
+
 # Fixtures of the tests of the binding. They import late: not before sys.path is as above.
 
 

@@ -36,7 +36,7 @@ class Layout:
     @classmethod
     def of(cls, oracle: reference.Reference, state: Mapping[str, Any]) -> Layout:
         half, radius = 0.5 * oracle.l0, float(oracle.radii[0])
-        w = math.sqrt(12.0 * oracle.c_tra / oracle.mass)
+        w = 2.0 * math.sqrt(oracle.c_tra * half**2 / oracle.inertia)
         units = {"x": 1.0, "y": 1.0, "phi": 1.0 / half, "theta": 1.0 / radius, "slip": 1.0}
         units |= {"vx": w, "vy": w, "vphi": w / half, "omega": w / radius}
         sizes = {name: np.size(state[name]) for name, *_ in _core.STATE_FIELDS}
@@ -185,6 +185,7 @@ def slots_of(oracle: reference.Reference) -> Array:
     slots = np.zeros(oracle.n_pulleys, dtype=int)
     for j in range(oracle.n_pulleys):
         apart = np.hypot(*(oracle.centers[:j] - oracle.centers[j]).T)
-        taken = set(slots[:j][apart < oracle.radii[:j] + oracle.radii[j]])
+        reach = oracle.contact_radii
+        taken = set(slots[:j][apart < reach[:j] + reach[j]])
         slots[j] = next(slot for slot in range(j + 1) if slot not in taken)
     return slots

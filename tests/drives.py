@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import attrs
+
 import beltdyn as bd
 
 
@@ -25,6 +27,11 @@ def plain() -> bd.Params:
         contact=bd.Contact(quadratic=5e10, linear=2.5e7, damping=1.0e3),
         friction=bd.Dahl(mu_k=1.0, sigma=1e4),
     )
+
+
+def on_mesh(params: bd.Params, mesh: str) -> bd.Params:
+    """The same drive with another discretisation of its belt."""
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, mesh=mesh))
 
 
 def plain_scene() -> bd.Scene:

@@ -30,6 +30,20 @@ def small_drive(**changes: Any) -> ref.Reference:
     return ref.paper_drive(24, **(data | changes))
 
 
+def laid_on_joints(model: ref.Reference, y: ref.Array) -> ref.Array:
+    """Links on the pulleys moved so far in that their ends, not their centres, run on the rims."""
+    y = y.copy()
+    position = model.links(y)[0, :2]
+    for center, radius, contact in zip(
+        model.centers, model.radii, model.contact_radii, strict=True
+    ):
+        arm = position - center[:, None]
+        on = np.hypot(*arm) < radius * (1 + 1e-9)
+        chord = math.sqrt(contact**2 - 0.25 * model.l0**2)
+        position[:, on] = center[:, None] + arm[:, on] * chord / radius
+    return y
+
+
 def shaken(model: ref.Reference, seed: int) -> ref.Array:
     """Return a random state near the belt line: links in and out of contact, all moving.
 
@@ -39,6 +53,8 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
     """
     rng = np.random.default_rng(seed)
     y0 = ref.start_state(model)
+    if model.mesh == "joint":
+        y0 = laid_on_joints(model, y0)
     scale = 0.02 * model.l0
     while True:
         y = y0.copy()

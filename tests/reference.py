@@ -42,6 +42,9 @@ class Reference:
     none, to each. `motion` maps pulleys to their prescribed speeds: `rhs` takes these from the
     function and lets theta and omega of the state follow. What knows no time (`contacts`, `energy`)
     takes the speeds of the state; `follow` makes them the prescribed ones.
+
+    With `mesh="joint"` contact is that of the joints (section 3): what is said of (pulley, link)
+    pairs is then of (pulley, joint) pairs, a joint by the link on whose left it is.
     """
 
     length: float  # L, stress-free [m]
@@ -62,6 +65,7 @@ class Reference:
     bending_damping: float = 0.0  # [N m^2 s]; none in the paper
     drag: Array | None = None  # (n_p, 3): Coulomb [N m], viscous [N m s], quadratic [N m s^2]
     motion: Mapping[int, Motion] = field(default_factory=dict)  # by pulley
+    mesh: str = "paper"  # or "joint"
 
     n_pulleys: int = field(init=False)
     size: int = field(init=False)
@@ -69,6 +73,7 @@ class Reference:
     l0: float = field(init=False)
     mass: float = field(init=False)
     inertia: float = field(init=False)  # I_z of a link
+    contact_radii: Array = field(init=False)  # on which unloaded points of contact run
     omega_0: Array = field(init=False)  # within which Coulomb drag changes its sign (section 5)
     c_tra: float = field(init=False)
     b_tra: float = field(init=False)
@@ -85,6 +90,8 @@ class Reference:
         n_p, n_b = len(centers), self.n_bodies
         if n_b < 3 or (self.mu_k is None) != (self.sigma is None):
             raise ValueError("needs n_bodies >= 3, and mu_k and sigma both or neither")
+        if self.mesh not in ("paper", "joint"):
+            raise ValueError(f"unknown mesh {self.mesh!r}")
         if self.friction is not None and (self.mu_k is not None or len(self.friction) != n_p):
             raise ValueError("friction needs a law or None for each pulley, and no mu_k")
         if not set(self.motion) <= set(range(n_p)):
@@ -96,16 +103,22 @@ class Reference:
                 laws = (Dahl(self.mu_k, self.sigma),) * n_p
         l0 = self.length / n_b
         mass = self.linear_density * l0
+        radii = np.array(self.radii, dtype=float).reshape(n_p)
+        half_angle = 0.5 * l0 / radii  # of a link on each pulley
+        if self.mesh == "joint" and half_angle.max() >= 0.5 * math.pi:
+            raise ValueError("a link is longer than half round a pulley")
         derived: dict[str, Any] = {
             "centers": centers,
-            "radii": np.array(self.radii, dtype=float).reshape(n_p),
+            "radii": radii,
             "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
             "n_pulleys": n_p,
             "size": 6 * n_b + 2 * n_p + 2 * n_p * n_b + len(LEDGER),
             "laws": tuple(laws),
             "l0": l0,
             "mass": mass,
-            "inertia": mass * l0**2 / 12,
+            "inertia": mass * l0**2 / (4 if self.mesh == "joint" else 12),
+            "contact_radii": radii
+            * (half_angle / np.sin(half_angle) if self.mesh == "joint" else 1.0),
             "c_tra": self.axial_stiffness / l0,
             "b_tra": self.axial_damping / l0,
             "c_tor": self.bending_stiffness / l0,
@@ -232,13 +245,16 @@ class Reference:
         np.subtract(arm[0] * both[1], arm[1] * both[0], moment)
         moment += bending.take(self.following) - bending
 
-        # Contact (2.3)-(2.8) for every (pulley, link) pair.
-        outward = centre[0][:, None, :] - self.centers.T[:, :, None]
+        # Contact (2.3)-(2.8) for every (pulley, link) pair, or (pulley, joint) pair.
+        point = centre
+        if self.mesh == "joint":
+            point = 0.5 * ((centre + half).take(self.previous, axis=2) + (centre - half))
+        outward = point[0][:, None, :] - self.centers.T[:, :, None]
         distance = np.sqrt(outward[0] * outward[0] + outward[1] * outward[1])
         outward /= distance
-        p = self.radii[:, None] - distance
+        p = self.contact_radii[:, None] - distance
         touch = p > 0
-        vx, vy = centre[1]
+        vx, vy = point[1]
         p_rate = -(vx * outward[0] + vy * outward[1])
         elastic = p * (self.c1 * p + self.c2)
         normal = np.maximum(elastic + self.b * p_rate, 0.0) * touch
@@ -259,14 +275,22 @@ class Reference:
                     slip_rate[j] = speed[j]
         grip = np.zeros(n_p)
         if friction is not None:
-            force[0] += np.add.reduce(normal * outward[0] + friction * outward[1], 0)
-            force[1] += np.add.reduce(normal * outward[1] - friction * outward[0], 0)
+            at_point = np.empty((2, n_b))
+            np.add.reduce(normal * outward[0] + friction * outward[1], 0, out=at_point[0])
+            np.add.reduce(normal * outward[1] - friction * outward[0], 0, out=at_point[1])
             grip = np.add.reduce(friction * distance, 1)
             dy[at_memory : at_memory + n_p * n_b] = z_rate.ravel()
             dy[at_memory + n_p * n_b : at_ledger] = slip_rate.ravel()
             dy[at_ledger + 3] = np.vdot(friction, speed)
         else:
-            force += np.add.reduce(normal * outward, 1)
+            at_point = np.add.reduce(normal * outward, 1)
+        if self.mesh == "joint":
+            at_right = at_point.take(self.following, axis=1)
+            force += 0.5 * (at_point + at_right)
+            turning = at_right - at_point
+            moment += 0.5 * (arm[0] * turning[1] - arm[1] * turning[0])
+        else:
+            force += at_point
 
         # Pulleys (2.12), or what it says of the torque if the motion is prescribed.
         drive = np.asarray(torque(t, theta, omega), dtype=float)
@@ -338,6 +362,21 @@ class Reference:
         d_rate = velocity - half_rate - np.roll(velocity + half_rate, 1, axis=-1)
         return d, d_rate
 
+    def points(self, y: Array) -> tuple[Array, Array]:
+        """Points of contact and their velocities (section 3), (..., 2, n_b) each."""
+        links = self.links(y)
+        position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
+        if self.mesh == "paper":
+            return position, velocity
+        e = self.directions(y)
+        e_rate = links[..., 1, 2:, :] * np.stack((-e[..., 1, :], e[..., 0, :]), axis=-2)
+
+        def at_joints(r: Array, e: Array) -> Array:
+            r_left, e_left = np.roll(r, 1, axis=-1), np.roll(e, 1, axis=-1)
+            return 0.5 * (r_left + r) + 0.25 * self.l0 * (e_left - e)
+
+        return at_joints(position, e), at_joints(velocity, e_rate)
+
     def joint_angles(self, y: Array) -> tuple[Array, Array]:
         """Bend of each joint and its rate, (..., n_b) each; joint 0 closes the winding."""
         links = self.links(y)
@@ -361,17 +400,17 @@ class Reference:
     def penetration(self, y: Array) -> Array:
         """Return p of every pair (2.5), (..., n_p, n_b); contact is p > 0.
 
-        The same arithmetic as in `rhs`, so that both agree on the sign to the last bit.
+        With the paper's mesh the same arithmetic as in `rhs`, so that both agree on the sign to the
+        last bit.
         """
-        position = self.links(y)[..., 0, :2, :]
+        position, _ = self.points(y)
         dx = position[..., 0, None, :] - self.centers[:, 0, None]
         dy = position[..., 1, None, :] - self.centers[:, 1, None]
-        return self.radii[:, None] - np.sqrt(dx * dx + dy * dy)
+        return self.contact_radii[:, None] - np.sqrt(dx * dx + dy * dy)
 
     def contacts(self, y: Array) -> Contacts:
         """Everything about the (pulley, link) pairs, (..., n_p, n_b) each."""
-        links = self.links(y)
-        position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
+        position, velocity = self.points(y)
         arm = position[..., None, :, :] - self.centers[:, :, None]  # (..., n_p, 2, n_b)
         distance = np.hypot(arm[..., 0, :], arm[..., 1, :])
         outward = arm / distance[..., None, :]
@@ -467,7 +506,7 @@ class Contacts:
     friction: Array  # F (2.10); the force on the link is -F tangent
     mu: Array  # F / N; where N = 0, z of Dahl's law, else 0
     velocity: Array  # v_T, of any pair, also one not in contact
-    outward: Array  # unit vector from pulley centre to link
+    outward: Array  # unit vector from pulley centre to link, or joint
     tangent: Array  # z x outward
     distance: Array  # |r_ij|, the lever arm
 

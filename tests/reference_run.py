@@ -178,7 +178,7 @@ def _suspects(model: Reference, h: float, y_old: Array, y_new: Array) -> list[tu
     # A dip: p > 0 at both ends, falling then rising, and the two end tangents meet below 0. (p is
     # convex in a dip, so it lies above them.) Only pairs near their edge are worth the look.
     near = held & (p_new > 0) & (p_old > 0)
-    near &= np.minimum(p_old, p_new) < 2 * h * np.abs(model.links(y_new)[1, :2]).max()
+    near &= np.minimum(p_old, p_new) < 2 * h * np.abs(model.points(y_new)[1]).max()
     if near.any():
         rate_old, rate_new = _penetration_rate(model, y_old), _penetration_rate(model, y_new)
         dip = near & (rate_old < 0) & (rate_new > 0)

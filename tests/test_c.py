@@ -108,11 +108,20 @@ def test_only_the_binding_sees_python() -> None:
         ),
     ],
 )
-@pytest.mark.parametrize("program", ["test_core", "test_effects", "test_memory", "test_kernels"])
-def test_c_tests(core: Core, program: str, flags: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("program", "own"),
+    [
+        pytest.param(program, own, id=f"{program}{name}")
+        for program in ("test_core", "test_effects", "test_memory", "test_kernels")
+        for name, own in (("", []), ("-joints", ["-DTEST_MESH=BD_MESH_JOINT"]))
+        if not (own and program == "test_kernels")  # it has no scene
+    ],
+)
+def test_c_tests(core: Core, program: str, own: list[str], flags: list[str]) -> None:
     """Built with warnings as errors; the sanitized build stops at the first fault or leak."""
     source = ROOT / "tests" / "c" / f"{program}.c"
-    target = core.program(source, *flags, macros=COUNTING if program == "test_memory" else ())
+    macros = COUNTING if program == "test_memory" else ()
+    target = core.program(source, *flags, own=own, macros=macros)
     out = run(target)
     match = re.search(r"(\d+) tests, 0 failures", out)
     assert match, out

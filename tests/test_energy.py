@@ -8,6 +8,7 @@ import attrs
 import numpy as np
 import pytest
 from bridge import fields, oracle_of
+from drives import on_mesh
 
 import beltdyn as bd
 
@@ -33,19 +34,21 @@ def test_case_1_closes_its_balance() -> None:
 
 @pytest.mark.parametrize("name", ["three-pulleys", "unequal-pulleys", "flywheel-start"])
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")  # the flywheel's does
-def test_other_scenes_close_theirs(name: str) -> None:
+def test_other_scenes_close_theirs(name: str, mesh: str) -> None:
     scene = bd.scenes.get(name)
+    scene = scene._replace(params=on_mesh(scene.params, mesh))
     start = bd.settle(scene.params)
     loose, tight = (worst_residual(scene, 0.15, start, rtol) for rtol in (1e-3, 1e-7))
     assert tight <= 1e-6
     assert tight < loose
 
 
-def test_terms_are_those_of_the_oracle() -> None:
+def test_terms_are_those_of_the_oracle(mesh: str) -> None:
     """Every stored term and every loss on its own, at a running state with gravity and bending."""
     scene = bd.scenes.three_pulleys()
-    result = bd.simulate(*scene[:2], 0.1, t_eval=[0.1], rtol=1e-7)
-    oracle = oracle_of(scene.params)
+    params = on_mesh(scene.params, mesh)
+    result = bd.simulate(params, scene.torque_fn, 0.1, t_eval=[0.1], rtol=1e-7)
+    oracle = oracle_of(params)
     y = oracle.pack(fields(result.final_state))
     terms = oracle.energy_terms(y)
     energy = result.energy
@@ -79,12 +82,12 @@ def test_losses_are_losses() -> None:
     assert energy.friction_loss[-1] > 0.5 * energy.drive[-1]
 
 
-def test_undamped_drive_conserves_energy() -> None:
+def test_undamped_drive_conserves_energy(mesh: str) -> None:
     """No damping, no friction, no torque, from a shaken state: the stored energy stays."""
     base = bd.scenes.three_pulleys().params
     params = attrs.evolve(
         base,
-        belt=attrs.evolve(base.belt, axial_damping=0.0),
+        belt=attrs.evolve(base.belt, axial_damping=0.0, mesh=mesh),
         contact=attrs.evolve(base.contact, damping=0.0),
         friction=None,
     )

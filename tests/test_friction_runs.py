@@ -23,12 +23,15 @@ from beltdyn import _core, run_warnings, sanity
 Laws = tuple[bd.Friction | None, ...]
 
 LUGRE, ELASTIC = EXAMPLES["lugre"], EXAMPLES["elastic_plastic"]
-#: On the two pulleys of the plain drive.
+#: On the two pulleys of the plain drive, with the paper's mesh or with contact of the joints.
 PAIRS: dict[str, Laws] = {
     **{name: (law, law) for name, law in EXAMPLES.items()},
     "lugre, undamped": (UNDAMPED_LUGRE, UNDAMPED_LUGRE),
     "mixed": (scaled(LUGRE, 1.2), ELASTIC),
     "one without": (ELASTIC, None),
+    "joints, dahl": (EXAMPLES["dahl"], EXAMPLES["dahl"]),
+    "joints, mixed": (scaled(LUGRE, 1.2), ELASTIC),
+    "joints, one without": (ELASTIC, None),
 }
 METHODS: dict[str, dict[str, Any]] = {
     "auto": {"rtol": 1e-4},
@@ -45,7 +48,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:(mesh|full_slip):UserWarning")
 
 
 def drive(pair: str) -> bd.Params:
-    return with_laws(drives.plain(), *PAIRS[pair])
+    mesh = "joint" if pair.startswith("joints") else "paper"
+    return with_laws(drives.on_mesh(drives.plain(), mesh), *PAIRS[pair])
 
 
 @functools.cache
@@ -251,13 +255,13 @@ def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch, pair: str) -> None
     """One rate, by rounding alone; 2 ms of a run, by what that grows to. 61 links: the last vector
     is not full.
     """
-    base = drives.plain()
-    base = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=61))
+    base = drive(pair)
+    belt = attrs.evolve(base.belt, n_bodies=61)
     start: bd.State | None = None
     rates, runs = [], []
     for level in available(monkeypatch):
         monkeypatch.setenv("BELTDYN_KERNELS", level)
-        params = with_laws(base, *PAIRS[pair])
+        params = attrs.evolve(base, belt=belt)
         if start is None:
             start = bd.simulate(params, pull(), 0.03, t_eval=[0.03]).final_state
         rates.append(params._model.rate(start._to_core(True), np.array([-10.0, 2.0])))

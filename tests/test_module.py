@@ -109,7 +109,12 @@ def test_everything_has_a_docstring(thing):
 
 
 def test_signatures_can_be_read():
-    assert list(inspect.signature(_core.Model).parameters) == [*SCENE, "drag", "pulley_friction"]
+    assert list(inspect.signature(_core.Model).parameters) == [
+        *SCENE,
+        "drag",
+        "pulley_friction",
+        "mesh",
+    ]
     keyword = [
         name
         for name, parameter in inspect.signature(_core.Simulation).parameters.items()

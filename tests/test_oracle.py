@@ -15,6 +15,7 @@ import pytest
 import reference
 import reference_run
 from bridge import fields, oracle_of
+from drives import on_mesh
 from laws import EXAMPLES, scaled, with_laws
 from slow import slow_if
 
@@ -107,10 +108,38 @@ CASES: dict[str, Start] = {
     "a law for each pulley, running": lambda: running(mixed_two, 0.28),
     "two laws on three pulleys, one without": lambda: running(mixed_three, 0.22),
 }
+
+
+def joints(make: Callable[[], bd.scenes.Scene], t: float = 0.0) -> Start:
+    """The scene with contact of the joints, from rest or running."""
+
+    def scene() -> bd.scenes.Scene:
+        made = make()
+        return made._replace(params=on_mesh(made.params, "joint"))
+
+    return lambda: running(scene, t) if t > 0.0 else (scene(), bd.settle(scene().params))
+
+
+CASES |= {
+    "joints, case 1 from rest": joints(bd.scenes.kubas_case_1),
+    "joints, case 1 at the end of its ramp": joints(bd.scenes.kubas_case_1, 0.28),
+    "joints, three unequal pulleys": joints(bd.scenes.three_pulleys, 0.22),
+    "joints, 1:2 reduction, bending damped": joints(bending_damped, 0.08),
+    "joints, bearing drag, running": joints(dragging, 0.2),
+    "joints, flywheel, full slip": joints(bd.scenes.flywheel_start, 0.10),
+    "joints, a law for each pulley, from rest": joints(mixed_two),
+    "joints, a law for each pulley, running": joints(mixed_two, 0.28),
+    "joints, two laws on three pulleys, one without": joints(mixed_three, 0.22),
+}
 for law_name, example in EXAMPLES.items():
     if law_name != "dahl":
         CASES |= cases_of(law_name, example)
-SHORT = ("case 1 from rest", "a law for each pulley, from rest")
+SHORT = (
+    "case 1 from rest",
+    "a law for each pulley, from rest",
+    "joints, case 1 from rest",
+    "joints, a law for each pulley, from rest",
+)
 
 
 def is_long(case: str) -> bool:
@@ -187,14 +216,14 @@ def test_comparison_can_fail() -> None:
 
 
 @pytest.mark.parametrize("name", bd.scenes.names())
-def test_rates_agree_at_random_states(name: str) -> None:
+def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
     """One evaluation at a shaken running state, with links both on and off the pulleys: rounding
     only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m.
     """
     scene = bd.scenes.get(name)
-    params = scene.params
+    params = on_mesh(scene.params, mesh)
     rng = np.random.default_rng(7)
-    state = fields(bd.simulate(*scene[:2], 0.06, t_eval=[0.06]).final_state)
+    state = fields(bd.simulate(params, scene.torque_fn, 0.06, t_eval=[0.06]).final_state)
     for key, scale in [
         ("x", 1e-4),
         ("y", 1e-4),
@@ -223,7 +252,7 @@ def test_rates_agree_at_random_states(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_link_on_two_pulleys_at_once() -> None:
+def test_link_on_two_pulleys_at_once(mesh: str) -> None:
     """Two overlapping circles hold some links at once: forces add, each pair keeps its friction.
 
     ``Params`` refuses such a drive, for the belt line round it is not defined; the core does not
@@ -231,7 +260,7 @@ def test_link_on_two_pulleys_at_once() -> None:
     """
     from beltdyn import _core
 
-    base = bd.scenes.kubas_case_1().params
+    base = on_mesh(bd.scenes.kubas_case_1().params, mesh)
     state = fields(bd.settle(base))
     centers = np.array([[0.0, 0.0], [0.29, 0.0], [0.27, -0.015], [0.05, -0.02]])
     radii = np.array([0.1, 0.1, 0.1, 0.1])
@@ -241,13 +270,14 @@ def test_link_on_two_pulleys_at_once() -> None:
         (belt.length, belt.n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
          belt.bending_stiffness, belt.bending_damping),
         centers, radii, inertias, (5e8, 2.5e5, 1e3), ("dahl", (1.0, 1e4)), (0.0, 0.0),
+        mesh=mesh,
     )  # fmt: skip
     slots = model.info["n_slots"]
     assert slots >= 2
     oracle = reference.Reference(
         belt.length, belt.n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
         belt.bending_stiffness, centers=centers, radii=radii, inertias=inertias,
-        contact=(5e8, 2.5e5, 1e3), mu_k=1.0, sigma=1e4,
+        contact=(5e8, 2.5e5, 1e3), mu_k=1.0, sigma=1e4, mesh=mesh,
     )  # fmt: skip
     n = belt.n_bodies
     state["mu"] = np.zeros(slots * n)

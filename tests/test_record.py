@@ -54,6 +54,7 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     ),
     "frictionless": ({"friction": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
     "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
+    "joints": ({"mesh": "joint"}, "terms", 0.02),
     "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),
@@ -156,7 +157,8 @@ def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None
         drags[1].import_record(drags[0].export_record())
     fresh = new()
     untouched = pickle.dumps(fresh.state())
-    for one in (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag")):
+    others = (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag"), new("joints"))
+    for one in others:
         with refused(ValueError, other + "made with"):
             one.import_record(record)
     for size in (0, 7, 40, len(record) - 1):

@@ -49,6 +49,11 @@ MODELS: dict[str, Callable[[], ref.Reference]] = {
         friction=(Dahl(0.7, 2e4), LUGRE, ELASTIC)
     ),
     "elastic/plastic, none, Dahl": lambda: three_pulleys(friction=(ELASTIC, None, Dahl(0.7, 2e4))),
+    "joints": lambda: ref.paper_drive(mesh="joint", gravity=(1.0, -9.81), bending_damping=0.02),
+    "joints, Dahl, LuGre, elastic/plastic": lambda: three_pulleys(
+        mesh="joint", friction=(Dahl(0.7, 2e4), LUGRE, ELASTIC)
+    ),
+    "joints, no friction": lambda: three_pulleys(mesh="joint", mu_k=None, sigma=None),
     "prescribed motion": lambda: three_pulleys(
         friction=(LUGRE, ELASTIC, None),
         drag=np.array([[3.0, 0.1, 0.02], [1.0, 0.0, 0.3], [0.0, 0.2, 0.0]]),
@@ -264,19 +269,27 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
     e, at = model.directions(y), model.contacts(y)
     acceleration, alpha = np.zeros((2, model.n_bodies)), np.zeros(model.n_bodies)
     torque_on_pulley = np.zeros(model.n_pulleys)
+    at_contact = np.zeros((2, model.n_bodies))
     for i in range(model.n_bodies):
-        right = (i + 1) % model.n_bodies
-        force = pull[:, right] - pull[:, i] + model.mass * np.asarray(model.gravity)
-        moment = twist[right] - twist[i]
-        for side, at_end in ((+1, pull[:, right]), (-1, -pull[:, i])):
-            arm = side * model.l0 / 2 * e[:, i]
-            moment += arm[0] * at_end[1] - arm[1] * at_end[0]
         for j, law in enumerate(model.laws):
             grip, _ = law_by_hand(
                 law, model.memory(y)[0, j, i], at.velocity[j, i], at.normal[j, i], model.l0
             )
-            force += at.normal[j, i] * at.outward[j, :, i] - grip * at.tangent[j, :, i]
+            at_contact[:, i] += at.normal[j, i] * at.outward[j, :, i] - grip * at.tangent[j, :, i]
             torque_on_pulley[j] += grip * at.distance[j, i]
+    for i in range(model.n_bodies):
+        right = (i + 1) % model.n_bodies
+        force = pull[:, right] - pull[:, i] + model.mass * np.asarray(model.gravity)
+        moment = twist[right] - twist[i]
+        at_right, at_left = pull[:, right], -pull[:, i]
+        if model.mesh == "paper":
+            force += at_contact[:, i]
+        else:  # a joint's contact presses the two link ends alike
+            at_right, at_left = at_right + at_contact[:, right] / 2, at_left + at_contact[:, i] / 2
+            force += at_contact[:, i] / 2 + at_contact[:, right] / 2
+        for side, at_end in ((+1, at_right), (-1, at_left)):
+            arm = side * model.l0 / 2 * e[:, i]
+            moment += arm[0] * at_end[1] - arm[1] * at_end[0]
         acceleration[:, i] = force / model.mass
         alpha[i] = moment / model.inertia
     if model.drag is not None:
@@ -306,7 +319,10 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
         assert z_rate[pair] == pytest.approx(rate if touching[pair] else 0.0, rel=1e-11, abs=1e-9)
         assert at.friction[pair] == pytest.approx(grip, rel=1e-11, abs=1e-9)
         assert at.mu[pair] * normal == pytest.approx(grip, rel=1e-11, abs=1e-9)
-    assert not at.mu[at.normal == 0].any()
+    for j, law in enumerate(model.laws):  # where nothing presses, Dahl's coefficient is its state
+        held = touching[j] & isinstance(law, Dahl)
+        lifted = at.normal[j] == 0
+        np.testing.assert_array_equal(at.mu[j, lifted], (model.memory(y)[0, j] * held)[lifted])
 
 
 def test_states_are_those_that_laws_tell_apart() -> None:
@@ -357,6 +373,43 @@ def test_torque_of_a_prescribed_motion_makes_that_motion(seed: int) -> None:
     model.pulleys(astray)[1, [0, 2]] += 1.0
     np.testing.assert_array_equal(model.rhs(0.0, astray, no_torque), dy)
     np.testing.assert_array_equal(model.follow(0.0, astray), y)
+
+
+def test_joints_of_a_laid_ring_run_on_its_pulley() -> None:
+    """Section 3: chords l0 long on the circle of contact stand for arcs l0 long on the radius.
+
+    A ring of n unstretched links round one pulley of that circumference is a regular polygon: its
+    joints close, and touch without pressing.
+    """
+    n, radius = 11, 0.1
+    model = ref.paper_drive(
+        n,
+        length=2 * math.pi * radius,
+        centers=np.array([[0.3, -0.2]]),
+        radii=np.array([radius]),
+        inertias=np.array([1.0]),
+        winding=1,
+        mesh="joint",
+    )
+    angle = 2 * math.pi * np.arange(n) / n
+    apothem = model.l0 / (2 * math.tan(math.pi / n))
+    y = model.pack(
+        {
+            "x": 0.3 + apothem * np.cos(angle),
+            "y": -0.2 + apothem * np.sin(angle),
+            "phi": angle + math.pi / 2,
+            "vphi": np.full(n, 4.0),
+            "vx": -4.0 * apothem * np.sin(angle),
+            "vy": 4.0 * apothem * np.cos(angle),
+            "omega": np.array([4.0]),
+        }
+    )
+    # Rounding of 1 m; turning as one with the pulley, no joint slips on it, nor moves inwards.
+    assert np.abs(model.penetration(y)).max() < 1e-15
+    assert np.abs(model.joint_vectors(y)[0]).max() < 1e-15
+    assert np.abs(model.contacts(y).velocity).max() < 1e-14
+    assert np.abs(model.contacts(y).rate).max() < 1e-14
+    assert model.inertia == pytest.approx(2 * model.mass / 2 * (model.l0 / 2) ** 2, rel=1e-15)
 
 
 def test_penetration_agrees_with_rhs_to_the_last_bit() -> None:
@@ -518,7 +571,7 @@ def moved(
         for name in (
             *("length", "n_bodies", "linear_density", "axial_stiffness", "axial_damping"),
             *("bending_stiffness", "bending_damping", "radii", "inertias", "contact"),
-            *("mu_k", "sigma", "friction", "drag"),
+            *("mu_k", "sigma", "friction", "drag", "mesh"),
         )
     }
 

@@ -304,13 +304,14 @@ out:
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt",     "centers", "radii", "inertias",        "contact",
-                   "friction", "gravity", "drag",  "pulley_friction", NULL};
+  char *names[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
+                   "gravity", "drag",    "pulley_friction", "mesh",     NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
   PyObject *drag = Py_None, *pulley_friction = Py_None;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OO:Model", names, &belt, &centers,
+  const char *mesh = "paper";
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOs:Model", names, &belt, &centers,
                                    &radii, &inertias, &contact, &default_friction, &gravity, &drag,
-                                   &pulley_friction)) {
+                                   &pulley_friction, &mesh)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -327,6 +328,14 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   scene.pulleys = pulleys;
+  const int is_joint = strcmp(mesh, "joint") == 0;
+  if (!is_joint && strcmp(mesh, "paper") != 0) {
+    PyErr_Format(PyExc_ValueError, "belt.mesh must be \"joint\" or \"paper\", got \"%.100s\"",
+                 mesh);
+    PyMem_Free(pulleys);
+    return NULL;
+  }
+  scene.belt.mesh = is_joint ? BD_MESH_JOINT : BD_MESH_PAPER;
   scene.friction = default_friction == Py_None ? NULL : &friction;
 
   bd_error err = {0};
@@ -514,11 +523,12 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper')\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
     "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
+    "mesh: \"joint\" or \"paper\", MODEL section 3.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

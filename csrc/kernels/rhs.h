@@ -203,24 +203,22 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   return ledger ? sum(loss + where(link_mask, left.loss)) : 0.0;
 }
 
-/* Contact of the links with one pulley. A vector of links without contact costs one test of
+/* Contact of points with one pulley. A vector of points without contact costs one test of
  * distance. */
-INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                    const bd_run *runs, const double *y, double *dy, bd_sums *sums, const int law,
-                    const int ledger) {
+INLINE void contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                    const bd_run *runs, const bd_points *points, const bd_forces *out,
+                    const double *y, double *dy, bd_sums *sums, const int law, const int ledger) {
   const int friction = law != BD_LAW_NONE;
-  const bd_layout *lay = &links->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *x = points->x, *yy = points->y, *vx = points->vx, *vy = points->vy;
   const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
-  double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
+  double *ovx = out->x, *ovy = out->y;
   double *oz = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
   double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx),
             cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const vec damping = splat(pulley->damping), inv_mass = splat(links->inv_mass);
+  const vec damping = splat(pulley->damping), inv_mass = splat(out->per_mass);
   const vec omega = splat(pulley->omega), none = {0.0};
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
   vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
@@ -273,10 +271,10 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
     return joints(links, y, dy, bending, ledger);                                                  \
   }
 #define CONTACT(law, ledger)                                                                       \
-  static void contact_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,     \
-                                       int n_runs, const bd_run *runs, const double *y,            \
-                                       double *dy, bd_sums *sums) {                                \
-    contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger);                       \
+  static void contact_##law##_##ledger(                                                            \
+      const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
+      const bd_points *points, const bd_forces *out, const double *y, double *dy, bd_sums *sums) { \
+    contact(lay, pulley, n_runs, runs, points, out, y, dy, sums, BD_LAW_##law, ledger);            \
   }
 JOINTS(0, 0)
 JOINTS(0, 1)
@@ -312,9 +310,9 @@ BD_LAWS(LAW)
 
 /* The first block from `begin` on where something is to be done after a step; `end` if none. */
 INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                              const double *owner, const double *y, int begin, int end,
-                              const int friction) {
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+                              const double *owner, const bd_points *points, const double *y,
+                              int begin, int end, const int friction) {
+  const double *x = points->x, *yy = points->y;
   const double *mu = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), none = {0.0};
@@ -342,14 +340,18 @@ INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pul
 }
 
 static int find_contact_event_0(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                                const double *owner, const double *y, int begin, int end) {
-  return find_contact_event(lay, pulley, index, owner, y, begin, end, 0);
+                                const double *owner, const bd_points *points, const double *y,
+                                int begin, int end) {
+  return find_contact_event(lay, pulley, index, owner, points, y, begin, end, 0);
 }
 
 static int find_contact_event_1(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                                const double *owner, const double *y, int begin, int end) {
-  return find_contact_event(lay, pulley, index, owner, y, begin, end, 1);
+                                const double *owner, const bd_points *points, const double *y,
+                                int begin, int end) {
+  return find_contact_event(lay, pulley, index, owner, points, y, begin, end, 1);
 }
+
+#include "kernels/points.h"
 
 static double fastest(const bd_layout *lay, const double *y) {
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
@@ -474,6 +476,9 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
     .kinetic = {BD_LAWS(LAW)},
 #undef LAW
     .find_contact_event = {find_contact_event_0, find_contact_event_1},
+    .directions = directions,
+    .gather_points = gather_points,
+    .scatter_forces = scatter_forces,
     .fastest = fastest,
     .combine = combine,
     .error_norm = error_norm,

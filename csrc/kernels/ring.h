@@ -24,7 +24,7 @@ enum { REDUCTIONS = WIDTH == 8 ? 3 : WIDTH == 4 ? 2 : WIDTH == 2 ? 1 : 0 };
 /* What a row keeps for the solves. */
 typedef struct ring_row {
   vec inverse[9];      /* D^-1, D the diagonal block */
-  vec back[5];         /* coupling to the link behind: q, k e', corner */
+  vec back[9];         /* coupling to the link behind: q, k e', corner; or all of it (full) */
   vec to_separator[9]; /* E: coupling of the separator before the arc to this row */
   vec next[9];         /* D^-1 U: what the link forward is worth here */
   vec left[9];         /* D^-1 F: the same of the separator before the arc */
@@ -104,14 +104,6 @@ INLINE void invert(const vec *lu, vec *x) {
   x[2] = -fma_(lu[4], x[8], lu[3] * x[5]) * lu[6];
 }
 
-/* out -= L x for one column of x: L is the coupling to the link behind */
-INLINE void take_behind(const vec *back, vec k, const vec *x, vec *out, const int step) {
-  const vec x0 = x[0], x1 = x[step], x2 = x[2 * step];
-  out[0] = fnma_(back[0], x2, fma_(k, x0, out[0]));
-  out[step] = fnma_(back[1], x2, fma_(k, x1, out[step]));
-  out[2 * step] = fnma_(back[4], x2, fnma_(back[3], x1, fnma_(back[2], x0, out[2 * step])));
-}
-
 /* out -= a x for one column, its entries `step` apart */
 INLINE void take_column(const vec *a, const vec *x, vec *out, const int step) {
   for (int i = 0; i < 3; ++i) {
@@ -119,6 +111,19 @@ INLINE void take_column(const vec *a, const vec *x, vec *out, const int step) {
       out[step * i] = fnma_(a[3 * i + j], x[step * j], out[step * i]);
     }
   }
+}
+
+/* out -= L x for one column of x: L is the coupling to the link behind */
+INLINE void take_behind(const vec *back, vec k, const vec *x, vec *out, const int step,
+                        const int full) {
+  if (full) {
+    take_column(back, x, out, step);
+    return;
+  }
+  const vec x0 = x[0], x1 = x[step], x2 = x[2 * step];
+  out[0] = fnma_(back[0], x2, fma_(k, x0, out[0]));
+  out[step] = fnma_(back[1], x2, fma_(k, x1, out[step]));
+  out[2 * step] = fnma_(back[4], x2, fnma_(back[3], x1, fnma_(back[2], x0, out[2 * step])));
 }
 
 /* out -= a b */
@@ -250,14 +255,11 @@ INLINE ring_link link_of(const bd_blocks *b, const ptrdiff_t *at, const int j, v
   return (ring_link){.ex = -s, .ey = c, .qx = fma_(k, s, turn * c), .qy = fnma_(k, c, turn * s)};
 }
 
-/* Coupling of a link to the one behind it, and of that one to it. */
-INLINE void couple(const ring_link *behind, const ring_link *here, vec k, vec bending, vec *back,
-                   vec *forward) {
-  back[0] = behind->qx;
-  back[1] = behind->qy;
-  back[2] = k * here->ex;
-  back[3] = k * here->ey;
-  back[4] = -fma_(here->ex, behind->qx, here->ey * behind->qy) - bending;
+/* Coupling of a link to the one behind it, and of that one to it: of the joint, and where blocks
+ * are full, of the contact there as well. */
+INLINE void couple(const bd_blocks *b, const ptrdiff_t *at, const int j, const ring_link *behind,
+                   const ring_link *here, vec k, vec bending, vec *back, vec *forward,
+                   const int full) {
   forward[0] = forward[4] = -k;
   forward[1] = forward[3] = splat(0.0);
   forward[2] = -here->qx;
@@ -265,6 +267,26 @@ INLINE void couple(const ring_link *behind, const ring_link *here, vec k, vec be
   forward[6] = -k * behind->ex;
   forward[7] = -k * behind->ey;
   forward[8] = -fma_(behind->ex, here->qx, behind->ey * here->qy) - bending;
+  const vec corner = -fma_(here->ex, behind->qx, here->ey * behind->qy) - bending;
+  if (!full) {
+    back[0] = behind->qx;
+    back[1] = behind->qy;
+    back[2] = k * here->ex;
+    back[3] = k * here->ey;
+    back[4] = corner;
+    return;
+  }
+  back[0] = back[4] = -k;
+  back[1] = back[3] = splat(0.0);
+  back[2] = behind->qx;
+  back[5] = behind->qy;
+  back[6] = k * here->ex;
+  back[7] = k * here->ey;
+  back[8] = corner;
+  for (int i = 0; i < 9; ++i) {
+    back[i] += gather(b->back[i] + j, at);
+    forward[i] += gather(b->forward[i] + j, at);
+  }
 }
 
 /* How far the elimination is: the row's diagonal block D and, of the row before, its factors; what
@@ -274,18 +296,22 @@ typedef struct elimination {
   vec d[9], lu[9], left[9], to_separator[9], own[9];
 } elimination;
 
-INLINE void set_diagonal(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j) {
+INLINE void set_diagonal(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j,
+                         const int full) {
   e->d[0] = gather(b->xx + j, at);
   e->d[1] = gather(b->xy + j, at);
   e->d[3] = gather(b->yx + j, at);
   e->d[4] = gather(b->yy + j, at);
   e->d[8] = gather(b->pp + j, at);
-  e->d[2] = e->d[5] = e->d[6] = e->d[7] = splat(0.0);
+  e->d[2] = full ? gather(b->xp + j, at) : splat(0.0);
+  e->d[5] = full ? gather(b->yp + j, at) : splat(0.0);
+  e->d[6] = full ? gather(b->px + j, at) : splat(0.0);
+  e->d[7] = full ? gather(b->py + j, at) : splat(0.0);
 }
 
 /* Frees a row of the one behind it, which keeps what the solves need. */
 INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, const vec *forward,
-                             vec k) {
+                             vec k, const int full) {
   vec next[9], over[9], left[9], to_separator[9];
   for (int c = 0; c < 3; ++c) {
     substitute(e->lu, forward + c, next + c, 3);
@@ -298,8 +324,8 @@ INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, 
     behind->to_separator[i] = e->to_separator[i];
   }
   for (int c = 0; c < 3; ++c) {
-    take_behind(back, k, next + c, e->d + c, 3);
-    take_behind(back, k, over + c, left + c, 3);
+    take_behind(back, k, next + c, e->d + c, 3, full);
+    take_behind(back, k, over + c, left + c, 3, full);
   }
   take_product(e->to_separator, next, to_separator);
   take_product(e->to_separator, over, e->own);
@@ -311,16 +337,17 @@ INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, 
 
 /* Where an arc begins, its first link meets the separator before it; begins: 1 where this row is
  * that link. */
-INLINE void meet_separator(elimination *e, vec begins, const vec *back, const vec *forward, vec k) {
+INLINE void meet_separator(elimination *e, vec begins, const vec *back, const vec *forward, vec k,
+                           const int full) {
   const vec zero = splat(0.0);
   const vec block[9] = {-k, zero, back[0], zero, -k, back[1], back[2], back[3], back[4]};
   for (int i = 0; i < 9; ++i) {
-    e->left[i] = fma_(begins, block[i], e->left[i]);
+    e->left[i] = fma_(begins, full ? back[i] : block[i], e->left[i]);
     e->to_separator[i] = fma_(begins, forward[i], e->to_separator[i]);
   }
 }
 
-static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
+INLINE void ring_factor(const bd_ring *ring, const bd_blocks *b, const int full) {
   ring_row *const row = ring->rows;
   const int m = ring->n_rows;
   ptrdiff_t at[WIDTH];
@@ -335,16 +362,16 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
   for (int j = 0; j < m; ++j) {
     const ring_link here = link_of(b, at, j, k, spin);
     vec *const back = row[j].back, forward[9], coupled[9];
-    couple(&behind, &here, k, bending, back, forward);
-    set_diagonal(&e, b, at, j);
+    couple(b, at, j, &behind, &here, k, bending, back, forward, full);
+    set_diagonal(&e, b, at, j, full);
     if (j > 0) {
       for (int i = 0; i < 9; ++i) {
         coupled[i] = j == 1 ? whole * forward[i] : forward[i];
       }
-      eliminate_behind(&e, &row[j - 1], back, coupled, k);
+      eliminate_behind(&e, &row[j - 1], back, coupled, k, full);
     }
     if (j < 2) {
-      meet_separator(&e, j == 0 ? whole : shorter, back, forward, k);
+      meet_separator(&e, j == 0 ? whole : shorter, back, forward, k, full);
     }
     if (j == 0) { /* rows of the identity */
       for (int i = 0; i < 9; ++i) {
@@ -369,7 +396,8 @@ static void ring_factor(const bd_ring *ring, const bd_blocks *b) {
 /* --- solve ----------------------------------------------------------------------------------- */
 
 /* x, y, p: right-hand side in, solution out. */
-static void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y, double *p) {
+INLINE void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y, double *p,
+                       const int full) {
   const ring_row *const row = ring->rows;
   vec *const z = ring->scratch;
   const int m = ring->n_rows;
@@ -386,7 +414,7 @@ static void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y
         r[i] = fnma_(shorter, r[i], r[i]);
       }
     }
-    take_behind(row[j].back, k, v, r, 1);
+    take_behind(row[j].back, k, v, r, 1, full);
     if (j < m - 1) {
       for (int i = 0; i < 3; ++i) {
         const vec *const inverse = row[j].inverse + 3 * i;
@@ -421,3 +449,13 @@ static void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y
     scatter(fields[i] + m - 1, at, separator[i]);
   }
 }
+
+#define RING(full)                                                                                 \
+  static void ring_factor_##full(const bd_ring *ring, const bd_blocks *b) {                        \
+    ring_factor(ring, b, full);                                                                    \
+  }                                                                                                \
+  static void ring_solve_##full(const bd_ring *ring, double k, double *x, double *y, double *p) {  \
+    ring_solve(ring, k, x, y, p, full);                                                            \
+  }
+RING(0)
+RING(1)

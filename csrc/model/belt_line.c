@@ -97,16 +97,19 @@ int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *r
 }
 
 void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
-                        const bd_wrap *wraps, int direction, double s, double *x, double *y,
-                        double *phi) {
+                        const double *raised, const bd_wrap *wraps, int direction, double s,
+                        double *x, double *y, double *phi) {
   double quarter = 0.5 * BD_PI * direction;
   double normal = wraps[0].arrive + direction * wraps[0].wrap;
   double angle = remainder(normal + quarter, 2.0 * BD_PI);
   for (int k = 0;; k = (k + 1) % np) {
     int next = (k + 1) % np;
     if (s <= wraps[k].span) {
-      *x = cx[k] + radius[k] * cos(angle - quarter) + s * cos(angle);
-      *y = cy[k] + radius[k] * sin(angle - quarter) + s * sin(angle);
+      const double part = wraps[k].span > 0.0 ? s / wraps[k].span : 0.0;
+      const double lift =
+          (1.0 - part) * (raised[k] - radius[k]) + part * (raised[next] - radius[next]);
+      *x = cx[k] + (radius[k] + lift) * cos(angle - quarter) + s * cos(angle);
+      *y = cy[k] + (radius[k] + lift) * sin(angle - quarter) + s * sin(angle);
       *phi = angle;
       return;
     }
@@ -115,8 +118,8 @@ void bd_belt_line_point(int np, const double *cx, const double *cy, const double
     /* rounding may leave a little more than the whole line */
     if (s <= arc || next == 0) {
       angle += direction * s / radius[next];
-      *x = cx[next] + radius[next] * cos(angle - quarter);
-      *y = cy[next] + radius[next] * sin(angle - quarter);
+      *x = cx[next] + raised[next] * cos(angle - quarter);
+      *y = cy[next] + raised[next] * sin(angle - quarter);
       *phi = angle;
       return;
     }

@@ -65,12 +65,20 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
   return BD_OK;
 }
 
-static double spectral_bound(const bd_info *info) {
+static double spectral_bound(const bd_info *info, double shear) {
   double m = info->link_mass, inertia = info->link_inertia;
-  double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / inertia;
-  double d = 12.0 * info->joint_damping / m + 4.0 * info->bending_damping / inertia;
+  double k = shear * info->joint_stiffness / m + 4.0 * info->bending_stiffness / inertia;
+  double d = shear * info->joint_damping / m + 4.0 * info->bending_damping / inertia;
   double discriminant = d * d - 4.0 * k;
   return discriminant > 0.0 ? 0.5 * (d + sqrt(discriminant)) : sqrt(k);
+}
+
+/* Links whose ends lie on the circle of R a / sin a, a half the angle of a link, have the length of
+ * the arcs of radius R that they stand for. */
+static double contact_radius(const bd_model *model, int j) {
+  const double radius = model->radius[j], l0 = model->belt.length / model->belt.n_bodies,
+               a = 0.5 * l0 / radius;
+  return model->contact_of_joints && a < 0.5 * BD_PI ? radius * a / sin(a) : radius;
 }
 
 /* Pulleys whose circles overlap can hold the same link at once and need slots of their own; all
@@ -84,7 +92,7 @@ static int colour_pulleys(const bd_model *model) {
       for (int k = 0; k < j; ++k) {
         if (model->slot[k] == slot &&
             hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]) <
-                model->radius[j] + model->radius[k]) {
+                model->contact_radius[j] + model->contact_radius[k]) {
           ++slot;
           again = 1;
         }
@@ -113,6 +121,7 @@ static void carve(bd_carver *carver, bd_model *model, int np, int drag) {
   BD_CARVE(carver, model->cx, np);
   BD_CARVE(carver, model->cy, np);
   BD_CARVE(carver, model->radius, np);
+  BD_CARVE(carver, model->contact_radius, np);
   BD_CARVE(carver, model->inertia, np);
   if (drag) {
     BD_CARVE(carver, model->drag, np);
@@ -131,7 +140,7 @@ static void derive(bd_model *model) {
   info->n_slots = model->lay.slots;
   info->link_length = l0;
   info->link_mass = belt->linear_density * l0;
-  info->link_inertia = info->link_mass * l0 * l0 / 12.0;
+  info->link_inertia = info->link_mass * l0 * l0 / model->shear;
   info->joint_stiffness = belt->axial_stiffness / l0;
   info->joint_damping = belt->axial_damping / l0;
   info->bending_stiffness = belt->bending_stiffness / l0;
@@ -139,13 +148,16 @@ static void derive(bd_model *model) {
   info->contact_quadratic = model->contact.quadratic * l0;
   info->contact_linear = model->contact.linear * l0;
   info->contact_damping = model->contact.damping * l0;
-  info->spectral_bound = spectral_bound(info);
+  info->spectral_bound = spectral_bound(info, model->shear);
 }
 
 /* A link of angle 2 a lies as a tangent, longer than its arc by tan(a) / a - 1 (MODEL section 6);
  * infinite when it is too long to lie on the pulley at all. */
 static double mesh_strain(const bd_model *model) {
   double longer = 0.0;
+  if (model->contact_of_joints) {
+    return 0.0;
+  }
   for (int j = 0; j < model->lay.np; ++j) {
     double a = 0.5 * model->info.link_length / model->radius[j];
     double arc = model->wraps[j].wrap * model->radius[j];
@@ -293,6 +305,11 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   for (int j = 0; j < np; ++j) {
     double reach = fabs(model->cx[j]) + fabs(model->cy[j]) + model->radius[j];
     model->far_away = fmax(model->far_away, 1e3 * (reach + model->belt.length));
+  }
+  model->contact_of_joints = scene->belt.mesh == BD_MESH_JOINT;
+  model->shear = model->contact_of_joints ? 4.0 : 12.0;
+  for (int j = 0; j < np; ++j) {
+    model->contact_radius[j] = contact_radius(model, j);
   }
   model->lay.np = np;
   model->colours = colour_pulleys(model);

@@ -20,11 +20,14 @@ struct bd_model {
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
+  int contact_of_joints;      /* mesh "joint": at the joints, mass at the links' ends */
+  double shear;               /* m l0^2 / I_z of a link: 12, or 4 */
   int friction_scales_differ; /* of the laws' states (bd_friction_state_scale), from pulley to
                                  pulley */
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
+  double *contact_radius;             /* on which the points of contact of an unloaded belt run */
   bd_drag *drag;                      /* by pulley; NULL: none has any */
   bd_friction *friction;              /* by pulley */
   int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
@@ -80,11 +83,11 @@ double bd_wave_life(const bd_model *model);
  * none. direction: +1 counter-clockwise, -1 clockwise. */
 int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *radius,
                      bd_wrap *wraps, int *direction, double *length, bd_error *err);
-/* Point and tangent angle at distance s along the line from where the belt leaves pulley 0; the
- * angle runs on continuously. */
+/* Point and tangent angle at distance s along the line from where the belt leaves pulley 0, lifted
+ * off its radii to those of `raised`; the angle runs on continuously. */
 void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
-                        const bd_wrap *wraps, int direction, double s, double *x, double *y,
-                        double *phi);
+                        const double *raised, const bd_wrap *wraps, int direction, double s,
+                        double *x, double *y, double *phi);
 int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
                          int *j);
 

@@ -105,7 +105,7 @@ static double friction_bound(const bd_model *model, const bd_state *state, int s
     const double bound = bd_friction_bound(model, j);
     const double dx = state->x[i] - model->origin[0] - model->cx[j];
     const double dy = state->y[i] - model->origin[1] - model->cy[j];
-    if (hypot(dx, dy) < model->radius[j]) {
+    if (!model->contact_of_joints && hypot(dx, dy) < model->radius[j]) {
       return bound;
     }
     largest = fmax(largest, bound);

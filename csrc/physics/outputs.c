@@ -15,13 +15,14 @@ typedef struct touch {
 static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  double dx = bd_cfield(lay, y, F_X)[i] - d->x, dy = bd_cfield(lay, y, F_Y)[i] - d->y;
+  const bd_point at = bd_contact_point(plan, y, i);
+  double dx = at.x - d->x, dy = at.y - d->y;
   double rho = hypot(dx, dy), p = d->radius - rho;
   if (!(p > 0.0)) {
     return 0;
   }
   double nx = dx / rho, ny = dy / rho;
-  double ux = bd_cfield(lay, y, F_VX)[i] - d->vx, uy = bd_cfield(lay, y, F_VY)[i] - d->vy;
+  double ux = at.vx - d->vx, uy = at.vy - d->vy;
   double raw = (d->quadratic * p + d->linear) * p - d->damping * (ux * nx + uy * ny);
   out->penetration = p;
   out->normal = raw > 0.0 ? raw : 0.0;

@@ -166,7 +166,9 @@ struct bd_plan {
   const bd_kernels *kernels;
   bd_links links;
   bd_contact_pulley *contact_pulleys;
-  double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
+  bd_points points; /* of contact, of joints: as last evaluated */
+  double *fx, *fy;  /* of joints: scratch of their forces */
+  double *owner;    /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
   double *torque;   /* M_d of the last evaluation */
@@ -215,6 +217,15 @@ int bd_motion_put(bd_plan *plan, double t, double *y, bd_error *err);
 int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_error *err);
 /* In place of set torques those that the motions last evaluated need at y. */
 void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+
+/* The points of contact at y, by link (of joints: those on their left), from directions as last
+ * evaluated, or taken anew; the halo of y is set. */
+bd_points bd_contact_points(bd_plan *plan, double *y, int directions_known);
+/* One of them, without changing anything. */
+typedef struct bd_point {
+  double x, y, vx, vy;
+} bd_point;
+bd_point bd_contact_point(const bd_plan *plan, const double *y, int i);
 
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 

@@ -80,7 +80,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   for (int j = 0; j < model->lay.np; ++j) {
     plan->contact_pulleys[j] = (bd_contact_pulley){.x = model->cx[j],
                                                    .y = model->cy[j],
-                                                   .radius = model->radius[j],
+                                                   .radius = model->contact_radius[j],
                                                    .quadratic = info->contact_quadratic,
                                                    .linear = info->contact_linear,
                                                    .damping = info->contact_damping,
@@ -123,6 +123,44 @@ void bd_plan_place(bd_plan *plan, double t) {
   }
 }
 
+/* --- points of contact ----------------------------------------------------------------------- */
+
+bd_points bd_contact_points(bd_plan *plan, double *y, int directions_known) {
+  const bd_layout *lay = &plan->model->lay;
+  const int n = lay->n;
+  if (!plan->model->contact_of_joints) {
+    return bd_links_as_points(lay, y);
+  }
+  for (int f = F_X; f <= F_VPHI; ++f) {
+    double *v = bd_field(lay, y, f);
+    v[-1] = v[n - 1];
+  }
+  if (directions_known) {
+    plan->links.cos[-1] = plan->links.cos[n - 1];
+    plan->links.sin[-1] = plan->links.sin[n - 1];
+  } else {
+    plan->kernels->directions(&plan->links, y);
+  }
+  plan->kernels->gather_points(&plan->links, plan->links.cos, plan->links.sin, y, &plan->points);
+  return plan->points;
+}
+
+bd_point bd_contact_point(const bd_plan *plan, const double *y, int i) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *phi = bd_cfield(lay, y, F_PHI), *w = bd_cfield(lay, y, F_VPHI);
+  if (!plan->model->contact_of_joints) {
+    return (bd_point){x[i], yy[i], vx[i], vy[i]};
+  }
+  const int l = i > 0 ? i - 1 : lay->n - 1;
+  const double q = 0.5 * plan->links.half;
+  const double c = cos(phi[i]), s = sin(phi[i]), cl = cos(phi[l]), sl = sin(phi[l]);
+  return (bd_point){0.5 * (x[l] + x[i]) + q * (cl - c), 0.5 * (yy[l] + yy[i]) + q * (sl - s),
+                    0.5 * (vx[l] + vx[i]) + q * (w[i] * s - w[l] * sl),
+                    0.5 * (vy[l] + vy[i]) + q * (w[l] * cl - w[i] * c)};
+}
+
 /* --- after a step ---------------------------------------------------------------------------- */
 
 /* Pulley whose friction state a slot stores: none; none any more since this step. */
@@ -141,14 +179,14 @@ static void reset_friction_state(const bd_layout *lay, double *y, int slot, doub
 
 void bd_plan_assign_contacts(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   for (int k = 0; k < lay->n8 * lay->slots; ++k) {
     plan->owner[k] = FREE;
   }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     for (int i = 0; pulley->law != BD_LAW_NONE && i < lay->n; ++i) {
-      double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
+      const bd_point at = bd_contact_point(plan, y, i);
+      double dx = at.x - pulley->x, dy = at.y - pulley->y;
       if (dx * dx + dy * dy < pulley->radius * pulley->radius) {
         plan->owner[pulley->slot * lay->n8 + i] = j;
       }
@@ -160,10 +198,10 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y) {
 }
 
 /* One block of links at pulley j where something has happened. */
-static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int begin,
-                                  double tolerance, int *changed, bd_error *err) {
+static int resolve_contact_events(bd_plan *plan, double t, const bd_points *points, double *y,
+                                  int j, int begin, double tolerance, int *changed, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *x = points->x, *yy = points->y;
   const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
   const double limit = pulley->bound, rim2 = pulley->radius * pulley->radius;
   const int friction = pulley->law != BD_LAW_NONE;
@@ -212,6 +250,7 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
 int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                           bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
+  const bd_points points = bd_contact_points(plan, y, 0);
   int found = 0;
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
@@ -220,12 +259,12 @@ int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, 
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
         begin = plan->kernels->find_contact_event[pulley->law != BD_LAW_NONE](
-            lay, pulley, j, owner, y, begin, runs[r].end);
+            lay, pulley, j, owner, &points, y, begin, runs[r].end);
         if (begin == runs[r].end) {
           break;
         }
         found = 1;
-        int code = resolve_contact_events(plan, t, y, j, begin, tolerance, changed, err);
+        int code = resolve_contact_events(plan, t, &points, y, j, begin, tolerance, changed, err);
         if (code != BD_OK) {
           return code;
         }

@@ -132,7 +132,8 @@ static double survey(bd_sim *sim, double *gap, int *link) {
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
-        double nx = x[i] - d->x, ny = y[i] - d->y, rho2 = nx * nx + ny * ny;
+        const bd_point at = bd_contact_point(plan, sim->stepper.y, i);
+        double nx = at.x - d->x, ny = at.y - d->y, rho2 = nx * nx + ny * ny;
         if (rho2 < d->radius * d->radius) {
           double p = d->radius - sqrt(rho2);
           energy += p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);

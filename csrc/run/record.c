@@ -259,6 +259,7 @@ static uint64_t scene_of(const bd_sim *sim) {
   uint64_t sum = EMPTY;
 #define ADD(field) sum = hash(sum, &(field), sizeof(field))
   sum = hash_group(sum, "belt", &model->belt);
+  ADD(model->belt.mesh);
   sum = hash_group(sum, "contact", &model->contact);
   ADD(model->gravity);
   ADD(model->origin);

@@ -44,7 +44,7 @@ static double critical_mass_damping(const bd_model *model, double *lowest) {
 
 /* What makes explicit steps longest. */
 static double easiest_damping(const bd_model *model) {
-  return 0.5 * sqrt(model->info.joint_stiffness * model->info.link_mass / 3.0);
+  return 0.5 * sqrt(model->info.joint_stiffness * model->info.link_mass / (0.25 * model->shear));
 }
 
 /* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
@@ -69,10 +69,11 @@ static double fastest_mode(const bd_model *model, int friction) {
   double c1 = info->contact_quadratic, c2 = info->contact_linear;
   double contact = sqrt(c2 * c2 + 4.0 * c1 * normal);
   double m = info->link_mass;
-  double k = 12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia +
+  double k = model->shear * info->joint_stiffness / m +
+             4.0 * info->bending_stiffness / info->link_inertia +
              (contact + steepest.stiffness) / m;
   double d = info->contact_damping / m + steepest.damping / m +
-             critical_mass_damping(model, &lowest) + 12.0 * easiest_damping(model) / m +
+             critical_mass_damping(model, &lowest) + model->shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;
   return fmax(steepest.adapts, d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k));
 }
@@ -96,18 +97,48 @@ static const bd_method *method_for(const bd_model *model, int friction, double *
   return bd_method_find("lie");
 }
 
+/* The line on which a belt is laid. */
+typedef struct laid_line {
+  const double *cx, *cy;
+  const bd_wrap *wraps;
+  int direction;
+  double length;
+} laid_line;
+
+/* The line's point and direction `links` of n links from its beginning. */
+static void point_on(const bd_settling *settling, const laid_line *line, const double *raised,
+                     double links, double *x, double *y, double *phi) {
+  const bd_model *model = settling->sim->stepper.model;
+  double s = line->length * links / model->lay.n + settling->options.shift,
+         round = floor(s / line->length);
+  bd_belt_line_point(model->lay.np, line->cx, line->cy, model->radius, raised, line->wraps,
+                     line->direction, s - round * line->length, x, y, phi);
+  *phi += round * line->direction * 2.0 * BD_PI;
+}
+
+/* Links with their ends on the circles of contact, which stand for the arcs of the line. */
+static void lay_ends(const bd_settling *settling, const laid_line *line, int i, double *x,
+                     double *y, double *phi) {
+  const double *raised = settling->sim->stepper.model->contact_radius;
+  double x0, y0, x1, y1, turned;
+  point_on(settling, line, raised, i, &x0, &y0, &turned);
+  point_on(settling, line, raised, i + 1, &x1, &y1, &turned);
+  *phi += remainder(atan2(y1 - y0, x1 - x0) - *phi, 2.0 * BD_PI);
+  *x = 0.5 * (x0 + x1);
+  *y = 0.5 * (y0 + y1);
+}
+
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
  * friction would keep a trace of it. */
-static void place_on_line(const bd_settling *settling, const double *cx, const double *cy,
-                          const bd_wrap *wraps, int direction, double length, bd_state *state) {
+static void place_on_line(const bd_settling *settling, const laid_line *line, bd_state *state) {
   const bd_model *model = settling->sim->stepper.model;
   int n = model->lay.n;
-  double inward = 1e-3 * model->info.strain * model->info.link_length * direction;
+  double inward = 1e-3 * model->info.strain * model->info.link_length * line->direction;
   for (int i = 0; i < n; ++i) {
-    double s = length * (i + 0.5) / n + settling->options.shift, round = floor(s / length);
-    bd_belt_line_point(model->lay.np, cx, cy, model->radius, wraps, direction, s - round * length,
-                       &state->x[i], &state->y[i], &state->phi[i]);
-    state->phi[i] += round * direction * 2.0 * BD_PI;
+    point_on(settling, line, model->radius, i + 0.5, &state->x[i], &state->y[i], &state->phi[i]);
+    if (model->contact_of_joints) {
+      lay_ends(settling, line, i, &state->x[i], &state->y[i], &state->phi[i]);
+    }
     state->x[i] += model->origin[0] - inward * sin(state->phi[i]);
     state->y[i] += model->origin[1] + inward * cos(state->phi[i]);
   }
@@ -143,7 +174,8 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
                     .slip = zero,
                     .theta = zero,
                     .omega = zero};
-  place_on_line(settling, cx, cy, wraps, direction, length, &state);
+  const laid_line line = {cx, cy, wraps, direction, length};
+  place_on_line(settling, &line, &state);
   return bd_state_import(model, &state, sim->stepper.y, &sim->stepper.turns, err);
 }
 
@@ -252,13 +284,13 @@ static double stop(const bd_sim *sim, double *y) {
 static int check_laid(bd_sim *sim, bd_error *err) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
-  const double *x = bd_cfield(lay, sim->stepper.y, F_X), *y = bd_cfield(lay, sim->stepper.y, F_Y);
   int code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, err, sim->stepper.t);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     const bd_contact_pulley *d = &sim->stepper.plan.contact_pulleys[j];
     int touches = 0;
     for (int i = 0; i < lay->n; ++i) {
-      touches |= hypot(x[i] - d->x, y[i] - d->y) < d->radius;
+      const bd_point at = bd_contact_point(&sim->stepper.plan, sim->stepper.y, i);
+      touches |= hypot(at.x - d->x, at.y - d->y) < d->radius;
     }
     if (!touches) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j,

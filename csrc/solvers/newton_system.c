@@ -46,7 +46,7 @@ static const bd_newton_kernels *ring_kernels(const bd_model *model) {
 
 /* A law that is not general shares two arrays, and has no part of others. */
 static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_tangent *contact,
-                          int general) {
+                          int general, int of_joints) {
   double **fields[] = {&contact->nx,
                        &contact->ny,
                        &contact->rho,
@@ -78,13 +78,59 @@ static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_ta
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
     bd_carve_links(carver, lay, fields[k]);
   }
+  double **turning[] = {&contact->row_vx, &contact->row_vy, &contact->vxx,
+                        &contact->vxy,    &contact->vyx,    &contact->vyy};
   for (size_t k = 0; general && k < sizeof more / sizeof more[0]; ++k) {
     bd_carve_links(carver, lay, more[k]);
+  }
+  for (size_t k = 0; of_joints && k < sizeof turning / sizeof turning[0]; ++k) {
+    bd_carve_links(carver, lay, turning[k]);
   }
   if (!general) {
     contact->by_normal = contact->mu;
     contact->by_state = contact->normal;
   }
+}
+
+/* What contact of joints needs besides. */
+static void carve_joints(bd_carver *carver, const bd_layout *lay, bd_newton_system *system,
+                         int np) {
+  bd_joint_blocks *j = &system->joints;
+  bd_blocks *b = &system->blocks;
+  double **by_link[] = {&system->points.x,
+                        &system->points.y,
+                        &system->points.vx,
+                        &system->points.vy,
+                        &system->moved.x,
+                        &system->moved.y,
+                        &system->moved.vx,
+                        &system->moved.vy,
+                        &j->xx,
+                        &j->xy,
+                        &j->yx,
+                        &j->yy,
+                        &j->vxx,
+                        &j->vxy,
+                        &j->vyx,
+                        &j->vyy,
+                        &j->fx,
+                        &j->fy,
+                        &j->turning,
+                        &b->xp,
+                        &b->yp,
+                        &b->px,
+                        &b->py};
+  for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
+    bd_carve_links(carver, lay, by_link[k]);
+  }
+  for (int k = 0; k < 9; ++k) {
+    bd_carve_links(carver, lay, &b->back[k]);
+    bd_carve_links(carver, lay, &b->forward[k]);
+  }
+  for (int k = 0; k < 4; ++k) {
+    bd_carve_links(carver, lay, &system->scratch[k]);
+  }
+  BD_CARVE(carver, system->rows, 3 * np * lay->stride);
 }
 
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
@@ -100,7 +146,10 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->contact, np);
   for (int j = 0; j < np; ++j) {
     carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
-                  bd_law_is_general(model->friction[j].law));
+                  bd_law_is_general(model->friction[j].law), model->contact_of_joints);
+  }
+  if (model->contact_of_joints) {
+    carve_joints(carver, lay, system, np);
   }
   BD_CARVE(carver, system->ring.base, width);
   BD_CARVE(carver, system->ring.shorter, width);
@@ -142,24 +191,52 @@ static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
 }
 
-void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const double *y,
-                                 double h) {
+static int of_joints(const bd_plan *plan) {
+  return plan->model->contact_of_joints;
+}
+
+void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double *y, double h) {
   const bd_layout *lay = &plan->model->lay;
+  bd_points points = bd_links_as_points(lay, y);
+  if (of_joints(plan)) {
+    points = system->points;
+    plan->kernels->newton->gather_points(&plan->links, &system->at.joints, y, &points);
+  }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    plan->kernels->newton->linearise_contact[pulley->law](
-        &plan->links, pulley, system->at.n_runs[j], runs_of(system, j), y, &system->contact[j], h);
+    plan->kernels->newton->linearise_contact[pulley->law](&plan->links, pulley,
+                                                          system->at.n_runs[j], runs_of(system, j),
+                                                          &points, y, &system->contact[j], h);
+  }
+}
+
+static void clear(const bd_layout *lay, double *const *blocks, int n) {
+  for (int k = 0; k < n; ++k) {
+    memset(blocks[k] - BD_HALO, 0, (size_t)lay->stride * sizeof **blocks);
   }
 }
 
 void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
                                      double *c) {
   const bd_layout *lay = &plan->model->lay;
+  const bd_links *links = &plan->links;
+  const bd_points velocities = bd_links_as_points(lay, c);
+  bd_forces out = {velocities.vx, velocities.vy, links->inv_mass};
+  if (of_joints(plan)) {
+    out = (bd_forces){system->scratch[0], system->scratch[1], 1.0};
+    clear(lay, system->scratch, 2);
+  }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     double torque = plan->kernels->newton->add_normal_correction[bd_law_is_general(pulley->law)](
-        &plan->links, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], c);
+        lay, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], &out, c);
     c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
+  }
+  if (of_joints(plan)) {
+    out.x[lay->n] = out.x[0];
+    out.y[lay->n] = out.y[0];
+    plan->kernels->scatter_forces(links, system->at.joints.cos, system->at.joints.sin, out.x, out.y,
+                                  c);
   }
 }
 
@@ -204,7 +281,13 @@ static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan,
 
 /* A shaft's row times the velocities of the links. */
 static double shaft_row(const bd_newton_system *system, const bd_plan *plan, int shaft,
-                        const double *x, const double *y) {
+                        const double *x, const double *y, const double *p) {
+  const bd_layout *lay = &plan->model->lay;
+  if (of_joints(plan)) {
+    const double *row = system->rows + (size_t)(3 * shaft) * (size_t)lay->stride + BD_HALO;
+    const double *const parts[3] = {row, row + lay->stride, row + 2 * lay->stride};
+    return plan->kernels->newton->ring_product(lay, parts, x, y, p);
+  }
   return plan->kernels->newton->border_row(system->at.n_runs[shaft], runs_of(system, shaft),
                                            &system->contact[shaft], x, y);
 }
@@ -258,6 +341,32 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
   }
 }
 
+static void clear_joints(bd_newton_system *system, const bd_layout *lay) {
+  const bd_joint_blocks *j = &system->joints;
+  double *const blocks[] = {j->xx,  j->xy,  j->yx,  j->yy, j->vxx,
+                            j->vxy, j->vyx, j->vyy, j->fx, j->fy};
+  clear(lay, blocks, sizeof blocks / sizeof blocks[0]);
+}
+
+/* The pulley's row, which at the joints is right in the runs alone, by link. */
+static void set_row(bd_newton_system *system, const bd_plan *plan, int j, double g) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_contact_tangent *contact = &system->contact[j];
+  const double *const from[] = {contact->row_x, contact->row_y, contact->row_vx, contact->row_vy};
+  double *row = system->rows + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
+  clear(lay, system->scratch, 4);
+  for (int k = 0; k < 4; ++k) {
+    for (int r = 0; r < system->at.n_runs[j]; ++r) {
+      const bd_run run = runs_of(system, j)[r];
+      memcpy(system->scratch[k] + run.begin, from[k] + run.begin,
+             (size_t)(run.end - run.begin) * sizeof **from);
+    }
+  }
+  plan->kernels->newton->row_of_links(&plan->links, &system->at.joints, g, system->scratch[0],
+                                      system->scratch[1], system->scratch[2], system->scratch[3],
+                                      row, row + lay->stride, row + 2 * lay->stride);
+}
+
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -267,23 +376,43 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   double inv_half = 1.0 / links->half;
   system->stage.g = g;
   system->stage.mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
+  system->stage.slender = model->contact_of_joints ? 1.0 : 3.0;
   b->k = g * (g * links->stiffness + links->damping);
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   kernels->diagonal(links, &system->at.joints, &system->stage, b);
+  const int joints = of_joints(plan);
+  if (joints) {
+    clear_joints(system, lay);
+  }
+  const bd_joint_blocks centres = {.xx = b->xx, .xy = b->xy, .yx = b->yx, .yy = b->yy};
   for (int j = 0; j < lay->np; ++j) {
     double *z = border_of(system, lay, j);
+    double *column_x = joints ? system->scratch[0] : z;
+    double *column_y = joints ? system->scratch[1] : z + lay->stride;
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
-    system->own[j] = kernels->add_contact[bd_law_is_general(pulley->law)](
-        pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g, b, z,
-        z + lay->stride);
+    if (joints) {
+      clear(lay, system->scratch, 2);
+    }
+    system->own[j] = kernels->add_contact[bd_law_is_general(pulley->law)][joints](
+        pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g,
+        joints ? &system->joints : &centres, column_x, column_y);
+    if (joints) {
+      kernels->to_links(links, &system->at.joints, column_x, column_y, z, z + lay->stride,
+                        z + 2 * lay->stride);
+      set_row(system, plan, j, g);
+    }
   }
-  system->ring_kernels->factor(&system->ring, b);
+  if (joints) {
+    kernels->assemble(links, &system->at.joints, g, &system->joints, b);
+  }
+  system->ring_kernels->factor[joints](&system->ring, b);
   const int n = shafts(plan);
   for (int j = 0; j < n; ++j) {
     double *z = border_of(system, lay, j);
-    system->ring_kernels->solve(&system->ring, b->k, z, z + lay->stride, z + 2 * lay->stride);
+    system->ring_kernels->solve[joints](&system->ring, b->k, z, z + lay->stride,
+                                        z + 2 * lay->stride);
     for (int i = 0; i < n; ++i) {
       if (is_prescribed(plan, i)) {
         system->matrix[i * n + j] = i == j;
@@ -292,7 +421,8 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
       double inertia = i == j ? shaft_inertia(system, plan, i, g) : 0.0;
       double torque = system->by_omega[i * n + j] + g * system->by_theta[i * n + j];
       system->matrix[i * n + j] =
-          inertia - g * torque - shaft_row(system, plan, i, z, z + lay->stride);
+          inertia - g * torque -
+          shaft_row(system, plan, i, z, z + lay->stride, z + 2 * lay->stride);
     }
   }
   decompose(n, system->matrix, system->pivots);
@@ -309,12 +439,27 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const int n = shafts(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
+  const int joints = of_joints(plan);
+  bd_points moved = bd_links_as_points(lay, c);
+  double *fx = x, *fy = y;
+  if (joints) {
+    moved = system->moved;
+    fx = system->scratch[0];
+    fy = system->scratch[1];
+    clear(lay, system->scratch, 2);
+    kernels->project(links, &system->at.joints, c, 0, &moved);
+  }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    rhs[j] = kernels->contact_product(lay, pulley, system->at.n_runs[j], runs_of(system, j),
-                                      &system->contact[j], pulley->law != BD_LAW_NONE, c, x, y);
+    rhs[j] = kernels->contact_product[joints](lay, pulley, system->at.n_runs[j], runs_of(system, j),
+                                              &system->contact[j], pulley->law != BD_LAW_NONE, g,
+                                              &moved, c, fx, fy);
   }
-  system->ring_kernels->solve(&system->ring, system->blocks.k, x, y, p);
+  if (joints) {
+    kernels->to_links(links, &system->at.joints, fx, fy, x, y, p);
+    kernels->add_turning(lay, &system->joints, g, c, p);
+  }
+  system->ring_kernels->solve[joints](&system->ring, system->blocks.k, x, y, p);
   for (int j = 0; j < n; ++j) {
     if (is_prescribed(plan, j)) {
       rhs[j] = g * c[lay->omega + j];
@@ -324,10 +469,13 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     for (int k = 0; k < n; ++k) {
       rhs[j] += g * g * system->by_theta[j * n + k] * c[lay->theta + k];
     }
-    rhs[j] -= shaft_row(system, plan, j, x, y);
+    rhs[j] -= shaft_row(system, plan, j, x, y, p);
   }
   substitute(n, system->matrix, system->pivots, rhs);
   kernels->finish_links(links, &system->stage, n, border_of(system, lay, 0), rhs, x, y, p, c);
+  if (joints) {
+    kernels->project(links, &system->at.joints, c, 1, &moved);
+  }
   for (int j = 0; j < lay->np; ++j) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
@@ -336,7 +484,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     if (pulley->law != BD_LAW_NONE) {
       kernels->finish_contact[bd_law_is_general(pulley->law)](
           lay, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g,
-          angular_acceleration, c);
+          angular_acceleration, &moved, c);
     }
   }
   for (int k = 0; k < lay->n_work; ++k) {

@@ -16,8 +16,12 @@ typedef struct bd_newton_system {
   bd_contact_tangent *contact; /* per pulley */
   bd_blocks blocks;
   bd_stage stage;
-  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
-  double *border;    /* per pulley: its column, solved by the ring */
+  double *x, *y, *p;       /* right-hand side and solution of the ring, with halo */
+  bd_points points, moved; /* contact of joints: where linearised, how moved; */
+  bd_joint_blocks joints;  /* blocks there, */
+  double *rows;            /* per pulley: its row, by link */
+  double *scratch[4];      /* by joint */
+  double *border;          /* per pulley: its column, solved by the ring */
   double *own, *rhs, *matrix;
   int *pivots;
   double *by_theta, *by_omega, *by_time; /* of the set torques */
@@ -34,8 +38,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g);
  * length h finds it at its end. Then links that land within the step are in contact, and links on a
  * pulley go round it: by (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a
  * stiff contact more than N itself. The second adds what that is worth to a rate. */
-void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, const double *y,
-                                 double h);
+void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double *y, double h);
 void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
                                      double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */

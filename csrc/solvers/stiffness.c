@@ -21,9 +21,9 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
   double strain = model->geometry.code == BD_OK ? info->strain + info->mesh_strain : 0.01;
   double tension = 2.0 * model->belt.axial_stiffness * strain;
   double joints_k =
-      12.0 * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia;
+      model->shear * info->joint_stiffness / m + 4.0 * info->bending_stiffness / info->link_inertia;
   double joints_d =
-      12.0 * info->joint_damping / m + 4.0 * info->bending_damping / info->link_inertia;
+      model->shear * info->joint_damping / m + 4.0 * info->bending_damping / info->link_inertia;
   bd_stiffness stiff = {.bound = 0.0, .pulley = -1};
   double most = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
