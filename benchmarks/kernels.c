@@ -133,11 +133,15 @@ static void row_joints(bench *b) {
 
 static void contact(bench *b, int ledger) {
   bd_plan *plan = &b->plan;
-  for (int j = 0; j < b->model->lay.np; ++j) {
+  const bd_layout *lay = &b->model->lay;
+  const bd_points points = bd_links_as_points(lay, b->y);
+  const bd_points rates = bd_links_as_points(lay, b->stage[0]);
+  const bd_forces out = {rates.vx, rates.vy, plan->links.inv_mass};
+  for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
     plan->kernels->contact[plan->contact_pulleys[j].law][ledger](
-        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, b->y, b->stage[0], &sums);
+        lay, &plan->contact_pulleys[j], plan->search.n_runs[j],
+        plan->search.runs + j * plan->search.max_runs, &points, &out, b->y, b->stage[0], &sums);
     sink += sums.torque + sums.friction_loss;
   }
 }
@@ -187,22 +191,27 @@ static void row_add_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
   double *column_x = bd_field(&b->model->lay, b->y_new, F_X);
   double *column_y = bd_field(&b->model->lay, b->y_new, F_Y);
+  const bd_joint_blocks blocks = {.xx = system->blocks.xx,
+                                  .xy = system->blocks.xy,
+                                  .yx = system->blocks.yx,
+                                  .yy = system->blocks.yy};
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    sink += b->plan.kernels->newton->add_contact[bd_law_is_general(pulley->law)](
+    sink += b->plan.kernels->newton->add_contact[bd_law_is_general(pulley->law)][0](
         pulley, system->at.n_runs[j], system->at.runs + j * system->at.max_runs,
-        &system->contact[j], system->stage.g, &system->blocks, column_x, column_y);
+        &system->contact[j], system->stage.g, &blocks, column_x, column_y);
   }
 }
 
 static void row_finish_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
+  const bd_points moved = bd_links_as_points(&b->model->lay, b->stage[1]);
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     if (pulley->law != BD_LAW_NONE) {
       b->plan.kernels->newton->finish_contact[bd_law_is_general(pulley->law)](
           &b->model->lay, pulley, system->at.n_runs[j], system->at.runs + j * system->at.max_runs,
-          &system->contact[j], system->stage.g, 1.0, b->stage[1]);
+          &system->contact[j], system->stage.g, 1.0, &moved, b->stage[1]);
     }
   }
 }
