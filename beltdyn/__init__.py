@@ -31,7 +31,8 @@ if _core_version != __version__:
         "`python -m pip install .` again"
     )
 
-from . import scenes
+from . import accuracy, scenes
+from .accuracy_report import Accuracy, QuantityError
 from .errors import Interrupted, SimulationError
 from .friction import LAWS as _LAWS
 from .friction import Dahl, ElasticPlastic, Friction, LuGre
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "METHODS",
+    "Accuracy",
     "AccuracyWarning",
     "Belt",
     "BeltdynWarning",
@@ -78,6 +80,7 @@ __all__ = [
     "Params",
     "PiecewiseLinear",
     "Pulley",
+    "QuantityError",
     "Result",
     "RunWarning",
     "Scene",
@@ -90,6 +93,7 @@ __all__ = [
     "TorqueSum",
     "Viscous",
     "__version__",
+    "accuracy",
     "identify",
     "scenes",
     "settle",

@@ -48,7 +48,7 @@ class Model:
         centers: ArrayLike,
         radii: ArrayLike,
         inertias: ArrayLike,
-        contact: tuple[float, float, float],
+        contact: tuple[float, float, float, int],
         friction: FrictionLaw | None,
         gravity: tuple[float, float],
         drag: Sequence[tuple[float, float, float] | None] | None = None,
@@ -62,6 +62,8 @@ class Model:
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
+    @property
+    def wraps(self) -> tuple[float, ...]: ...  # angle over which the belt lies on each pulley [rad]
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 

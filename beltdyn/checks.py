@@ -127,8 +127,9 @@ def refuse_masked(name: str, value: object) -> None:
     Raises:
         ValueError: There are masked values. An array whose mask is empty passes.
     """
+    # Another thread may be importing it just now; nothing can be masked before that has ended.
     masked = sys.modules.get("numpy.ma")
-    if masked is not None and _holds_masked(value, masked, _DEEPEST):
+    if hasattr(masked, "is_masked") and _holds_masked(value, masked, _DEEPEST):
         raise ValueError(
             f"{name} must not hold masked values: fill them in (.filled(...)) or leave them out "
             "(.compressed())"

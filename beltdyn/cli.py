@@ -19,7 +19,9 @@ from typing import Any, NamedTuple, NoReturn
 
 import click
 
-from . import __version__, files, sanity, scenes
+from . import __version__, accuracy, files, sanity, scenes
+from .accuracy.quantities import QUANTITIES
+from .accuracy_report import Accuracy
 from .errors import Interrupted, SimulationError
 from .result import Result
 from .run_warnings import RunWarning, distinct, silenced
@@ -101,6 +103,9 @@ def main() -> None:
     beltdyn scenes                                   list the built-in scenes
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own
+    beltdyn run kubas-case-1 --verify                how accurate is it?
+    beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
+    beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
     beltdyn figures --out figures                    draw the paper's figures
 
     Write a scene file to start from with
@@ -132,8 +137,25 @@ def list_scenes() -> None:
 @click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error asked for.")
 @click.option("--step", type=float, help="Fixed step [s] of rk4, lbdf2, lie; else the first step.")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
+@click.option("--verify", is_flag=True, help="Run again, finer, on other meshes: print the errors.")
+@click.option(
+    "--error", type=float, help="Choose method, rtol and links for this error, 0.01: 1 %."
+)
+@click.option(
+    "--quantity",
+    type=click.Choice(QUANTITIES),
+    default="tension",
+    show_default=True,
+    help="What --error is the error of.",
+)
+@click.option(
+    "--budget", type=float, help="Choose the most accurate of them for this CPU time [s]."
+)
+@click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
+@click.pass_context
 def run(
+    context: click.Context,
     scene: str,
     out: Path | None,
     plot: Path | None,
@@ -142,23 +164,37 @@ def run(
     rtol: float,
     step: float | None,
     t_end: float | None,
+    verify: bool,
+    error: float | None,
+    quantity: str,
+    budget: float | None,
+    verbose: bool,
     quiet: bool,
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
     outputs = _Outputs(out, plot, animate, quiet)
     outputs.check()
+    _check_choice(context, error, budget)
+    suggestion = None
     try:
-        params, torque_fn, scene_t_end, motion = _find(scene)
+        found = _find(scene)
+        if t_end is not None:
+            found = found._replace(t_end=t_end)
+        params = found.params
+        options: dict[str, Any] = {"method": method, "rtol": rtol, "step": step, "budget": budget}
         with _interruptible(), silenced():
+            if error is not None:
+                suggestion = accuracy.suggest(found, error, quantity)
+                found, options = suggestion.scene, suggestion.options
+                params = found.params
             result = simulate(
                 params,
-                torque_fn,
-                scene_t_end if t_end is None else t_end,
-                motion=motion,
-                method=method,
-                rtol=rtol,
-                step=step,
+                found.torque_fn,
+                found.t_end,
+                motion=found.motion,
                 progress=not quiet,
+                verify=verify,
+                **options,
             )
     except OSError as error:
         _stop(f"cannot read {error.filename}: {error.strerror}", _BAD_INPUT)
@@ -180,8 +216,92 @@ def run(
     except KeyboardInterrupt:
         _stop("interrupted while the result was written", _INTERRUPTED)
     if not quiet:
-        _print_summary(scene, result, written)
+        if suggestion is not None:
+            click.echo(f"{suggestion}\n")
+        _print_summary(scene, result, written, verbose or budget is not None)
+        if verify:
+            _print_accuracy(result.accuracy)
     _warn(result.warnings, quiet)
+
+
+def _check_choice(context: click.Context, error: float | None, budget: float | None) -> None:
+    """Stop if what --error or --budget chooses is given as well."""
+    for option, value in (("--error", error), ("--budget", budget)):
+        if value is None:
+            continue
+        others = ["method", "rtol", "step"] + (["verify", "error"] if option == "--budget" else [])
+        for name in others:
+            if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+                _stop(f"{option} and --{name} must not be given together", _BAD_INPUT)
+
+
+@main.command("accuracy")
+@click.argument("scene")
+@click.option(
+    "--quantity",
+    type=click.Choice(QUANTITIES),
+    default="tension",
+    show_default=True,
+    help="What table and figure show the errors of.",
+)
+@click.option("--error", type=float, default=1e-2, show_default=True, help="Error to mark.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write all runs here (.csv).")
+@click.option("--plot", type=click.Path(path_type=Path), help="Write a figure here.")
+@click.option(
+    "--store",
+    type=click.Path(path_type=Path),
+    help="Keep runs here (JSON lines); those there are not repeated.",
+)
+@click.option("--quick", is_flag=True, help="Fewer and coarser meshes, fewer tolerances.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def study_accuracy(
+    scene: str,
+    quantity: str,
+    error: float,
+    out: Path | None,
+    plot: Path | None,
+    store: Path | None,
+    quick: bool,
+    quiet: bool,
+) -> None:
+    """Measure what accuracy costs: SCENE by method, tolerance and number of links.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file. Takes some minutes on two processors, with
+    --quick less than one.
+    """
+    outputs = _Outputs(out, plot, None, quiet)
+    outputs.check()
+    try:
+        found = _find(scene)
+        options = accuracy.quick(found.params) if quick else {}
+        with _interruptible(), silenced():
+            study = accuracy.study(found, store=store, progress=not quiet, **options)
+        text = f"{study}\n\n{study.table(quantity)}"
+        figure = None if plot is None else study.plot(quantity, error=error)
+    except OSError as failure:
+        _stop(f"cannot read or write {failure.filename}: {failure.strerror}", _BAD_INPUT)
+    except (TypeError, ValueError) as failure:
+        _stop(str(failure), _BAD_INPUT)
+    except SimulationError as failure:
+        _stop(str(failure), _FAILED)
+    except (Interrupted, KeyboardInterrupt):
+        kept = "" if store is None else f"; finished runs are in {store}"
+        _stop(f"interrupted{kept}", _INTERRUPTED)
+    written = []
+    try:
+        if out is not None:
+            study.to_csv(out)
+            written.append(str(out))
+        if plot is not None and figure is not None:
+            with files.replacing(plot) as temporary:
+                figure.savefig(temporary, format=plot.suffix[1:].lower())
+            written.append(str(plot))
+    except OSError as failure:
+        _stop(f"cannot write {failure.filename}: {failure.strerror}", _FAILED)
+    if not quiet:
+        click.echo(text)
+        if written:
+            click.echo(f"written: {', '.join(written)}")
 
 
 @main.command("figures")
@@ -402,12 +522,27 @@ def _film(result: Result, path: Path, quiet: bool) -> None:
         film.save(path, progress_callback=lambda _frame, _frames: bar.update(1))
 
 
-def _print_summary(scene: str, result: Result, written: str) -> None:
+def _print_accuracy(report: Accuracy) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    heading, *rows = report.table()
+    table = Table(title="estimated errors", title_justify="left")
+    for k, label in enumerate(heading):
+        table.add_column(label, justify="right" if k else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+    for remark in report.remarks():
+        click.echo(f"  {remark}")
+
+
+def _print_summary(scene: str, result: Result, written: str, verbose: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=scene, show_header=False, title_justify="left")
-    for label, value in result.summary():
+    for label, value in result.summary(verbose):
         table.add_row(label, value)
     Console().print(table)
     if written:

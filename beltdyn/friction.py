@@ -70,6 +70,29 @@ class Friction(Printable):
                 coefficients[k] = at(v)["force"] / pressed
         return coefficients
 
+    def _in_slip(self, speed: Array, kinetic: float) -> Array:
+        """Compute friction coefficients in steady slip, as the core has them.
+
+        The state at which its rate is 0, by Newton's method from twice the state of full slip:
+        one step for laws that are linear in their state there.
+
+        Args:
+            speed: Slip velocities (n,) [m/s], > 0.
+            kinetic: Coefficient in full slip, as of the core [1].
+        """
+        pressed = np.ones_like(speed)  # [N/m]
+        none = np.zeros_like(speed)
+        point = _core.friction_law(self._to_core(), 1.0, none, none, pressed)
+        state = 2.0 * kinetic * pressed / point["by_state"]
+        for _ in range(100):
+            point = _core.friction_law(self._to_core(), 1.0, state, speed, pressed)
+            change = point["rate"] / point["rate_by_state"]
+            state = state - change
+            if np.all(np.abs(change) <= 1e-12 * np.abs(state)):
+                break
+        point = _core.friction_law(self._to_core(), 1.0, state, speed, pressed)
+        return np.asarray(point["force"] / pressed)
+
     def _rows(self) -> list[tuple[str, str, str]]:
         return [("law", self.law, ""), *super()._rows()]
 
@@ -135,11 +158,6 @@ class LuGre(Friction):
     sigma: float
     damping: float = 0.0
     viscous: float = 0.0
-
-    def in_slip(self, v: Array) -> Array:
-        """Friction coefficients in steady slip at these slip velocities [m/s]."""
-        stribeck = (self.mu_s - self.mu_k) * np.exp(-((v / self.v_stribeck) ** 2))
-        return np.asarray(self.mu_k + stribeck + self.viscous * np.abs(v))
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("elastic_plastic"))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import Array
-from .friction import LuGre
+from .friction import Friction
 from .result import Result
 from .run_warnings import RunWarning
 from .sanity import units
@@ -24,7 +24,8 @@ TORQUE = 10.0
 #: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
 #: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
 #: below: 0.88 in case 1 of the paper, which is loaded almost to its limit. In place of mu_k stands
-#: what LuGre friction has at the slip velocity of each link: a link that sticks can hold mu_s.
+#: what friction has at the slip velocity of each link, where its law depends on that: with LuGre's
+#: law a link that sticks can hold mu_s.
 SATURATED = 0.98
 #: Slip in units of mu_k/sigma, below which a pulley has only moved within its friction joint.
 SLIPPED = 10.0
@@ -91,9 +92,9 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     most = kinetic * _per_pulley(contact.normal, bins, n_p)
     for k in range(n_p):
         law = params.friction_on(k)
-        if isinstance(law, LuGre):
-            held = law.in_slip(contact.velocity) * contact.normal
-            most[:, k] = _per_pulley(held, bins, n_p)[:, k]
+        held = None if law is None else _in_slip(law, float(kinetic[k]), contact.velocity)
+        if held is not None:
+            most[:, k] = _per_pulley(held * contact.normal, bins, n_p)[:, k]
     tension = params.info["mean_tension"]
     saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
     rows = np.flatnonzero(saturated.any(axis=1))
@@ -127,6 +128,22 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
             t=first,
             where=f"pulley {k}",
         )
+
+
+def _in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
+    """Give the friction coefficients in slip at these velocities; None if they depend on none.
+
+    Interpolated between speeds 5 % apart, a millionth of the highest the least: a law that changes
+    over its own scale of speed is met to a thousandth, far below what SATURATED leaves.
+    """
+    highest = float(np.max(np.abs(velocity), initial=0.0))
+    if not 0.0 < highest < np.inf:
+        return None
+    speed = highest * np.geomspace(1e-6, 1.0, 300)
+    coefficients = law._in_slip(speed, kinetic)
+    if np.ptp(coefficients) <= 1e-6 * kinetic:
+        return None
+    return np.interp(np.abs(velocity), speed, coefficients)
 
 
 def _slack_spans(result: Result) -> Iterator[RunWarning]:

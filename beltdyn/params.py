@@ -12,6 +12,7 @@ import attrs
 import numpy as np
 
 from . import _core, sanity, toml
+from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
 from .parts import Belt, Contact, Pulley
@@ -50,12 +51,14 @@ class Params:
     The belt visits the pulleys in the order of the list, all inside its loop, and its links are
     numbered along it; with two pulleys they run clockwise, the upper span first. Change a field
     with ``attrs.evolve(params, gravity=(0, -9.81))``. ``print(params)`` shows the strain and
-    tension at rest, how much of it is an error of the mesh, and the warnings of the drive.
+    tension at rest, the errors to expect of the mesh, and of the contact that lets the belt sink
+    into its pulleys, and the warnings of the drive.
 
     Attributes:
         belt: The belt.
         pulleys: The pulleys, any sequence; kept as a tuple.
-        contact: Normal contact between belt and pulleys.
+        contact: Normal contact between belt and pulleys; by default stiff enough for its errors to
+            stay within 1 %, see :class:`Contact`.
         friction: Friction law between belt and pulleys, :class:`Dahl`, :class:`LuGre` or
             :class:`ElasticPlastic`; None for none. A pulley may have its own.
         gravity: Acceleration (x, y) [m/s^2].
@@ -69,7 +72,7 @@ class Params:
 
     belt: Belt = attrs.field(validator=instance_of("belt", Belt))
     pulleys: tuple[Pulley, ...] = attrs.field(converter=_pulleys)
-    contact: Contact = attrs.field(validator=instance_of("contact", Contact))
+    contact: Contact = attrs.field(factory=Contact, validator=instance_of("contact", Contact))
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("friction"))
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)
     tensioning: Tensioning = attrs.field(
@@ -79,14 +82,15 @@ class Params:
 
     def __attrs_post_init__(self) -> None:
         def numbers(group: str, source: object) -> Any:
-            return tuple(getattr(source, name) for name in rules_of(group))
+            values = (getattr(source, name) for name in rules_of(group))
+            return tuple(int(value) if isinstance(value, bool) else value for value in values)
 
         model = _core.Model(
             numbers("belt", self.belt),
             [pulley.center for pulley in self.pulleys],
             [pulley.radius for pulley in self.pulleys],
             [pulley.inertia for pulley in self.pulleys],
-            numbers("contact", self.contact),
+            numbers("contact", self.effective_contact),
             None if self.friction is None else self.friction._to_core(),
             self.gravity,
             [
@@ -119,6 +123,24 @@ class Params:
         return MappingProxyType(self._model.info)
 
     @property
+    def effective_contact(self) -> Contact:
+        """The contact with all its numbers: those given, and those that were left open, chosen."""
+        return sinking.complete(self.contact, self.belt, self.pulleys)
+
+    @property
+    def compliance(self) -> sinking.Compliance:
+        """How far the belt sinks into its pulleys at rest, and what that changes.
+
+        Under load :func:`beltdyn.compliance.compliance` gives it from the tensions of the spans.
+        """
+        return sinking.compliance(self)
+
+    @property
+    def _wraps(self) -> Array:
+        """Angle over which the belt lies on each pulley (n_p,) [rad]."""
+        return np.array(self._model.wraps)
+
+    @property
     def has_friction(self) -> bool:
         """Whether there is friction on any pulley."""
         return any(self.friction_on(k) is not None for k in range(len(self.pulleys)))
@@ -138,7 +160,7 @@ class Params:
         parts: list[tuple[str, Printable]] = [
             ("belt", self.belt),
             *((f"pulleys[{k}]", pulley) for k, pulley in enumerate(self.pulleys)),
-            ("contact", self.contact),
+            ("contact", self.effective_contact),
         ]
         if self.friction is not None:
             parts.append(("friction", self.friction))
@@ -147,6 +169,8 @@ class Params:
             for prefix, part in parts
             for name, quantity, text in part._rows()
         ]
+        if self.effective_contact != self.contact:
+            rows.append(("contact", "chosen", "it gives by a hundredth of what the belt stretches"))
         if not self.has_friction:
             rows.append(("friction", "none", ""))
         rows.append(("gravity", _GRAVITY.quantity(self.gravity), _GRAVITY.text))
@@ -157,11 +181,11 @@ class Params:
                 *lines(rows, indent="  "),
                 f"  tensioned {self.tensioning}",
                 f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
-                f"tension {info['mean_tension']:.4g} N; straight links add up to "
-                f"{100 * info['mesh_strain']:.2g} %, "
-                f"{info['mesh_strain'] * self.belt.axial_stiffness:.3g} N; sinking into the "
-                f"pulleys takes off {100 * info['contact_strain']:.2g} %, "
-                f"{info['contact_strain'] * self.belt.axial_stiffness:.3g} N",
+                f"tension {info['mean_tension']:.4g} N",
+                f"  error of the mesh: {sanity.describe_mesh(self)}",
+                f"  error of the contact: {sinking.describe(self)}",
+                "  error in time: as rtol asks of a run; simulate(..., verify=True) measures all "
+                "three, of creep too",
                 *(f"  note  {warning}" for warning in sanity.check(self)),
             ]
         )
@@ -201,6 +225,9 @@ class Params:
         tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
         if self.tensioning != Tensioning():
             document["tensioning"] = tensioning
+        document["contact"] = {k: v for k, v in document["contact"].items() if v is not None}
+        if self.contact == Contact():
+            del document["contact"]
         document["pulleys"] = [
             {name: value for name, value in pulley.items() if value is not None}
             for pulley in document["pulleys"]

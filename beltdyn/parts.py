@@ -44,9 +44,10 @@ class Belt(Printable):
         axial_damping: eta A [N s], >= 0.
         bending_stiffness: EI [N m^2], >= 0.
         bending_damping: eta I [N m^2 s], >= 0; the paper has none.
-        mesh: How the belt meets the pulleys, MODEL section 3: "joint", at the joints of links whose
-            mass is at their ends: tensions right to 1 % with 60 links; or "paper", at the links'
-            centres, which takes some eight times as many links for the same accuracy.
+        mesh: How the belt meets the pulleys, MODEL section 3: "joint", along the links, with
+            friction at their joints and their mass at their ends: mean tensions right to some 1 %
+            with 60 links (``print(params)`` estimates it), creep less so; or "paper", at the links'
+            centres, the paper's own, which takes eight to sixteen times as many links.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -59,7 +60,7 @@ class Belt(Printable):
     axial_damping: float = 0.0
     bending_stiffness: float = 0.0
     bending_damping: float = 0.0
-    mesh: str = attrs.field(default="paper", validator=_mesh)
+    mesh: str = attrs.field(default="joint", validator=_mesh)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("drag"))
@@ -119,15 +120,32 @@ class Contact(Printable):
     A link of length l0 that penetrates by p is pushed out by
     ``max(0, (quadratic p^2 + linear p + damping dp/dt) l0)``.
 
+    Without a stiffness, ``Contact()``, one is chosen that makes the contact give by a hundredth of
+    what the belt stretches: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and
+    creep are those of rigid pulleys to 1 %, ``damping`` half of critical, compensated;
+    ``params.effective_contact`` has the numbers. Choose your own where they are data of the belt.
+
     Attributes:
         quadratic: c1' [N/m^3], >= 0.
-        linear: c2' [N/m^2], >= 0.
-        damping: b' [N s/m^2], >= 0.
+        linear: c2' [N/m^2], >= 0; None: 0 if ``quadratic`` is given, else chosen.
+        damping: b' [N s/m^2], >= 0; None: 0 if a stiffness is given, else chosen.
+        compensate: Whether the contact begins outside of the pulleys' radii by as much as the belt
+            sinks in at the preload, MODEL section 3, so that it then runs on these radii and has
+            the tension of its strain round them; None: where the stiffness is chosen. Without it
+            the belt runs on a circle that is smaller by the depth.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
     """
 
     quadratic: float = 0.0
-    linear: float
-    damping: float = 0.0
+    linear: float | None = None
+    damping: float | None = None
+    compensate: bool | None = None
+
+    def __attrs_post_init__(self) -> None:
+        given = self.linear is not None or self.quadratic > 0.0
+        defaults = {"linear": 0.0, "damping": 0.0, "compensate": False}
+        for name, value in (defaults if given else {"compensate": True}).items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import saved
+from .accuracy_report import Accuracy, known
 from .checks import Array
 from .histories import (
     BeltHistory,
@@ -69,6 +70,7 @@ class Result:
             it as ``initial`` to continue.
         warnings: Everything found that a user may not expect, or that may make the results less
             accurate; each was also issued as a :class:`beltdyn.BeltdynWarning`.
+        accuracy: What is known of its accuracy, by quantity; most of it with ``verify=True`` only.
     """
 
     t: Array
@@ -85,6 +87,11 @@ class Result:
     params: Params
     final_state: State
     warnings: tuple[RunWarning, ...] = ()
+    accuracy: Accuracy = attrs.field()
+
+    @accuracy.default
+    def _known(self) -> Accuracy:
+        return known(self.params, self.stats)
 
     @classmethod
     def _from_core(
@@ -152,13 +159,18 @@ class Result:
     def __str__(self) -> str:
         rows = self.summary()
         width = max(len(label) for label, _ in rows)
-        return "\n".join([repr(self), *(f"  {label:<{width}}  {value}" for label, value in rows)])
+        return "\n".join(
+            [repr(self), *(f"  {label:<{width}}  {value}".rstrip() for label, value in rows)]
+        )
 
-    def summary(self) -> list[tuple[str, str]]:
-        """List the most important results as pairs of label and value.
+    def summary(self, verbose: bool = False) -> list[tuple[str, str]]:
+        """List the most important results, and how accurate they are, as pairs of label and value.
 
-        Speeds, tensions and slip are means over the last tenth of the run, because links that
+        Speeds, tensions and creep are means over the last tenth of the run, because links that
         arrive at a pulley or leave it make them fluctuate from sample to sample.
+
+        Args:
+            verbose: Whether to add what the integrator did.
         """
 
         def per_pulley(values: Array, form: str, unit: str) -> str:
@@ -179,19 +191,26 @@ class Result:
             ]
             # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
-                rows.append(("  slip against pulley 0", per_pulley(100 * slip, ".3g", " %")))
+                rows.append(("  creep against pulley 0", per_pulley(100 * slip, ".3g", " %")))
+        rows += self.accuracy.summary()
         if self.t.size and self.energy is not None:
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
-            share = f" ({abs(residual) / passed:.2g} of {passed:.3g} J)" if passed > 0 else ""
-            rows.append(("energy residual", f"{residual:.2g} J{share}"))
+            share = f"{abs(residual) / passed:.2g} of {passed:.3g} J" if passed > 0 else "nothing"
+            rows.append(("  energy unaccounted for", f"{residual:.2g} J, {share} transmitted"))
+        rows.append(("CPU time", f"{stats.cpu_time:.3g} s"))
+        return rows + (self._of_integrator() if verbose else [])
+
+    def _of_integrator(self) -> list[tuple[str, str]]:
+        stats = self.stats
         return [
-            *rows,
             ("method", stats.choice or stats.method),
             ("steps", f"{stats.steps} accepted, {stats.rejected} rejected"),
-            ("estimated error", "unknown" if stats.error is None else f"{stats.error:.2g}"),
+            ("  shortest, longest", f"{stats.smallest_step:.3g} s, {stats.largest_step:.3g} s"),
+            ("estimated error in time", "unknown" if not stats.error else f"{stats.error:.2g}"),
             ("local error", "-" if stats.local_error is None else f"{stats.local_error:.2g}"),
-            ("evaluations", f"{stats.nfev}"),
-            ("CPU time", f"{stats.cpu_time:.3g} s"),
+            ("rates evaluated", f"{stats.nfev}"),
+            ("Jacobians, factorisations", f"{stats.njev}, {stats.nlu}"),
+            ("settling", f"{stats.settle_time:.3g} s"),
             ("instruction level", stats.kernels),
         ]
 

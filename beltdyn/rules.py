@@ -41,6 +41,8 @@ class Rule(NamedTuple):
         if self.rule == "LINKS":
             _, least, _, most = _RULES[self.rule]
             return checks.integer(label, value, int(least), int(most))
+        if self.rule == "FLAG":
+            return checks.flag(label, value)
         number = checks.real(label, value, self.unit)
         _core.check_parameter(self.group, self.name, self.group, number)
         return number
@@ -53,6 +55,10 @@ class Rule(NamedTuple):
 
     def quantity(self, value: Any) -> str:
         """Write a value with its unit."""
+        if value is None:
+            return "chosen"
+        if self.rule == "FLAG":
+            return "yes" if value else "no"
         number = f"({value[0]:.10g}, {value[1]:.10g})" if self.rule == "PAIR" else f"{value:.10g}"
         return number if self.unit == "1" else f"{number} {self.unit}"
 
@@ -75,18 +81,21 @@ def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], A
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Give every field of a class its rule; one without must be a part with a validator."""
+    """Give every field of a class its rule; one without must be a part with a validator.
+
+    A field whose default is None may be left open.
+    """
     rules = rules_of(group) | {rule.name: rule for rule in others}
 
+    def with_rule(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
+        rule = rules[field.name]
+        check: Any = rule.check
+        if field.default is None:
+            check = attrs.converters.optional(check)
+        return field.evolve(converter=check, metadata={"rule": rule})
+
     def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-        return [
-            field
-            if field.validator is not None
-            else field.evolve(
-                converter=rules[field.name].check, metadata={"rule": rules[field.name]}
-            )
-            for field in fields
-        ]
+        return [field if field.validator is not None else with_rule(field) for field in fields]
 
     return transform
 

@@ -34,7 +34,7 @@ class RunWarning:
 
     A star marks those of accuracy. From the drive alone, before it runs and in ``print(params)``::
 
-        mesh *        straight links raise the tension at rest by more than 2 %: more links
+        mesh *        the mesh makes the mean tension wrong by an estimated 2 % or more: more links
         strain        the strain at rest is above 3 %: a longer belt
         compliance *  the belt sinks into a pulley by more than 0.5 % of its radius: stiffer contact
         long_links *  links are longer than half the radius of a pulley: more links
@@ -69,6 +69,7 @@ class RunWarning:
         fallback *    steps in which only the first-order method succeeded have errors of more than
                       five times what was asked: a jump, or a stiffness out of scale?
         fixed_step *  the error of fixed steps exceeds half the tension: shorter ones, or ``rtol``
+        budget        pilot, settling and run took more CPU time than the ``budget`` given
         torque_ignored  a torque is set on a pulley whose motion is prescribed: it has no effect
 
     Attributes:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core, npz
+from .accuracy_report import WORDS, Accuracy, QuantityError
 from .histories import GROUPS, Stats
 from .params import Params
 from .run_warnings import RunWarning
@@ -23,7 +24,7 @@ __all__ = ["read", "write"]
 _T = TypeVar("_T")
 
 #: Raised whenever older files could be misread.
-_FORMAT = 2
+_FORMAT = 3
 _STATUS = ("finished", "failed", "interrupted")
 _FINAL = {f"final_state.{name}": size for name, size, *_ in _core.STATE_FIELDS}
 #: A step is accepted only if the state after it is finite, but before a run fails the forces and
@@ -57,6 +58,7 @@ def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
         **{name: result[name] for name in ("effects", "success", "status", "message")},
         "stats": attrs.asdict(result["stats"]),
         "warnings": [attrs.asdict(one) for one in result["warnings"]],
+        "accuracy": attrs.asdict(result["accuracy"]),
     }
     values: dict[str, Any] = {"t": result["t"]}
     for group in GROUPS:
@@ -109,7 +111,7 @@ def _number_or_none(name: str, value: Any) -> float | None:
     return None if value is None else _number(name, value)
 
 
-#: By what the fields of Stats and RunWarning are declared as.
+#: By what the fields of Stats, RunWarning and QuantityError are declared as.
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "str": _text,
     "bool": _bool,
@@ -119,21 +121,37 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
 }
 
 
-def _record(cls: type, name: str, value: Any) -> Any:
-    """Build an attrs class of plain values from a table that has exactly its fields."""
+def _record(cls: type, name: str, value: Any, **checks: Callable[[str, Any], Any]) -> Any:
+    """Build an attrs class from a table that has exactly its fields.
+
+    Those of plain values are checked as they are declared, the others by ``checks``.
+    """
     _must(isinstance(value, dict), name, "a table", value)
     fields = attrs.fields(cls)
     unknown = set(value) - {field.name for field in fields}
     if unknown:
         raise ValueError(f"{name} holds {min(unknown)!r}, which does not belong there")
-    return cls(
-        **{
-            field.name: _CHECKS[str(field.type)](
-                f"{name}.{field.name}", _entry(value, field.name, name)
-            )
-            for field in fields
-        }
-    )
+    built = {}
+    for field in fields:
+        check = checks.get(field.name) or _CHECKS[str(field.type)]
+        built[field.name] = check(f"{name}.{field.name}", _entry(value, field.name, name))
+    return cls(**built)
+
+
+def _texts(name: str, value: Any) -> tuple[str, ...]:
+    return tuple(_text(name, one) for one in _list(name, value))
+
+
+def _accuracy(name: str, value: Any) -> Accuracy:
+    def errors(name: str, value: Any) -> tuple[QuantityError, ...]:
+        return tuple(
+            _record(QuantityError, f"{name}[{k}]", one) for k, one in enumerate(_list(name, value))
+        )
+
+    found: Accuracy = _record(Accuracy, name, value, errors=errors, runs=_texts, notes=_texts)
+    if [one.quantity for one in found.errors] != list(WORDS):
+        raise ValueError(f"{name}.errors must be those of {', '.join(WORDS)}")
+    return found
 
 
 def _entry(table: Mapping[str, Any], key: str, name: str) -> Any:
@@ -167,7 +185,7 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
     _must(success == (status == "finished"), "success", f"that of a run that {status}", success)
     return {
         "final_t": _number("final_t", entry("final_t")),
-        "effects": tuple(_text("effects", one) for one in _list("effects", entry("effects"))),
+        "effects": _texts("effects", entry("effects")),
         "success": success,
         "status": status,
         "message": _text("message", entry("message")),
@@ -176,6 +194,8 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
             _record(RunWarning, f"warnings[{k}]", one)
             for k, one in enumerate(_list("warnings", entry("warnings")))
         ),
+        # Not in the files of earlier versions, whose results then have what is known of any run.
+        **({"accuracy": _accuracy("accuracy", table["accuracy"])} if "accuracy" in table else {}),
     }
 
 

@@ -79,7 +79,7 @@ def _converter() -> Any:
     for kind in (bool, float, int, str):
         converter.register_structure_hook(kind, lambda value, _kind: value)
     converter.register_structure_hook_func(
-        lambda kind: kind in (Array, tuple[float, float], Offsets, float | None),
+        lambda kind: kind in (Array, tuple[float, float], Offsets, float | None, bool | None),
         lambda value, _kind: value,
     )
     converter.register_structure_hook_factory(attrs.has, table_of)

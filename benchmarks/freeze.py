@@ -23,6 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import attrs
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -78,11 +79,19 @@ def drives() -> dict[str, Callable[[], tuple[Any, ...]]]:
     """Drives that have between them every effect and every kind of torque."""
     import beltdyn as bd
 
-    def scene(name: str, t_end: float) -> Callable[[], tuple[Any, ...]]:
-        return lambda: (*bd.scenes.get(name)[:2], t_end)
+    # The mesh that every commit has.
+    paper = {"mesh": "paper"} if "mesh" in attrs.fields_dict(bd.Belt) else {}
+
+    def scene(name: str, t_end: float, n_bodies: int) -> Callable[[], tuple[Any, ...]]:
+        def make() -> tuple[Any, ...]:
+            params, torque, *_ = bd.scenes.get(name)
+            belt = attrs.evolve(params.belt, n_bodies=n_bodies, **paper)
+            return attrs.evolve(params, belt=belt), torque, t_end
+
+        return make
 
     def belt(n_bodies: int = 60, **others: Any) -> bd.Belt:
-        given = {"length": 1.2, "linear_density": 0.1, "axial_stiffness": 70e3}
+        given = {"length": 1.2, "linear_density": 0.1, "axial_stiffness": 70e3, **paper}
         return bd.Belt(n_bodies=n_bodies, **{**given, "axial_damping": 1.4, **others})
 
     def two(**others: Any) -> bd.Params:
@@ -108,10 +117,10 @@ def drives() -> dict[str, Callable[[], tuple[Any, ...]]]:
 
     moved = bd.Tensioning(offset=[(0.0, 0.0), (-0.01, 0.002)], friction=True)
     return {
-        "case-1": scene("kubas-case-1", 0.05),
-        "case-2": scene("kubas-case-2", 0.05),
-        "three-pulleys": scene("three-pulleys", 0.03),
-        "unequal-pulleys": scene("unequal-pulleys", 0.03),
+        "case-1": scene("kubas-case-1", 0.05, 60),
+        "case-2": scene("kubas-case-2", 0.05, 60),
+        "three-pulleys": scene("three-pulleys", 0.03, 72),
+        "unequal-pulleys": scene("unequal-pulleys", 0.03, 72),
         "frictionless": lambda: (two(friction=None), ramp + load, 0.05),
         "bending-gravity": lambda: (
             two(belt=belt(37, bending_stiffness=0.05, bending_damping=1e-5), gravity=(1.0, -9.81)),

@@ -133,15 +133,22 @@ static void row_joints(bench *b) {
 
 static void contact(bench *b, int ledger) {
   bd_plan *plan = &b->plan;
-  const bd_layout *lay = &b->model->lay;
-  const bd_points points = bd_links_as_points(lay, b->y);
-  const bd_points rates = bd_links_as_points(lay, b->stage[0]);
-  const bd_forces out = {rates.vx, rates.vy, plan->links.inv_mass};
-  for (int j = 0; j < lay->np; ++j) {
+  for (int j = 0; j < b->model->lay.np; ++j) {
     bd_sums sums;
-    plan->kernels->contact[plan->contact_pulleys[j].law][ledger](
-        lay, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, &points, &out, b->y, b->stage[0], &sums);
+    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    if (b->model->along_links) {
+      plan->kernels->press[ledger](&plan->links, pulley, plan->search.n_runs[j], runs,
+                                   &plan->pressure, &plan->forces, b->y, &sums);
+      if (pulley->law != BD_LAW_NONE) {
+        plan->kernels->rub[pulley->law][ledger](&plan->links, pulley, plan->search.n_runs[j], runs,
+                                                &plan->points, &plan->pressure, &plan->forces, b->y,
+                                                b->stage[0], &sums);
+      }
+    } else {
+      plan->kernels->contact[pulley->law][ledger](&plan->links, pulley, plan->search.n_runs[j],
+                                                  runs, b->y, b->stage[0], &sums);
+    }
     sink += sums.torque + sums.friction_loss;
   }
 }
@@ -189,29 +196,42 @@ static void row_linearise_contact(bench *b) {
 
 static void row_add_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
+  const bd_newton_kernels *kernels = b->plan.kernels->newton;
   double *column_x = bd_field(&b->model->lay, b->y_new, F_X);
   double *column_y = bd_field(&b->model->lay, b->y_new, F_Y);
-  const bd_joint_blocks blocks = {.xx = system->blocks.xx,
-                                  .xy = system->blocks.xy,
-                                  .yx = system->blocks.yx,
-                                  .yy = system->blocks.yy};
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    sink += b->plan.kernels->newton->add_contact[bd_law_is_general(pulley->law)][0](
-        pulley, system->at.n_runs[j], system->at.runs + j * system->at.max_runs,
-        &system->contact[j], system->stage.g, &blocks, column_x, column_y);
+    const int n_runs = system->at.n_runs[j];
+    const bd_run *runs = system->at.runs + j * system->at.max_runs;
+    if (b->model->along_links) {
+      sink += kernels->add_links(&b->plan.links, &system->at.joints, pulley, n_runs, runs,
+                                 &system->along[j], system->stage.g, &system->blocks,
+                                 &system->scratch, column_x, column_y, system->rows + BD_HALO);
+    } else {
+      sink += kernels->add_contact[bd_law_is_general(pulley->law)](
+          pulley, n_runs, runs, &system->contact[j], system->stage.g, &system->blocks, column_x,
+          column_y);
+    }
   }
 }
 
 static void row_finish_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
-  const bd_points moved = bd_links_as_points(&b->model->lay, b->stage[1]);
+  const bd_newton_kernels *kernels = b->plan.kernels->newton;
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    if (pulley->law != BD_LAW_NONE) {
-      b->plan.kernels->newton->finish_contact[bd_law_is_general(pulley->law)](
-          &b->model->lay, pulley, system->at.n_runs[j], system->at.runs + j * system->at.max_runs,
-          &system->contact[j], system->stage.g, 1.0, &moved, b->stage[1]);
+    const int n_runs = system->at.n_runs[j];
+    const bd_run *runs = system->at.runs + j * system->at.max_runs;
+    if (pulley->law == BD_LAW_NONE) {
+      continue;
+    }
+    if (b->model->along_links) {
+      kernels->finish_joints(&b->plan.links, &system->at.joints, pulley, n_runs, runs,
+                             &system->along[j], system->stage.g, 1.0, b->stage[1]);
+    } else {
+      kernels->finish_contact[bd_law_is_general(pulley->law)](&b->model->lay, pulley, n_runs, runs,
+                                                              &system->contact[j], system->stage.g,
+                                                              1.0, b->stage[1]);
     }
   }
 }
@@ -307,6 +327,7 @@ typedef struct drive {
 static void read_drive(drive *d) {
   bd_belt *belt = &d->scene.belt;
   belt->n_bodies = (int)number();
+  belt->mesh = number() > 0.0 ? BD_MESH_JOINT : BD_MESH_PAPER;
   double *const fields[] = {&belt->length,
                             &belt->linear_density,
                             &belt->axial_stiffness,

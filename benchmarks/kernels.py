@@ -1,6 +1,6 @@
 """Nanoseconds per link of the core's inner loops, at every kernel level, beside the machine's own.
 
-    python benchmarks/kernels.py [--quick] [--write]
+    python benchmarks/kernels.py [--quick] [--mesh joint] [--write]
 
 Compiles benchmarks/kernels.c against csrc/ with the flags of setup.py and runs it on the paper's
 case 1 at the state of 0.4 s. For belts of more links this state is interpolated along the belt: on
@@ -86,6 +86,12 @@ def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
     return target, flags
 
 
+def circle(radius: float, params: bd.Params, n: int) -> float:
+    """On which the centres of n unloaded links run."""
+    a = 0.5 * params.belt.length / n / radius
+    return radius if params.belt.mesh == "paper" else float(radius * a / np.tan(a))
+
+
 def drawn_out(state: bd.State, params: bd.Params, n: int) -> dict[str, np.ndarray]:
     """The state of a belt of fewer links as one of n links."""
     few = state.x.shape[-1]
@@ -99,9 +105,9 @@ def drawn_out(state: bd.State, params: bd.Params, n: int) -> dict[str, np.ndarra
            for name in ("x", "y", "phi", "vx", "vy", "vphi", "mu", "slip")}  # fmt: skip
     for pulley in params.pulleys:
         x, y = pulley.center
-        depth = along(pulley.radius - np.hypot(state.x - x, state.y - y))
+        depth = along(circle(pulley.radius, params, few) - np.hypot(state.x - x, state.y - y))
         rho = np.hypot(out["x"] - x, out["y"] - y)
-        scale = np.where(depth > 0, (pulley.radius - depth) / rho, 1.0)
+        scale = np.where(depth > 0, (circle(pulley.radius, params, n) - depth) / rho, 1.0)
         out["x"], out["y"] = x + scale * (out["x"] - x), y + scale * (out["y"] - y)
     return out | {"theta": state.theta, "omega": state.omega}
 
@@ -140,7 +146,8 @@ def under(
 def drive_text(params: bd.Params, state: dict[str, np.ndarray]) -> str:
     belt, contact, law = params.belt, params.contact, params.friction
     name, parameters = law._to_core() if law else ("none", ())
-    values = [belt.n_bodies, belt.length, belt.linear_density, belt.axial_stiffness,
+    values = [belt.n_bodies, belt.mesh == "joint", belt.length,
+              belt.linear_density, belt.axial_stiffness,
               belt.axial_damping, belt.bending_stiffness, belt.bending_damping, contact.quadratic,
               contact.linear, contact.damping]  # fmt: skip
     words = [*map(in_full, values), name, *map(in_full, parameters)]
@@ -203,6 +210,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="two sizes, a few repeats")
     parser.add_argument("--write", action="store_true", help="keep the tables under results/")
+    parser.add_argument("--mesh", choices=("paper", "joint"), default="paper")
     arguments = parser.parse_args()
     rounds = 15 if arguments.quick else 101
     sizes = SIZES[:3:2] if arguments.quick else SIZES
@@ -211,6 +219,8 @@ def main() -> None:
         "ignore", "mesh", UserWarning
     )  # the paper's belt has 60 links by design
     scene = bd.scenes.kubas_case_1()
+    belt = attrs.evolve(scene.params.belt, mesh=arguments.mesh)
+    scene = scene._replace(params=attrs.evolve(scene.params, belt=belt))
     start = bd.settle(scene.params)
     result = bd.simulate(*scene[:2], 0.4, initial=start, t_eval=[0.4])
     state, normal = result.final_state, result.contact.normal[-1]
@@ -230,7 +240,7 @@ def main() -> None:
                               check=True, stdout=subprocess.PIPE, text=True)  # fmt: skip
     text = "\n".join(
         [
-            "case 1 at 0.4 s, two pulleys, friction and bending: inner loops of the core",
+            f"case 1 at 0.4 s, mesh {arguments.mesh}, two pulleys, friction, bending: inner loops",
             machine(flags),
             f"CPU time, medians of {rounds} interleaved repeats",
             *tables(done.stdout.splitlines(), sizes, list(by_name)),

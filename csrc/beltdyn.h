@@ -166,6 +166,9 @@ typedef struct bd_info {
 
 void bd_model_info(const bd_model *model, bd_info *info);
 
+/* Angle over which the belt line lies on a pulley [rad]; of a geometry that was checked. */
+double bd_model_wrap(const bd_model *model, int pulley);
+
 /* All parameters, those of the friction laws among them: the table of fields.h, with the place of
  * each in the struct of its group. */
 typedef struct bd_parameter {

@@ -18,7 +18,8 @@
   X(POSITIVE, "> 0", 0.0, 1, (double)INFINITY)                                                     \
   X(NONNEGATIVE, ">= 0", 0.0, 0, (double)INFINITY)                                                 \
   X(FINITE, "finite", -(double)INFINITY, 0, (double)INFINITY)                                      \
-  X(LINKS, "an integer from 3 to " BD_TEXT(BD_MAX_LINKS), 3.0, 0, BD_MAX_LINKS)
+  X(LINKS, "an integer from 3 to " BD_TEXT(BD_MAX_LINKS), 3.0, 0, BD_MAX_LINKS)                    \
+  X(FLAG, "0 or 1", 0.0, 0, 1.0)
 
 /* Scene parameters: X(group, name, rule, unit, text), with a rule of BD_RULES. Groups are the
  * structs of beltdyn.h and the Python classes; those of the friction laws stand with each law. */
@@ -40,7 +41,8 @@
 #define BD_CONTACT(X)                                                                              \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
-  X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")
+  X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                        \
+  X(contact, compensate, FLAG, "1", "whether the belt runs on its pulleys' radii at the preload")
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
 #define BD_LAW_PARAMETERS(name, class, general, text) BD_LAW_##name(X)
@@ -51,6 +53,7 @@
 #define BD_TYPE_NONNEGATIVE double
 #define BD_TYPE_FINITE double
 #define BD_TYPE_LINKS int
+#define BD_TYPE_FLAG int
 
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
  * size: LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS n_p; in this order. scale:

@@ -14,7 +14,8 @@ import beltdyn as bd
 
 def oracle_of(params: bd.Params) -> reference.Reference:
     """The same drive as the oracle wants it, built from the user's numbers alone."""
-    belt, contact = params.belt, params.contact
+    belt, contact = params.belt, params.effective_contact
+    assert not contact.compensate, "the oracle has no such contact"
     return reference.Reference(
         length=belt.length,
         n_bodies=belt.n_bodies,

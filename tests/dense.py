@@ -23,6 +23,7 @@ Array = reference.Array
 Vector = Callable[[Array], Array]
 
 STRETCH = 1e-4  # m
+CURVED = ("x", "y", "phi", "vx", "vy", "vphi", "omega")
 
 
 @dataclass(frozen=True)
@@ -121,12 +122,13 @@ def jacobian_of_solver(
 def jacobian_by_differences(layout: Layout, rate: Vector, y: Array) -> Array:
     """Central differences, one column an unknown.
 
-    Of fourth order for speeds, with which friction may change over 0.1 m/s, some hundred steps;
-    they feed no stretch, so that little is rounded.
+    Of fourth order for speeds, with which friction may change over 0.1 m/s, some hundred steps, and
+    for places and angles, by which the part of a link that is in contact is p_a / (p_a - p_b), some
+    hundred steps long.
     """
     columns = np.empty((len(y), len(y)))
     blocks = layout.blocks()
-    speeds = {i for name in ("vx", "vy", "vphi", "omega") for i in np.r_[blocks[name]]}
+    curved = {i for name in CURVED for i in np.r_[blocks[name]]}
 
     def slope(i: int, h: float) -> Array:
         ahead, behind = y.copy(), y.copy()
@@ -136,7 +138,7 @@ def jacobian_by_differences(layout: Layout, rate: Vector, y: Array) -> Array:
 
     for i, h in enumerate(layout.steps()):
         columns[:, i] = slope(i, h)
-        if i in speeds:
+        if i in curved:
             columns[:, i] = (4.0 * slope(i, 0.5 * h) - columns[:, i]) / 3.0
     return columns
 
@@ -181,11 +183,15 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
 
 
 def slots_of(oracle: reference.Reference) -> Array:
-    """Friction slot of each pulley: the first that no pulley before it has that it overlaps."""
+    """Friction slot of each pulley: the first that none before it has that it overlaps, or with
+    which it could touch one joint of two links, which may gape by half a link.
+    """
     slots = np.zeros(oracle.n_pulleys, dtype=int)
+    between = 2.5 * oracle.l0 if oracle.mesh == "joint" else 0.0
     for j in range(oracle.n_pulleys):
         apart = np.hypot(*(oracle.centers[:j] - oracle.centers[j]).T)
         reach = oracle.contact_radii
-        taken = set(slots[:j][apart < reach[:j] + reach[j]])
+        span = np.sqrt(np.maximum(apart**2 - (reach[:j] - reach[j]) ** 2, 0.0))
+        taken = set(slots[:j][(apart < reach[:j] + reach[j]) | (span < between)])
         slots[j] = next(slot for slot in range(j + 1) if slot not in taken)
     return slots

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import attrs
 
 import beltdyn as bd
+
+#: Every method, with the options at which its errors are small.
+METHODS: dict[str, dict[str, Any]] = {
+    "auto": {"rtol": 1e-4},
+    "tsit5": {"rtol": 1e-4},
+    "rk4": {},
+    "rodas4": {"rtol": 1e-4},
+    "lbdf2": {"rtol": 1e-3},
+    "lie": {"rtol": 1e-2},
+}
 
 
 def plain() -> bd.Params:
@@ -19,6 +30,7 @@ def plain() -> bd.Params:
             axial_stiffness=70e3,
             axial_damping=1.4,
             bending_stiffness=0.01,
+            mesh="paper",
         ),
         pulleys=[
             bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.010),
@@ -38,3 +50,28 @@ def plain_scene() -> bd.Scene:
     """The same, run up against a viscous load."""
     ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
     return bd.Scene(plain(), ramp + bd.Viscous([0.0, 100.0 / (2.0 * math.pi)]), 1.0)
+
+
+def scene_m() -> bd.Scene:
+    """The paper's drive with 60 N m, far enough from full slip to have a steady creep."""
+    ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-60.0, 0.0]])
+    load = bd.Viscous([0.0, 100.0 / (2.0 * math.pi)])
+    return bd.Scene(bd.scenes.kubas_case_1().params, ramp + load, 0.6)
+
+
+def scene_u() -> bd.Scene:
+    """The paper's belt, on pulleys of 50 and 120 mm, strained by 0.5 %, with 10 N m."""
+    params = bd.scenes.kubas_case_1().params
+    apart, small, large = 0.29, 0.05, 0.12
+    lean = math.asin((large - small) / apart)
+    path = 2 * apart * math.cos(lean) + math.pi * (small + large) + 2 * lean * (large - small)
+    params = attrs.evolve(
+        params,
+        belt=attrs.evolve(params.belt, length=path / 1.005),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=small, inertia=0.005),
+            bd.Pulley(center=(apart, 0.0), radius=large, inertia=0.02),
+        ],
+    )
+    ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-10.0, 0.0]])
+    return bd.Scene(params, ramp + bd.Viscous([0.0, 4.57]), 0.6)

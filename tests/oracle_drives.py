@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -76,13 +77,12 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
                 else:
                     memory[0, j] *= 0.0 if law is None else law.bound
         memory[1] = 1e-3 * rng.uniform(-1, 1, touching.shape) * touching
-        at = model.contacts(y)
-        p = np.maximum(at.penetration, 0)
-        total = model.c1 * p**2 + model.c2 * p + model.b * at.rate
+        kinks = {name: np.abs(at).min(initial=np.inf) for name, at in model.kinks(y).items()}
         if (
-            np.abs(at.penetration).min() > 1e-7
-            and np.abs(total[touching]).min() > 1e-3
-            and np.abs(at.velocity[touching]).min() > 1e-3
+            kinks["penetration"] > 1e-7
+            and kinks["force"] > 1e-3
+            and kinks["slip"] > 1e-3
+            and kinks["share"] > 1e-2
         ):
             return y
 
@@ -103,3 +103,66 @@ def law_by_hand(
     k, c, limit = law.stiffness * l0, law.damping * l0, law.mu * normal
     rate = min(max(v, (-limit - k * z) / c), (limit - k * z) / c)
     return k * z + c * rate, rate
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """Contact of every pulley: forces on the links' ends [pulley, xy, link]; of the pairs the
+    normal force, the share in contact and how fast belt comes into contact, over the share.
+    """
+
+    left: ref.Array
+    right: ref.Array
+    normal: ref.Array
+    share: ref.Array
+    fresh: ref.Array
+
+
+def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
+    """The equations of MODEL section 3 link by link; of the paper's mesh half acts on each end."""
+    n_p, n_b, l0 = model.n_pulleys, model.n_bodies, model.l0
+    left, right = np.zeros((2, n_p, 2, n_b))
+    normal, share, share_rate = np.zeros((3, n_p, n_b))
+    place, velocity = model.links(y)[:, :2]
+    angle, spin = model.links(y)[:, 2]
+
+    def pressure(p: float, rate: float) -> float:
+        return max(0.0, model.c1 * p**2 + model.c2 * p + model.b * rate)
+
+    def seen(j: int, i: int, along: float) -> tuple[float, float, ref.Array]:
+        """Penetration, its rate and the normal of a point of a link, so far from its middle."""
+        e = np.array([math.cos(angle[i]), math.sin(angle[i])])
+        arm = place[:, i] + along * e - model.centers[j]
+        speed = velocity[:, i] + along * spin[i] * np.array([-e[1], e[0]])
+        outward = arm / math.dist(arm, (0.0, 0.0))
+        return model.contact_radii[j] - math.dist(arm, (0.0, 0.0)), -speed @ outward, outward
+
+    for j in range(n_p):
+        for i in range(n_b):
+            if model.mesh == "paper":
+                p, rate, outward = seen(j, i, 0.0)
+                normal[j, i] = pressure(p, rate) if p > 0 else 0.0
+                share[j, i] = p > 0
+                left[j, :, i] = right[j, :, i] = 0.5 * normal[j, i] * outward
+                continue
+            (pa, va, na), (pb, vb, nb) = seen(j, i, -0.5 * l0), seen(j, i, 0.5 * l0)
+            if pa <= 0 and pb <= 0:
+                continue
+            begin, end, moves = 0.0, 1.0, 0.0
+            if (pa > 0) != (pb > 0):
+                zero = pa / (pa - pb)
+                moves = (va * (pa - pb) - pa * (va - vb)) / (pa - pb) ** 2
+                begin, end = (0.0, zero) if pa > 0 else (zero, 1.0)
+                share_rate[j, i] += moves * (1 - zero) * (1 if pa > 0 else -1)
+                share_rate[j, (i + 1) % n_b] += moves * zero * (1 if pa > 0 else -1)
+            nodes, weights = np.polynomial.legendre.leggauss(2)
+            at = begin + (end - begin) * (nodes + 1) / 2
+            q = [w / 2 * (end - begin) * pressure((1 - x) * pa + x * pb, (1 - x) * va + x * vb)
+                 for x, w in zip(at, weights, strict=True)]  # fmt: skip
+            at_left, at_right = float(q @ (1 - at)), float(q @ at)
+            left[j, :, i], right[j, :, i] = at_left * na, at_right * nb
+            normal[j, i] += at_left
+            normal[j, (i + 1) % n_b] += at_right
+            share[j, i] += (end - begin) - (end**2 - begin**2) / 2
+            share[j, (i + 1) % n_b] += (end**2 - begin**2) / 2
+    return ByHand(left, right, normal, share, np.maximum(share_rate, 0.0) / (share + ref.FRESH))

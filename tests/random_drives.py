@@ -183,6 +183,7 @@ def _drive(
             axial_stiffness=stiffness,
             axial_damping=stiffness * 2.0 * damping / fastest,
             bending_stiffness=bending,
+            mesh="paper",
         ),
         pulleys=[
             bd.Pulley(center=c, radius=float(r), inertia=i)

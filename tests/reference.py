@@ -26,6 +26,9 @@ from reference_friction import Dahl, Law
 Torque = Callable[[float, Array, Array], npt.ArrayLike]
 Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], its rate [rad/s^2]
 
+FRESH = 0.01
+"""Share of a joint in contact from which on fresh belt dilutes its bristles in full (section 4)."""
+
 LEDGER = ("drive", "joint_damping", "contact_damping", "friction", "drag")
 """The quadratures at the end of the state: work put in, then the losses (section 7)."""
 
@@ -43,8 +46,9 @@ class Reference:
     function and lets theta and omega of the state follow. What knows no time (`contacts`, `energy`)
     takes the speeds of the state; `follow` makes them the prescribed ones.
 
-    With `mesh="joint"` contact is that of the joints (section 3): what is said of (pulley, link)
-    pairs is then of (pulley, joint) pairs, a joint by the link on whose left it is.
+    With `mesh="joint"` contact is integrated along the links and friction acts at the joints
+    (section 3): what is said of (pulley, link) pairs is then of (pulley, joint) pairs, a joint by
+    the link on whose left it is.
     """
 
     length: float  # L, stress-free [m]
@@ -73,7 +77,7 @@ class Reference:
     l0: float = field(init=False)
     mass: float = field(init=False)
     inertia: float = field(init=False)  # I_z of a link
-    contact_radii: Array = field(init=False)  # on which unloaded points of contact run
+    contact_radii: Array = field(init=False)  # on which the ends (centres) of unloaded links run
     omega_0: Array = field(init=False)  # within which Coulomb drag changes its sign (section 5)
     c_tra: float = field(init=False)
     b_tra: float = field(init=False)
@@ -245,52 +249,68 @@ class Reference:
         np.subtract(arm[0] * both[1], arm[1] * both[0], moment)
         moment += bending.take(self.following) - bending
 
-        # Contact (2.3)-(2.8) for every (pulley, link) pair, or (pulley, joint) pair.
+        # Contact (2.3)-(2.8) for every (pulley, link) pair, or along the links.
         point = centre
+        along: AlongLinks | None = None
         if self.mesh == "joint":
-            point = 0.5 * ((centre + half).take(self.previous, axis=2) + (centre - half))
+            left, right = centre - half, centre + half
+            along = self.along_links(left, right)
+            at_previous = right.take(self.previous, axis=2)
+            point = 0.5 * (at_previous + left)
         outward = point[0][:, None, :] - self.centers.T[:, :, None]
         distance = np.sqrt(outward[0] * outward[0] + outward[1] * outward[1])
         outward /= distance
-        p = self.contact_radii[:, None] - distance
-        touch = p > 0
         vx, vy = point[1]
-        p_rate = -(vx * outward[0] + vy * outward[1])
-        elastic = p * (self.c1 * p + self.c2)
-        normal = np.maximum(elastic + self.b * p_rate, 0.0) * touch
+        if along is None:
+            p = self.contact_radii[:, None] - distance
+            touch = p > 0
+            p_rate = -(vx * outward[0] + vy * outward[1])
+            elastic = p * (self.c1 * p + self.c2)
+            normal = np.maximum(elastic + self.b * p_rate, 0.0) * touch
+            dy[at_ledger + 2] = np.vdot((normal - elastic) * touch, p_rate)
+            share, fresh = np.ones_like(p), 0.0
+        else:
+            normal, share = along.normal(self.previous), along.share(self.previous)
+            touch = share > 0
+            fresh = np.maximum(along.share_rate(self.previous), 0.0) / (share + FRESH)
+            share = np.where(touch, share, 1.0)
+            dy[at_ledger + 2] = along.damping_power.sum()
 
         # Friction (section 4): along t = z x outward, the same lever arm in speed and torque.
         speed = (vy * outward[0] - vx * outward[1] - omega[:, None] * distance) * touch
         friction: Array | None = None
         if self.mu_k is not None and self.sigma is not None:
             friction = z * normal
-            z_rate = self.sigma * (speed - np.abs(speed) * z / self.mu_k)
+            z_rate = self.sigma * (speed - np.abs(speed) * z / self.mu_k) - fresh * z * touch
             slip_rate = speed
         elif any(self.laws):
             friction, z_rate, slip_rate = np.zeros((3, n_p, n_b))
             for j, law in enumerate(self.laws):
                 if law is not None:
-                    friction[j] = law.force(z[j], speed[j], normal[j], self.l0)
-                    z_rate[j] = law.rate(z[j], speed[j], normal[j], self.l0) * touch[j]
+                    at = z[j], speed[j], normal[j] / share[j], self.l0
+                    friction[j] = share[j] * law.force(*at) * touch[j]
+                    z_rate[j] = law.rate(*at) * touch[j]
                     slip_rate[j] = speed[j]
+            z_rate -= fresh * z * touch
         grip = np.zeros(n_p)
+        at_point = np.zeros((2, n_b))
+        if along is None:
+            at_point += np.add.reduce(normal * outward, 1)
         if friction is not None:
-            at_point = np.empty((2, n_b))
-            np.add.reduce(normal * outward[0] + friction * outward[1], 0, out=at_point[0])
-            np.add.reduce(normal * outward[1] - friction * outward[0], 0, out=at_point[1])
+            at_point[0] += np.add.reduce(friction * outward[1], 0)
+            at_point[1] -= np.add.reduce(friction * outward[0], 0)
             grip = np.add.reduce(friction * distance, 1)
             dy[at_memory : at_memory + n_p * n_b] = z_rate.ravel()
             dy[at_memory + n_p * n_b : at_ledger] = slip_rate.ravel()
             dy[at_ledger + 3] = np.vdot(friction, speed)
-        else:
-            at_point = np.add.reduce(normal * outward, 1)
-        if self.mesh == "joint":
-            at_right = at_point.take(self.following, axis=1)
-            force += 0.5 * (at_point + at_right)
-            turning = at_right - at_point
-            moment += 0.5 * (arm[0] * turning[1] - arm[1] * turning[0])
-        else:
+        if along is None:
             force += at_point
+        else:
+            at_left = along.left_force + 0.5 * at_point
+            at_right = along.right_force + 0.5 * at_point.take(self.following, axis=1)
+            force += at_left + at_right
+            turning = at_right - at_left
+            moment += arm[0] * turning[1] - arm[1] * turning[0]
 
         # Pulleys (2.12), or what it says of the torque if the motion is prescribed.
         drive = np.asarray(torque(t, theta, omega), dtype=float)
@@ -317,8 +337,57 @@ class Reference:
         dy[at_ledger + 1] = self.b_tra * np.vdot(stretch[1], stretch[1])
         if self.b_tor:
             dy[at_ledger + 1] += self.b_tor * np.vdot(bend[1], bend[1])
-        dy[at_ledger + 2] = np.vdot((normal - elastic) * touch, p_rate)
         return dy
+
+    def along_links(self, left: Array, right: Array) -> AlongLinks:
+        """Contact integrated along the links, whose ends are given: [position or rate, xy, link].
+
+        Section 3: penetration is linear between the ends; two Gauss points on the part in contact.
+        """
+        ends = []
+        for end in (left, right):
+            arm = end[0][:, None, :] - self.centers.T[:, :, None]
+            distance = np.hypot(arm[0], arm[1])
+            arm = arm / distance
+            rate = -(end[1][0] * arm[0] + end[1][1] * arm[1])
+            ends.append((self.contact_radii[:, None] - distance, rate, arm))
+        (pa, va, na), (pb, vb, nb) = ends
+        inside_a, inside_b = pa > 0, pb > 0
+        partly = inside_a != inside_b
+        gap = np.where(partly, pa - pb, 1.0)
+        zero = np.where(partly, pa / gap, 0.0)  # where p = 0
+        zero_rate = np.where(partly, (pa * vb - pb * va) / gap**2, 0.0)
+        begin = np.where(partly & inside_b, zero, 0.0)
+        end_ = np.where(partly & inside_a, zero, np.where(inside_b, 1.0, 0.0))
+        length = end_ - begin
+        n_a, n_b_, power, energy = (np.zeros_like(pa) for _ in range(4))
+        raw = []
+        for x in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
+            at = begin + length * x
+            p, v = pa + (pb - pa) * at, va + (vb - va) * at
+            elastic = (self.c1 * p + self.c2) * p
+            q = np.maximum(elastic + self.b * v, 0.0)
+            weight = 0.5 * length
+            n_a += weight * q * (1.0 - at)
+            n_b_ += weight * q * at
+            power += weight * (q - elastic) * v
+            energy += weight * (self.c1 * p**3 / 3.0 + self.c2 * p**2 / 2.0)
+            raw.append(elastic + self.b * v)
+        # halves of the link: weights 1 - x and x, integrated over the part in contact
+        of_b = 0.5 * (end_**2 - begin**2)
+        moving = np.where(inside_a, 1.0, -1.0) * zero_rate
+        return AlongLinks(
+            pa, pb, n_a, n_b_, length - of_b, of_b, moving * (1.0 - zero), moving * zero,
+            (n_a * na).sum(axis=1), (n_b_ * nb).sum(axis=1), power, energy, np.array(raw), partly,
+        )  # fmt: skip
+
+    def along_links_at(self, y: Array) -> AlongLinks:
+        """The same at one state (size,)."""
+        links, e = self.links(y), self.directions(y)
+        half = 0.5 * self.l0 * e
+        half_rate = links[1, 2] * np.stack((-half[1], half[0]))
+        arm = np.stack((half, half_rate))
+        return self.along_links(links[:, :2] - arm, links[:, :2] + arm)
 
     def prescribed(self, t: float, omega: Array) -> tuple[Array, Array]:
         """Speeds with the prescribed ones in their place, and the rates of these, 0 of others."""
@@ -363,7 +432,7 @@ class Reference:
         return d, d_rate
 
     def points(self, y: Array) -> tuple[Array, Array]:
-        """Points of contact and their velocities (section 3), (..., 2, n_b) each."""
+        """Mass centres, or joints, and their velocities (section 3), (..., 2, n_b) each."""
         links = self.links(y)
         position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
         if self.mesh == "paper":
@@ -401,12 +470,35 @@ class Reference:
         """Return p of every pair (2.5), (..., n_p, n_b); contact is p > 0.
 
         With the paper's mesh the same arithmetic as in `rhs`, so that both agree on the sign to the
-        last bit.
+        last bit; of a joint, the largest of the four ends of the two links that meet there.
         """
-        position, _ = self.points(y)
+        if self.mesh == "paper":
+            return self._depth(self.links(y)[..., 0, :2, :])
+        centre, arm = self.links(y)[..., 0, :2, :], 0.5 * self.l0 * self.directions(y)
+        p = np.maximum(self._depth(centre - arm), self._depth(centre + arm))
+        return np.maximum(p, np.roll(p, 1, axis=-1))
+
+    def _depth(self, position: Array) -> Array:
         dx = position[..., 0, None, :] - self.centers[:, 0, None]
         dy = position[..., 1, None, :] - self.centers[:, 1, None]
-        return self.contact_radii[:, None] - np.sqrt(dx * dx + dy * dy)
+        return np.asarray(self.contact_radii[:, None] - np.sqrt(dx * dx + dy * dy))
+
+    def normals(self, y: Array) -> tuple[Array, Array]:
+        """Normal force of every pair and the share of it that is in contact (0 or 1 of a link)."""
+        if self.mesh == "joint":
+            states = y.reshape(-1, self.size)
+            shape = (*y.shape[:-1], self.n_pulleys, self.n_bodies)
+            found = [self.along_links_at(state) for state in states]
+            normal = [one.normal(self.previous) for one in found]
+            share = [one.share(self.previous) for one in found]
+            return np.reshape(normal, shape), np.reshape(share, shape)
+        position, velocity = self.points(y)
+        arm = position[..., None, :, :] - self.centers[:, :, None]
+        outward = arm / np.hypot(arm[..., :1, :], arm[..., 1:, :])
+        rate = -(velocity[..., None, :, :] * outward).sum(axis=-2)
+        p = self.penetration(y)
+        total = self.c1 * p**2 + self.c2 * p + self.b * rate
+        return np.where(p > 0, np.maximum(0.0, total), 0.0), np.where(p > 0, 1.0, 0.0)
 
     def contacts(self, y: Array) -> Contacts:
         """Everything about the (pulley, link) pairs, (..., n_p, n_b) each."""
@@ -419,25 +511,57 @@ class Reference:
         rate = -(velocity[..., None, :, :] * outward).sum(axis=-2)
         omega = self.pulleys(y)[..., 1, :]
         speed = (velocity[..., None, :, :] * tangent).sum(axis=-2) - omega[..., None] * distance
-        total = self.c1 * p**2 + self.c2 * p + self.b * rate
-        normal = np.where(p > 0, np.maximum(0.0, total), 0.0)
+        normal, share = self.normals(y)
+        touching = share > 0
+        whole = np.where(touching, share, 1.0)
         z = self.memory(y)[..., 0, :, :]
         friction = np.zeros_like(normal)
         for j, law in enumerate(self.laws):
             if law is not None:
                 pairs = (..., j, slice(None))
-                friction[pairs] = law.force(z[pairs], speed[pairs], normal[pairs], self.l0)
+                at = z[pairs], speed[pairs], normal[pairs] / whole[pairs], self.l0
+                friction[pairs] = share[pairs] * law.force(*at)
         mu = np.divide(friction, normal, out=np.zeros_like(normal), where=normal > 0)
         for j, law in enumerate(self.laws):
             if isinstance(law, Dahl):  # F = z N, also where N = 0
                 pairs = (..., j, slice(None))
-                mu[pairs] = np.where(p[pairs] > 0, z[pairs], 0.0)
-        return Contacts(p, rate, normal, friction, mu, speed, outward, tangent, distance)
+                mu[pairs] = np.where(touching[pairs], z[pairs], 0.0)
+        return Contacts(p, rate, normal, share, friction, mu, speed, outward, tangent, distance)
+
+    def kinks(self, y: Array) -> dict[str, Array]:
+        """What changes its form of equation at 0, of one state: penetrations [m], normal forces
+        before they are clamped [N], slip velocities [m/s] and rates of the share of joints partly
+        in contact [1/s], the latter three of what touches."""
+        contacts = self.contacts(y)
+        touching = contacts.share > 0
+        if self.mesh == "paper":
+            p = np.maximum(contacts.penetration, 0)
+            raw = self.c1 * p**2 + self.c2 * p + self.b * contacts.rate
+            return {
+                "penetration": contacts.penetration.ravel(),
+                "force": raw[touching],
+                "slip": contacts.velocity[touching],
+                "share": np.ones(0),
+            }
+        along = self.along_links_at(y)
+        on = (along.share_left + along.share_right) > 0
+        partly = along.partly | along.partly[:, self.previous]
+        return {
+            "penetration": np.concatenate((along.p_left.ravel(), along.p_right.ravel())),
+            "force": along.raw[:, on].ravel(),
+            "slip": contacts.velocity[touching],
+            "share": along.share_rate(self.previous)[partly & touching],
+        }
 
     def energy_terms(self, y: Array) -> dict[str, Array]:
         """Return the terms of E in section 7; their sum is `energy`."""
         links, (d, _), (bend, _) = self.links(y), self.joint_vectors(y), self.joint_angles(y)
-        p = np.maximum(self.penetration(y), 0.0)
+        if self.mesh == "joint":
+            stored = [self.along_links_at(state).energy.sum() for state in y.reshape(-1, self.size)]
+            contact = np.reshape(stored, y.shape[:-1])
+        else:
+            p = np.maximum(self.penetration(y), 0.0)
+            contact = (self.c1 * p**3 / 3 + self.c2 * p**2 / 2).sum(axis=(-2, -1))
         gravity = np.asarray(self.gravity, dtype=float)[:, None]
         omega = self.pulleys(y)[..., 1, :]
         return {
@@ -445,7 +569,7 @@ class Reference:
             "rotation": 0.5 * self.inertia * (links[..., 1, 2, :] ** 2).sum(axis=-1),
             "stretching": 0.5 * self.c_tra * (d**2).sum(axis=(-2, -1)),
             "bending": 0.5 * self.c_tor * (bend**2).sum(axis=-1),
-            "contact": (self.c1 * p**3 / 3 + self.c2 * p**2 / 2).sum(axis=(-2, -1)),
+            "contact": contact,
             "gravity": -self.mass * (gravity * links[..., 0, :2, :]).sum(axis=(-2, -1)),
             "pulleys": (0.5 * self.inertias * omega**2).sum(axis=-1),
         }
@@ -470,13 +594,17 @@ class Reference:
         _, d_rate = self.joint_vectors(y)
         _, bend_rate = self.joint_angles(y)
         contacts = self.contacts(y)
-        p = np.maximum(contacts.penetration, 0.0)
-        damping = np.where(p > 0, contacts.normal - self.c1 * p**2 - self.c2 * p, 0.0)
+        if self.mesh == "joint":
+            contact_loss = self.along_links_at(y).damping_power.sum()
+        else:
+            p = np.maximum(contacts.penetration, 0.0)
+            damping = np.where(p > 0, contacts.normal - self.c1 * p**2 - self.c2 * p, 0.0)
+            contact_loss = np.sum(damping * contacts.rate)
         return np.array(
             [
                 np.dot(self.torques(t, y, torque), omega),
                 self.b_tra * np.sum(d_rate**2) + self.b_tor * np.sum(bend_rate**2),
-                np.sum(damping * contacts.rate),
+                contact_loss,
                 np.sum(contacts.friction * contacts.velocity),
                 np.dot(self.drag_torque(omega), omega),
             ]
@@ -503,12 +631,45 @@ class Contacts:
     penetration: Array  # p (2.5)
     rate: Array  # dp/dt (2.6)
     normal: Array  # N (2.8), clamped
+    share: Array  # of the link or of the joint's two half links that is in contact
     friction: Array  # F (2.10); the force on the link is -F tangent
     mu: Array  # F / N; where N = 0, z of Dahl's law, else 0
     velocity: Array  # v_T, of any pair, also one not in contact
     outward: Array  # unit vector from pulley centre to link, or joint
     tangent: Array  # z x outward
     distance: Array  # |r_ij|, the lever arm
+
+
+@dataclass(frozen=True)
+class AlongLinks:
+    """Contact along the links, (n_p, n_b) each; forces are vectors (2, n_b), of all pulleys."""
+
+    p_left: Array  # penetration of a link's left end
+    p_right: Array
+    normal_left: Array  # normal force at a link's left end
+    normal_right: Array
+    share_left: Array  # of the half that belongs to the joint on the left, in contact; at most 1/2
+    share_right: Array
+    rate_left: Array  # of the shares
+    rate_right: Array
+    left_force: Array
+    right_force: Array
+    damping_power: Array
+    energy: Array
+    raw: Array  # of both Gauss points before it is clamped
+    partly: npt.NDArray[np.bool_]  # one end inside, one outside
+
+    def normal(self, previous: npt.NDArray[np.intp]) -> Array:
+        """N of the joints."""
+        return self.normal_left + self.normal_right[:, previous]
+
+    def share(self, previous: npt.NDArray[np.intp]) -> Array:
+        """f of the joints."""
+        return self.share_left + self.share_right[:, previous]
+
+    def share_rate(self, previous: npt.NDArray[np.intp]) -> Array:
+        """df/dt of the joints."""
+        return self.rate_left + self.rate_right[:, previous]
 
 
 # -------------------------------------------------------------------- integration

@@ -18,7 +18,7 @@ def smooth_params() -> bd.Params:
     """
     return bd.Params(
         belt=bd.Belt(length=1.2, n_bodies=24, linear_density=0.1, axial_stiffness=7e3,
-                     axial_damping=0.05),
+                     axial_damping=0.05, mesh="paper"),
         pulleys=[
             bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01),
             bd.Pulley(center=(0.29, 0.0), radius=0.1, inertia=0.01),

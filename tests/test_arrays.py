@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import pickle
+import sys
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 import attrs
@@ -255,3 +257,9 @@ def test_numbers_too_long_to_print() -> None:
         checks.real_array("a", [huge], ndim=1)
     with pytest.raises(TypeError, match=r"^a must be a pair of real numbers, got"):
         checks.pair("a", [huge] * 3, "1")
+
+
+def test_masks_while_another_thread_imports_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module is in sys.modules before its names are in it."""
+    monkeypatch.setitem(sys.modules, "numpy.ma", ModuleType("numpy.ma"))
+    assert bd.Pulley(center=(0.0, 0.1), radius=0.1, inertia=0.01).center == (0.0, 0.1)

@@ -49,11 +49,22 @@ def test_run_a_scene(call: Callable[..., Result], tmp_path: Path) -> None:
     out, plot = tmp_path / "run.npz", tmp_path / "run.png"
     result = call("run", "kubas-case-1", *SHORT, "--out", out, "--plot", plot)
     assert result.exit_code == 0, result.output
-    for word in ("pulley speeds", "span tensions", "energy residual", "CPU time", "accepted"):
+    for word in ("pulley speeds", "span tensions", "creep", "of the mesh", "in time", "CPU time"):
         assert word in result.stdout
+    of_integrator = ("accepted", "rates evaluated", "Jacobians", "local error", "method")
+    for word in of_integrator:
+        assert word not in result.stdout
     assert str(out) in result.stdout and str(plot) in result.stdout
     assert bd.Result.load(out).t[-1] == 0.002
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_verbose_adds_what_the_integrator_did(call: Callable[..., Result]) -> None:
+    short = call("run", "kubas-case-1", *SHORT)
+    long = call("run", "kubas-case-1", *SHORT, "--verbose")
+    assert short.exit_code == long.exit_code == 0
+    for word in ("accepted", "rates evaluated", "Jacobians", "local error", "method"):
+        assert word in long.stdout and word not in short.stdout
 
 
 def test_animate(

@@ -18,6 +18,7 @@ import pytest
 import scipy.optimize
 from bridge import fields
 from click.testing import CliRunner
+from drives import METHODS
 from matplotlib.figure import Figure
 from module_common import INF, TORQUE, make_model, refused, same_bits
 
@@ -26,14 +27,6 @@ from beltdyn import _core, cli
 
 INERTIA = 0.01
 START = -60.0  # rad/s
-METHODS: dict[str, dict[str, Any]] = {
-    "auto": {"rtol": 1e-4},
-    "tsit5": {"rtol": 1e-4},
-    "rk4": {},
-    "rodas4": {"rtol": 1e-4},
-    "lbdf2": {"rtol": 1e-3},
-    "lie": {"rtol": 1e-2},
-}
 
 
 def drive(*drags: bd.Drag | None, friction: bool = True) -> bd.Params:

@@ -1,15 +1,19 @@
-"""The friction coefficient along a path of slip, ``Friction.coefficient``, against closed forms."""
+"""The friction coefficient along a path of slip, ``Friction.coefficient``, against closed forms; in
+steady slip."""
 
 from __future__ import annotations
 
 import re
 from typing import Any
 
+import attrs
+import drives
 import numpy as np
 import pytest
+from laws import EXAMPLES
 
 import beltdyn as bd
-from beltdyn import _core
+from beltdyn import _core, observed
 from beltdyn.checks import Array
 from beltdyn.friction import LAWS
 from beltdyn.rules import rules_of
@@ -98,3 +102,29 @@ def test_what_is_refused(change: dict[str, Any], message: str) -> None:
     given = {"slip": [0.0, 1.0], "velocity": 1.0, "normal": 1.0} | change
     with pytest.raises(ValueError, match=re.escape(message)):
         LUGRE.coefficient(**given)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_coefficients_in_slip_are_those_at_the_end_of_a_long_path(name: str) -> None:
+    """Friction develops over 0.1 mm: after 10 mm it is that of slip, whatever the law."""
+    law, path = EXAMPLES[name], np.linspace(0.0, 1e-2, 2001)
+    params = attrs.evolve(drives.plain(), friction=law)
+    kinetic = float(params._slip_limits[0][0])
+    for speed in (1e-4, 0.03, 1.0):
+        end = law.coefficient(path, velocity=speed, normal=5e3)[-1]
+        (found,) = law._in_slip(np.array([speed]), kinetic)
+        assert found == pytest.approx(end, rel=1e-9)
+
+
+def test_lugre_in_slip_has_its_closed_form_and_others_none() -> None:
+    law = EXAMPLES["lugre"]
+    assert isinstance(law, bd.LuGre)
+    velocity = np.array([-3.0, -0.04, 0.0, 1e-9, 0.01, 0.05, 0.1, 2.0])
+    exact = law.mu_k + (law.mu_s - law.mu_k) * np.exp(-((velocity / law.v_stribeck) ** 2))
+    exact += law.viscous * np.abs(velocity)
+    found = observed._in_slip(law, law.mu_k, velocity)
+    assert found is not None
+    np.testing.assert_allclose(found, exact, rtol=1e-3)
+    for other in (bd.Dahl(mu_k=0.8, sigma=1e4), EXAMPLES["elastic_plastic"]):
+        assert observed._in_slip(other, 0.8, velocity) is None
+    assert observed._in_slip(law, law.mu_k, np.zeros(3)) is None

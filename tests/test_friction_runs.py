@@ -13,6 +13,7 @@ import drives
 import numpy as np
 import pytest
 from bridge import fields, oracle_of
+from drives import METHODS
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, scaled, with_laws
 from module_common import INF, TORQUE, make_model, same_bits
 from test_kernels import available
@@ -32,14 +33,6 @@ PAIRS: dict[str, Laws] = {
     "joints, dahl": (EXAMPLES["dahl"], EXAMPLES["dahl"]),
     "joints, mixed": (scaled(LUGRE, 1.2), ELASTIC),
     "joints, one without": (ELASTIC, None),
-}
-METHODS: dict[str, dict[str, Any]] = {
-    "auto": {"rtol": 1e-4},
-    "tsit5": {"rtol": 1e-4},
-    "rk4": {},
-    "rodas4": {"rtol": 1e-4},
-    "lbdf2": {"rtol": 1e-3},
-    "lie": {"rtol": 1e-2},
 }
 T_END = 0.05
 TIMES = np.linspace(0.0, T_END, 101)
@@ -168,7 +161,7 @@ def test_nothing_is_reported_where_nothing_presses() -> None:
     that of Dahl's law, which is its state.
     """
     for law in EXAMPLES.values():
-        model = make_model(friction=law._to_core(), contact=(0.0, 2.5e5, 1e3))
+        model = make_model(friction=law._to_core(), contact=(0.0, 2.5e5, 1e3, 0))
         settling = _core.Simulation.settle(model, tolerance=1e-5, friction=True)
         assert settling.advance(INF) is True
         state = settling.state()

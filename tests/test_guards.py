@@ -56,7 +56,7 @@ def small_idler(radius: float, n_bodies: int) -> bd.Params:
     return bd.Params(
         belt=bd.Belt(
             length=0.905, n_bodies=n_bodies, linear_density=0.1, axial_stiffness=50e3,
-            axial_damping=2.0,
+            axial_damping=2.0, mesh="paper",
         ),
         pulleys=[
             bd.Pulley(center=(0.0, 0.0), radius=0.05, inertia=0.01),

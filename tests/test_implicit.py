@@ -256,6 +256,7 @@ def test_error_follows_the_tolerance(method: str) -> None:
     kwargs = {"initial": start, "t_eval": times}
     exact = bd.simulate(*scene[:2], 0.21, rtol=1e-9, **kwargs).joints.force
     tension, ladder = np.mean(exact), [1e-2, 1e-3, 1e-4]
+    ladder += [1e-5] if method == "rodas4" else []  # whose errors are far below 1e-2 there
     errors = []
     for rtol in ladder:
         force = bd.simulate(*scene[:2], 0.21, method=method, rtol=rtol, **kwargs).joints.force

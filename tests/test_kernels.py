@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 
 import attrs
+import dense
 import numpy as np
 import pytest
 from bridge import fields, oracle_of
@@ -133,30 +134,37 @@ def test_every_length_of_the_last_vector(
     state = {
         "x": circle * np.cos(around), "y": circle * np.sin(around), "phi": around - np.pi / 2,
         "vx": np.zeros(n_bodies), "vy": np.zeros(n_bodies), "vphi": np.zeros(n_bodies),
-        "mu": rng.uniform(-0.5, 0.5, n_bodies), "slip": np.zeros(n_bodies),
         "theta": np.zeros(2), "omega": np.array([-30.0, 10.0]), "t": 0.0,
     }  # fmt: skip
     for name, scale in {"x": 5e-5, "y": 5e-5, "phi": 0.1, "vx": 1.0, "vy": 1.0, "vphi": 50}.items():
         state[name] = state[name] + scale * rng.standard_normal(n_bodies)
     torque = np.array([3.0, -2.0])
-    y = oracle.pack({key: value for key, value in state.items() if key != "mu"})
-    touch = oracle.penetration(y)[0] > 0
-    assert touch.any()
-    state["mu"][~touch] = 0.0
-    expected = oracle.unpack(oracle.rhs(0.0, oracle.pack(state), lambda t, theta, omega: torque))
+    slots = dense.slots_of(oracle)
+    touch = oracle.penetration(oracle.pack(state)) > 0
+    assert touch[0].any()
+    mu = rng.uniform(-0.5, 0.5, touch.shape) * touch
+    y = oracle.pack(state | {"mu": mu})
+    expected = oracle.unpack(oracle.rhs(0.0, y, lambda t, theta, omega: torque))
+
+    def by_slot(pairs: np.ndarray) -> np.ndarray:
+        out = np.zeros((1 + max(slots), n_bodies))
+        np.add.at(out, slots, pairs)
+        return out.ravel()
+
+    state |= {"mu": by_slot(mu), "slip": by_slot(0.0 * mu)}
     for level in available(monkeypatch):
         monkeypatch.setenv("BELTDYN_KERNELS", level)
         model = _core.Model(  # Params would refuse so few links on these pulleys
             (length, n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
              belt.bending_stiffness, 1e-4),
             oracle.centers, oracle.radii, oracle.inertias,
-            (contact.quadratic, contact.linear, contact.damping), friction._to_core(),
+            (contact.quadratic, contact.linear, contact.damping, 0), friction._to_core(),
             (0.0, 0.0), mesh=mesh,
         )  # fmt: skip
         rate = model.rate(state, torque)
         for name in ("x", "y", "phi", "vx", "vy", "vphi", "omega", "mu", "slip"):
             want = np.asarray(expected[name])
-            want = want.sum(axis=0) if want.ndim == 2 else want
+            want = by_slot(want) if want.ndim == 2 else want
             error = np.max(np.abs(rate[name] - want))
             assert error <= 1e-11 * np.max(np.abs(want)), (level, name)
 

@@ -23,7 +23,7 @@ from module_common import INF, TORQUE, make_model, refused
 from test_jacobian import case_of, core_of, crossed
 
 import beltdyn as bd
-from beltdyn import _core
+from beltdyn import _core, sanity
 
 DAHL, LUGRE, ELASTIC = (oracle_law(EXAMPLES[name]) for name in ("dahl", "lugre", "elastic_plastic"))
 LAWS: dict[str, tuple[Any, ...]] = {
@@ -121,6 +121,54 @@ def test_the_spectral_bound_bounds(damping: float, bending: float) -> None:
     bound = core_of(oracle).info["spectral_bound"]
     assert fastest <= bound * (1 + 1e-5)
     assert bending > 0.0 or fastest >= 0.98 * bound
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.04])
+def test_pulleys_that_one_joint_could_touch(radius: float) -> None:
+    """They keep friction apart, which a belt with pulleys of its own does not need, so it has to
+    have more links. Two links reach from one to the other where the span is shorter than they, with
+    half a link for the joint to gape.
+    """
+    for mesh, n, close in (("joint", 10, False), ("joint", 8, True), ("paper", 8, False)):
+        centers = np.array([[0.0, 0.0], [math.hypot(0.25, 0.1 - radius), 0.0]])
+        belt = (1.0, n, 0.1, 7e4, 1.0, 0.0, 0.0)
+        assert close == (2.5 * 1.0 / n > 0.25 + 1e-9 and mesh == "joint")
+        friction = EXAMPLES["dahl"]._to_core()
+        model = _core.Model(
+            belt, centers, np.array([0.1, radius]) * 0.999, np.ones(2), (0.0, 1e6, 0.0, 0),
+            friction,
+            (0.0, 0.0), mesh=mesh,
+        )  # fmt: skip
+        state = {name: np.zeros(n) for name in ("x", "y", "vx", "vy", "vphi")}
+        state |= {
+            "phi": -2 * np.pi * np.arange(n) / n,
+            "t": 0.0,
+            "theta": np.zeros(2),
+            "omega": np.zeros(2),
+        }
+        for slots in (1, 2):
+            given = state | {name: np.zeros(slots * n) for name in ("mu", "slip")}
+            if slots == 1 + close:
+                model.rate(given, np.zeros(2))
+            else:
+                with pytest.raises(ValueError, match=r"^state 'mu' must have shape"):
+                    model.rate(given, np.zeros(2))
+
+
+def test_a_belt_of_too_few_links_for_close_pulleys_is_refused() -> None:
+    base = drives.on_mesh(drives.plain(), "joint")
+    pulleys = [bd.Pulley(center=(x, 0.0), radius=0.03, inertia=0.01) for x in (0.0, 0.07)]
+    path = 2 * 0.07 + 2 * math.pi * 0.03
+    belt = attrs.evolve(base.belt, length=path / 1.01, bending_stiffness=0.0)
+
+    def params(n_bodies: int, mesh: str) -> bd.Params:
+        given = attrs.evolve(belt, n_bodies=n_bodies, mesh=mesh)
+        return attrs.evolve(base, belt=given, pulleys=pulleys)
+
+    message = r"two of 11 links of .* could touch pulleys 0 and 1 at once; belt\.n_bodies >= 12 "
+    with pytest.raises(ValueError, match=message):
+        bd.settle(params(11, "joint"))
+    assert bd.settle(params(12, "joint")).mu.shape == (12,)
 
 
 # -------------------------------------------------------------------- what is off costs nothing
@@ -225,11 +273,41 @@ def test_a_saved_result_keeps_its_mesh(mesh: str, tmp_path: Any) -> None:
     assert bd.Result.load(path).params == params
 
 
+# -------------------------------------------------------------------- energy
+
+
+@pytest.mark.parametrize("law", EXAMPLES)
+def test_the_ledger_closes_with_every_method(law: str) -> None:
+    """What is left over is below three times rtol of the work put in (rtol is an error of forces,
+    kept within that factor); and the forces' differences, of the mean tension, from the same
+    drive's at a tolerance of 1e-6 are below rtol.
+    """
+    torque = drives.plain_scene().torque_fn
+    base = drives.on_mesh(drives.plain(), "joint")
+    params = attrs.evolve(base, friction=EXAMPLES[law])
+    start, times = bd.settle(params), np.linspace(0.0, 0.02, 21)
+
+    def run(method: str, rtol: float) -> bd.Result:
+        given: dict[str, Any] = {"method": method, "rtol": rtol, "t_eval": times}
+        return bd.simulate(params, torque, times[-1], initial=start, **given)
+
+    exact = run("rodas4", 1e-6)
+    for method, rtol in (("rodas4", 1e-5), ("tsit5", 1e-4), ("lbdf2", 1e-3), ("lie", 1e-2)):
+        result = run(method, rtol)
+        assert result.energy is not None
+        work = np.abs(result.energy.drive).max()
+        assert np.abs(result.energy.residual).max() <= 3.0 * rtol * work, method
+        off = np.abs(result.joints.force - exact.joints.force).max()
+        assert off <= rtol * params.info["mean_tension"], method
+
+
 # -------------------------------------------------------------------- accuracy in space
 
 LENGTH_OF_U = 1.005  # of its belt line over the belt
-#: Slack tension [N] and creep [%] of 960 links of the paper's mesh.
-FINEST = {"M": (162.2, 0.673), "U": (240.4, 0.304)}
+#: Slack tension [N] and creep [%] of the paper's mesh with 1440 (U: 960) links in steady motion,
+#: from 0.9 s on. Earlier, while the wraps that were laid at rest still run off, its tension is up
+#: to 2 N beyond its own steady one, the more the finer it is.
+FINEST = {"M": (160.4, 1.006), "U": (246.6, 0.377)}
 
 
 def scene_of(kind: str, n_bodies: int, mesh: str) -> bd.Scene:
@@ -251,14 +329,14 @@ def scene_of(kind: str, n_bodies: int, mesh: str) -> bd.Scene:
         belt = attrs.evolve(belt, length=path / LENGTH_OF_U)
         params = attrs.evolve(params, belt=belt, pulleys=pulleys)
     ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-most, 0.0]])
-    return bd.Scene(params, ramp + bd.Viscous([0.0, load]), 0.62)
+    return bd.Scene(params, ramp + bd.Viscous([0.0, load]), 1.2)
 
 
 @functools.cache
 def slack_and_creep(kind: str, n_bodies: int, mesh: str) -> tuple[float, float]:
-    """Means over a whole number of links passing by, after 0.4 s: slack tension [N], creep [%]."""
+    """Means over a whole number of links passing by, after 0.9 s: slack tension [N], creep [%]."""
     params, torque, t_end = scene_of(kind, n_bodies, mesh)[:3]
-    run = bd.simulate(params, torque, t_end, rtol=1e-3, t_eval=np.linspace(0.4, t_end, 2201))
+    run = bd.simulate(params, torque, t_end, rtol=1e-3, t_eval=np.linspace(0.9, t_end, 3001))
     turned = np.abs(np.mean(run.belt.phi - run.belt.phi[0], axis=1))
     passed = turned / (2 * np.pi / n_bodies)
     assert passed[-1] >= 2.0
@@ -273,10 +351,10 @@ def slack_and_creep(kind: str, n_bodies: int, mesh: str) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("n_bodies", "kind", "tension", "creep"),
     [
-        (60, "M", 0.01, 0.05),
-        (60, "U", 0.01, 0.12),
-        (30, "M", 0.03, 0.20),
-        (30, "U", 0.03, 0.20),
+        (60, "M", 0.005, 0.03),
+        (60, "U", 0.005, 0.12),
+        (30, "M", 0.01, 0.05),
+        (30, "U", 0.03, 0.25),
     ],
 )
 def test_few_links_give_what_many_give(
@@ -324,3 +402,59 @@ def test_both_meshes_are_laid_with_friction_at_one_limit(kind: str) -> None:
     expected = tensions(240, "paper")
     for n_bodies in (120, 240):
         assert tensions(n_bodies, "joint") == pytest.approx(expected, rel=0.02), n_bodies
+
+
+# -------------------------------------------------------------------- what is said of the mesh
+
+
+@pytest.mark.filterwarnings("ignore:(mesh|long_links):UserWarning")
+@pytest.mark.parametrize("n_bodies", [30, 60])
+@pytest.mark.parametrize("kind", ["M", "U"])
+def test_the_estimate_is_of_the_size_of_the_error(kind: str, n_bodies: int) -> None:
+    """Histories of U within the factor of three that is claimed; M, which starts calmly, is up to
+    six times as good as said, and so are means of steady motion.
+    """
+    scene = scene_of(kind, n_bodies, "joint")
+    times = np.linspace(0.0, scene.t_end, 1501)
+    run, fine = (
+        bd.accuracy.observe(bd.simulate(*one, rtol=1e-3, t_eval=times), last=0.3)
+        for one in (scene, scene_of(kind, 240, "joint"))
+    )
+    error = bd.accuracy.differences(run, fine)
+    said = sanity.mesh_error(scene.params)
+    assert 1.0 / 3.0 < said["tension"] / error["tension"] < (3.0 if kind == "U" else 6.0)
+    assert error["span_mean"] < said["span_mean"]
+
+
+def test_what_is_said_of_the_mesh_goes_with_its_square() -> None:
+    """And the paper's is what its straight links add at rest."""
+    one, two = (scene_of("U", n, "joint").params for n in (40, 80))
+    for name, error in sanity.mesh_error(one).items():
+        assert error == pytest.approx(4.0 * sanity.mesh_error(two)[name], rel=1e-12)
+    paper = scene_of("U", 80, "paper").params
+    assert set(sanity.mesh_error(paper).values()) == {sanity.mesh_share(paper)}
+    share = sanity.mesh_error(two)["tension"] / sanity.JOINT_ERRORS["tension"]
+    # tan a / a - 1 is larger than a^2 / 3 by 2 a^2 / 5, a = 0.14
+    assert share == pytest.approx(sanity.mesh_share(paper), rel=0.01)
+
+
+def test_a_warning_names_links_enough_for_one_percent() -> None:
+    def noticed(n_bodies: int) -> list[bd.RunWarning]:
+        found = sanity.check(scene_of("U", n_bodies, "joint").params)
+        return [one for one in found if one.code == "mesh"]
+
+    (one,) = noticed(30)
+    assert one.accuracy and "30 links are few" in one.text
+    (number,) = re.findall(r"n_bodies = (\d+)", one.text)
+    enough = sanity.mesh_error(scene_of("U", int(number), "joint").params)["span_mean"]
+    fewer = sanity.mesh_error(scene_of("U", int(number) - 10, "joint").params)["span_mean"]
+    assert enough <= 0.01 < fewer
+    assert noticed(60) == []
+    assert str(one) in str(scene_of("U", 30, "joint").params)
+
+
+def test_printing_says_what_the_mesh_makes_wrong(mesh: str) -> None:
+    params = scene_of("U", 60, mesh).params
+    (line,) = (one for one in str(params).splitlines() if "error of the mesh" in one)
+    assert f"{100 * sanity.mesh_error(params)['span_mean']:.2g} %" in line
+    assert "error in time" in str(params) and "error of the contact" in str(params)

@@ -42,7 +42,13 @@ def test_tables_are_what_the_objects_use(model, rest):
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
     assert {size for _, size, *_ in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS"}
     assert {row[2] for row in _core.OUTPUTS} == {"LINKS", "FRICTION", "PULLEYS", "ENERGY"}
-    assert [row[0] for row in _core.RULES] == ["POSITIVE", "NONNEGATIVE", "FINITE", "LINKS"]
+    assert [row[0] for row in _core.RULES] == [
+        "POSITIVE",
+        "NONNEGATIVE",
+        "FINITE",
+        "LINKS",
+        "FLAG",
+    ]
     assert {row[2] for row in _core.PARAMETERS} <= {row[0] for row in _core.RULES}
 
 
@@ -336,8 +342,8 @@ def test_model_needs_every_argument(name):
          f"belt.n_bodies is too large: {2**40}"),
         ({"belt": (*SCENE["belt"][:6], 1j)}, TypeError,
          "belt.bending_damping must be a real number, got complex"),
-        ({"contact": None}, TypeError, "contact must be a tuple of 3 numbers, got NoneType"),
-        ({"contact": (1.0, None, 1.0)}, TypeError,
+        ({"contact": None}, TypeError, "contact must be a tuple of 4 numbers, got NoneType"),
+        ({"contact": (1.0, None, 1.0, 0)}, TypeError,
          "contact.linear must be a real number, got NoneType"),
         ({"friction": ("dahl", (1.0,))}, ValueError, "friction must have 2 numbers, got 1"),
         ({"friction": ("none", ())}, ValueError, "friction: there is no friction law 'none'"),
@@ -399,7 +405,8 @@ def test_shapes_of_many_dimensions_are_cut_short():
         ),
         ({"radii": [0.1, 0.0]}, r"pulleys\[1\]\.radius must be > 0"),
         ({"inertias": [-1, 1]}, r"pulleys\[0\]\.inertia must be > 0"),
-        ({"contact": (1.0, -1.0, 1.0)}, r"contact\.linear must be >= 0"),
+        ({"contact": (1.0, -1.0, 1.0, 0)}, r"contact\.linear must be >= 0"),
+        ({"contact": (1.0, 1.0, 1.0, 2)}, r"contact\.compensate must be 0 or 1 .*, got 2$"),
         ({"friction": ("dahl", (0.0, 1.0))}, r"friction\.mu_k must be > 0"),
         (
             {"centers": np.zeros((0, 2)), "radii": [], "inertias": []},

@@ -38,11 +38,12 @@ GOOD: dict[str, dict[str, Any]] = {
     },
     "pulley": {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01},
     "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
-    "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3},
+    "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3, "compensate": True},
     **{name: attrs.asdict(law) for name, law in EXAMPLES.items()},
 }
 ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS]
-NUMBERS = [(group, name) for group, name, rule in ROWS if rule != "LINKS"]
+NUMBERS = [(group, name) for group, name, rule in ROWS if rule not in ("LINKS", "FLAG")]
+KINDS = {"LINKS": "an integer", "FLAG": "a bool"}
 
 
 def build(group: str, **changes: Any) -> Any:
@@ -81,7 +82,11 @@ def test_not_finite_is_refused(group: str, name: str, value: Any) -> None:
 @pytest.mark.parametrize(("group", "name", "rule"), ROWS)
 @pytest.mark.parametrize("value", ["1.2", True, None, 1j, [1.0], np.bool_(True), np.array([1.0])])
 def test_wrong_kind_is_refused(group: str, name: str, rule: str, value: Any) -> None:
-    kind = "an integer" if rule == "LINKS" else "a real number"
+    left_open = value is None and attrs.fields_dict(CLASSES[group])[name].default is None
+    if left_open or (rule == "FLAG" and isinstance(value, (bool, np.bool_))):
+        assert getattr(build(group, **{name: value}), name) is not None
+        return
+    kind = KINDS.get(rule, "a real number")
     with pytest.raises(TypeError, match=rf"^{group}\.{name} must be {kind}.*, got "):
         build(group, **{name: value})
 
@@ -104,6 +109,14 @@ def test_bounds(group: str, name: str, rule: str) -> None:
         ):
             build(group, **{name: 2})
         assert getattr(build(group, **{name: 3}), name) == 3
+        return
+    if rule == "FLAG":
+        for value in (-1, 0, 1, 2):  # of the core; Python's class takes no numbers
+            if value in (0, 1):
+                _core.check_parameter(group, name, group, value)
+            else:
+                with pytest.raises(ValueError, match=rf"^{group}\.{name} must be 0 or 1 .*, got "):
+                    _core.check_parameter(group, name, group, value)
         return
     with pytest.raises(ValueError, match=rf"^{group}\.{name} must be >=? 0 .*, got -1"):
         build(group, **{name: -1})

@@ -48,13 +48,14 @@ MIXED = [EXAMPLES[name]._to_core() for name in ("lugre", "elastic_plastic")]
 DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     "plain": ({}, "terms", 0.02),
     "lightly damped": (
-        {"belt": (1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), "contact": (0.0, 2.5e7, 100.0)},
+        {"belt": (1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), "contact": (0.0, 2.5e7, 100.0, 0)},
         "terms",
         0.02,
     ),
     "frictionless": ({"friction": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
     "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
     "joints": ({"mesh": "joint"}, "terms", 0.02),
+    "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1)}, "terms", 0.02),
     "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),
@@ -157,7 +158,8 @@ def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None
         drags[1].import_record(drags[0].export_record())
     fresh = new()
     untouched = pickle.dumps(fresh.state())
-    others = (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag"), new("joints"))
+    others = (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag"), new("joints"),
+              new("compensated"))  # fmt: skip
     for one in others:
         with refused(ValueError, other + "made with"):
             one.import_record(record)

@@ -16,7 +16,7 @@ import pytest
 import reference as ref
 import reference_run as runs
 import scipy.integrate
-from oracle_drives import law_by_hand, no_torque, shaken, small_drive
+from oracle_drives import contact_by_hand, law_by_hand, no_torque, shaken, small_drive
 from reference_friction import Dahl, ElasticPlastic, LuGre
 
 LUGRE = LuGre(mu_k=0.5, mu_s=0.8, v_stribeck=0.3, sigma=1e4, damping=0.2, viscous=0.1)
@@ -266,28 +266,30 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
     bend, bend_rate = model.joint_angles(y)
     pull = model.c_tra * d + model.b_tra * d_rate
     twist = model.c_tor * bend + model.b_tor * bend_rate
-    e, at = model.directions(y), model.contacts(y)
+    e, at, hand = model.directions(y), model.contacts(y), contact_by_hand(model, y)
     acceleration, alpha = np.zeros((2, model.n_bodies)), np.zeros(model.n_bodies)
     torque_on_pulley = np.zeros(model.n_pulleys)
-    at_contact = np.zeros((2, model.n_bodies))
-    for i in range(model.n_bodies):
-        for j, law in enumerate(model.laws):
-            grip, _ = law_by_hand(
-                law, model.memory(y)[0, j, i], at.velocity[j, i], at.normal[j, i], model.l0
-            )
-            at_contact[:, i] += at.normal[j, i] * at.outward[j, :, i] - grip * at.tangent[j, :, i]
-            torque_on_pulley[j] += grip * at.distance[j, i]
+    at_left, at_right = hand.left.sum(axis=0), hand.right.sum(axis=0)
+    grips, rates = np.zeros_like(at.normal), np.zeros_like(at.normal)
+    for j, i in zip(*np.nonzero(hand.share), strict=True):
+        share, z = hand.share[j, i], model.memory(y)[0, j, i]
+        grip, rate = law_by_hand(
+            model.laws[j], z, at.velocity[j, i], hand.normal[j, i] / share, model.l0
+        )
+        grips[j, i], rates[j, i] = share * grip, rate
+        if model.laws[j] is not None:
+            rates[j, i] -= z * hand.fresh[j, i]
+        torque_on_pulley[j] += grips[j, i] * at.distance[j, i]
+        rub = -0.5 * grips[j, i] * at.tangent[j, :, i]
+        at_left[:, i] += rub
+        # a link's friction acts at its middle, a joint's on the ends that meet there
+        at_right[:, i if model.mesh == "paper" else i - 1] += rub
     for i in range(model.n_bodies):
         right = (i + 1) % model.n_bodies
-        force = pull[:, right] - pull[:, i] + model.mass * np.asarray(model.gravity)
+        left_end, right_end = at_left[:, i] - pull[:, i], at_right[:, i] + pull[:, right]
+        force = left_end + right_end + model.mass * np.asarray(model.gravity)
         moment = twist[right] - twist[i]
-        at_right, at_left = pull[:, right], -pull[:, i]
-        if model.mesh == "paper":
-            force += at_contact[:, i]
-        else:  # a joint's contact presses the two link ends alike
-            at_right, at_left = at_right + at_contact[:, right] / 2, at_left + at_contact[:, i] / 2
-            force += at_contact[:, i] / 2 + at_contact[:, right] / 2
-        for side, at_end in ((+1, at_right), (-1, at_left)):
+        for side, at_end in ((+1, right_end), (-1, left_end)):
             arm = side * model.l0 / 2 * e[:, i]
             moment += arm[0] * at_end[1] - arm[1] * at_end[0]
         acceleration[:, i] = force / model.mass
@@ -309,16 +311,15 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
     np.testing.assert_allclose(
         model.ledger(dy), model.powers(0.0, y, torque), rtol=1e-11, atol=1e-9
     )
-    touching = at.penetration > 0
+    np.testing.assert_allclose(at.normal, hand.normal, rtol=1e-11, atol=1e-9)
+    np.testing.assert_allclose(at.share, hand.share, rtol=1e-11, atol=1e-15)
+    touching = hand.share > 0
     z_rate, slip_rate = model.memory(dy)
     rubbing = touching & np.array([law is not None for law in model.laws])[:, None]
     np.testing.assert_allclose(slip_rate, np.where(rubbing, at.velocity, 0.0), atol=1e-12)
-    for pair, z in np.ndenumerate(model.memory(y)[0]):
-        v, normal = float(at.velocity[pair]), float(at.normal[pair])
-        grip, rate = law_by_hand(model.laws[pair[0]], z, v, normal, model.l0)
-        assert z_rate[pair] == pytest.approx(rate if touching[pair] else 0.0, rel=1e-11, abs=1e-9)
-        assert at.friction[pair] == pytest.approx(grip, rel=1e-11, abs=1e-9)
-        assert at.mu[pair] * normal == pytest.approx(grip, rel=1e-11, abs=1e-9)
+    np.testing.assert_allclose(z_rate, rates, rtol=1e-11, atol=1e-9)
+    np.testing.assert_allclose(at.friction, grips, rtol=1e-11, atol=1e-9)
+    np.testing.assert_allclose(at.mu * at.normal, grips, rtol=1e-11, atol=1e-9)
     for j, law in enumerate(model.laws):  # where nothing presses, Dahl's coefficient is its state
         held = touching[j] & isinstance(law, Dahl)
         lifted = at.normal[j] == 0
@@ -440,16 +441,21 @@ def test_joint_of_a_straight_span_reads_as_a_scalar_spring() -> None:
 # -------------------------------------------------------------------- conservation
 
 
+def contact_on_the_belt(model: ref.Reference, y: ref.Array) -> ref.Array:
+    """Force of each pulley on the whole belt, (n_p, 2)."""
+    at, hand = model.contacts(y), contact_by_hand(model, y)
+    return np.asarray((hand.left + hand.right - at.friction[:, None] * at.tangent).sum(axis=2))
+
+
 def test_internal_forces_sum_to_zero(model: ref.Reference) -> None:
     y = shaken(model, 3)
     dy = model.rhs(0.0, y, no_torque)
-    at = model.contacts(y)
-    contact = at.normal[:, None] * at.outward - at.friction[:, None] * at.tangent
+    contact = contact_on_the_belt(model, y)
     momentum_rate = model.mass * model.links(dy)[1, :2].sum(axis=1)
     weight = model.n_bodies * model.mass * np.asarray(model.gravity)
     largest = model.mass * np.abs(model.links(dy)[1, :2]).max()
     np.testing.assert_allclose(
-        momentum_rate, contact.sum(axis=(0, 2)) + weight, atol=1e-12 * model.n_bodies * largest
+        momentum_rate, contact.sum(axis=0) + weight, atol=1e-12 * model.n_bodies * largest
     )
 
 
@@ -466,11 +472,11 @@ def test_angular_momentum_rate_is_that_of_external_forces(model: ref.Reference) 
     y = shaken(model, 4)
     applied = np.linspace(-20.0, 30.0, model.n_pulleys)
     dy = model.rhs(0.0, y, lambda *_: applied)
-    (x, a), at = model.links(y)[0, :2], model.contacts(y)
+    x, a = model.links(y)[0, :2]
     ax, ay, alpha = model.links(dy)[1]
     spin = model.mass * (x * ay - a * ax) + model.inertia * alpha
     rate = spin.sum() + np.sum(model.inertias * model.pulleys(dy)[1])
-    contact = (at.normal[:, None] * at.outward - at.friction[:, None] * at.tangent).sum(axis=2)
+    contact = contact_on_the_belt(model, y)
     bearings = np.sum(model.centers[:, 0] * contact[:, 1] - model.centers[:, 1] * contact[:, 0])
     gx, gy = model.gravity
     weight = np.sum(model.mass * (x * gy - a * gx))

@@ -209,10 +209,38 @@ def test_energy(result: bd.Result) -> None:
     assert abs(energy.residual[-1]) < 1e-3 * energy.passed[-1]
 
 
+def test_the_summary_says_the_whole_error(result: bd.Result) -> None:
+    """In time, of the mesh and of contact; what is not known is said not to be."""
+    known = result.accuracy["span_mean"]
+    assert known.time == result.stats.error and known.total is not None
+    errors = {"time": 3e-4, "space": 2e-2, "compliance": 1e-3}
+    other = attrs.evolve(known, **errors)
+    assert other.total == pytest.approx(sum(errors.values()))
+    changed = (other if one is known else one for one in result.accuracy.errors)
+    shown = attrs.evolve(result, accuracy=attrs.evolve(result.accuracy, errors=tuple(changed)))
+    rows = dict(shown.summary())
+    assert rows["  mean tension of the spans"] == (
+        "2.1 %: at most 0.03 % in time, 2 % of the mesh, 0.1 % of contact"
+    )
+    assert rows["  creep"].startswith("not known in time and of the mesh")
+    assert "verify=True" in rows["  measured"]
+    for label, value in rows.items():
+        assert label in str(shown) and value in str(shown)
+
+
+def test_what_the_integrator_did_is_told_on_request(result: bd.Result) -> None:
+    short, long = dict(result.summary()), dict(result.summary(verbose=True))
+    assert short.items() <= long.items()
+    assert set(long) - set(short) >= {"method", "steps", "local error", "instruction level"}
+    assert long["rates evaluated"] == f"{result.stats.nfev}"
+
+
 def test_without_the_ledger(scene: bd.Scene, start: bd.State, tmp_path: Path) -> None:
     run = bd.simulate(*scene, initial=start, t_eval=[0.0, T_END], ledger=False)
     assert run.energy is None
-    assert "energy residual" not in dict(run.summary())
+    label = "  energy unaccounted for"
+    assert label not in dict(run.summary())
+    assert label in dict(bd.simulate(*scene, initial=start, t_eval=[0.0, T_END]).summary())
     run.save(tmp_path / "run.npz")
     assert bd.Result.load(tmp_path / "run.npz").energy is None
 

@@ -43,6 +43,7 @@ def drive(
             linear_density=density,
             axial_stiffness=stiffness,
             axial_damping=damping,
+            mesh="paper",
         ),
         pulleys=[
             bd.Pulley(center=(scale * x, 0.0), radius=scale * r, inertia=inertia)
@@ -114,9 +115,10 @@ def test_what_is_suggested_is_enough_and_not_much_too_much() -> None:
     length = attrs.evolve(drive(strain=0.031).belt, length=1.174)
     assert "strain" not in codes(attrs.evolve(drive(strain=0.031), belt=length))
     # contact: the wraps, together 2 pi, at a depth of 0.5 mm take 2 pi 0.5 mm / L off the strain;
-    # what is left of 70e3 N x 0.007, 307 N, over 0.1 m x 0.5 mm is 6.14e6 N/m^2
+    # what is left of 70e3 N x 0.007, 307 N, on its 1.0044 m of arc for each metre of the belt
+    # without stress, over 0.1 m x 0.5 mm is 6.17e6 N/m^2
     left = 70e3 * (0.007 - 2.0 * math.pi * 0.5e-3 / drive().belt.length)
-    needed = left / (0.1 * 0.5e-3)
+    needed = left * (1.0 + left / 70e3) / (0.1 * 0.5e-3)
     assert "compliance" not in codes(drive(contact=bd.Contact(linear=1.001 * needed)))
     assert "compliance" in codes(drive(contact=bd.Contact(linear=0.999 * needed)))
     # links: half a radius is 10 mm
@@ -139,17 +141,15 @@ def test_contact_depth_against_a_settled_belt(contact: bd.Contact) -> None:
     """Links on the wrap lie that much inside."""
     params = drive((0.06, 0.12), links=480, contact=attrs.evolve(contact, damping=1e3))
     state = bd.settle(params)
-    expected = sanity.contact_depth(params)
+    expected = params.compliance.depth[:, 0]
     for k, pulley in enumerate(params.pulleys):
         depth = pulley.radius - np.hypot(state.x - pulley.center[0], state.y - pulley.center[1])
         # The middle of the wrap: to the left of the left pulley, to the right of the right one.
         middle = (state.x - pulley.center[0]) * (2 * k - 1) > 0.7 * pulley.radius
         mean = float(depth[middle].mean())
         # First order in p/r: the pressure is T/(r - p) and the arc is that of r - p, of order one
-        # each; the contact is per metre of the stress-free belt, and more of it lies on the arc by
-        # the strain; the mesh adds its share of the tension.
-        strain = params.info["strain"] - params.info["contact_strain"]
-        error = sanity.mesh_share(params) + strain + 3.0 * expected[k] / pulley.radius
+        # each; the mesh adds its share of the tension.
+        error = sanity.mesh_share(params) + 3.0 * expected[k] / pulley.radius
         assert mean == pytest.approx(expected[k], rel=error)
 
 
@@ -323,8 +323,8 @@ def test_full_slip_says_where_when_and_how_much() -> None:
     assert (driving.where, driven.where) == ("pulley 0", "pulley 1")
     # The belt sticks while torque builds up, over 20 ms, and again once it has dropped, 0.12 s on.
     assert 0.0 < driving.t < 0.02
-    stick = np.abs(result.slip[:, 1]) < 0.01
-    assert stick[-100:].all()
+    sticking = result.slip[-100:, 1]  # but for the swing of the driving pulley against the flywheel
+    assert np.abs(sticking).max() < 0.02 and abs(sticking.mean()) < 0.005
     # What it says to be lost is the ledger's friction loss, but for the little lost in creep.
     joules = [
         float(one.text.partition("which dissipates ")[2].partition(" J")[0])
@@ -446,18 +446,17 @@ def call(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[list[str], str]
 def test_the_command_line_says_it_last_and_once(call: Callable[..., Any]) -> None:
     lines, table = call("run", "flywheel-start", "--t-end", "0.2")
     assert [line.split(":")[:3] for line in lines] == [
-        ["beltdyn", " warning", " mesh"],
         ["beltdyn", " warning", " full_slip"],
         ["beltdyn", " warning", " full_slip"],
     ]
     assert "UserWarning" not in "".join(lines) and "\x1b" not in "".join(lines)
-    assert "3: mesh, full_slip (pulley 0)" in " ".join(table.split())
+    assert "2: full_slip (pulley 0)" in " ".join(table.split())
 
 
 def test_the_summary_lists_every_warning_it_counts() -> None:
     params, torque, t_end, _ = bd.scenes.flywheel_start()
     listed = dict(run(params, torque, 0.5 * t_end).summary())["warnings"]
-    assert listed == "3: mesh, full_slip (pulley 0), full_slip (pulley 1)"
+    assert listed == "2: full_slip (pulley 0), full_slip (pulley 1)"
 
 
 def test_colours_of_the_command_line(call: Callable[..., Any]) -> None:

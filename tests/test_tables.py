@@ -67,7 +67,7 @@ def test_parameters_are_fields_in_order_with_their_units(group: str) -> None:
     texts = described(PARTS[group])
     assert list(texts) == [field.name for field in fields]
     for rule in rules.values():
-        if rule.rule != "LINKS":
+        if rule.rule not in ("LINKS", "FLAG"):
             assert says_unit(texts[rule.name], rule.unit), rule
             bound = {"POSITIVE": "> 0", "NONNEGATIVE": ">= 0"}[rule.rule]
             assert re.search(rf"(?<![<>=]){bound}(?!\d)", texts[rule.name]), rule
@@ -119,5 +119,6 @@ def annotations_of_model() -> dict[str, Any]:
 
 @pytest.mark.parametrize("group", ["belt", "contact", "drag"])
 def test_tuples_of_the_stub_have_the_parameters_of_their_group(group: str) -> None:
-    kinds = ["int" if rule.rule == "LINKS" else "float" for rule in rules_of(group).values()]
+    integers = ("LINKS", "FLAG")
+    kinds = ["int" if rule.rule in integers else "float" for rule in rules_of(group).values()]
     assert f"tuple[{', '.join(kinds)}]" in ast.unparse(annotations_of_model()[group])

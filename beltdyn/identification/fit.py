@@ -13,12 +13,12 @@ import numpy as np
 from ..checks import Array, flag, integer, pair, real
 from ..params import Params
 from ..run_warnings import distinct, issue
+from ..threads import Workers
 from . import linear
 from .experiment import Target
 from .free import Free, Parameter, resolve
 from .losses import LOSSES, cost_and_weights
 from .report import Identification, IdentificationInterrupted, confidence_of
-from .threads import Workers
 from .trials import Rig, Trial
 
 __all__ = ["identify"]

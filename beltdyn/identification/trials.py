@@ -16,10 +16,10 @@ from ..result import Result
 from ..run_warnings import silenced
 from ..simulation import simulate
 from ..state import State
+from ..threads import Workers
 from . import names
 from .experiment import Experiment, Target
 from .free import Parameter, place
-from .threads import Workers
 
 __all__ = ["Rig", "Trial"]
 

@@ -64,6 +64,7 @@ def _drive(
             axial_stiffness=ea,
             axial_damping=eta_a,
             bending_stiffness=ei,
+            mesh="paper",
         ),
         pulleys=[
             Pulley(center=(0.0, 0.0), radius=0.1, inertia=inertia),

@@ -55,6 +55,14 @@ static inline const double *bd_cfield(const bd_layout *lay, const double *y, int
   return y + (size_t)field * (size_t)lay->stride + BD_HALO;
 }
 
+/* In front of the first link stands the last one. */
+static inline void bd_close_links(const bd_layout *lay, double *y) {
+  for (int f = F_X; f <= F_VPHI; ++f) {
+    double *v = bd_field(lay, y, f);
+    v[-1] = v[lay->n - 1];
+  }
+}
+
 static inline int bd_f_slip(const bd_layout *lay) {
   return F_MU + lay->slots;
 }

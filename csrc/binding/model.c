@@ -484,6 +484,20 @@ static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
   return all;
 }
 
+static PyObject *model_wraps(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_model *self = (const bd_core_model *)object;
+  PyObject *all = PyTuple_New(self->info.n_pulleys);
+  for (int j = 0; all && j < self->info.n_pulleys; j++) {
+    PyObject *wrap = PyFloat_FromDouble(bd_model_wrap(self->model, j));
+    if (wrap) {
+      PyTuple_SET_ITEM(all, j, wrap);
+    } else {
+      Py_CLEAR(all);
+    }
+  }
+  return all;
+}
+
 static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) {
   static const char *const names[] = {
 #define X(name, kind, text) #name,
@@ -515,6 +529,7 @@ static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
+    {"wraps", model_wraps, NULL, "Angle over which the belt lies on each pulley [rad].", NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},

@@ -14,7 +14,7 @@
  *   NAME_kinetic(p)                  coefficient of friction in full slip
  *
  * Where a link does not touch, value and slopes must give a rate of 0 (`at.touch`; slip velocity
- * and normal force are 0 there). tests/test_friction_laws.py holds every law of the table to the
+ * and normal force are 0 there). tests/test_law_slopes.py holds every law of the table to the
  * differences of its value.
  */
 #ifndef BELTDYN_LAWS_H

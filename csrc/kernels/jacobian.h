@@ -178,13 +178,14 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
 /* --- contact --------------------------------------------------------------------------------- */
 
 INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                              const bd_run *runs, const bd_points *points, const double *y,
+                              const bd_run *runs, const double *y,
                               const bd_contact_tangent *contact, double h, const int law,
                               const int general) {
   const int friction = law != BD_LAW_NONE;
   const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
-  const double *x = points->x, *yy = points->y, *vx = points->vx, *vy = points->vy;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
   const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   const vec cx = splat(pulley->x), cy = splat(pulley->y);
   const vec cu = splat(pulley->vx), cv = splat(pulley->vy);
@@ -244,10 +245,10 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
 }
 
 #define LINEARISE(law, general)                                                                    \
-  static void linearise_contact_##law(                                                             \
-      const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
-      const bd_points *points, const double *y, const bd_contact_tangent *contact, double h) {     \
-    linearise_contact(links, pulley, n_runs, runs, points, y, contact, h, BD_LAW_##law, general);  \
+  static void linearise_contact_##law(const bd_links *links, const bd_contact_pulley *pulley,      \
+                                      int n_runs, const bd_run *runs, const double *y,             \
+                                      const bd_contact_tangent *contact, double h) {               \
+    linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general);          \
   }
 #define LAW(name, class, general, text) LINEARISE(name, general)
 LINEARISE(NONE, 0)
@@ -255,13 +256,14 @@ BD_LAWS(LAW)
 #undef LAW
 
 /* Adds to a rate what N will be beyond its tangent; returns its torque on the pulley. */
-INLINE double add_normal_correction(const bd_layout *lay, const bd_contact_pulley *pulley,
+INLINE double add_normal_correction(const bd_links *links, const bd_contact_pulley *pulley,
                                     int n_runs, const bd_run *runs,
-                                    const bd_contact_tangent *contact, const bd_forces *out,
-                                    double *c, const int general) {
+                                    const bd_contact_tangent *contact, double *c,
+                                    const int general) {
+  const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
-  const vec inv_mass = splat(out->per_mass);
-  double *cvx = out->x, *cvy = out->y;
+  const vec inv_mass = splat(links->inv_mass);
+  double *cvx = bd_field(lay, c, F_VX), *cvy = bd_field(lay, c, F_VY);
   double *cz = bd_field(lay, c, general ? F_MU + pulley->slot : F_X);
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
@@ -296,11 +298,10 @@ INLINE plane_block turned_back(vec nx, vec ny, vec nn, vec nt, vec tn, vec tt) {
 /* Adds one pulley's contact to the diagonal blocks, sets its border and what solves need for g;
  * returns what the pulley's own equation gets. */
 INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                          const bd_contact_tangent *contact, double g,
-                          const bd_joint_blocks *blocks, double *column_x, double *column_y,
-                          const int general, const int of_joints) {
+                          const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
+                          double *column_x, double *column_y, const int general) {
   const bd_contact_tangent t = *contact;
-  const bd_joint_blocks b = *blocks;
+  const bd_blocks b = *blocks;
   const vec step = splat(g), g2 = splat(g * g), one = splat(1.0);
   const vec omega = splat(pulley->omega), travel = splat(g * pulley->omega);
   vec own = splat(0.0);
@@ -331,24 +332,6 @@ INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
       store(b.yx + i, load(b.yx + i) + by_velocity.yx);
       store(b.yy + i, load(b.yy + i) + by_velocity.yy);
       const vec to_pulley_n = -fma_(rho, tn, normal * mu), to_pulley_t = -fma_(rho, tt, normal);
-      if (of_joints) { /* of all that by velocities alone, for points that turn with their links */
-        const vec damp = step * load(t.damp + i), damp_t = -by_normal * damp;
-        const plane_block own_v = turned_back(nx, ny, damp, splat(0.0), damp_t, by_slip);
-        store(t.vxx + i, own_v.xx);
-        store(t.vxy + i, own_v.xy);
-        store(t.vyx + i, own_v.yx);
-        store(t.vyy + i, own_v.yy);
-        store(b.vxx + i, load(b.vxx + i) + own_v.xx);
-        store(b.vxy + i, load(b.vxy + i) + own_v.xy);
-        store(b.vyx + i, load(b.vyx + i) + own_v.yx);
-        store(b.vyy + i, load(b.vyy + i) + own_v.yy);
-        const vec force = load(t.normal + i), drag = mu * force;
-        store(b.fx + i, fma_(drag, ny, fma_(force, nx, load(b.fx + i))));
-        store(b.fy + i, fnma_(drag, nx, fma_(force, ny, load(b.fy + i))));
-        const vec torque_n = -rho * damp_t, torque_t = -rho * by_slip;
-        store(t.row_vx + i, fnma_(ny, torque_t, nx * torque_n));
-        store(t.row_vy + i, fma_(ny, torque_n, nx * torque_t));
-      }
       const vec spin_column = by_slip * rho;
       store(t.row_x + i, fnma_(ny, to_pulley_t, nx * to_pulley_n));
       store(t.row_y + i, fma_(ny, to_pulley_n, nx * to_pulley_t));
@@ -378,13 +361,11 @@ INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
 }
 
 /* Adds one pulley's contact to g F_q b_q and g F_mu's part; returns the pulley's own. */
-INLINE double contact_product(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+static double contact_product(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                               const bd_run *runs, const bd_contact_tangent *contact, int friction,
-                              double g, const bd_points *points, const double *c, double *x,
-                              double *y, const int of_joints) {
+                              const double *c, double *x, double *y) {
   const bd_contact_tangent t = *contact;
-  const double *cx = points->x, *cy = points->y;
-  const vec step = splat(g);
+  const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
   const double *cz = friction ? bd_cfield(lay, c, F_MU + pulley->slot) : NULL;
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
@@ -393,12 +374,6 @@ INLINE double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
       vec fx = fma_(load(t.xy + i), by, fma_(load(t.xx + i), bx, load(x + i)));
       vec fy = fma_(load(t.yy + i), by, fma_(load(t.yx + i), bx, load(y + i)));
       torque = fma_(load(t.torque_y + i), by, fma_(load(t.torque_x + i), bx, torque));
-      if (of_joints) {
-        const vec wx = step * load(points->vx + i), wy = step * load(points->vy + i);
-        fx = fnma_(load(t.vxy + i), wy, fnma_(load(t.vxx + i), wx, fx));
-        fy = fnma_(load(t.vyy + i), wy, fnma_(load(t.vyx + i), wx, fy));
-        torque = fnma_(load(t.row_vy + i), wy, fnma_(load(t.row_vx + i), wx, torque));
-      }
       if (friction) {
         const vec change = load(t.by_given_state + i) * load(cz + i);
         fx = fma_(load(t.ny + i), change, fx);
@@ -415,10 +390,10 @@ INLINE double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
 /* The friction unknowns of one pulley's contact; everything else of c is solved. */
 INLINE void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                            const bd_run *runs, const bd_contact_tangent *contact, double g,
-                           double angular_acceleration, const bd_points *points, double *c,
-                           const int general) {
+                           double angular_acceleration, double *c, const int general) {
   const bd_contact_tangent t = *contact;
-  const double *cx = points->x, *cy = points->y, *cvx = points->vx, *cvy = points->vy;
+  const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
+  const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
   double *cz = bd_field(lay, c, F_MU + pulley->slot);
   double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
   const vec spin = splat(angular_acceleration), step = splat(g);
@@ -459,46 +434,40 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
   return sum(along_x + along_y);
 }
 
-#include "kernels/points_jacobian.h"
+#include "kernels/link_contact_jacobian.h"
 
 /* Without and with what only general laws of friction need. */
 #define GENERAL(general)                                                                           \
   static double add_normal_correction_##general(                                                   \
-      const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
-      const bd_contact_tangent *contact, const bd_forces *out, double *c) {                        \
-    return add_normal_correction(lay, pulley, n_runs, runs, contact, out, c, general);             \
+      const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
+      const bd_contact_tangent *contact, double *c) {                                              \
+    return add_normal_correction(links, pulley, n_runs, runs, contact, c, general);                \
+  }                                                                                                \
+  static double add_contact_##general(const bd_contact_pulley *pulley, int n_runs,                 \
+                                      const bd_run *runs, const bd_contact_tangent *contact,       \
+                                      double g, const bd_blocks *blocks, double *column_x,         \
+                                      double *column_y) {                                          \
+    return add_contact(pulley, n_runs, runs, contact, g, blocks, column_x, column_y, general);     \
   }                                                                                                \
   static void finish_contact_##general(                                                            \
       const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
-      const bd_contact_tangent *contact, double g, double angular_acceleration,                    \
-      const bd_points *points, double *c) {                                                        \
-    finish_contact(lay, pulley, n_runs, runs, contact, g, angular_acceleration, points, c,         \
-                   general);                                                                       \
-  }
-#define ADD_CONTACT(general, of_joints)                                                            \
-  static double add_contact_##general##of_joints(                                                  \
-      const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,                             \
-      const bd_contact_tangent *contact, double g, const bd_joint_blocks *blocks,                  \
-      double *column_x, double *column_y) {                                                        \
-    return add_contact(pulley, n_runs, runs, contact, g, blocks, column_x, column_y, general,      \
-                       of_joints);                                                                 \
-  }
-#define PRODUCT(of_joints)                                                                         \
-  static double contact_product_##of_joints(                                                       \
-      const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
-      const bd_contact_tangent *contact, int friction, double g, const bd_points *points,          \
-      const double *c, double *x, double *y) {                                                     \
-    return contact_product(lay, pulley, n_runs, runs, contact, friction, g, points, c, x, y,       \
-                           of_joints);                                                             \
+      const bd_contact_tangent *contact, double g, double angular_acceleration, double *c) {       \
+    finish_contact(lay, pulley, n_runs, runs, contact, g, angular_acceleration, c, general);       \
   }
 GENERAL(0)
 GENERAL(1)
-ADD_CONTACT(0, 0)
-ADD_CONTACT(0, 1)
-ADD_CONTACT(1, 0)
-ADD_CONTACT(1, 1)
-PRODUCT(0)
-PRODUCT(1)
+#define ALONG(law, general)                                                                        \
+  static void linearise_links_##law(                                                               \
+      const bd_links *links, const bd_tangent *tangent, const bd_contact_pulley *pulley,           \
+      int n_runs, const bd_run *runs, const bd_points *points, const bd_link_scratch *scratch,     \
+      const double *y, const bd_link_tangent *contact, double h) {                                 \
+    linearise_links(links, tangent, pulley, n_runs, runs, points, scratch, y, contact, h,          \
+                    BD_LAW_##law, general);                                                        \
+  }
+#define LAW(name, class, general, text) ALONG(name, general)
+ALONG(NONE, 0)
+BD_LAWS(LAW)
+#undef LAW
 
 const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = WIDTH,
@@ -514,15 +483,19 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .linearise_contact = {linearise_contact_NONE, BD_LAWS(LAW)},
 #undef LAW
     .add_normal_correction = {add_normal_correction_0, add_normal_correction_1},
-    .add_contact = {{add_contact_00, add_contact_01}, {add_contact_10, add_contact_11}},
-    .contact_product = {contact_product_0, contact_product_1},
+    .add_contact = {add_contact_0, add_contact_1},
+    .contact_product = contact_product,
     .finish_contact = {finish_contact_0, finish_contact_1},
     .border_row = border_row,
-    .project = project,
-    .gather_points = gather_of_joints,
+#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_links_##name,
+    .linearise_links = {linearise_links_NONE, BD_LAWS(LAW)},
+#undef LAW
+    .add_link_correction = add_link_correction,
+    .add_links = add_links,
     .assemble = assemble,
-    .to_links = to_links,
+    .joints_to_links = joints_to_links,
+    .link_product = link_product,
     .add_turning = add_turning,
-    .row_of_links = row_of_links,
+    .finish_joints = finish_joints,
     .ring_product = ring_product,
 };

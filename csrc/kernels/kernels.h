@@ -31,21 +31,23 @@ typedef struct bd_contact_pulley {
   bd_friction friction;
 } bd_contact_pulley;
 
-/* Where contact is, by link: links' centres, or the joints on their left. Point p of a joint is the
- * mean of the ends that meet there, (r_l + r_i) / 2 + l0 (e_l - e_i) / 4. */
+/* The joints: means of the two ends that meet there, by the link on whose left they are,
+ * (r_l + r_i) / 2 + l0 (e_l - e_i) / 4. */
 typedef struct bd_points {
   double *x, *y, *vx, *vy;
 } bd_points;
 
-static inline bd_points bd_links_as_points(const bd_layout *lay, double *y) {
-  return (bd_points){bd_field(lay, y, F_X), bd_field(lay, y, F_Y), bd_field(lay, y, F_VX),
-                     bd_field(lay, y, F_VY)};
-}
+/* Contact integrated along the links (link_contact.h), of one pulley, by link: normal forces at its
+ * two ends; what it has in contact of the halves that belong to the joints there, and the rate of
+ * that. */
+typedef struct bd_pressure {
+  double *left, *right, *share_left, *share_right, *rate_left, *rate_right;
+} bd_pressure;
 
-/* Where forces at points go: added, times per_mass. */
-typedef struct bd_forces {
-  double *x, *y, per_mass;
-} bd_forces;
+/* Forces at the links' ends, and at the joints, of which both links have half. */
+typedef struct bd_end_forces {
+  double *left_x, *left_y, *right_x, *right_y, *joint_x, *joint_y;
+} bd_end_forces;
 
 typedef struct bd_run {
   int begin, end; /* links, multiples of BD_LANES */
@@ -53,6 +55,7 @@ typedef struct bd_run {
 
 typedef struct bd_sums {
   double torque, contact_loss, friction_loss;
+  double contact_energy; /* of press, where power is asked for */
 } bd_sums;
 
 enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
@@ -65,26 +68,35 @@ typedef struct bd_kernels {
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
-  /* Adds the contact of one pulley with the points of the runs. Variants [law][ledger]. */
-  void (*contact[BD_N_LAWS][2])(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                                const bd_run *runs, const bd_points *points, const bd_forces *out,
-                                const double *y, double *dy, bd_sums *sums);
-  /* Contact of joints. Directions of the links at y, into links->cos, sin; the joints' positions
-   * and velocities, from directions and a y whose halo before link 0 is that of the last link;
-   * forces at joints to accelerations of the links. */
+  /* Adds the contact of the links' centres in the runs with one pulley. Variants [law][ledger]. */
+  void (*contact[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                                const bd_run *runs, const double *y, double *dy, bd_sums *sums);
+  /* Contact along the links. Directions of the links at y, into links->cos, sin, for all that
+   * follows. Normal forces of one pulley [ledger]; the joints' positions and velocities, from a y
+   * whose halo before link 0 is that of the last link; friction there [law][ledger], which adds its
+   * sums. Forces to accelerations of the links. Squared distance of each link's nearer end. */
   void (*directions)(const bd_links *links, const double *y);
+  void (*press[2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                   const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
+                   const double *y, bd_sums *sums);
   void (*gather_points)(const bd_links *links, const double *co, const double *si, const double *y,
                         const bd_points *points);
+  void (*rub[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                            const bd_run *runs, const bd_points *points,
+                            const bd_pressure *pressure, const bd_end_forces *out, const double *y,
+                            double *dy, bd_sums *sums);
   void (*scatter_forces)(const bd_links *links, const double *co, const double *si,
-                         const double *fx, const double *fy, double *dy);
+                         const bd_end_forces *forces, double *dy);
+  void (*nearest_ends)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                       const bd_run *runs, const double *y, double *nearest);
   /* After a step, the first block of BD_LANES links in [begin, end) with a contact event: a link
    * that has come to this pulley or left it, whose friction state is to be reset or is out of
    * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants
-   * [friction].
+   * [along links: by nearest_ends][friction].
    */
-  int (*find_contact_event[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                               const double *owner, const bd_points *points, const double *y,
-                               int begin, int end);
+  int (*find_contact_event[2][2])(const bd_links *links, const bd_contact_pulley *pulley, int index,
+                                  const double *owner, const double *nearest, const double *y,
+                                  int begin, int end);
   /* A friction law at one link; its bound and kinetic coefficient. [law] */
   void (*law[BD_N_LAWS])(const bd_friction *friction, double l0, double z, double v, double normal,
                          bd_law_point *out);
@@ -116,16 +128,10 @@ typedef struct bd_blocks {
   double k, bending, damping;
   const double *cos, *sin, *spin;
   double *xx, *xy, *yx, *yy, *pp;
-  /* Contact of joints, where `full`: the diagonal's xp, yp, px, py; and what couples a link to the
-   * one before it, and that one to it, by rows. */
+  /* Contact along the links, where `full`: the diagonal's xp, yp, px, py; and what couples a link
+   * to the one before it, and that one to it, by rows. */
   double *xp, *yp, *px, *py, *back[9], *forward[9];
 } bd_blocks;
-
-/* Contact for one g, by point, added up over the pulleys: the force's part of the matrix; of joints
- * also what of that is by velocities alone, and the force itself. */
-typedef struct bd_joint_blocks {
-  double *xx, *xy, *yx, *yy, *vxx, *vxy, *vyx, *vyy, *fx, *fy, *turning;
-} bd_joint_blocks;
 
 /* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
  * link over half its length; for one g, what turning it does to the forces at its ends. */
@@ -153,17 +159,42 @@ typedef struct bd_contact_tangent {
   double *gain_normal;       /* dz'/dN, of general laws */
   double *normal_correction; /* of N at the end of a step, beyond its tangent */
   /* For one g: */
-  double *xx, *xy, *yx, *yy;     /* force by position */
-  double *by_given_state;        /* force by the state of friction, along -t */
-  double *torque_x, *torque_y;   /* torque on the pulley by position */
-  double *row_x, *row_y;         /* the pulley's row of the border */
-  double *row_vx, *row_vy;       /* of joints: its part by velocities alone, */
-  double *vxx, *vxy, *vyx, *vyy; /* and the same of the force, of opposite sign */
-  double *slide_x, *slide_y;     /* v_T by position */
-  double *state_by_slip;         /* change of z by v_T, over the step */
-  double *state_by_normal;       /* and by N, of general laws */
-  double *decay_factor; /* what the step leaves of a given change of z: 1 / (1 + g decay) */
+  double *xx, *xy, *yx, *yy;   /* force by position */
+  double *by_given_state;      /* force by the state of friction, along -t */
+  double *torque_x, *torque_y; /* torque on the pulley by position */
+  double *row_x, *row_y;       /* the pulley's row of the border */
+  double *slide_x, *slide_y;   /* v_T by position */
+  double *state_by_slip;       /* change of z by v_T, over the step */
+  double *state_by_normal;     /* and by N, of general laws */
+  double *decay_factor;        /* what the step leaves of a given change of z: 1 / (1 + g decay) */
 } bd_contact_tangent;
+
+/* Contact of one pulley along the links as linearised (link_contact_jacobian.h), valid in the runs.
+ * By link, of its left and right end: outward normal, N, N / rho and v_t / rho; the two normal
+ * forces by p_a, p_b, p_a', p_b', those of the left end first; what N will be at the end of a step
+ * beyond its tangent. By joint: normal, rho, friction force F, F / rho, v_n / rho; F and the
+ * state's rate by slip, state (decay: of opposite sign) and normal force; F and the rate by p_a,
+ * p_b, p_a', p_b' of the link before, then of the link behind the joint. */
+typedef struct bd_link_tangent {
+  double *nx[2], *ny[2], *normal[2], *normal_over_rho[2], *around[2], *by[8], *correction[2];
+  double *joint_nx, *joint_ny, *rho, *force, *force_over_rho, *apart;
+  double *by_slip, *by_state, *by_normal, *gain, *decay, *gain_normal;
+  double *direct[8], *gains[8];
+  /* For one g: F and the state at the end of the step, after what the state does within it. */
+  double *slip, *total[8], *given_state, *state_by_slip, *state_by[8], *decay_factor;
+} bd_link_tangent;
+
+/* Shared by all pulleys: as linearised, contact and what p_a, p_b do to the shares (left, right)
+ * and to their rates; for one g, columns of the joints' forces by both links' unknowns, the forces
+ * themselves, a pulley's row by both links' unknowns, what turning a link does to its moment. */
+typedef struct bd_link_scratch {
+  bd_pressure pressure;
+  double *share_by[4], *rate_by[4];
+  double *before[6], *behind[6];
+  bd_end_forces forces;
+  double *row_before[3], *row_behind[3];
+  double *turning;
+} bd_link_scratch;
 
 /* The ring cut into arcs: row j of arc a is link base[a] + j. */
 typedef struct bd_ring {
@@ -177,7 +208,7 @@ typedef struct bd_ring {
 typedef struct bd_newton_kernels {
   int width;                  /* arcs */
   size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
-  /* [1 where links are coupled by full blocks: contact of joints] */
+  /* [1 where links are coupled by full blocks: contact along links] */
   void (*factor[2])(const bd_ring *ring, const bd_blocks *blocks);
   void (*solve[2])(const bd_ring *ring, double k, double *x, double *y, double *p);
   void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
@@ -190,40 +221,50 @@ typedef struct bd_newton_kernels {
                        const double *y, const double *p, double *c);
   /* Variants [law]; below [general] (friction/laws.h). */
   void (*linearise_contact[BD_N_LAWS])(const bd_links *links, const bd_contact_pulley *pulley,
-                                       int n_runs, const bd_run *runs, const bd_points *points,
-                                       const double *y, const bd_contact_tangent *contact,
-                                       double h);
-  double (*add_normal_correction[2])(const bd_layout *lay, const bd_contact_pulley *pulley,
+                                       int n_runs, const bd_run *runs, const double *y,
+                                       const bd_contact_tangent *contact, double h);
+  double (*add_normal_correction[2])(const bd_links *links, const bd_contact_pulley *pulley,
                                      int n_runs, const bd_run *runs,
-                                     const bd_contact_tangent *contact, const bd_forces *out,
-                                     double *c);
-  /* [general][of joints]; [of joints]. points: where `c` or the solution moves the points. */
-  double (*add_contact[2][2])(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                              const bd_contact_tangent *contact, double g,
-                              const bd_joint_blocks *blocks, double *column_x, double *column_y);
-  double (*contact_product[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                               const bd_run *runs, const bd_contact_tangent *contact, int friction,
-                               double g, const bd_points *points, const double *c, double *x,
-                               double *y);
+                                     const bd_contact_tangent *contact, double *c);
+  double (*add_contact[2])(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                           const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
+                           double *column_x, double *column_y);
+  double (*contact_product)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                            const bd_run *runs, const bd_contact_tangent *contact, int friction,
+                            const double *c, double *x, double *y);
   void (*finish_contact[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                             const bd_run *runs, const bd_contact_tangent *contact, double g,
-                            double angular_acceleration, const bd_points *points, double *c);
+                            double angular_acceleration, double *c);
   double (*border_row)(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
                        const double *x, const double *y);
-  /* Contact of joints (points_jacobian.h). */
-  void (*gather_points)(const bd_links *links, const bd_tangent *tangent, double *y,
-                        const bd_points *points);
-  void (*project)(const bd_links *links, const bd_tangent *tangent, double *c, int solved,
-                  const bd_points *points);
+  /* The same of contact along the links (link_contact_jacobian.h). */
+  void (*linearise_links[BD_N_LAWS])(const bd_links *links, const bd_tangent *tangent,
+                                     const bd_contact_pulley *pulley, int n_runs,
+                                     const bd_run *runs, const bd_points *points,
+                                     const bd_link_scratch *scratch, const double *y,
+                                     const bd_link_tangent *contact, double h);
+  double (*add_link_correction)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                                const bd_run *runs, const bd_link_tangent *contact,
+                                const bd_end_forces *out, double *c);
+  double (*add_links)(const bd_links *links, const bd_tangent *tangent,
+                      const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                      const bd_link_tangent *contact, double g, const bd_blocks *blocks,
+                      const bd_link_scratch *scratch, double *column_x, double *column_y,
+                      double *row);
   void (*assemble)(const bd_links *links, const bd_tangent *tangent, double g,
-                   const bd_joint_blocks *joints, const bd_blocks *blocks);
-  void (*to_links)(const bd_links *links, const bd_tangent *tangent, double *fx, double *fy,
-                   double *x, double *y, double *p);
-  void (*add_turning)(const bd_layout *lay, const bd_joint_blocks *joints, double g,
-                      const double *c, double *p);
-  void (*row_of_links)(const bd_links *links, const bd_tangent *tangent, double g, double *row_x,
-                       double *row_y, double *row_vx, double *row_vy, double *x, double *y,
-                       double *p);
+                   const bd_link_scratch *scratch, const bd_blocks *blocks);
+  void (*joints_to_links)(const bd_links *links, const bd_tangent *tangent, double *fx, double *fy,
+                          double *x, double *y, double *p);
+  double (*link_product)(const bd_links *links, const bd_tangent *tangent,
+                         const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                         const bd_link_tangent *contact, double g, const double *c, double *fx,
+                         double *fy, double *x, double *y, double *p);
+  void (*add_turning)(const bd_layout *lay, const double *turning, double g, const double *c,
+                      double *p);
+  void (*finish_joints)(const bd_links *links, const bd_tangent *tangent,
+                        const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                        const bd_link_tangent *contact, double g, double angular_acceleration,
+                        double *c);
   double (*ring_product)(const bd_layout *lay, const double *const row[3], const double *x,
                          const double *y, const double *p);
 } bd_newton_kernels;

@@ -203,22 +203,24 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
   return ledger ? sum(loss + where(link_mask, left.loss)) : 0.0;
 }
 
-/* Contact of points with one pulley. A vector of points without contact costs one test of
- * distance. */
-INLINE void contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                    const bd_run *runs, const bd_points *points, const bd_forces *out,
-                    const double *y, double *dy, bd_sums *sums, const int law, const int ledger) {
+/* Contact of the links' centres with one pulley. A vector of links without contact costs one test
+ * of distance. */
+INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                    const bd_run *runs, const double *y, double *dy, bd_sums *sums, const int law,
+                    const int ledger) {
+  const bd_layout *lay = &links->lay;
   const int friction = law != BD_LAW_NONE;
-  const double *x = points->x, *yy = points->y, *vx = points->vx, *vy = points->vy;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
   const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
-  double *ovx = out->x, *ovy = out->y;
+  double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
   double *oz = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
   double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx),
             cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const vec damping = splat(pulley->damping), inv_mass = splat(out->per_mass);
+  const vec damping = splat(pulley->damping), inv_mass = splat(links->inv_mass);
   const vec omega = splat(pulley->omega), none = {0.0};
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
   vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
@@ -263,26 +265,47 @@ INLINE void contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n
       store(ovy + i, fma_(inv_mass, fy, load(ovy + i)));
     }
   }
-  *sums = (bd_sums){sum(torque), sum(contact_loss), sum(friction_loss)};
+  *sums = (bd_sums){.torque = sum(torque),
+                    .contact_loss = sum(contact_loss),
+                    .friction_loss = sum(friction_loss)};
 }
+
+#include "kernels/link_contact.h"
 
 #define JOINTS(bending, ledger)                                                                    \
   static double joints_##bending##ledger(const bd_links *links, const double *y, double *dy) {     \
     return joints(links, y, dy, bending, ledger);                                                  \
   }
+#define PRESS(ledger)                                                                              \
+  static void press_##ledger(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,   \
+                             const bd_run *runs, const bd_pressure *pressure,                      \
+                             const bd_end_forces *out, const double *y, bd_sums *sums) {           \
+    press(links, pulley, n_runs, runs, pressure, out, y, sums, ledger);                            \
+  }
 #define CONTACT(law, ledger)                                                                       \
-  static void contact_##law##_##ledger(                                                            \
-      const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
-      const bd_points *points, const bd_forces *out, const double *y, double *dy, bd_sums *sums) { \
-    contact(lay, pulley, n_runs, runs, points, out, y, dy, sums, BD_LAW_##law, ledger);            \
+  static void contact_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,     \
+                                       int n_runs, const bd_run *runs, const double *y,            \
+                                       double *dy, bd_sums *sums) {                                \
+    contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger);                       \
+  }
+#define RUB(law, general, ledger)                                                                  \
+  static void rub_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,         \
+                                   int n_runs, const bd_run *runs, const bd_points *points,        \
+                                   const bd_pressure *pressure, const bd_end_forces *out,          \
+                                   const double *y, double *dy, bd_sums *sums) {                   \
+    rub(links, pulley, n_runs, runs, points, pressure, out, y, dy, sums, BD_LAW_##law, general,    \
+        ledger);                                                                                   \
   }
 JOINTS(0, 0)
 JOINTS(0, 1)
 JOINTS(1, 0)
 JOINTS(1, 1)
+PRESS(0)
+PRESS(1)
 CONTACT(NONE, 0)
 CONTACT(NONE, 1)
-#define LAW(name, class, general, text) CONTACT(name, 0) CONTACT(name, 1)
+#define LAW(name, class, general, text)                                                            \
+  CONTACT(name, 0) CONTACT(name, 1) RUB(name, general, 0) RUB(name, general, 1)
 BD_LAWS(LAW)
 #undef LAW
 
@@ -308,11 +331,13 @@ BD_LAWS(LAW)
 BD_LAWS(LAW)
 #undef LAW
 
-/* The first block from `begin` on where something is to be done after a step; `end` if none. */
-INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                              const double *owner, const bd_points *points, const double *y,
-                              int begin, int end, const int friction) {
-  const double *x = points->x, *yy = points->y;
+/* The first block from `begin` on where something is to be done after a step; `end` if none. At
+ * joints (`nearest`) contact is that of any end of the two links that meet there. */
+INLINE int find_contact_event(const bd_links *links, const bd_contact_pulley *pulley, int index,
+                              const double *owner, const double *nearest, const double *y,
+                              int begin, int end, const int friction, const int of_joints) {
+  const bd_layout *lay = &links->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *mu = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), none = {0.0};
@@ -322,7 +347,12 @@ INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pul
     mask found = less(none, none);
     for (int i = block; i < block + BD_LANES; i += WIDTH) {
       const vec dx = load(x + i) - cx, dy = load(yy + i) - cy;
-      const vec rho2 = dx * dx + dy * dy;
+      vec rho2 = dx * dx + dy * dy;
+      if (of_joints) {
+        const vec one = load_unaligned(nearest + i - 1), other = load(nearest + i);
+        rho2 = choose(less(one, other), one, other);
+        rho2 = choose(less(none, load(links->link_mask + i)), rho2, splat(INFINITY));
+      }
       found |= less(rho2, deep2);
       if (friction) {
         const vec size = magnitude(load(mu + i)), holder = load(owner + i);
@@ -339,19 +369,17 @@ INLINE int find_contact_event(const bd_layout *lay, const bd_contact_pulley *pul
   return end;
 }
 
-static int find_contact_event_0(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                                const double *owner, const bd_points *points, const double *y,
-                                int begin, int end) {
-  return find_contact_event(lay, pulley, index, owner, points, y, begin, end, 0);
-}
-
-static int find_contact_event_1(const bd_layout *lay, const bd_contact_pulley *pulley, int index,
-                                const double *owner, const bd_points *points, const double *y,
-                                int begin, int end) {
-  return find_contact_event(lay, pulley, index, owner, points, y, begin, end, 1);
-}
-
-#include "kernels/points.h"
+#define EVENT(of_joints, friction)                                                                 \
+  static int find_contact_event_##of_joints##friction(                                             \
+      const bd_links *links, const bd_contact_pulley *pulley, int index, const double *owner,      \
+      const double *nearest, const double *y, int begin, int end) {                                \
+    return find_contact_event(links, pulley, index, owner, nearest, y, begin, end, friction,       \
+                              of_joints);                                                          \
+  }
+EVENT(0, 0)
+EVENT(0, 1)
+EVENT(1, 0)
+EVENT(1, 1)
 
 static double fastest(const bd_layout *lay, const double *y) {
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
@@ -475,7 +503,13 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
 #define LAW(name, class, general, text) [BD_LAW_##name] = kinetic_##name,
     .kinetic = {BD_LAWS(LAW)},
 #undef LAW
-    .find_contact_event = {find_contact_event_0, find_contact_event_1},
+    .find_contact_event = {{find_contact_event_00, find_contact_event_01},
+                           {find_contact_event_10, find_contact_event_11}},
+    .press = {press_0, press_1},
+#define LAW(name, class, general, text) [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
+    .rub = {BD_LAWS(LAW)},
+#undef LAW
+    .nearest_ends = nearest_ends,
     .directions = directions,
     .gather_points = gather_points,
     .scatter_forces = scatter_forces,

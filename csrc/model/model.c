@@ -73,16 +73,47 @@ static double spectral_bound(const bd_info *info, double shear) {
   return discriminant > 0.0 ? 0.5 * (d + sqrt(discriminant)) : sqrt(k);
 }
 
-/* Links whose ends lie on the circle of R a / sin a, a half the angle of a link, have the length of
- * the arcs of radius R that they stand for. */
-static double contact_radius(const bd_model *model, int j) {
-  const double radius = model->radius[j], l0 = model->belt.length / model->belt.n_bodies,
-               a = 0.5 * l0 / radius;
-  return model->contact_of_joints && a < 0.5 * BD_PI ? radius * a / sin(a) : radius;
+/* How far a belt under this tension sinks into a pulley: the root p of c1' p^2 + c2' p = T lambda /
+ * R, in the form that is exact for c1' = 0 and for c2' = 0. lambda = 1 + T / EA, because c1' and
+ * c2' are per metre of the stress-free belt, of which a metre of arc holds less. */
+static double contact_depth(const bd_model *model, int j, double tension) {
+  const double c1 = model->contact.quadratic, c2 = model->contact.linear,
+               stretched = 1.0 + tension / model->belt.axial_stiffness,
+               pressure = tension * stretched / model->radius[j];
+  return 2.0 * pressure / (c2 + sqrt(c2 * c2 + 4.0 * c1 * pressure));
 }
 
-/* Pulleys whose circles overlap can hold the same link at once and need slots of their own; all
- * others share. Greedy colouring; one slot for every scene with pulleys apart. */
+/* Links whose ends lie on the circle of R a / sin a, a half the angle of a link, have the length of
+ * the arcs of radius R that they stand for. A compensated contact begins so far outside that the
+ * belt, under its preload, sinks in to these. */
+static double contact_radius(const bd_model *model, int j) {
+  const double radius = model->radius[j], a = 0.5 * model->info.link_length / radius;
+  const int sinks = model->contact.compensate && model->geometry.code == BD_OK;
+  return (model->along_links && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
+         (sinks ? contact_depth(model, j, model->info.mean_tension) : 0.0);
+}
+
+/* Of links: along links a joint of two may gape, so half a link is added. */
+static const double JOINT_REACH = 2.5;
+
+/* Length of the outer tangent by which the belt goes from one pulley to the other; 0: they overlap.
+ */
+static double tangent_between(const bd_model *model, int j, int k) {
+  const double apart = hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]);
+  const double r = model->contact_radius[j], other = model->contact_radius[k];
+  return apart < r + other ? 0.0 : sqrt(apart * apart - (r - other) * (r - other));
+}
+
+/* Whether two pulleys can hold the same link at once, or along links the same joint of two. */
+static int share_links(const bd_model *model, int j, int k) {
+  const double reach =
+      model->along_links ? JOINT_REACH * model->belt.length / model->belt.n_bodies : 0.0;
+  const double tangent = tangent_between(model, j, k);
+  return tangent == 0.0 || tangent < reach;
+}
+
+/* These need slots of their own; all others share. Greedy colouring; one slot for every scene with
+ * pulleys apart. */
 static int colour_pulleys(const bd_model *model) {
   int np = model->lay.np, slots = 1;
   for (int j = 0; j < np; ++j) {
@@ -90,9 +121,7 @@ static int colour_pulleys(const bd_model *model) {
     for (int again = 1; again;) {
       again = 0;
       for (int k = 0; k < j; ++k) {
-        if (model->slot[k] == slot &&
-            hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]) <
-                model->contact_radius[j] + model->contact_radius[k]) {
+        if (model->slot[k] == slot && share_links(model, j, k)) {
           ++slot;
           again = 1;
         }
@@ -137,7 +166,6 @@ static void derive(bd_model *model) {
   double l0 = belt->length / belt->n_bodies;
   info->n_bodies = belt->n_bodies;
   info->n_pulleys = model->lay.np;
-  info->n_slots = model->lay.slots;
   info->link_length = l0;
   info->link_mass = belt->linear_density * l0;
   info->link_inertia = info->link_mass * l0 * l0 / model->shear;
@@ -155,7 +183,7 @@ static void derive(bd_model *model) {
  * infinite when it is too long to lie on the pulley at all. */
 static double mesh_strain(const bd_model *model) {
   double longer = 0.0;
-  if (model->contact_of_joints) {
+  if (model->along_links) {
     return 0.0;
   }
   for (int j = 0; j < model->lay.np; ++j) {
@@ -167,17 +195,16 @@ static double mesh_strain(const bd_model *model) {
 }
 
 /* The belt lies on circles that the pressure T / R has made smaller, and is that much less
- * strained: T = EA (strain - sum of wrap p(T) / L), c1' p^2 + c2' p = T / R, by bisection. */
+ * strained: T = EA (strain - sum of wrap p(T) / L), by bisection. Compensated, it lies on R. */
 static double contact_strain(const bd_model *model) {
-  const bd_contact *contact = &model->contact;
+  if (model->contact.compensate) {
+    return 0.0;
+  }
   double low = 0.0, high = model->info.strain;
   for (int k = 0; k < 60; ++k) {
     double left = 0.5 * (low + high), sunk = 0.0;
     for (int j = 0; j < model->lay.np; ++j) {
-      double pressure = model->belt.axial_stiffness * left / model->radius[j];
-      double c1 = contact->quadratic, c2 = contact->linear;
-      double depth = 2.0 * pressure / (c2 + sqrt(c2 * c2 + 4.0 * c1 * pressure));
-      sunk += model->wraps[j].wrap * depth;
+      sunk += model->wraps[j].wrap * contact_depth(model, j, model->belt.axial_stiffness * left);
     }
     if (left > model->info.strain - sunk / model->belt.length) {
       high = left;
@@ -186,6 +213,23 @@ static double contact_strain(const bd_model *model) {
     }
   }
   return model->info.strain - low;
+}
+
+/* Beyond this share of a radius the depth that a compensated contact is raised by is no longer
+ * small against it. */
+static const double MOST_RAISED = 0.1;
+
+static void check_compensation(bd_model *model) {
+  for (int j = 0; model->contact.compensate && j < model->lay.np; ++j) {
+    const double depth = contact_depth(model, j, model->info.mean_tension);
+    if (!(depth <= MOST_RAISED * model->radius[j])) {
+      bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "contact.compensate", (double)NAN, -1, j, depth,
+                 "contact.compensate: at the preload of %.3g N the belt sinks %.3g m into pulley "
+                 "%d, at most %g of its radius can be compensated: contact.linear is too small",
+                 model->info.mean_tension, depth, j, MOST_RAISED);
+      return;
+    }
+  }
 }
 
 static void check_line(bd_model *model) {
@@ -222,7 +266,32 @@ static void check_line(bd_model *model) {
                "belt.n_bodies is too small for its pulleys: %d links of %g m, laid round them as "
                "tangents, add a strain of %.3g, at most %g is allowed",
                info->n_bodies, info->link_length, info->mesh_strain, BD_MAX_STRAIN);
+  } else {
+    check_compensation(model);
   }
+}
+
+/* A link's state has one place for the friction of each pulley that it touches. */
+static void check_room(bd_model *model) {
+  const bd_info *info = &model->info;
+  int first = 0, second = 1;
+  if (model->geometry.code != BD_OK || !model->has_friction || model->colours < 2) {
+    return;
+  }
+  for (int j = 0; j < model->lay.np; ++j) {
+    for (int k = j + 1; k < model->lay.np; ++k) {
+      if (tangent_between(model, j, k) < tangent_between(model, first, second)) {
+        first = j;
+        second = k;
+      }
+    }
+  }
+  bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first,
+             info->n_bodies,
+             "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
+             "pulleys %d and %d at once; belt.n_bodies >= %.0f are short enough",
+             info->n_bodies, info->link_length, first, second,
+             ceil(JOINT_REACH * model->belt.length / tangent_between(model, first, second)));
 }
 
 /* Origin of the core's coordinates along one axis: 0 for a scene near it, so that positions pass
@@ -306,16 +375,18 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     double reach = fabs(model->cx[j]) + fabs(model->cy[j]) + model->radius[j];
     model->far_away = fmax(model->far_away, 1e3 * (reach + model->belt.length));
   }
-  model->contact_of_joints = scene->belt.mesh == BD_MESH_JOINT;
-  model->shear = model->contact_of_joints ? 4.0 : 12.0;
+  model->along_links = scene->belt.mesh == BD_MESH_JOINT;
+  model->shear = model->along_links ? 4.0 : 12.0;
+  model->lay.np = np;
+  derive(model);
+  check_line(model);
   for (int j = 0; j < np; ++j) {
     model->contact_radius[j] = contact_radius(model, j);
   }
-  model->lay.np = np;
   model->colours = colour_pulleys(model);
+  check_room(model);
   lay_out(&model->lay, scene->belt.n_bodies, np, model->has_friction ? model->colours : 0, drag);
-  derive(model);
-  check_line(model);
+  model->info.n_slots = model->lay.slots;
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
   model->kernels = kernels;
   model->friction_scales_differ = bd_friction_scales_differ(model);
@@ -336,6 +407,10 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
 
 void bd_model_info(const bd_model *model, bd_info *info) {
   *info = model->info;
+}
+
+double bd_model_wrap(const bd_model *model, int pulley) {
+  return model->wraps[pulley].wrap;
 }
 
 double bd_speed_scale(const bd_model *model) {

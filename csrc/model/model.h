@@ -20,16 +20,16 @@ struct bd_model {
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
-  int contact_of_joints;      /* mesh "joint": at the joints, mass at the links' ends */
+  int along_links;            /* mesh "joint": contact along the links, their mass at their ends */
   double shear;               /* m l0^2 / I_z of a link: 12, or 4 */
   int friction_scales_differ; /* of the laws' states (bd_friction_state_scale), from pulley to
                                  pulley */
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
-  double *contact_radius;             /* on which the points of contact of an unloaded belt run */
-  bd_drag *drag;                      /* by pulley; NULL: none has any */
-  bd_friction *friction;              /* by pulley */
+  double *contact_radius; /* on which the links' ends (centres) of an unloaded belt run */
+  bd_drag *drag;          /* by pulley; NULL: none has any */
+  bd_friction *friction;  /* by pulley */
   int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
   int colours;
   bd_wrap *wraps;

@@ -29,7 +29,13 @@ static const struct {
 
 const bd_parameter bd_parameters[] = {
 #define X(group, name, rule, unit, text)                                                           \
-  {#group, #name, unit, text, RULE_##rule, RULE_##rule == RULE_LINKS, offsetof(bd_##group, name)},
+  {#group,                                                                                         \
+   #name,                                                                                          \
+   unit,                                                                                           \
+   text,                                                                                           \
+   RULE_##rule,                                                                                    \
+   _Generic(((bd_##group *)0)->name, int : 1, double : 0),                                         \
+   offsetof(bd_##group, name)},
     BD_PARAMETERS(X)
 #undef X
 };

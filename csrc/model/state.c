@@ -96,6 +96,14 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
 
 /* Bound of a link's friction state: of the law of the pulley that it touches, else, where it will
  * be reset, the largest of the slot's. */
+static int touches(const bd_model *model, const bd_state *state, int i, int j) {
+  const double half = model->along_links ? 0.5 * model->info.link_length : 0.0;
+  const double dx = state->x[i] - model->origin[0] - model->cx[j];
+  const double dy = state->y[i] - model->origin[1] - model->cy[j];
+  const double ex = half * cos(state->phi[i]), ey = half * sin(state->phi[i]);
+  return fmin(hypot(dx - ex, dy - ey), hypot(dx + ex, dy + ey)) < model->contact_radius[j];
+}
+
 static double friction_bound(const bd_model *model, const bd_state *state, int slot, int i) {
   double largest = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
@@ -103,9 +111,8 @@ static double friction_bound(const bd_model *model, const bd_state *state, int s
       continue;
     }
     const double bound = bd_friction_bound(model, j);
-    const double dx = state->x[i] - model->origin[0] - model->cx[j];
-    const double dy = state->y[i] - model->origin[1] - model->cy[j];
-    if (!model->contact_of_joints && hypot(dx, dy) < model->radius[j]) {
+    const int before = i > 0 ? i - 1 : model->lay.n - 1;
+    if (touches(model, state, i, j) || (model->along_links && touches(model, state, before, j))) {
       return bound;
     }
     largest = fmax(largest, bound);

@@ -28,13 +28,14 @@ static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *
 
 /* --- joints ----------------------------------------------------------------------------------- */
 
-static int bends(const bd_model *model, const bd_plan_options *options) {
-  (void)options;
-  return model->has_bending;
+static int always(const bd_model *model, const bd_plan_options *options) {
+  (void)model, (void)options;
+  return 1;
 }
 
-static int is_limp(const bd_model *model, const bd_plan_options *options) {
-  return !bends(model, options);
+static const char *label_joints(const bd_plan *plan) {
+  return plan->bending_on ? "joints: axial and bending spring-dampers"
+                          : "joints: axial spring-dampers";
 }
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
@@ -77,38 +78,29 @@ static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error
 
 /* --- contact and friction --------------------------------------------------------------------- */
 
-static int always(const bd_model *model, const bd_plan_options *options) {
-  (void)model, (void)options;
-  return 1;
+static const char *label_contact(const bd_plan *plan) {
+  return plan->contact_name; /* with the laws of its friction */
 }
 
 static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
-  const bd_points points = bd_contact_points(plan, y, 1), rates = bd_links_as_points(lay, dy);
-  const int of_joints = plan->model->contact_of_joints;
-  bd_forces out = {rates.vx, rates.vy, plan->links.inv_mass};
   double contact_loss = 0.0, friction_loss = 0.0;
-  if (of_joints) {
-    out = (bd_forces){plan->fx, plan->fy, 1.0};
-    memset(plan->fx - BD_HALO, 0, (size_t)lay->stride * sizeof *plan->fx);
-    memset(plan->fy - BD_HALO, 0, (size_t)lay->stride * sizeof *plan->fy);
+  for (int j = 0; j < lay->np; ++j) {
+    plan->contact_pulleys[j].omega = y[lay->omega + j];
+  }
+  if (plan->model->along_links) {
+    bd_link_contact_rate(plan, y, dy);
+    return BD_OK;
   }
   for (int j = 0; j < lay->np; ++j) {
     bd_sums sums;
-    plan->contact_pulleys[j].omega = y[lay->omega + j];
     plan->kernels->contact[plan->contact_pulleys[j].law][!plan->skip_power](
-        lay, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, &points, &out, y, dy, &sums);
+        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
+        plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;
     contact_loss += sums.contact_loss;
     friction_loss += sums.friction_loss;
-  }
-  if (of_joints) {
-    plan->fx[lay->n] = plan->fx[0];
-    plan->fy[lay->n] = plan->fy[0];
-    plan->kernels->scatter_forces(&plan->links, plan->links.cos, plan->links.sin, plan->fx,
-                                  plan->fy, dy);
   }
   dy[lay->work + W_contact_loss] = contact_loss;
   dy[lay->work + W_friction_loss] = friction_loss;
@@ -118,12 +110,8 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
 static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   BD_CARVE(carver, plan->best, lay->n);
-  if (model->contact_of_joints) {
-    double **const by_joint[] = {&plan->points.x,  &plan->points.y, &plan->points.vx,
-                                 &plan->points.vy, &plan->fx,       &plan->fy};
-    for (size_t k = 0; k < sizeof by_joint / sizeof by_joint[0]; ++k) {
-      bd_carve_links(carver, lay, by_joint[k]);
-    }
+  if (model->along_links) {
+    bd_link_contact_carve(carver, plan, lay);
   }
   BD_CARVE(carver, plan->contact_pulleys, lay->np);
   BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);
@@ -290,19 +278,9 @@ static const bd_effect table[] = {
         .tangent = tangent_none,
     },
     {
-        .name = "joints: axial and bending spring-dampers",
-        .enabled = bends,
-        .rate = pass_joints,
-        .tangent = tangent_joints,
-        .carve_tangent = carve_joints_tangent,
-        .outputs = bd_outputs_of_joints,
-        .energy = bd_energy_of_joints,
-        .n_works = 1,
-        .works = {W_joint_loss},
-    },
-    {
-        .name = "joints: axial spring-dampers",
-        .enabled = is_limp,
+        .name = "joints",
+        .label = label_joints,
+        .enabled = always,
         .rate = pass_joints,
         .tangent = tangent_joints,
         .carve_tangent = carve_joints_tangent,
@@ -326,7 +304,8 @@ static const bd_effect table[] = {
         .after_step = motion_after_step,
     },
     {
-        .name = "contact", /* with the laws of its friction: plan->contact_name */
+        .name = "contact",
+        .label = label_contact,
         .enabled = always,
         .rate = pass_contact,
         .tangent = tangent_contact,

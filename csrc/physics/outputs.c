@@ -9,24 +9,74 @@
 #include "physics/physics.h"
 
 typedef struct touch {
-  double penetration, normal, mu, friction, slip, velocity;
+  double rho, normal, mu, friction, slip, velocity;
 } touch;
+
+/* Where a link's contact acts: its centre, or the joint on its left, where friction acts. */
+typedef struct contact_point {
+  double x, y, vx, vy;
+} contact_point;
+
+static contact_point point_of(const bd_plan *plan, const double *y, int i) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *w = bd_cfield(lay, y, F_VPHI);
+  if (!plan->model->along_links) {
+    return (contact_point){x[i], yy[i], vx[i], vy[i]};
+  }
+  const int l = i > 0 ? i - 1 : lay->n - 1;
+  const double q = 0.5 * plan->links.half;
+  const double c = plan->seen.cos[i], s = plan->seen.sin[i];
+  const double cl = plan->seen.cos[l], sl = plan->seen.sin[l];
+  return (contact_point){0.5 * (x[l] + x[i]) + q * (cl - c), 0.5 * (yy[l] + yy[i]) + q * (sl - s),
+                         0.5 * (vx[l] + vx[i]) + q * (w[i] * s - w[l] * sl),
+                         0.5 * (vy[l] + vy[i]) + q * (w[l] * cl - w[i] * c)};
+}
+
+/* Before `touching`, for all links of a pulley; returns the energy stored along links. */
+static double look_at(const bd_plan *plan, const double *y, int j) {
+  if (!plan->model->along_links) {
+    return 0.0;
+  }
+  if (j == 0) {
+    bd_link_contact_see(plan, y);
+  }
+  return bd_link_contact_press(plan, y, j);
+}
+
+/* The normal force on a link of pulley j, or at a joint, and the share of it in contact; 0: none.
+ */
+static double normal_force(const bd_plan *plan, const contact_point *at, int i, int j,
+                           double *share) {
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  if (plan->model->along_links) {
+    const bd_pressure *p = &plan->pressure;
+    *share = p->share_left[i] + p->share_right[i - 1];
+    return p->left[i] + p->right[i - 1];
+  }
+  const double dx = at->x - d->x, dy = at->y - d->y;
+  const double rho = hypot(dx, dy), p = d->radius - rho;
+  const double apart = (at->vx - d->vx) * (dx / rho) + (at->vy - d->vy) * (dy / rho);
+  const double raw = (d->quadratic * p + d->linear) * p - d->damping * apart;
+  *share = p > 0.0 ? 1.0 : 0.0;
+  return raw > 0.0 && p > 0.0 ? raw : 0.0;
+}
 
 static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const bd_point at = bd_contact_point(plan, y, i);
-  double dx = at.x - d->x, dy = at.y - d->y;
-  double rho = hypot(dx, dy), p = d->radius - rho;
-  if (!(p > 0.0)) {
+  const contact_point at = point_of(plan, y, i);
+  double share;
+  out->normal = normal_force(plan, &at, i, j, &share);
+  if (!(share > 0.0)) {
     return 0;
   }
-  double nx = dx / rho, ny = dy / rho;
+  double dx = at.x - d->x, dy = at.y - d->y;
+  out->rho = hypot(dx, dy);
+  double nx = dx / out->rho, ny = dy / out->rho;
   double ux = at.vx - d->vx, uy = at.vy - d->vy;
-  double raw = (d->quadratic * p + d->linear) * p - d->damping * (ux * nx + uy * ny);
-  out->penetration = p;
-  out->normal = raw > 0.0 ? raw : 0.0;
-  out->velocity = uy * nx - ux * ny - y[lay->omega + j] * rho;
+  out->velocity = uy * nx - ux * ny - y[lay->omega + j] * out->rho;
   const int friction = d->law != BD_LAW_NONE;
   double z = friction ? bd_cfield(lay, y, F_MU + d->slot)[i] : 0.0;
   z = z > d->bound ? d->bound : z < -d->bound ? -d->bound : z;
@@ -34,9 +84,9 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   out->friction = z * out->normal;
   if (bd_law_is_general(d->law)) {
     bd_law_point point;
-    bd_friction_at(plan->model, j, z, out->velocity, out->normal, &point);
-    out->friction = point.force;
-    out->mu = out->normal > 0.0 ? point.force / out->normal : 0.0;
+    bd_friction_at(plan->model, j, z, out->velocity, out->normal / share, &point);
+    out->friction = share * point.force;
+    out->mu = out->normal > 0.0 ? out->friction / out->normal : 0.0;
   }
   out->slip = friction ? bd_cfield(lay, y, bd_f_slip(lay) + d->slot)[i] : 0.0;
   return 1;
@@ -97,17 +147,46 @@ void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_
   }
 }
 
-void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+static double stored_by(const bd_contact_pulley *d, double p) {
+  return p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
+}
+
+int bd_add_contact_energy(const bd_plan *plan, const double *y, int j, double *energy) {
   const bd_layout *lay = &plan->model->lay;
-  for (int j = 0; j < lay->np; ++j) {
-    const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+  if (plan->model->along_links) {
+    const double stored = look_at(plan, y, j);
+    *energy += stored;
+    return stored > 0.0;
+  }
+  int touched = 0;
+  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
+      const double dx = x[i] - d->x, dy = yy[i] - d->y, rho2 = dx * dx + dy * dy;
+      if (rho2 < d->radius * d->radius) {
+        *energy += stored_by(d, d->radius - sqrt(rho2));
+        touched = 1;
+      }
+    }
+  }
+  return touched;
+}
+
+void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  for (int j = 0; j < plan->model->lay.np; ++j) {
+    if (plan->model->along_links) {
+      bd_add_contact_energy(plan, y, j, &terms[BD_ENERGY_contact]);
+      continue;
+    }
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
+      for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
+        const bd_contact_pulley *d = &plan->contact_pulleys[j];
         touch c;
         if (touching(plan, y, i, j, &c)) {
-          double p = c.penetration;
-          terms[BD_ENERGY_contact] += p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
+          terms[BD_ENERGY_contact] += stored_by(d, d->radius - c.rho);
         }
       }
     }
@@ -117,11 +196,15 @@ void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_
 double bd_friction_torque(const bd_plan *plan, const double *y, int j) {
   const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
   double sum = 0.0;
+  if (plan->model->along_links) {
+    bd_link_contact_see(plan, y);
+  }
+  look_at(plan, y, j);
   for (int r = 0; r < plan->search.n_runs[j]; ++r) {
     for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
       touch c;
       if (touching(plan, y, i, j, &c)) {
-        sum += c.friction * (plan->contact_pulleys[j].radius - c.penetration);
+        sum += c.friction * c.rho;
       }
     }
   }
@@ -245,6 +328,7 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
   }
   for (int j = 0; j < lay->np; ++j) {
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    look_at(plan, y, j);
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
         touch c;

@@ -114,7 +114,9 @@ typedef struct bd_derivatives {
 
 /* A row of the table in effects.c: another effect is another row, and the functions it names. */
 typedef struct bd_effect {
-  const char *name; /* in result.effects */
+  const char *name;
+  /* What result.effects calls it, of a plan; NULL: by its name. */
+  const char *(*label)(const bd_plan *plan);
   int (*enabled)(const bd_model *model, const bd_plan_options *options);
   /* Adds what it does to the rate dy at y, and sets the power of its works. */
   int (*rate)(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
@@ -166,8 +168,11 @@ struct bd_plan {
   const bd_kernels *kernels;
   bd_links links;
   bd_contact_pulley *contact_pulleys;
-  bd_points points; /* of contact, of joints: as last evaluated */
-  double *fx, *fy;  /* of joints: scratch of their forces */
+  bd_pressure pressure; /* contact along links: scratch, */
+  bd_end_forces forces;
+  bd_points points; /* the joints as last evaluated, */
+  double *nearest;  /* squared distance of each link's nearer end from a pulley, */
+  bd_links seen;    /* and the links with directions of any other state than the rate's */
   double *owner;    /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
@@ -218,14 +223,20 @@ int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_e
 /* In place of set torques those that the motions last evaluated need at y. */
 void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 
-/* The points of contact at y, by link (of joints: those on their left), from directions as last
- * evaluated, or taken anew; the halo of y is set. */
-bd_points bd_contact_points(bd_plan *plan, double *y, int directions_known);
-/* One of them, without changing anything. */
-typedef struct bd_point {
-  double x, y, vx, vy;
-} bd_point;
-bd_point bd_contact_point(const bd_plan *plan, const double *y, int i);
+/* --- link_contact.c -------------------------------------------------------------------------- */
+
+void bd_carve_pressure(bd_carver *carver, const bd_layout *lay, bd_pressure *pressure,
+                       bd_end_forces *forces);
+void bd_clear_end_forces(const bd_layout *lay, const bd_end_forces *forces);
+void bd_link_contact_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
+/* Adds contact and friction of all pulleys to the rate, from directions as last evaluated; the halo
+ * of y is set. */
+void bd_link_contact_rate(bd_plan *plan, double *y, double *dy);
+/* Directions at y for what follows: a pulley's pressure (returns its stored energy), squared
+ * distances of all links' nearer ends from a pulley, into the plan's scratch. */
+void bd_link_contact_see(const bd_plan *plan, const double *y);
+double bd_link_contact_press(const bd_plan *plan, const double *y, int j);
+void bd_link_contact_distances(const bd_plan *plan, const double *y, int j);
 
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
@@ -246,6 +257,9 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+/* Adds the elastic energy of the contact with pulley j, the pulleys in turn; whether there is any.
+ */
+int bd_add_contact_energy(const bd_plan *plan, const double *y, int j, double *energy);
 /* All works but that of the set torques: what was lost since the start. */
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */

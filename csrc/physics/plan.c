@@ -77,6 +77,10 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   links->inv_mass = 1.0 / info->link_mass;
   links->inv_inertia = 1.0 / info->link_inertia;
   links->wind = 2.0 * BD_PI * info->winding;
+  double *const cosines = plan->seen.cos, *const sines = plan->seen.sin;
+  plan->seen = *links;
+  plan->seen.cos = cosines;
+  plan->seen.sin = sines;
   for (int j = 0; j < model->lay.np; ++j) {
     plan->contact_pulleys[j] = (bd_contact_pulley){.x = model->cx[j],
                                                    .y = model->cy[j],
@@ -123,44 +127,6 @@ void bd_plan_place(bd_plan *plan, double t) {
   }
 }
 
-/* --- points of contact ----------------------------------------------------------------------- */
-
-bd_points bd_contact_points(bd_plan *plan, double *y, int directions_known) {
-  const bd_layout *lay = &plan->model->lay;
-  const int n = lay->n;
-  if (!plan->model->contact_of_joints) {
-    return bd_links_as_points(lay, y);
-  }
-  for (int f = F_X; f <= F_VPHI; ++f) {
-    double *v = bd_field(lay, y, f);
-    v[-1] = v[n - 1];
-  }
-  if (directions_known) {
-    plan->links.cos[-1] = plan->links.cos[n - 1];
-    plan->links.sin[-1] = plan->links.sin[n - 1];
-  } else {
-    plan->kernels->directions(&plan->links, y);
-  }
-  plan->kernels->gather_points(&plan->links, plan->links.cos, plan->links.sin, y, &plan->points);
-  return plan->points;
-}
-
-bd_point bd_contact_point(const bd_plan *plan, const double *y, int i) {
-  const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *phi = bd_cfield(lay, y, F_PHI), *w = bd_cfield(lay, y, F_VPHI);
-  if (!plan->model->contact_of_joints) {
-    return (bd_point){x[i], yy[i], vx[i], vy[i]};
-  }
-  const int l = i > 0 ? i - 1 : lay->n - 1;
-  const double q = 0.5 * plan->links.half;
-  const double c = cos(phi[i]), s = sin(phi[i]), cl = cos(phi[l]), sl = sin(phi[l]);
-  return (bd_point){0.5 * (x[l] + x[i]) + q * (cl - c), 0.5 * (yy[l] + yy[i]) + q * (sl - s),
-                    0.5 * (vx[l] + vx[i]) + q * (w[i] * s - w[l] * sl),
-                    0.5 * (vy[l] + vy[i]) + q * (w[l] * cl - w[i] * c)};
-}
-
 /* --- after a step ---------------------------------------------------------------------------- */
 
 /* Pulley whose friction state a slot stores: none; none any more since this step. */
@@ -177,17 +143,35 @@ static void reset_friction_state(const bd_layout *lay, double *y, int slot, doub
   }
 }
 
+/* From a pulley: of a link's centre, or along links of the nearest end of the two that meet at the
+ * joint (bd_link_contact_distances). */
+static double squared_distance(const bd_plan *plan, const double *y, int i, int j) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+  if (plan->model->along_links) {
+    return fmin(plan->nearest[i - 1], plan->nearest[i]);
+  }
+  const double dx = bd_cfield(lay, y, F_X)[i] - pulley->x;
+  const double dy = bd_cfield(lay, y, F_Y)[i] - pulley->y;
+  return dx * dx + dy * dy;
+}
+
 void bd_plan_assign_contacts(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
   for (int k = 0; k < lay->n8 * lay->slots; ++k) {
     plan->owner[k] = FREE;
   }
+  const int along = plan->model->along_links;
+  if (along) {
+    bd_link_contact_see(plan, y);
+  }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+    if (along) {
+      bd_link_contact_distances(plan, y, j);
+    }
     for (int i = 0; pulley->law != BD_LAW_NONE && i < lay->n; ++i) {
-      const bd_point at = bd_contact_point(plan, y, i);
-      double dx = at.x - pulley->x, dy = at.y - pulley->y;
-      if (dx * dx + dy * dy < pulley->radius * pulley->radius) {
+      if (squared_distance(plan, y, i, j) < pulley->radius * pulley->radius) {
         plan->owner[pulley->slot * lay->n8 + i] = j;
       }
     }
@@ -198,10 +182,9 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y) {
 }
 
 /* One block of links at pulley j where something has happened. */
-static int resolve_contact_events(bd_plan *plan, double t, const bd_points *points, double *y,
-                                  int j, int begin, double tolerance, int *changed, bd_error *err) {
+static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int begin,
+                                  double tolerance, int *changed, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  const double *x = points->x, *yy = points->y;
   const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
   const double limit = pulley->bound, rim2 = pulley->radius * pulley->radius;
   const int friction = pulley->law != BD_LAW_NONE;
@@ -209,8 +192,7 @@ static int resolve_contact_events(bd_plan *plan, double t, const bd_points *poin
   double *slip = friction ? bd_field(lay, y, bd_f_slip(lay) + pulley->slot) : NULL;
   double *owner = plan->owner + pulley->slot * lay->n8;
   for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
-    double dx = x[i] - pulley->x, dy = yy[i] - pulley->y;
-    double rho2 = dx * dx + dy * dy;
+    const double rho2 = squared_distance(plan, y, i, j);
     if (rho2 < 0.25 * rim2) {
       return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
                         "link %d sank past half the radius of pulley %d at t = %.9g s: the "
@@ -250,21 +232,28 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
 int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                           bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_points points = bd_contact_points(plan, y, 0);
+  const int along = plan->model->along_links;
   int found = 0;
+  if (along) {
+    plan->kernels->directions(&plan->seen, y);
+  }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     const double *owner = plan->owner + pulley->slot * lay->n8;
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    if (along) {
+      plan->kernels->nearest_ends(&plan->seen, pulley, plan->search.n_runs[j], runs, y,
+                                  plan->nearest);
+    }
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
-        begin = plan->kernels->find_contact_event[pulley->law != BD_LAW_NONE](
-            lay, pulley, j, owner, &points, y, begin, runs[r].end);
+        begin = plan->kernels->find_contact_event[along][pulley->law != BD_LAW_NONE](
+            &plan->links, pulley, j, owner, plan->nearest, y, begin, runs[r].end);
         if (begin == runs[r].end) {
           break;
         }
         found = 1;
-        int code = resolve_contact_events(plan, t, &points, y, j, begin, tolerance, changed, err);
+        int code = resolve_contact_events(plan, t, y, j, begin, tolerance, changed, err);
         if (code != BD_OK) {
           return code;
         }

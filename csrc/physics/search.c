@@ -23,8 +23,8 @@ static void list_links(bd_plan *plan, const double *y) {
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     bd_run *runs = search->runs + j * search->max_runs;
-    /* points of contact are within half a link of its centre, and a joint may gape */
-    const double apart = plan->model->contact_of_joints ? plan->model->info.link_length : 0.0;
+    /* the joints of a link that touches belong to its neighbours as well, and may gape */
+    const double apart = plan->model->along_links ? 2.0 * plan->model->info.link_length : 0.0;
     double reach = pulley->radius + search->margin + apart;
     int n_runs = 0;
     for (int begin = 0; begin < lay->n; begin += BD_LANES) {

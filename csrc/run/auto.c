@@ -64,7 +64,8 @@ static double implicit_cost(const bd_sim *sim, double steps_a_round) {
   const bd_method *m = sim->choice.method[AUTO_IMPLICIT];
   const bd_belt *belt = &sim->stepper.model->belt;
   double rounds = sqrt(belt->axial_stiffness / belt->linear_density) / belt->length;
-  double finer = pow(1e-3 / bd_method_tolerance(m, sim->stepper.rtol), 1.0 / m->error_order);
+  double finer = pow(1e-3 / bd_method_tolerance(m, sim->stepper.model, sim->stepper.rtol),
+                     1.0 / m->error_order);
   return cost_of(sim, m) * rounds * steps_a_round * finer;
 }
 

@@ -160,9 +160,10 @@ static void copy(const bd_sim *sim, bd_sim *twin) {
 static void displace(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const bd_layout *lay = &sim->stepper.model->lay;
-  const double allowed = sim->stepper.fixed
-                             ? FIXED_ERROR
-                             : bd_method_tolerance(sim->stepper.method, sim->stepper.rtol);
+  const double allowed =
+      sim->stepper.fixed
+          ? FIXED_ERROR
+          : bd_method_tolerance(sim->stepper.method, sim->stepper.model, sim->stepper.rtol);
   const double stretch = sim->stepper.model->info.strain * sim->stepper.model->info.link_length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
   /* of differences of two numbers evenly spread over +-size, in x and in y */
@@ -229,9 +230,10 @@ static int repeat(const bd_sim *sim, bd_sim *twin) {
   }
   twin->stepper.now = sim->stepper.now;
   const long before = twin->stats.steps;
-  double tolerance = sim->stepper.fixed || sim->stepper.now != sim->stepper.method
-                         ? INFINITY
-                         : bd_method_tolerance(sim->stepper.method, sim->stepper.rtol);
+  double tolerance =
+      sim->stepper.fixed || sim->stepper.now != sim->stepper.method
+          ? INFINITY
+          : bd_method_tolerance(sim->stepper.method, sim->stepper.model, sim->stepper.rtol);
   int code = bd_sim_follow(twin, sim->stepper.t, sim->stepper.plan.t_piece, tolerance);
   t->steps += twin->stats.steps - before;
   return code == BD_OK;

@@ -126,20 +126,10 @@ static double survey(bd_sim *sim, double *gap, int *link) {
                          m * moving + model->info.link_inertia * spin) -
                   m * height;
   for (int j = 0; j < lay->np; ++j) {
-    const bd_contact_pulley *d = &plan->contact_pulleys[j];
     double omega = sim->stepper.y[lay->omega + j];
     energy += 0.5 * model->inertia[j] * omega * omega;
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
-        const bd_point at = bd_contact_point(plan, sim->stepper.y, i);
-        double nx = at.x - d->x, ny = at.y - d->y, rho2 = nx * nx + ny * ny;
-        if (rho2 < d->radius * d->radius) {
-          double p = d->radius - sqrt(rho2);
-          energy += p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
-          sim->guard.touched[j] = sim->stepper.t;
-        }
-      }
+    if (bd_add_contact_energy(plan, sim->stepper.y, j, &energy)) {
+      sim->guard.touched[j] = sim->stepper.t;
     }
   }
   *gap = sqrt(widest) / model->info.link_length;

@@ -136,7 +136,7 @@ static void place_on_line(const bd_settling *settling, const laid_line *line, bd
   double inward = 1e-3 * model->info.strain * model->info.link_length * line->direction;
   for (int i = 0; i < n; ++i) {
     point_on(settling, line, model->radius, i + 0.5, &state->x[i], &state->y[i], &state->phi[i]);
-    if (model->contact_of_joints) {
+    if (model->along_links) {
       lay_ends(settling, line, i, &state->x[i], &state->y[i], &state->phi[i]);
     }
     state->x[i] += model->origin[0] - inward * sin(state->phi[i]);
@@ -286,19 +286,14 @@ static int check_laid(bd_sim *sim, bd_error *err) {
   const bd_layout *lay = &model->lay;
   int code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, err, sim->stepper.t);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
-    const bd_contact_pulley *d = &sim->stepper.plan.contact_pulleys[j];
-    int touches = 0;
-    for (int i = 0; i < lay->n; ++i) {
-      const bd_point at = bd_contact_point(&sim->stepper.plan, sim->stepper.y, i);
-      touches |= hypot(at.x - d->x, at.y - d->y) < d->radius;
-    }
-    if (!touches) {
-      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j,
-                        model->info.link_length,
-                        "no link touches pulley %d: the belt bends round it between two links of "
-                        "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
-                        j, model->info.link_length,
-                        ceil(model->belt.length / (model->wraps[j].wrap * d->radius)));
+    double stored = 0.0;
+    if (!bd_add_contact_energy(&sim->stepper.plan, sim->stepper.y, j, &stored)) {
+      return bd_fail_at(
+          err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j, model->info.link_length,
+          "no link touches pulley %d: the belt bends round it between two links of "
+          "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
+          j, model->info.link_length,
+          ceil(model->belt.length / (model->wraps[j].wrap * model->contact_radius[j])));
     }
   }
   return code;

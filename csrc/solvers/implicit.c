@@ -4,6 +4,7 @@
  * and the ledger, whose power is a quadrature that no stage needs: it is taken at the ends of a
  * step, and in its middle where the method is of an order that would notice.
  */
+#include <math.h>
 #include <string.h>
 
 #include "solvers/solvers.h"
@@ -104,15 +105,29 @@ int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle) 
   return BD_OK;
 }
 
-/* The integral of the parabola through the step's three powers. */
+/* Integral up to s of a step of length h, of the parabola through the step's three powers; where it
+ * dips to the other side of 0 though none of them is there, that of straight lines between them, to
+ * the same end. */
+static double work_up_to(const double p[3], double h, double s) {
+  const double linear = -3.0 * p[0] + 4.0 * p[1] - p[2];
+  const double quadratic = 2.0 * p[0] - 4.0 * p[1] + 2.0 * p[2];
+  const double turn = quadratic != 0.0 ? -0.5 * linear / quadratic : -1.0;
+  const double there = p[0] + turn * (linear + turn * quadratic);
+  if (turn > 0.0 && turn < 1.0 && there * p[0] < 0.0 && there * p[1] < 0.0 && there * p[2] < 0.0) {
+    const double left = fmin(s, 0.5), right = fmax(s - 0.5, 0.0);
+    const double lines =
+        left * (p[0] + left * (p[1] - p[0])) + right * (p[1] + right * (p[2] - p[1]));
+    return h * lines * (p[0] + 4.0 * p[1] + p[2]) / (1.5 * (p[0] + 2.0 * p[1] + p[2]));
+  }
+  return h * s * (p[0] + s * (0.5 * linear + s * quadratic / 3.0));
+}
+
 void bd_implicit_work_inside(const bd_stepper *stepper, double h, double s, double *y) {
   const bd_layout *lay = &stepper->model->lay;
   const double *before = stepper->stage[0] + lay->work;
   const double *after = stepper->stage[stepper->now->vectors - 1] + lay->work;
   for (int k = 0; k < lay->n_work; ++k) {
-    double p0 = before[k], p1 = stepper->work_middle[k], p2 = after[k];
-    double linear = -3.0 * p0 + 4.0 * p1 - p2, quadratic = 2.0 * p0 - 4.0 * p1 + 2.0 * p2;
-    y[lay->work + k] =
-        stepper->y[lay->work + k] + h * s * (p0 + s * (0.5 * linear + s * quadratic / 3.0));
+    const double powers[3] = {before[k], stepper->work_middle[k], after[k]};
+    y[lay->work + k] = stepper->y[lay->work + k] + work_up_to(powers, h, s);
   }
 }

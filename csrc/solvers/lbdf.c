@@ -101,36 +101,14 @@ static int finish(bd_stepper *stepper, double h, double t_new) {
   return bd_implicit_finish(stepper, h, t_new, 0);
 }
 
+/* What the two have in common. */
+#define LINEARLY_IMPLICIT                                                                          \
+  .implicit = 1, .vectors = 3, .adaptive = 1, .may_be_fixed = 1, .growth = 2.0,                    \
+  .aim = {100.0, 2.0}, .cost = {1.60, 0.052}, .attempt = attempt, .finish = finish,                \
+  .inside = inside
+
 const bd_method bd_method_lbdf2 = {
-    .name = "lbdf2",
-    .implicit = 1,
-    .order = 2,
-    .error_order = 3,
-    .vectors = 3,
-    .history = 2,
-    .adaptive = 1,
-    .may_be_fixed = 1,
-    .growth = 2.0,
-    .aim = {100.0, 2.0},
-    .cost = {1.60, 0.052},
-    .attempt = attempt,
-    .finish = finish,
-    .inside = inside,
-};
+    .name = "lbdf2", .order = 2, .error_order = 3, .history = 2, .smooth = 2.5, LINEARLY_IMPLICIT};
 
 const bd_method bd_method_lie = {
-    .name = "lie",
-    .implicit = 1,
-    .order = 1,
-    .error_order = 2,
-    .vectors = 3,
-    .history = 1,
-    .adaptive = 1,
-    .may_be_fixed = 1,
-    .growth = 2.0,
-    .aim = {100.0, 2.0},
-    .cost = {1.60, 0.052},
-    .attempt = attempt,
-    .finish = finish,
-    .inside = inside,
-};
+    .name = "lie", .order = 1, .error_order = 2, .history = 1, LINEARLY_IMPLICIT};

@@ -46,7 +46,7 @@ static const bd_newton_kernels *ring_kernels(const bd_model *model) {
 
 /* A law that is not general shares two arrays, and has no part of others. */
 static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_tangent *contact,
-                          int general, int of_joints) {
+                          int general) {
   double **fields[] = {&contact->nx,
                        &contact->ny,
                        &contact->rho,
@@ -78,13 +78,8 @@ static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_ta
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
     bd_carve_links(carver, lay, fields[k]);
   }
-  double **turning[] = {&contact->row_vx, &contact->row_vy, &contact->vxx,
-                        &contact->vxy,    &contact->vyx,    &contact->vyy};
   for (size_t k = 0; general && k < sizeof more / sizeof more[0]; ++k) {
     bd_carve_links(carver, lay, more[k]);
-  }
-  for (size_t k = 0; of_joints && k < sizeof turning / sizeof turning[0]; ++k) {
-    bd_carve_links(carver, lay, turning[k]);
   }
   if (!general) {
     contact->by_normal = contact->mu;
@@ -92,45 +87,65 @@ static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_ta
   }
 }
 
-/* What contact of joints needs besides. */
-static void carve_joints(bd_carver *carver, const bd_layout *lay, bd_newton_system *system,
-                         int np) {
-  bd_joint_blocks *j = &system->joints;
+static void carve_all(bd_carver *carver, const bd_layout *lay, double **const *arrays, size_t n) {
+  for (size_t k = 0; k < n; ++k) {
+    bd_carve_links(carver, lay, arrays[k]);
+  }
+}
+
+/* The same of contact along the links. */
+static void carve_links(bd_carver *carver, const bd_layout *lay, bd_link_tangent *t) {
+  double **const single[] = {
+      &t->joint_nx,    &t->joint_ny,       &t->rho,      &t->force,       &t->apart,
+      &t->by_slip,     &t->force_over_rho, &t->by_state, &t->gain,        &t->by_normal,
+      &t->decay,       &t->gain_normal,    &t->slip,     &t->given_state, &t->state_by_slip,
+      &t->decay_factor};
+  carve_all(carver, lay, single, sizeof single / sizeof single[0]);
+  for (int e = 0; e < 2; ++e) {
+    double **const ends[] = {&t->nx[e],     &t->ny[e],        &t->normal[e], &t->normal_over_rho[e],
+                             &t->around[e], &t->correction[e]};
+    carve_all(carver, lay, ends, sizeof ends / sizeof ends[0]);
+  }
+  for (int m = 0; m < 8; ++m) {
+    double **const by[] = {&t->by[m], &t->direct[m], &t->gains[m], &t->total[m], &t->state_by[m]};
+    carve_all(carver, lay, by, sizeof by / sizeof by[0]);
+  }
+}
+
+/* And what it needs once for all pulleys. */
+static void carve_link_scratch(bd_carver *carver, const bd_layout *lay, bd_newton_system *system) {
+  bd_link_scratch *s = &system->scratch;
   bd_blocks *b = &system->blocks;
-  double **by_link[] = {&system->points.x,
-                        &system->points.y,
-                        &system->points.vx,
-                        &system->points.vy,
-                        &system->moved.x,
-                        &system->moved.y,
-                        &system->moved.vx,
-                        &system->moved.vy,
-                        &j->xx,
-                        &j->xy,
-                        &j->yx,
-                        &j->yy,
-                        &j->vxx,
-                        &j->vxy,
-                        &j->vyx,
-                        &j->vyy,
-                        &j->fx,
-                        &j->fy,
-                        &j->turning,
-                        &b->xp,
-                        &b->yp,
-                        &b->px,
-                        &b->py};
-  for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
-    bd_carve_links(carver, lay, by_link[k]);
+  double **const single[] = {&system->points.x,
+                             &system->points.y,
+                             &system->points.vx,
+                             &system->points.vy,
+                             &s->turning,
+                             &system->joint_x,
+                             &system->joint_y,
+                             &b->xp,
+                             &b->yp,
+                             &b->px,
+                             &b->py};
+  carve_all(carver, lay, single, sizeof single / sizeof single[0]);
+  bd_carve_pressure(carver, lay, &s->pressure, &s->forces);
+  for (int m = 0; m < 4; ++m) {
+    bd_carve_links(carver, lay, &s->share_by[m]);
+    bd_carve_links(carver, lay, &s->rate_by[m]);
+  }
+  for (int k = 0; k < 6; ++k) {
+    bd_carve_links(carver, lay, &s->before[k]);
+    bd_carve_links(carver, lay, &s->behind[k]);
+  }
+  for (int k = 0; k < 3; ++k) {
+    bd_carve_links(carver, lay, &s->row_before[k]);
+    bd_carve_links(carver, lay, &s->row_behind[k]);
   }
   for (int k = 0; k < 9; ++k) {
     bd_carve_links(carver, lay, &b->back[k]);
     bd_carve_links(carver, lay, &b->forward[k]);
   }
-  for (int k = 0; k < 4; ++k) {
-    bd_carve_links(carver, lay, &system->scratch[k]);
-  }
-  BD_CARVE(carver, system->rows, 3 * np * lay->stride);
+  BD_CARVE(carver, system->rows, 3 * lay->np * lay->stride);
 }
 
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
@@ -143,13 +158,19 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
     bd_carve_links(carver, lay, by_link[k]);
   }
-  BD_CARVE(carver, system->contact, np);
-  for (int j = 0; j < np; ++j) {
-    carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
-                  bd_law_is_general(model->friction[j].law), model->contact_of_joints);
+  if (model->along_links) {
+    BD_CARVE(carver, system->along, np);
+    carve_link_scratch(carver, lay, system);
+  } else {
+    BD_CARVE(carver, system->contact, np);
   }
-  if (model->contact_of_joints) {
-    carve_joints(carver, lay, system, np);
+  for (int j = 0; j < np; ++j) {
+    if (model->along_links) {
+      carve_links(carver, lay, carver->base ? &system->along[j] : &(bd_link_tangent){0});
+    } else {
+      carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
+                    bd_law_is_general(model->friction[j].law));
+    }
   }
   BD_CARVE(carver, system->ring.base, width);
   BD_CARVE(carver, system->ring.shorter, width);
@@ -191,27 +212,34 @@ static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
 }
 
-static int of_joints(const bd_plan *plan) {
-  return plan->model->contact_of_joints;
+static int along_links(const bd_plan *plan) {
+  return plan->model->along_links;
 }
 
 void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double *y, double h) {
-  const bd_layout *lay = &plan->model->lay;
-  bd_points points = bd_links_as_points(lay, y);
-  if (of_joints(plan)) {
-    points = system->points;
-    plan->kernels->newton->gather_points(&plan->links, &system->at.joints, y, &points);
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_links *links = &plan->links;
+  const bd_tangent *joints = &system->at.joints;
+  if (along_links(plan)) {
+    bd_close_links(&plan->model->lay, y);
+    plan->kernels->gather_points(links, joints->cos, joints->sin, y, &system->points);
   }
-  for (int j = 0; j < lay->np; ++j) {
+  for (int j = 0; j < plan->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    plan->kernels->newton->linearise_contact[pulley->law](&plan->links, pulley,
-                                                          system->at.n_runs[j], runs_of(system, j),
-                                                          &points, y, &system->contact[j], h);
+    const int n_runs = system->at.n_runs[j];
+    if (along_links(plan)) {
+      kernels->linearise_links[pulley->law](links, joints, pulley, n_runs, runs_of(system, j),
+                                            &system->points, &system->scratch, y, &system->along[j],
+                                            h);
+    } else {
+      kernels->linearise_contact[pulley->law](links, pulley, n_runs, runs_of(system, j), y,
+                                              &system->contact[j], h);
+    }
   }
 }
 
-static void clear(const bd_layout *lay, double *const *blocks, int n) {
-  for (int k = 0; k < n; ++k) {
+static void clear(const bd_layout *lay, double *const *blocks, size_t n) {
+  for (size_t k = 0; k < n; ++k) {
     memset(blocks[k] - BD_HALO, 0, (size_t)lay->stride * sizeof **blocks);
   }
 }
@@ -220,23 +248,24 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
                                      double *c) {
   const bd_layout *lay = &plan->model->lay;
   const bd_links *links = &plan->links;
-  const bd_points velocities = bd_links_as_points(lay, c);
-  bd_forces out = {velocities.vx, velocities.vy, links->inv_mass};
-  if (of_joints(plan)) {
-    out = (bd_forces){system->scratch[0], system->scratch[1], 1.0};
-    clear(lay, system->scratch, 2);
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_end_forces *out = &system->scratch.forces;
+  if (along_links(plan)) {
+    bd_clear_end_forces(lay, out);
   }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    double torque = plan->kernels->newton->add_normal_correction[bd_law_is_general(pulley->law)](
-        lay, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], &out, c);
+    const int n_runs = system->at.n_runs[j];
+    const bd_run *runs = runs_of(system, j);
+    double torque =
+        along_links(plan)
+            ? kernels->add_link_correction(links, pulley, n_runs, runs, &system->along[j], out, c)
+            : kernels->add_normal_correction[bd_law_is_general(pulley->law)](
+                  links, pulley, n_runs, runs, &system->contact[j], c);
     c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
   }
-  if (of_joints(plan)) {
-    out.x[lay->n] = out.x[0];
-    out.y[lay->n] = out.y[0];
-    plan->kernels->scatter_forces(links, system->at.joints.cos, system->at.joints.sin, out.x, out.y,
-                                  c);
+  if (along_links(plan)) {
+    plan->kernels->scatter_forces(links, system->at.joints.cos, system->at.joints.sin, out, c);
   }
 }
 
@@ -283,7 +312,7 @@ static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan,
 static double shaft_row(const bd_newton_system *system, const bd_plan *plan, int shaft,
                         const double *x, const double *y, const double *p) {
   const bd_layout *lay = &plan->model->lay;
-  if (of_joints(plan)) {
+  if (along_links(plan)) {
     const double *row = system->rows + (size_t)(3 * shaft) * (size_t)lay->stride + BD_HALO;
     const double *const parts[3] = {row, row + lay->stride, row + 2 * lay->stride};
     return plan->kernels->newton->ring_product(lay, parts, x, y, p);
@@ -341,30 +370,31 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
   }
 }
 
-static void clear_joints(bd_newton_system *system, const bd_layout *lay) {
-  const bd_joint_blocks *j = &system->joints;
-  double *const blocks[] = {j->xx,  j->xy,  j->yx,  j->yy, j->vxx,
-                            j->vxy, j->vyx, j->vyy, j->fx, j->fy};
-  clear(lay, blocks, sizeof blocks / sizeof blocks[0]);
-}
-
-/* The pulley's row, which at the joints is right in the runs alone, by link. */
-static void set_row(bd_newton_system *system, const bd_plan *plan, int j, double g) {
+/* Contact along the links, into the matrix and its border. */
+static void add_along_links(bd_newton_system *system, const bd_plan *plan, double g) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_contact_tangent *contact = &system->contact[j];
-  const double *const from[] = {contact->row_x, contact->row_y, contact->row_vx, contact->row_vy};
-  double *row = system->rows + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
-  clear(lay, system->scratch, 4);
-  for (int k = 0; k < 4; ++k) {
-    for (int r = 0; r < system->at.n_runs[j]; ++r) {
-      const bd_run run = runs_of(system, j)[r];
-      memcpy(system->scratch[k] + run.begin, from[k] + run.begin,
-             (size_t)(run.end - run.begin) * sizeof **from);
-    }
+  const bd_links *links = &plan->links;
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_tangent *joints = &system->at.joints;
+  const bd_link_scratch *scratch = &system->scratch;
+  const bd_blocks *b = &system->blocks;
+  clear(lay, (double *const[]){b->xp, b->yp, b->px, b->py}, 4);
+  clear(lay, scratch->before, 6);
+  clear(lay, scratch->behind, 6);
+  bd_clear_end_forces(lay, &scratch->forces);
+  for (int j = 0; j < lay->np; ++j) {
+    double *z = border_of(system, lay, j);
+    double *row = system->rows + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
+    clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
+    clear(lay, scratch->row_before, 3);
+    clear(lay, scratch->row_behind, 3);
+    system->own[j] = kernels->add_links(links, joints, &system->at.contact_pulleys[j],
+                                        system->at.n_runs[j], runs_of(system, j), &system->along[j],
+                                        g, b, scratch, system->joint_x, system->joint_y, row);
+    kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, z, z + lay->stride,
+                             z + 2 * lay->stride);
   }
-  plan->kernels->newton->row_of_links(&plan->links, &system->at.joints, g, system->scratch[0],
-                                      system->scratch[1], system->scratch[2], system->scratch[3],
-                                      row, row + lay->stride, row + 2 * lay->stride);
+  kernels->assemble(links, joints, g, scratch, b);
 }
 
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
@@ -376,43 +406,31 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   double inv_half = 1.0 / links->half;
   system->stage.g = g;
   system->stage.mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
-  system->stage.slender = model->contact_of_joints ? 1.0 : 3.0;
+  system->stage.slender = 0.25 * model->shear;
   b->k = g * (g * links->stiffness + links->damping);
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   kernels->diagonal(links, &system->at.joints, &system->stage, b);
-  const int joints = of_joints(plan);
-  if (joints) {
-    clear_joints(system, lay);
-  }
-  const bd_joint_blocks centres = {.xx = b->xx, .xy = b->xy, .yx = b->yx, .yy = b->yy};
   for (int j = 0; j < lay->np; ++j) {
-    double *z = border_of(system, lay, j);
-    double *column_x = joints ? system->scratch[0] : z;
-    double *column_y = joints ? system->scratch[1] : z + lay->stride;
+    memset(border_of(system, lay, j), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
+  }
+  const int along = along_links(plan);
+  if (along) {
+    add_along_links(system, plan, g);
+  }
+  for (int j = 0; !along && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    memset(z, 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof *z);
-    if (joints) {
-      clear(lay, system->scratch, 2);
-    }
-    system->own[j] = kernels->add_contact[bd_law_is_general(pulley->law)][joints](
-        pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g,
-        joints ? &system->joints : &centres, column_x, column_y);
-    if (joints) {
-      kernels->to_links(links, &system->at.joints, column_x, column_y, z, z + lay->stride,
-                        z + 2 * lay->stride);
-      set_row(system, plan, j, g);
-    }
+    double *z = border_of(system, lay, j);
+    system->own[j] = kernels->add_contact[bd_law_is_general(pulley->law)](
+        pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g, b, z,
+        z + lay->stride);
   }
-  if (joints) {
-    kernels->assemble(links, &system->at.joints, g, &system->joints, b);
-  }
-  system->ring_kernels->factor[joints](&system->ring, b);
+  system->ring_kernels->factor[along](&system->ring, b);
   const int n = shafts(plan);
   for (int j = 0; j < n; ++j) {
     double *z = border_of(system, lay, j);
-    system->ring_kernels->solve[joints](&system->ring, b->k, z, z + lay->stride,
-                                        z + 2 * lay->stride);
+    system->ring_kernels->solve[along](&system->ring, b->k, z, z + lay->stride,
+                                       z + 2 * lay->stride);
     for (int i = 0; i < n; ++i) {
       if (is_prescribed(plan, i)) {
         system->matrix[i * n + j] = i == j;
@@ -439,27 +457,26 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const int n = shafts(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
-  const int joints = of_joints(plan);
-  bd_points moved = bd_links_as_points(lay, c);
-  double *fx = x, *fy = y;
-  if (joints) {
-    moved = system->moved;
-    fx = system->scratch[0];
-    fy = system->scratch[1];
-    clear(lay, system->scratch, 2);
-    kernels->project(links, &system->at.joints, c, 0, &moved);
+  const bd_tangent *joints = &system->at.joints;
+  const int along = along_links(plan);
+  if (along) {
+    clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
+    bd_close_links(lay, c);
   }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    rhs[j] = kernels->contact_product[joints](lay, pulley, system->at.n_runs[j], runs_of(system, j),
-                                              &system->contact[j], pulley->law != BD_LAW_NONE, g,
-                                              &moved, c, fx, fy);
+    const int n_runs = system->at.n_runs[j];
+    const bd_run *runs = runs_of(system, j);
+    rhs[j] = along ? kernels->link_product(links, joints, pulley, n_runs, runs, &system->along[j],
+                                           g, c, system->joint_x, system->joint_y, x, y, p)
+                   : kernels->contact_product(lay, pulley, n_runs, runs, &system->contact[j],
+                                              pulley->law != BD_LAW_NONE, c, x, y);
   }
-  if (joints) {
-    kernels->to_links(links, &system->at.joints, fx, fy, x, y, p);
-    kernels->add_turning(lay, &system->joints, g, c, p);
+  if (along) {
+    kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, x, y, p);
+    kernels->add_turning(lay, system->scratch.turning, g, c, p);
   }
-  system->ring_kernels->solve[joints](&system->ring, system->blocks.k, x, y, p);
+  system->ring_kernels->solve[along](&system->ring, system->blocks.k, x, y, p);
   for (int j = 0; j < n; ++j) {
     if (is_prescribed(plan, j)) {
       rhs[j] = g * c[lay->omega + j];
@@ -473,18 +490,24 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   }
   substitute(n, system->matrix, system->pivots, rhs);
   kernels->finish_links(links, &system->stage, n, border_of(system, lay, 0), rhs, x, y, p, c);
-  if (joints) {
-    kernels->project(links, &system->at.joints, c, 1, &moved);
+  if (along) {
+    bd_close_links(lay, c);
   }
   for (int j = 0; j < lay->np; ++j) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    if (pulley->law != BD_LAW_NONE) {
+    if (pulley->law == BD_LAW_NONE) {
+      continue;
+    }
+    const int n_runs = system->at.n_runs[j];
+    if (along) {
+      kernels->finish_joints(links, joints, pulley, n_runs, runs_of(system, j), &system->along[j],
+                             g, angular_acceleration, c);
+    } else {
       kernels->finish_contact[bd_law_is_general(pulley->law)](
-          lay, pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g,
-          angular_acceleration, &moved, c);
+          lay, pulley, n_runs, runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
     }
   }
   for (int k = 0; k < lay->n_work; ++k) {

@@ -13,15 +13,16 @@ typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
   bd_ring ring;
   bd_derivatives at;           /* the effects', at the state */
-  bd_contact_tangent *contact; /* per pulley */
+  bd_contact_tangent *contact; /* per pulley, */
+  bd_link_tangent *along;      /* or along the links */
   bd_blocks blocks;
   bd_stage stage;
-  double *x, *y, *p;       /* right-hand side and solution of the ring, with halo */
-  bd_points points, moved; /* contact of joints: where linearised, how moved; */
-  bd_joint_blocks joints;  /* blocks there, */
-  double *rows;            /* per pulley: its row, by link */
-  double *scratch[4];      /* by joint */
-  double *border;          /* per pulley: its column, solved by the ring */
+  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
+  bd_points points;  /* contact along links: the joints where linearised, */
+  bd_link_scratch scratch;
+  double *joint_x, *joint_y; /* forces or a column there, */
+  double *rows;              /* per pulley: its row, by link */
+  double *border;            /* per pulley: its column, solved by the ring */
   double *own, *rhs, *matrix;
   int *pivots;
   double *by_theta, *by_omega, *by_time; /* of the set torques */
@@ -53,9 +54,11 @@ enum { MAX_HISTORY = 2 }; /* earlier states that a multistep method may look bac
 /* An integration method, a row of the table in methods.c.
  *
  * aim: what it must hold its local errors below for joint forces to come out about as near, over
- * the mean tension, as rtol asks, measured with benchmarks/work_precision.py: damping out the
- * belt's vibration, as methods of low order do, is an error that adds up over time, so they need
- * local errors that go with the square. cost: measured with benchmarks/kernels.py. */
+ * the mean tension, as rtol asks, measured with benchmarks/calibration.py: damping out the belt's
+ * vibration, as methods of low order do, is an error that adds up over time, so they need local
+ * errors that go with the square. Contact along the links has no jumps, and there errors of calm
+ * drives come out smaller, so that the tolerance is `smooth` times rtol. cost: measured with
+ * benchmarks/kernels.py. */
 typedef struct bd_method {
   const char *name;
   int implicit;
@@ -68,6 +71,7 @@ typedef struct bd_method {
   double stability; /* limit of h |lambda|; 0: none */
   double growth;    /* of the step, at most */
   double aim[2];    /* local errors are held below aim[0] rtol^aim[1] */
+  double smooth;    /* ... of so many times rtol where contact is along the links; 0: as rtol */
   double cost[2];   /* microseconds of a step and of a link in it, measured; only ratios count */
   /* A step of length h from stepper->y into stepper->y_new; *error: its estimate over the weights,
    * infinite if a number is not finite. */
@@ -81,8 +85,8 @@ typedef struct bd_method {
 
 const bd_method *bd_method_find(const char *name); /* NULL if there is none */
 /* The local error that an asked error allows, and the other way about. */
-double bd_method_tolerance(const bd_method *method, double rtol);
-double bd_method_error(const bd_method *method, double local);
+double bd_method_tolerance(const bd_method *method, const bd_model *model, double rtol);
+double bd_method_error(const bd_method *method, const bd_model *model, double local);
 const bd_method *bd_method_at(size_t k); /* NULL past the last */
 /* The longest step of an adaptive explicit method. */
 double bd_method_longest(const bd_method *method, const bd_model *model);

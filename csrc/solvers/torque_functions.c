@@ -193,7 +193,8 @@ int bd_torque_functions_by_time(bd_stepper *stepper, double h) {
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double apart = fabs(system->by_time[j] - over[j]);
     if (apart > 0.5 * fmax(fabs(system->by_time[j]), fabs(over[j])) &&
-        speed_error(stepper, j, apart * h, h) > bd_method_tolerance(stepper->now, stepper->rtol)) {
+        speed_error(stepper, j, apart * h, h) >
+            bd_method_tolerance(stepper->now, stepper->model, stepper->rtol)) {
       system->by_time[j] = over[j];
     }
   }
@@ -236,7 +237,7 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
 /* OWED: short steps in excess from which a torque counts as one that jumps all the time; PAID:
  * short steps taken off the excess per interval; ROUGH: intervals until the next check; AGAIN:
  * factor by which that grows; NEARLY: share of OWED that is kept afterwards. */
-static const double OWED = 800.0, PAID = 100.0, ROUGH = 20.0, AGAIN = 4.0, NEARLY = 0.9;
+static const double OWED = 800.0, PAID = 25.0, ROUGH = 20.0, AGAIN = 4.0, NEARLY = 0.9;
 
 /* The shortest step for the sake of a torque that jumps all the time; never one in which a stretch
  * wave runs through more than a sixtieth of the belt. */
@@ -289,7 +290,7 @@ static void widen(bd_stepper *stepper, const double *low, const double *high) {
 /* Counts the torques that jump, by what would matter over the shortest step. */
 static void count_changes(bd_stepper *stepper, const double *one, const double *other) {
   const bd_torque_functions *functions = &stepper->functions;
-  const double tolerance = bd_method_tolerance(stepper->method, stepper->rtol),
+  const double tolerance = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol),
                least = shortest_for_jumps(stepper);
   for (int j = 0; functions->ranges > 1 && j < stepper->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
@@ -376,7 +377,7 @@ void bd_torque_functions_push_torque(bd_stepper *stepper, double h) {
 
 int bd_torque_functions_jumping(const bd_stepper *stepper) {
   const bd_torque_functions *functions = &stepper->functions;
-  double tolerance = bd_method_tolerance(stepper->method, stepper->rtol);
+  double tolerance = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol);
   for (int j = 0; !stepper->plan.torques.smooth && j < stepper->model->lay.np; ++j) {
     if (speed_error(stepper, j, functions->now[j] - functions->last[j], stepper->h) >
         0.1 * tolerance) {

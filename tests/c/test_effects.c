@@ -106,7 +106,8 @@ static void friction_costs_what_it_needs(void) {
   for (int k = 0; k < 2; ++k) {
     size_t shared, all_shared;
     CHECK(slots_of(&test_friction, &others[k], &two, &all_two) == 1);
-    CHECK(two == one && all_two > all_one);
+    /* along links derivatives take as much of any law */
+    CHECK(two == one && (TEST_MESH == BD_MESH_JOINT ? all_two == all_one : all_two > all_one));
     CHECK(slots_of(&others[k], NULL, &shared, &all_shared) == 1);
     CHECK(shared == one && all_shared - all_one == NP * (all_two - all_one));
   }

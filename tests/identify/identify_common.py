@@ -38,7 +38,7 @@ def make_rig() -> bd.Params:
     drive = bd.scenes.unequal_pulleys().params
     return attrs.evolve(
         drive,
-        belt=attrs.evolve(drive.belt, n_bodies=24, bending_stiffness=0.0),
+        belt=attrs.evolve(drive.belt, n_bodies=24, bending_stiffness=0.0, mesh="paper"),
         contact=bd.Contact(linear=5e6, damping=500.0),
     )
 
@@ -46,7 +46,7 @@ def make_rig() -> bd.Params:
 def free_pulley(inertia: float) -> bd.Params:
     """A rig whose pulley 1 spins up alone: without friction nothing holds it."""
     drive = bd.scenes.unequal_pulleys().params
-    belt = attrs.evolve(drive.belt, n_bodies=20, bending_stiffness=0.0)
+    belt = attrs.evolve(drive.belt, n_bodies=20, bending_stiffness=0.0, mesh="paper")
     pulleys = [drive.pulleys[0], attrs.evolve(drive.pulleys[1], inertia=inertia)]
     return attrs.evolve(drive, belt=belt, pulleys=pulleys, friction=None)
 

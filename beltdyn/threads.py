@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import TypeVar
 
-from ..checks import integer
-from ..stopping import Stopper
+from .checks import integer
+from .stopping import Stopper
 
 __all__ = ["Workers"]
 

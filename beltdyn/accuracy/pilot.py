@@ -1,0 +1,386 @@
+"""What a run will cost and how far off it will be, from cheap runs on coarse meshes.
+
+The error in space falls as a power of the number of links; it is seen from meshes each twice as
+fine as the one before. The error in time of a method and tolerance is measured against a tight run
+on one of these meshes, and taken over to the others. Costs are those measured there, times the
+growth of cost with the number of links; explicit steps follow the stability limit of a mesh, which
+is known without a run.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterable
+
+import attrs
+import numpy as np
+
+from .. import sanity
+from ..errors import SimulationError
+from ..params import Params
+from .quantities import Observed, differences, with_links
+from .runs import Done
+from .settings import Setting, fewest
+
+__all__ = ["LADDER", "Forecast", "Pilot"]
+
+#: The first mesh has twice the fewest links that lie round the smallest pulley: twelve on it.
+_FIRST = 2
+#: A mesh is looked for that takes this share of the error, and leaves the rest for time.
+_SPACE = 0.7
+#: Orders of convergence that are believed: those of the meshes are 1 to 2. Below the lowest that is
+#: trusted, a forecast does not go beyond the finest mesh tried.
+_ORDERS, _TRUSTED, _ASSUMED = (0.3, 2.2), 1.0, 1.5
+#: How far beyond the finest mesh tried a forecast goes [times its links].
+_BEYOND = 4.0
+#: How far beyond it, at most, the mesh that is looked for should be [the same].
+_NEAR = 2.5
+#: Settings of the runs on several meshes: the first one that does not fail.
+_PROBES = (("lbdf2", 3e-2), ("rodas4", 1e-2), ("auto", 1e-3))
+#: The loosest setting is right enough without a tight run to compare it to, if it differs from the
+#: probe by less than this share of the error. The errors of both, over this difference: in the
+#: scenes of the library those of "lbdf2" at 0.03 are a tenth to six tenths of those at 0.1.
+_LOOSE, _OF_DIFFERENCE = 0.6, (1.25, 0.6)
+#: Tolerances of the tight runs that errors in time are measured against, as a share of the error.
+_TIGHT, _TIGHT_RANGE = 0.3, (1e-7, 1e-2)
+#: Settings whose errors in time are measured, from cheap to costly.
+LADDER = (
+    ("lbdf2", 1e-1),
+    ("lbdf2", 3e-2),
+    ("lbdf2", 1e-2),
+    ("rodas4", 3e-2),
+    ("rodas4", 1e-2),
+    ("rodas4", 3e-3),
+    ("rodas4", 1e-3),
+    ("rodas4", 1e-4),
+    ("rodas4", 1e-5),
+    ("rodas4", 1e-6),
+)
+#: How many times the cheap runs they take, at most.
+_TIGHT_COST = 8.0
+#: An error in time below this share of the error asked for is as good as none.
+_NONE = 0.1
+#: Steps of "tsit5" over 1/(spectral bound), and the CPU time of one, a + b n_b [s]: rough numbers,
+#: which only decide whether it is tried.
+_EXPLICIT_STEP, _EXPLICIT_COST = 2.5, (1e-6, 5e-8)
+#: Runs shorter than this [s], and than this share of the limit, are run twice: the least CPU time
+#: counts.
+_SHORT, _AGAIN = 0.05, 0.05
+#: Growth of the cost with the number of links that is believed beyond the finest mesh tried.
+_GROWTH = (0.8, 1.4)
+#: Forecasts whose errors differ by less are equally good: the cheaper one is better.
+_AS_GOOD = 1.1
+#: More links than this are not proposed.
+_FINEST = 10_000
+
+
+@attrs.frozen(kw_only=True)
+class Forecast:
+    """What to expect of a setting.
+
+    Attributes:
+        setting: The setting.
+        seconds: CPU time of the run, without settling [s].
+        space: Error in space [1].
+        time: Error in time [1].
+    """
+
+    setting: Setting
+    seconds: float
+    space: float
+    time: float
+
+    @property
+    def error(self) -> float:
+        """Both together, as independent errors add up: the root of the sum of their squares [1]."""
+        return math.hypot(self.space, self.time)
+
+
+class Pilot:
+    """Cheap runs of a scene, and forecasts from them.
+
+    Args:
+        run: Gives the run at a setting, as :class:`beltdyn.accuracy.runs.Runs` does.
+        params: The drive.
+        quantity: One of ``QUANTITIES``, of which errors are meant.
+        fixed: Whether the number of links stays that of the drive; errors in space are then NaN.
+        limit: CPU time after which no further run begins [s].
+        clock: Gives the CPU time of this thread [s].
+
+    Attributes:
+        meshes: Numbers of links tried.
+        space_errors: Their errors in space [1].
+        order: The power of the link length by which the error in space goes on falling.
+        time_errors: Errors in time by method and tolerance [1], on the mesh of ``time_mesh`` links.
+    """
+
+    def __init__(
+        self,
+        run: Callable[[Setting], Done],
+        params: Params,
+        quantity: str,
+        *,
+        fixed: bool = False,
+        limit: float = math.inf,
+        clock: Callable[[], float] = time.thread_time,
+    ) -> None:
+        self._run, self._params, self._quantity = run, params, quantity
+        self._fixed, self._limit, self._clock = fixed, limit, clock
+        self._begun = clock()
+        self._done: dict[Setting, Done] = {}
+        self._failed: dict[Setting, SimulationError] = {}
+        self.meshes: list[int] = []
+        self.space_errors: list[float] = []
+        self.order = _ASSUMED
+        self.time_errors: dict[tuple[str, float], float] = {}
+        self.time_mesh = params.belt.n_bodies
+
+    @property
+    def spent(self) -> float:
+        """CPU time of the pilot so far, with settling [s]."""
+        return self._clock() - self._begun
+
+    @property
+    def runs(self) -> int:
+        """Number of settings run so far."""
+        return len(self._done) + len(self._failed)
+
+    def explore(self, error: float) -> None:
+        """Make the runs that tell which setting reaches an error; those made before are kept.
+
+        Raises:
+            SimulationError: The drive runs at no setting.
+        """
+        if self._fixed:
+            n_b = self._params.belt.n_bodies
+            self._first(Setting(n_b, *probe) for probe in _PROBES)
+            self.meshes, self.space_errors = [n_b], [math.nan]
+        else:
+            self._explore_space(error)
+        self._explore_time(error)
+
+    # --- runs ---
+
+    def _try(self, setting: Setting) -> Done | None:
+        """Run once, short runs twice; None if the run fails."""
+        if setting in self._failed:
+            return None
+        if setting not in self._done:
+            try:
+                done = self._run(setting)
+                if done.cpu < min(_SHORT, _AGAIN * self._limit):
+                    done = attrs.evolve(done, cpu=min(done.cpu, self._run(setting).cpu))
+            except SimulationError as error:
+                self._failed[setting] = error
+                return None
+            self._done[setting] = done
+        return self._done[setting]
+
+    def _first(self, settings: Iterable[Setting]) -> Done | None:
+        """Give the first run that does not fail."""
+        return next((done for one in settings if (done := self._try(one)) is not None), None)
+
+    def _affords(self, seconds: float) -> bool:
+        return self.spent + seconds <= self._limit
+
+    def _difference(self, a: Observed, b: Observed) -> float:
+        return differences(a, b)[self._quantity]
+
+    # --- space ---
+
+    def _explore_space(self, error: float) -> None:
+        tight = [("rodas4", max(error, 1e-6)), *_PROBES] if error < 3e-3 else _PROBES
+        n_b, found = _FIRST * fewest(self._params), list[tuple[int, Done]]()
+        while n_b <= _FINEST and (not found or self._affords(2.5 * found[-1][1].cpu)):
+            done = self._first(Setting(n_b, *probe) for probe in tight)
+            if done is not None:
+                found.append((n_b, done))
+                self._fit(found)
+                if len(found) > 2 and self._near(error):
+                    break
+            elif self.runs >= 3 * len(tight) and not found:
+                raise next(iter(self._failed.values()))
+            n_b *= 2
+
+    def _fit(self, found: list[tuple[int, Done]]) -> None:
+        """Find the errors of all meshes from their differences to the finest."""
+        self.meshes = [n_b for n_b, _ in found]
+        self._probed = [done.cpu for _, done in found]
+        seen = [done.seen for _, done in found]
+        last = len(seen) - 1
+        if last == 0:  # all that is known without a second mesh
+            share = sanity.mesh_error(with_links(self._params, self.meshes[0]))["tension"]
+            self.space_errors, self.order = [share], 2.0
+            return
+        steps = [self._difference(a, b) for a, b in itertools.pairwise(seen)]
+        self.order = _ASSUMED
+        if last > 1:
+            fall = max(steps[-2], 1e-300) / max(steps[-1], 1e-300)
+            self.order = float(np.clip(math.log2(fall), *_ORDERS))
+        errors = [
+            self._difference(seen[k], seen[-1]) / (1.0 - 2.0 ** (self.order * (k - last)))
+            for k in range(last)
+        ]
+        errors.append(steps[-1] / (2.0**self.order - 1.0))
+        # Where a finer mesh seems to be worse, the coarser one was right by chance.
+        self.space_errors = np.maximum.accumulate(errors[::-1])[::-1].tolist()
+
+    def _near(self, error: float) -> bool:
+        """Whether the mesh looked for is among those tried, or not far beyond them."""
+        return self.links_for(_SPACE * error) <= min(_NEAR * self.meshes[-1], self.most)
+
+    @property
+    def most(self) -> int:
+        """The most links that forecasts go to."""
+        if self._fixed:
+            return self.meshes[-1]
+        trusted = len(self.meshes) != 2 and self.order >= _TRUSTED
+        return min(_FINEST, math.floor(self.meshes[-1] * (_BEYOND if trusted else 1.0)))
+
+    def space_error(self, n_bodies: float) -> float:
+        """Give the error in space on a mesh [1], NaN if it is fixed."""
+        if n_bodies < self.meshes[0]:
+            return math.inf
+        if n_bodies >= self.meshes[-1]:
+            return float(self.space_errors[-1] * (n_bodies / self.meshes[-1]) ** -self.order)
+        return _between(n_bodies, self.meshes, self.space_errors)
+
+    def links_for(self, error: float) -> int:
+        """Give the least number of links with an error in space within a limit."""
+        if self._fixed or self.space_error(self.meshes[0]) <= error:
+            return self.meshes[0]
+        low, high = self.meshes[0], 100 * _FINEST
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if self.space_error(middle) <= error else (middle, high)
+        return high
+
+    # --- time ---
+
+    def _explore_time(self, error: float) -> None:
+        wanted = self.links_for(_SPACE * error)
+        coarser = [n for n in self.meshes if n <= wanted] or self.meshes[:1]
+        for n_b in reversed(coarser):
+            self.time_mesh, probe = n_b, self._probe(n_b)
+            if probe is None or self._affords(_TIGHT_COST * self._done[probe].cpu):
+                break
+        else:
+            assert probe is not None
+            self.time_errors = {(probe.method, probe.rtol): probe.rtol}  # what was asked for
+            return
+        self.time_errors = {}
+        if self._loose(error):
+            return
+        rtol = float(np.clip(_TIGHT * error, *_TIGHT_RANGE))
+        exact = self._first(Setting(self.time_mesh, name, rtol) for name in ("rodas4", "auto"))
+        if exact is None:
+            raise next(iter(self._failed.values()))
+        for method, tolerance in self._explicit(min(wanted, self.most), error, exact.cpu):
+            self._time(method, tolerance, exact)
+        for method, tolerance in LADDER:
+            if tolerance <= rtol and method == "rodas4":
+                break
+            self._time(method, tolerance, exact)
+            if self.time_errors.get((method, tolerance), math.inf) <= _NONE * error:
+                break
+
+    def _loose(self, error: float) -> bool:
+        """Whether the loosest setting is right enough, as its difference to the probe tells."""
+        probe = Setting(self.time_mesh, *_PROBES[0])
+        loose = Setting(self.time_mesh, *LADDER[0])
+        if probe not in self._done or (done := self._try(loose)) is None:
+            return False
+        apart = self._difference(done.seen, self._done[probe].seen)
+        if apart > _LOOSE * error:
+            return False
+        for one, share in zip((loose, probe), _OF_DIFFERENCE, strict=True):
+            self.time_errors[one.method, one.rtol] = share * apart
+        return True
+
+    def _time(self, method: str, rtol: float, exact: Done) -> None:
+        setting = Setting(self.time_mesh, method, rtol)
+        if setting not in self._done and not self._affords(exact.cpu if rtol < 3e-2 else 0.0):
+            return
+        done = self._try(setting)
+        if done is not None:
+            self.time_errors[method, rtol] = self._difference(done.seen, exact.seen)
+
+    def _probe(self, n_bodies: int) -> Setting | None:
+        """Give the setting that was tried first on a mesh."""
+        return next((one for one in self._done if one.n_bodies == n_bodies), None)
+
+    def _explicit(self, n_b: int, error: float, cpu: float) -> Iterable[tuple[str, float]]:
+        """Give the explicit setting, unless on the mesh looked for it is far too slow."""
+        a, b = _EXPLICIT_COST
+        seconds = self._span() * self._bound(n_b) / _EXPLICIT_STEP * (a + b * n_b)
+        if seconds <= cpu:
+            yield "tsit5", float(np.clip(error, 1e-7, 1e-1))
+
+    def _span(self) -> float:
+        """Give the simulated time [s]."""
+        seen = next(iter(self._done.values())).seen
+        return float(seen.t[-1] - seen.t[0])
+
+    def _bound(self, n_bodies: int) -> float:
+        return float(with_links(self._params, n_bodies).info["spectral_bound"])
+
+    # --- forecasts ---
+
+    def seconds(self, setting: Setting) -> float:
+        """Give the CPU time of a run at a setting that was tried on ``time_mesh`` [s]."""
+        there = Setting(self.time_mesh, setting.method, setting.rtol)
+        cpu = self._done[there].cpu
+        if setting.method == "tsit5":
+            a, b = _EXPLICIT_COST
+            steps = self._bound(setting.n_bodies) / self._bound(self.time_mesh)
+            return cpu * max(steps, 1e-3) * (a + b * setting.n_bodies) / (a + b * self.time_mesh)
+        return cpu * self._probe_cost(setting.n_bodies) / self._probe_cost(self.time_mesh)
+
+    def _probe_cost(self, n_bodies: int) -> float:
+        """Give the CPU time of the runs on all meshes, between and beyond them [s]."""
+        meshes, cost = self.meshes, self._probed if not self._fixed else [1.0]
+        if len(meshes) == 1:
+            return cost[0] * n_bodies / meshes[0]
+        if n_bodies <= meshes[-1]:
+            return _between(n_bodies, meshes, cost)
+        growth = math.log(cost[-1] / cost[0]) / math.log(meshes[-1] / meshes[0])
+        return float(cost[-1] * (n_bodies / meshes[-1]) ** float(np.clip(growth, *_GROWTH)))
+
+    def forecast(self, setting: Setting) -> Forecast:
+        """Give what to expect of a setting that was tried on ``time_mesh``."""
+        return Forecast(
+            setting=setting,
+            seconds=self.seconds(setting),
+            space=0.0 if self._fixed else self.space_error(setting.n_bodies),
+            time=self.time_errors[setting.method, setting.rtol],
+        )
+
+    def cheapest(self, error: float) -> Forecast | None:
+        """Give the cheapest setting for an error, None if none is known to reach it."""
+        found = []
+        for (method, rtol), off in self.time_errors.items():
+            if off < error:
+                n_b = self.links_for(math.sqrt(error**2 - off**2))
+                if n_b <= self.most:
+                    found.append(self.forecast(Setting(n_b, method, rtol)))
+        return min(found, key=lambda one: one.seconds, default=None)
+
+    def settings(self) -> list[Setting]:
+        """List settings of which forecasts can be made."""
+        meshes = np.unique(np.rint(np.geomspace(self.meshes[0], self.most, 40)).astype(int))
+        return [Setting(n_b, *pair) for pair in self.time_errors for n_b in meshes.tolist()]
+
+    def best(self, affordable: Callable[[Forecast], bool] = lambda _one: True) -> Forecast | None:
+        """Give the most accurate of all settings that are affordable, None if none is."""
+        forecasts = [one for one in map(self.forecast, self.settings()) if affordable(one)]
+        least_error = min((one.error for one in forecasts), default=0.0)
+        good = (one for one in forecasts if one.error <= _AS_GOOD * least_error)
+        return min(good, key=lambda one: one.seconds, default=None)
+
+
+def _between(x: float, at: list[int], values: list[float]) -> float:
+    """Interpolate positive values in the logarithms of both."""
+    y = np.log(np.maximum(values, 1e-300))
+    return float(math.exp(np.interp(math.log(x), np.log(at), y)))

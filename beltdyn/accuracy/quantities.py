@@ -1,0 +1,248 @@
+"""What engineers read off a run, and how two runs differ in it.
+
+None of it depends on the number of links, so that runs on different meshes can be compared.
+"""
+
+from __future__ import annotations
+
+import math
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import Array, integer, real
+from ..params import Params
+from ..result import Result
+
+__all__ = [
+    "HISTORIES",
+    "QUANTITIES",
+    "Observed",
+    "differences",
+    "observe",
+    "time_weights",
+    "with_links",
+]
+
+#: The quantities, in the order in which they are reported; :class:`Observed` describes them.
+QUANTITIES = ("tension", "speed", "span_mean", "creep", "friction", "power")
+#: Those that are histories, the others are means over the last part of a run.
+HISTORIES = ("tension", "speed")
+
+#: Least scale of creep, 0.1 %: slip is measured no better, and unloaded belts have none.
+CREEP = 1e-3
+#: Least scale of friction forces, as a share of the mean tension.
+FAINT = 1e-2
+#: A belt slower than this share of its highest speed stands still: creep is given relative to that.
+STANDS = 1e-3
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Observed:
+    """What is read off a run.
+
+    Attributes:
+        t: Sample times (n_t,) [s].
+        tension: Joint force in the middle of the free span after each pulley (n_t, n_p) [N]: at a
+            place, not at a link, interpolated between the two joints next to it. Of a drive with
+            one pulley the mean of all joints.
+        speed: Angular velocities of the pulleys (n_t, n_p) [rad/s].
+        span_mean: Mean of ``tension`` over the last part (n_p,) [N].
+        creep: Speed lost against the fastest rim in the last part (n_p,) [1]: the difference of the
+            rims' mean speeds omega_k r_k, over the mean of the fastest rim's absolute speed. 0 for
+            a belt that never moved.
+        friction: Mean friction torque on each pulley over its radius (n_p,) [N], in the last part.
+        power: Mean power of the torque set on each pulley, and last of friction against slip,
+            positive for what is lost (n_p + 1,) [W], in the last part.
+        scales: By quantity, what its differences are divided by: "tension" and "span_mean" the mean
+            tension over the run [N]; "speed" the highest speed of a pulley [rad/s]; "creep" the
+            largest creep, at least 0.1 %; "friction" the largest friction force of a pulley over
+            the run [N], at least 1 % of the mean tension; "power" the largest power at a pulley in
+            the run [W]. 0 where there is nothing to compare, as the speed of a belt at rest.
+    """
+
+    t: Array
+    tension: Array
+    speed: Array
+    span_mean: Array
+    creep: Array
+    friction: Array
+    power: Array
+    scales: dict[str, float]
+
+
+def with_links(params: Params, n_bodies: int) -> Params:
+    """Give the same drive on a finer or coarser mesh: belt data are per length.
+
+    Args:
+        params: The drive.
+        n_bodies: Number of links.
+
+    Raises:
+        TypeError, ValueError: The number breaks its rule.
+    """
+    return attrs.evolve(
+        params, belt=attrs.evolve(params.belt, n_bodies=integer("n_bodies", n_bodies, 3))
+    )
+
+
+def observe(result: Result, last: float = 0.2) -> Observed:
+    """Read the quantities off a run.
+
+    Args:
+        result: A run, with two samples at least.
+        last: The part of the run, counted from its end, that means are taken over, 0 < last <= 1.
+
+    Raises:
+        TypeError, ValueError: ``last`` breaks its rule; too few samples.
+    """
+    share = real("last", last)
+    if not 0.0 < share <= 1.0:
+        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    t = result.t
+    if t.size < 2 or t[-1] <= t[0]:
+        raise ValueError("the run must have samples at two times at least")
+    params, omega = result.params, result.pulleys.omega
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    late = time_weights(t, t[-1] - share * (t[-1] - t[0]))
+    tension = _mid_span(result)
+    forces = _per_pulley(result.contact.friction, result.contact.pulley, radii.size)
+    lost = np.sum(result.contact.friction * result.contact.velocity, axis=1)
+    power = np.column_stack([result.pulleys.torque * omega, lost])
+    means = _time_mean(tension, late)
+    rims = np.abs(omega * radii)
+    speed = max(float(np.max(_time_mean(rims, late))), STANDS * float(np.max(rims)))
+    creep = _creep(_time_mean(omega, late) * radii, speed)
+    overall = float(np.mean(_time_mean(result.joints.force, time_weights(t, t[0]))))
+    force = float(np.max(np.abs(forces)))
+    return Observed(
+        t=t,
+        tension=tension,
+        speed=omega,
+        span_mean=means,
+        creep=creep,
+        friction=_time_mean(forces, late),
+        power=_time_mean(power, late),
+        scales={
+            "tension": abs(overall),
+            "speed": float(np.max(np.abs(omega))),
+            "span_mean": abs(overall),
+            "creep": max(CREEP, float(np.max(np.abs(creep)))),
+            "friction": max(force, FAINT * abs(overall)) if params.has_friction else 0.0,
+            "power": float(np.max(np.abs(power[:, :-1]))),
+        },
+    )
+
+
+def differences(a: Observed, b: Observed, until: float | None = None) -> dict[str, float]:
+    """Give how far two runs differ, by quantity, relative to the scales of ``b`` [1].
+
+    Of histories, the root mean square over time and pulleys; of means, the largest difference of a
+    pulley. A quantity that has no scale in either run, such as the speed of a belt at rest, gives
+    0; one that could not be read off, such as the tension of a span that is gone, NaN.
+
+    Args:
+        a: A run.
+        b: The other one, sampled at the same times; the more accurate of the two.
+        until: Compare histories up to this time only [s].
+
+    Raises:
+        ValueError: They were sampled at different times, or have different numbers of pulleys.
+    """
+    if a.t.shape != b.t.shape or not np.allclose(a.t, b.t, rtol=0.0, atol=1e-9 * abs(b.t[-1])):
+        raise ValueError("the runs must be sampled at the same times")
+    if a.speed.shape != b.speed.shape:
+        raise ValueError("the runs must have the same number of pulleys")
+    weights = time_weights(b.t, b.t[0], math.inf if until is None else until)
+    found = {}
+    for name in QUANTITIES:
+        apart = getattr(a, name) - getattr(b, name)
+        if name in HISTORIES:
+            size = math.sqrt(float(np.mean(_time_mean(apart**2, weights))))
+        else:
+            size = float(np.max(np.abs(apart)))
+        scale = b.scales[name] or a.scales[name]
+        found[name] = size / scale if scale > 0.0 else 0.0
+    return found
+
+
+def time_weights(t: Array, begin: float, end: float = math.inf) -> Array:
+    """Give the weights (n_t,) of the trapezoidal rule from ``begin`` to ``end``, of sum 1.
+
+    At least the last interval before ``end`` counts; equal weights if no time passes there.
+    """
+    inside = np.minimum(t[1:], end) - np.maximum(t[:-1], begin)
+    inside = np.maximum(inside, 0.0)
+    weights = np.zeros(t.size)
+    weights[1:] += 0.5 * inside
+    weights[:-1] += 0.5 * inside
+    total = weights.sum()
+    if total > 0.0:
+        return np.asarray(weights / total)
+    return np.full(t.size, 1.0 / t.size)
+
+
+def _time_mean(values: Array, weights: Array) -> Array:
+    """Give the weighted mean over time, the first axis; samples of weight 0 do not count."""
+    used = weights > 0.0
+    return np.asarray(np.tensordot(weights[used], values[used], axes=(0, 0)))
+
+
+def _creep(rims: Array, speed: float) -> Array:
+    """Give what the rims' mean speeds lack of the fastest of them, over the belt's speed (n_p,)."""
+    if speed == 0.0:
+        return np.zeros_like(rims)
+    fastest = rims[np.argmax(np.abs(rims))]
+    return np.asarray(np.abs(fastest - rims) / speed)  # none is faster, in the same direction
+
+
+def _per_pulley(values: Array, touched: NDArray[np.int32], n_p: int) -> Array:
+    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
+    return np.column_stack(
+        [np.sum(values, axis=1, where=touched == k, dtype=float) for k in range(n_p)]
+    )
+
+
+def _mid_span(result: Result) -> Array:
+    """Give the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
+
+    Span k is the outer tangent of pulleys k and k + 1; its normal n obeys n . d = r_k - r_(k+1),
+    with d from centre to centre. Of the places where the belt crosses the plane through the middle
+    of the tangent, across it, the nearest counts. NaN if there is none.
+    """
+    params, belt, force = result.params, result.belt, result.joints.force
+    pulleys, n_p = params.pulleys, len(params.pulleys)
+    if n_p == 1:
+        return np.asarray(force.mean(axis=1, keepdims=True))
+    left = params.info["winding"] < 0  # of the direction of the numbering: where the normal points
+    half = 0.5 * params.info["link_length"]
+    tip_x, tip_y = half * np.cos(belt.phi), half * np.sin(belt.phi)
+    # Joint i, between the right end of link i - 1 and the left end of link i.
+    x = 0.5 * (belt.x - tip_x + np.roll(belt.x + tip_x, 1, axis=1))
+    y = 0.5 * (belt.y - tip_y + np.roll(belt.y + tip_y, 1, axis=1))
+    tension = np.full((result.t.size, n_p), np.nan)
+    rows = np.arange(result.t.size)
+    for k, one in enumerate(pulleys):
+        other = pulleys[(k + 1) % n_p]
+        dx, dy = other.center[0] - one.center[0], other.center[1] - one.center[1]
+        distance = math.hypot(dx, dy)
+        sine = (one.radius - other.radius) / distance
+        cosine = math.sqrt(1.0 - sine**2) * (1.0 if left else -1.0)
+        nx = (sine * dx - cosine * dy) / distance
+        ny = (sine * dy + cosine * dx) / distance
+        tx, ty = (ny, -nx) if left else (-ny, nx)
+        mid_x = 0.5 * (one.center[0] + other.center[0] + (one.radius + other.radius) * nx)
+        mid_y = 0.5 * (one.center[1] + other.center[1] + (one.radius + other.radius) * ny)
+        along = (x - mid_x) * tx + (y - mid_y) * ty
+        across = np.abs((x - mid_x) * nx + (y - mid_y) * ny)
+        after = np.roll(along, -1, axis=1)
+        crossing = (along <= 0.0) & (after > 0.0)
+        first = np.argmin(np.where(crossing, across, np.inf), axis=1)
+        second = (first + 1) % x.shape[1]
+        s0, s1 = along[rows, first], after[rows, first]
+        there = crossing[rows, first]
+        part = np.divide(-s0, s1 - s0, out=np.zeros_like(s0), where=there)
+        value = (1.0 - part) * force[rows, first] + part * force[rows, second]
+        tension[there, k] = value[there]
+    return tension

@@ -1,0 +1,65 @@
+"""A file of JSON lines that keeps what was measured, so that it is not measured again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+__all__ = ["Records", "key_of"]
+
+
+def key_of(*contents: Any) -> str:
+    """Give a key that changes with any of the contents, which JSON can hold."""
+    text = json.dumps(contents, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+class Records:
+    """Records by key; each is a line, written at once. Safe in several threads.
+
+    A line that is not complete, because a run was killed while it was written, is ignored.
+
+    Args:
+        path: The file, made if it is not there; None: kept in memory alone.
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+
+    def __init__(self, path: str | os.PathLike[str] | None) -> None:
+        self._path = None if path is None else Path(path)
+        self._lock = threading.Lock()
+        self._known: dict[str, dict[str, Any]] = {}
+        self._torn = False
+        if self._path is not None and self._path.exists():
+            text = self._path.read_text("utf-8")
+            self._torn = bool(text) and not text.endswith("\n")
+            for line in text.splitlines():
+                try:
+                    record = json.loads(line)
+                    self._known[record.pop("key")] = record
+                except (ValueError, KeyError, TypeError, AttributeError):
+                    continue
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """Give the record of a key, None if there is none."""
+        return self._known.get(key)
+
+    def add(self, key: str, record: dict[str, Any]) -> None:
+        """Keep a record.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        with self._lock:
+            self._known[key] = record
+            if self._path is None:
+                return
+            line = json.dumps({"key": key, **record}) + "\n"
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write("\n" + line if self._torn else line)
+            self._torn = False

@@ -1,0 +1,303 @@
+"""The price of accuracy: error and CPU time of a scene by method, tolerance and mesh."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..checks import flag, integer, positive, real
+from ..errors import SimulationError
+from ..motions import Motion
+from ..params import Params
+from ..progress import counted
+from ..scenes import Scene
+from ..simulation import settle, simulate
+from ..threads import Workers
+from ..torques import Torque
+from .quantities import QUANTITIES, Observed, differences, with_links
+from .records import Records, key_of
+from .rows import Row
+from .runs import Runs, whole_scene
+from .settings import METHODS, RTOLS, Setting, meshes
+from .table import Study
+
+__all__ = ["study"]
+
+Show = Callable[[int, int, str], None]
+
+#: References in time, of unrelated families: explicit one-step, implicit one-step, multistep. Of
+#: those that are affordable on a mesh the first two count.
+_TIGHT = (("tsit5", 1e-8), ("rodas4", 1e-6), ("lbdf2", 1e-3))
+#: References in space, on the finest mesh; what they leave is far below the errors of the meshes.
+_FINE = (("rodas4", 1e-4), ("lbdf2", 1e-3))
+#: Repeats of a run, as long as all take no more CPU time than this together [s].
+_REPEATS, _REPEATED = 3, 0.6
+#: Steps of "tsit5" over 1/(spectral bound), CPU time of one per link [s], and the longest that a
+#: reference by it may take [s]. Rough numbers, for a choice of references alone.
+_EXPLICIT_STEP, _EXPLICIT_COST, _LONGEST = 2.5, 8e-8, 15.0
+#: The order of the meshes, to estimate what is left of the error in space on the finest.
+_ORDER = 2.0
+
+
+def study(
+    scene: Scene,
+    *,
+    methods: Sequence[str] = METHODS,
+    rtols: Sequence[float] = RTOLS,
+    n_bodies: Sequence[int] | None = None,
+    finest: int | None = None,
+    limit: float = 2.0,
+    last: float = 0.2,
+    workers: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Study:
+    """Measure what each setting of a run costs and how far off it is.
+
+    Runs the scene with each method, tolerance and number of links. The error in time is the
+    difference to a run on the same mesh at a tight tolerance by a method of another family; the
+    error in space that of such a run to one on the finest mesh; the error in all that of the run
+    itself to the one on the finest mesh. Each reference is computed twice, by unrelated methods;
+    their difference is the floor, below which no error is known.
+
+    Args:
+        scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
+        methods: Methods to compare.
+        rtols: Tolerances to compare.
+        n_bodies: Numbers of links to compare; None: a quarter to four times those of the scene.
+        finest: Number of links of the reference in space; None: twice the most of ``n_bodies``.
+        limit: CPU time of a run [s] above which no tighter tolerance is tried with the same method
+            on the same mesh.
+        last: Part of the run that means are taken over.
+        workers: Runs at a time; None: one for each processor, or one alone if torque or motion are
+            functions, which may not be safe in several threads. The CPU time is that of the thread
+            of a run, the least of up to three repeats.
+        store: A file of JSON lines to keep the runs in; those found there, of the same scene and
+            version of beltdyn, are not repeated. Needs a scene that TOML can hold.
+        progress: Whether to show a progress bar on stderr (needs ``rich``).
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+        SimulationError: A reference could not be computed.
+        Interrupted: Ctrl-C; with ``store`` what is finished is kept.
+        OSError: The store cannot be read or written.
+    """
+    scene = whole_scene(scene)
+    ladder = _numbers(scene.params, n_bodies)
+    last = real("last", last)
+    job = _Job(
+        scene=scene,
+        methods=_names(methods),
+        rtols=sorted((positive("rtols", rtol) for rtol in rtols), reverse=True),
+        meshes=ladder,
+        finest=2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1),
+        limit=positive("limit", limit, "s"),
+        runs=Runs(scene, simulate, settle, last=last),
+        records=Records(store),
+        identity=None if store is None else _identity(scene, last),
+    )
+    if workers is None and not _in_core(scene):
+        workers = 1
+    with Workers(workers) as pool, counted(flag("progress", progress), "accuracy") as show:
+        return job.study(pool, show)
+
+
+def _in_core(scene: Scene) -> bool:
+    """Whether torques and motions are objects, which the core evaluates by itself."""
+    speeds = [
+        one.speed if isinstance(one, Motion) else one for one in (scene.motion or {}).values()
+    ]
+    return isinstance(scene.torque_fn, Torque) and all(isinstance(one, Torque) for one in speeds)
+
+
+def _names(methods: Sequence[str]) -> list[str]:
+    if isinstance(methods, str) or not methods:
+        raise TypeError(f"methods must be a sequence of names, got {methods!r}")
+    for name in methods:
+        if name not in METHODS:
+            raise ValueError(f"methods must be of {', '.join(METHODS)}, got {name!r}")
+    return list(dict.fromkeys(methods))
+
+
+def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
+    given = meshes(params) if n_bodies is None else n_bodies
+    numbers = sorted({integer("n_bodies", n, 3) for n in given})
+    if not numbers:
+        raise ValueError("n_bodies must hold at least one number of links")
+    return numbers
+
+
+def _identity(scene: Scene, last: float) -> list[Any]:
+    """Everything that a run's record depends on besides its setting and references."""
+    try:
+        text = scene.to_toml()
+    except TypeError as error:
+        raise TypeError(f"store needs a scene that can be written as TOML: {error}") from None
+    return [text, _core.__version__, _core.kernel_level(), last]
+
+
+@attrs.define(kw_only=True, eq=False)
+class _Job:
+    """A study in progress."""
+
+    scene: Scene
+    methods: list[str]
+    rtols: list[float]
+    meshes: list[int]
+    finest: int
+    limit: float
+    runs: Runs
+    records: Records
+    identity: list[Any] | None
+    _count: int = 0
+    _lock: threading.Lock = attrs.field(factory=threading.Lock)
+
+    def study(self, pool: Workers, show: Show) -> Study:
+        rungs = len(self.meshes) * len(self.methods) * len(self.rtols)
+        total = 2 * (len(self.meshes) + 1) + rungs
+
+        def report(runs: int, text: object) -> None:
+            with self._lock:
+                self._count += runs
+                show(self._count, total, str(text))
+
+        # The longest first, so that no thread is left with them at the end.
+        wanted = [Setting(self.finest, *pair) for pair in _FINE]
+        for n_b in reversed(self.meshes):
+            wanted += [Setting(n_b, *pair) for pair in self._tight(n_b)]
+        seen = dict(
+            zip(wanted, pool.map(lambda one: self._reference(one, report), wanted), strict=True)
+        )
+        references = {n_b: self._pair(n_b, seen) for n_b in [*self.meshes, self.finest]}
+        ladders = [(n_b, name) for n_b in reversed(self.meshes) for name in self.methods]
+        climbed = pool.map(lambda one: list(self._climb(*one, references, report)), ladders)
+        rows = [row for ladder in climbed for row in ladder]
+        return self._study(rows, references)
+
+    # --- references ---
+
+    def _tight(self, n_b: int) -> list[tuple[str, float]]:
+        bound = with_links(self.scene.params, n_b).info["spectral_bound"]
+        explicit = self.scene.t_end * bound / _EXPLICIT_STEP * _EXPLICIT_COST * n_b
+        return list(_TIGHT[:2] if explicit <= _LONGEST else _TIGHT[1:])
+
+    def _reference(self, setting: Setting, report: Callable[[int, object], None]) -> Observed:
+        key = key_of(self.identity, "reference", attrs.astuple(setting))
+        record = self.records.get(key)
+        if record is None:
+            report(0, setting)
+            seen = self.runs(setting).seen
+            record = {"observed": _as_lists(seen)}
+            self.records.add(key, record)
+        report(1, setting)
+        return _from_lists(record["observed"])
+
+    def _pair(self, n_b: int, seen: Mapping[Setting, Observed]) -> list[tuple[Setting, Observed]]:
+        return [(one, observed) for one, observed in seen.items() if one.n_bodies == n_b]
+
+    # --- runs ---
+
+    def _climb(
+        self,
+        n_b: int,
+        method: str,
+        references: Mapping[int, list[tuple[Setting, Observed]]],
+        report: Callable[[int, object], None],
+    ) -> Iterator[Row]:
+        """Run a method on a mesh, from loose to tight tolerances."""
+        for k, rtol in enumerate(self.rtols):
+            setting = Setting(n_b, method, rtol)
+            report(0, setting)
+            row = self._row(setting, references)
+            report(1, setting)
+            yield row
+            if row.seconds > self.limit:
+                report(len(self.rtols) - k - 1, setting)
+                return
+
+    def _row(
+        self, setting: Setting, references: Mapping[int, list[tuple[Setting, Observed]]]
+    ) -> Row:
+        own, fine = references[setting.n_bodies], references[self.finest]
+        against = [attrs.astuple(one) for one, _ in (*own, *fine)]
+        key = key_of(self.identity, attrs.astuple(setting), against)
+        record = self.records.get(key)
+        if record is None:
+            record = self._measure(setting, own, fine[0][1])
+            self.records.add(key, record)
+        return Row(setting=setting, **record)
+
+    def _measure(
+        self, setting: Setting, own: list[tuple[Setting, Observed]], fine: Observed
+    ) -> dict[str, Any]:
+        times: list[float] = []
+        try:
+            while not times or (
+                len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED
+            ):
+                done = self.runs(setting)
+                times.append(done.cpu)
+        except SimulationError as error:
+            failed = {"seconds": float("nan"), "repeats": 0, "steps": 0, "error": {}, "time": {}}
+            return {**failed, "failure": str(error)}
+        apart = [differences(done.seen, seen) for seen in _unrelated(setting.method, own)]
+        return {
+            "seconds": min(times),
+            "repeats": len(times),
+            "steps": done.steps,
+            "error": differences(done.seen, fine),
+            "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
+        }
+
+    # --- all together ---
+
+    def _study(
+        self, rows: Sequence[Row], references: Mapping[int, list[tuple[Setting, Observed]]]
+    ) -> Study:
+        fine = [seen for _, seen in references[self.finest]]
+        space = {n: differences(references[n][0][1], fine[0]) for n in self.meshes}
+        floors = {n: differences(pair[1][1], pair[0][1]) for n, pair in sorted(references.items())}
+        fall = (self.finest / self.meshes[-1]) ** _ORDER - 1.0
+        left = {name: error / fall for name, error in space[self.meshes[-1]].items()}
+        order = [Setting(n, m, r) for n in self.meshes for m in self.methods for r in self.rtols]
+        place = {setting: k for k, setting in enumerate(order)}
+        return Study(
+            rows=tuple(sorted(rows, key=lambda row: place[row.setting])),
+            space=space,
+            time_floor={n: floors[n] for n in self.meshes},
+            space_floor={name: max(floors[self.finest][name], left[name]) for name in QUANTITIES},
+            finest=self.finest,
+            references=tuple(
+                f"{n} links: " + " and ".join(f"{one.method} at rtol {one.rtol:g}" for one, _ in p)
+                for n, p in sorted(references.items())
+            ),
+            mesh=self.scene.params.belt.mesh,
+            n_bodies=self.scene.params.belt.n_bodies,
+        )
+
+
+def _unrelated(method: str, pair: Sequence[tuple[Setting, Observed]]) -> list[Observed]:
+    """Give the references by another method; "auto" may have used either."""
+    return [seen for one, seen in pair if one.method != method][: 2 if method == "auto" else 1]
+
+
+def _as_lists(seen: Observed) -> dict[str, Any]:
+    values = attrs.asdict(seen, recurse=False)
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in values.items()
+    }
+
+
+def _from_lists(values: Mapping[str, Any]) -> Observed:
+    fields: dict[str, Any] = {
+        name: np.array(value, dtype=float) if isinstance(value, list) else value
+        for name, value in values.items()
+    }
+    return Observed(**fields)

@@ -1,0 +1,165 @@
+"""The cheapest setting for an error."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import attrs
+
+from ..checks import positive
+from ..params import Params
+from ..scenes import Scene
+from ..simulation import settle, simulate
+from .pilot import Forecast, Pilot
+from .quantities import with_links
+from .rows import quantity_of
+from .runs import Runs, whole_scene
+from .settings import Setting
+
+__all__ = ["Suggestion", "suggest"]
+
+
+@attrs.frozen(kw_only=True, repr=False)
+class Suggestion:
+    """A setting for an error that was asked for, and what to expect of it.
+
+    Use it as ``simulate(*suggestion.scene, **suggestion.options)``; ``print(suggestion)`` explains
+    it.
+
+    Attributes:
+        scene: The scene, with the number of links suggested.
+        method: Integration method.
+        rtol: Its tolerance.
+        seconds: CPU time of the run, without settling [s].
+        asked: The error asked for [1].
+        quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
+        error: The error expected [1], the root of the sum of the squares of the next two.
+        error_space: That of the mesh [1].
+        error_time: That of the integration in time [1].
+        met: Whether ``error`` is within ``asked``; if not, this is the most accurate setting known.
+        pilot_seconds: CPU time of the runs from which this is known, with settling [s].
+        pilot_runs: Number of these runs.
+    """
+
+    scene: Scene
+    method: str
+    rtol: float
+    seconds: float
+    asked: float
+    quantity: str
+    error: float
+    error_space: float
+    error_time: float
+    met: bool
+    pilot_seconds: float
+    pilot_runs: int
+
+    @property
+    def params(self) -> Params:
+        """The drive with the number of links suggested."""
+        return self.scene.params
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of links."""
+        return self.scene.params.belt.n_bodies
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keywords for :func:`beltdyn.simulate`: ``method`` and ``rtol``."""
+        return self.setting.options
+
+    @property
+    def setting(self) -> Setting:
+        """Number of links, method and tolerance together."""
+        return Setting(self.n_bodies, self.method, self.rtol)
+
+    def __str__(self) -> str:
+        text = (
+            f"For an error of {_percent(self.asked)} of {self.quantity.replace('_', ' ')}: method "
+            f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
+            f"{self.seconds:.2g} s of CPU time, expected error {_percent(self.error)} "
+            f"({_percent(self.error_space)} of the mesh, {_percent(self.error_time)} of time). "
+        )
+        if not self.met:
+            text = (
+                f"An error of {_percent(self.asked)} of {self.quantity.replace('_', ' ')} cannot "
+                f"be promised: the best found is {_percent(self.error)} "
+                f"({_percent(self.error_space)} of the mesh, {_percent(self.error_time)} of time), "
+                f"{self.error / self.asked:.2g} times as much, with method "
+                f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
+                f"{self.seconds:.2g} s of CPU time. "
+            )
+        text += f"Known from {self.pilot_runs} pilot runs of {self.pilot_seconds:.2g} s together."
+        return textwrap.fill(text, 88)
+
+    def __repr__(self) -> str:
+        return f"Suggestion({self.setting}, {self.seconds:.3g} s, error {self.error:.2g})"
+
+
+def suggest(
+    scene: Scene, error: float = 1e-2, quantity: str = "tension", *, limit: float = 10.0
+) -> Suggestion:
+    """Find the cheapest method, tolerance and number of links for an error.
+
+    From runs on coarse meshes: their error in space is extrapolated by its order, their error in
+    time measured against tighter tolerances. They cover the whole time of the scene, since what
+    happens late in it may cost the most, so together they take several times as long as the run
+    that is suggested, which pays off where more runs of the kind follow. The error is relative to
+    the scales of :class:`beltdyn.accuracy.Observed`. A mesh whose error jumps with the number of
+    links may be further off than its neighbours tell. Where histories depend on every detail, such
+    as the creep of a drive whose links chatter, small errors cannot be had at any price;
+    :attr:`Suggestion.met` is then False.
+
+    Args:
+        scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
+        error: The error asked for [1], 0.01: one percent; at least 1e-6.
+        quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
+        limit: CPU time after which no further pilot run begins [s].
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+        SimulationError: The scene could not be run on any mesh.
+        Interrupted: Ctrl-C.
+    """
+    scene = whole_scene(scene)
+    asked, quantity = positive("error", error), quantity_of(quantity)
+    if asked < 1e-6:
+        raise ValueError(f"error must be >= 1e-6, got {asked:g}")
+    pilot = Pilot(
+        Runs(scene, simulate, settle), scene.params, quantity, limit=positive("limit", limit, "s")
+    )
+    return chosen(pilot, scene, asked, quantity)
+
+
+def chosen(pilot: Pilot, scene: Scene, asked: float, quantity: str) -> Suggestion:
+    """Give the suggestion that follows from a pilot."""
+    pilot.explore(asked)
+    found = pilot.cheapest(asked)
+    best = found or pilot.best()
+    assert best is not None  # the tight run at least is known
+    return _suggestion(best, found is not None, pilot, scene, asked, quantity)
+
+
+def _suggestion(
+    one: Forecast, met: bool, pilot: Pilot, scene: Scene, asked: float, quantity: str
+) -> Suggestion:
+    return Suggestion(
+        scene=scene._replace(params=with_links(scene.params, one.setting.n_bodies)),
+        method=one.setting.method,
+        rtol=one.setting.rtol,
+        seconds=one.seconds,
+        asked=asked,
+        quantity=quantity,
+        error=one.error,
+        error_space=one.space,
+        error_time=one.time,
+        met=met,
+        pilot_seconds=pilot.spent,
+        pilot_runs=pilot.runs,
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"

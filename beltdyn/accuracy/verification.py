@@ -1,0 +1,366 @@
+"""A run verified by other runs: an unrelated or tighter integration, and other meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, known
+from ..compliance import compliance_error
+from ..errors import Interrupted
+from ..motions import Motion, MotionLike
+from ..params import Params
+from ..result import Result
+from ..run_warnings import silenced
+from ..state import State
+from ..stopping import Stopper
+from ..torques import PiecewiseLinear, Torque, TorqueLike
+from .quantities import HISTORIES, QUANTITIES, Observed, differences, observe, with_links
+from .space import space_error
+
+__all__ = ["Verification"]
+
+#: Links of the other meshes over those of the run. The finer one costs about twice as much as the
+#: run, the coarser one half.
+COARSE, FINE = 0.5, 1.5
+#: Tolerance of the check in time over that of the run.
+TIGHTER = 0.1
+#: Meshes differ so much that their integration need not be better than this.
+MESH_RTOL = 1e-3
+#: A step of "tsit5" is stable up to about this over the joints' spectral bound.
+STABLE = 3.2
+#: CPU time of an implicit step over an explicit one, measured on 60 and 120 links.
+IMPLICIT_STEP = 10.0
+#: The check in time may cost this many times the run.
+AFFORDABLE = 2.0
+#: Means of two integrations agree by chance if they do so better than this share of the tensions'
+#: histories.
+CHANCE = 0.03
+#: Integrations whose tensions differ by so many times the tolerance have parted.
+PARTED, PARTED_RTOL = 100.0, 1e-4
+#: Histories are judged if they are known over this part of the run.
+JUDGED = 0.1
+
+#: ``simulate`` without verification; it also gives the state from which the run started.
+Run = Callable[..., tuple[Result, State]]
+Settle = Callable[[Params], State]
+
+
+@attrs.frozen
+class _Check:
+    """What is kept of a run that verifies another."""
+
+    name: str
+    observed: Observed
+    cpu_time: float
+    apart_from: float | None
+
+
+class Verification:
+    """The runs that verify one run, within a ``with`` block around it.
+
+    On entry the other meshes begin in a second thread, if the core evaluates the torques alone;
+    functions of the user are called from this thread only, and their runs follow one another.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        settle: Settle,
+        params: Params,
+        torque_fn: TorqueLike,
+        t_end: float,
+        motion: Mapping[int, MotionLike] | None,
+        initial: State | None,
+        options: Mapping[str, Any],
+    ) -> None:
+        self._run, self._settle = run, settle
+        self._params, self._initial = params, initial
+        self._loads = (torque_fn, t_end, motion)
+        self._options = {
+            name: options[name] for name in ("t_eval", "breakpoints", "max_step", "torque_interval")
+        }
+        self._method: str = options["method"]
+        self._rtol: float = options["rtol"]
+        self._step: float | None = options["step"]
+        self._notes: list[str] = []
+        self._stopper = Stopper()
+        self._pool: ThreadPoolExecutor | None = None
+        self._meshes: dict[float, Future[_Check | str]] = {}
+        motions = motion.values() if isinstance(motion, Mapping) else ()
+        self._parallel = isinstance(torque_fn, Torque) and all(
+            isinstance(one.speed if isinstance(one, Motion) else one, PiecewiseLinear)
+            for one in motions
+        )
+
+    def __enter__(self) -> Verification:
+        if self._parallel:
+            self._pool = ThreadPoolExecutor(1, thread_name_prefix="beltdyn-verify")
+            # The dearest first: what has not begun when this thread is free is run here.
+            for ratio in (FINE, COARSE):
+                self._meshes[ratio] = self._pool.submit(self._in_thread, ratio)
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        self._stopper.stop()
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def judge(self, result: Result, start: State) -> Accuracy:
+        """Give the accuracy of the run, once it has finished.
+
+        Args:
+            result: The run.
+            start: The state it started from.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C.
+        """
+        before = known(result.params, result.stats)
+        try:
+            observed = observe(result)
+        except ValueError as error:
+            return attrs.evolve(before, notes=(f"not verified: {error}",))
+        in_time = self._check_time(result, start)
+        meshes = {ratio: self._mesh(ratio) for ratio in (COARSE, FINE)}
+        checks = {
+            name: check
+            for name, check in (
+                ("time", in_time),
+                ("coarse", meshes[COARSE]),
+                ("fine", meshes[FINE]),
+            )
+            if isinstance(check, _Check)
+        }
+        notes = [check for check in (in_time, *meshes.values()) if isinstance(check, str)]
+        until = _until(result, observed, in_time, PARTED * max(self._rtol, PARTED_RTOL))
+        errors = self._errors(observed, checks, until, before)
+        complete = all(one.total is not None for one in errors if one.quantity not in HISTORIES)
+        complete &= until is not None or all(one.total is not None for one in errors)
+        return attrs.evolve(
+            before,
+            verified=complete,
+            errors=errors,
+            until=until,
+            runs=tuple(f"{check.name}, {check.cpu_time:.2g} s CPU" for check in checks.values()),
+            notes=tuple(dict.fromkeys(notes)),
+        )
+
+    def _errors(
+        self,
+        observed: Observed,
+        checks: Mapping[str, _Check],
+        until: float | None,
+        before: Accuracy,
+    ) -> tuple[QuantityError, ...]:
+        judged = math.inf if until is None else until
+        known_part = judged - observed.t[0] >= JUDGED * (observed.t[-1] - observed.t[0])
+        in_time = {}
+        if "time" in checks:
+            in_time = differences(observed, checks["time"].observed, judged)
+        of_contact = self._of_contact(observed)
+        meshes = {}
+        for name, ratio in (("coarse", COARSE), ("fine", FINE)):
+            if name in checks:
+                links = self._links(ratio) / self._params.belt.n_bodies
+                meshes[name] = (links, checks[name].observed)
+        errors = []
+        for quantity in QUANTITIES:
+            time = None if "time" in checks else before[quantity].time
+            space, order = before[quantity].space, None
+            if known_part or quantity not in HISTORIES:
+                if quantity in in_time:
+                    least = CHANCE * in_time["tension"] if quantity not in HISTORIES else 0.0
+                    time = _finite(max(TIME_FLOOR, in_time[quantity], least))
+                if meshes:
+                    found, order = space_error(
+                        quantity, observed, meshes.get("coarse"), meshes.get("fine"), judged
+                    )
+                    space = None if found is None else _finite(max(SPACE_FLOOR, found))
+            errors.append(
+                QuantityError(
+                    quantity=quantity,
+                    time=time,
+                    space=space,
+                    order=order,
+                    compliance=of_contact[quantity],
+                )
+            )
+        return tuple(errors)
+
+    def _of_contact(self, observed: Observed) -> dict[str, float]:
+        """Give what the compliance of the contact changes, under the load of the last part."""
+        tension = observed.span_mean
+        if not (np.isfinite(tension).all() and tension.min() >= 0.0 and tension.max() > 0.0):
+            return compliance_error(self._params)
+        radii = np.array([pulley.radius for pulley in self._params.pulleys])
+        rims = observed.speed[-1] * radii
+        along = self._params.info["winding"] * rims[np.argmax(np.abs(rims))]
+        return compliance_error(self._params, tension, float(along))
+
+    # --- the runs ---
+
+    def _check_time(self, result: Result, start: State) -> _Check | str:
+        """Integrate the same mesh again, to a tighter tolerance."""
+        steps = (result.final_state.t - start.t) * self._params.info["spectral_bound"] / STABLE
+        done = result.stats.steps
+        used = result.stats.method
+        affordable = steps <= AFFORDABLE * IMPLICIT_STEP * done
+        rtol = max(1e-12, TIGHTER * (self._rtol if self._step is None else min(self._rtol, 1e-4)))
+        tried = ""
+        for method in ("tsit5", "rodas4"):
+            if method == used == "tsit5" or (method == "tsit5" and not affordable):
+                continue
+            # Friction or contact may be stiffer than the joints: explicit steps then go nowhere.
+            limit = math.ceil(3.0 * steps) + 1000 if method == "tsit5" else None
+            check = self._checked(
+                f"{method} at rtol = {rtol:.2g} on the same mesh",
+                self._params,
+                start,
+                method=method,
+                rtol=rtol,
+                max_steps=limit,
+            )
+            if isinstance(check, _Check):
+                return check
+            tried = check
+        return f"error in time not verified: {tried}"
+
+    def _links(self, ratio: float) -> int:
+        return max(3, round(ratio * self._params.belt.n_bodies))
+
+    def _mesh(self, ratio: float) -> _Check | str:
+        """Give what another mesh shows, run here unless the other thread has begun it."""
+        future = self._meshes.get(ratio)
+        if future is None or future.cancel():
+            return self._on_mesh(ratio)
+        return future.result()
+
+    def _in_thread(self, ratio: float) -> _Check | str:
+        with self._stopper.watch():
+            return self._on_mesh(ratio)
+
+    def _on_mesh(self, ratio: float) -> _Check | str:
+        n_bodies, own = self._links(ratio), self._params.belt.n_bodies
+        if n_bodies == own or n_bodies > _core.MAX_LINKS:
+            return f"no mesh of {ratio:g} times the links was tried"
+        method, rtol, step = self._method, max(self._rtol, MESH_RTOL), self._step
+        if ratio < 1.0 and step is None and method in ("auto", "tsit5"):
+            method = "rodas4"  # unrelated to most of the run
+        if step is not None and method == "rk4":
+            step *= own / n_bodies  # as its stability asks
+        fixed = step if method in ("rk4", "lbdf2", "lie") else None
+        name = f"{n_bodies} links with {method}" + ("" if fixed else f" at rtol = {rtol:.2g}")
+        try:
+            params = with_links(self._params, n_bodies)
+            start = None
+            if self._initial is not None:
+                start = _as_settled(self._initial, self._params, params, self._settle)
+                if start is None:
+                    return (
+                        "error of the mesh not verified: the initial state is given on "
+                        f"{own} links, and is not one of settle(params) or its at_speed(...)"
+                    )
+        except Interrupted:
+            raise
+        except Exception as error:
+            return f"{name}: {_line(error)}"
+        return self._checked(name, params, start, method=method, rtol=rtol, step=fixed)
+
+    def _checked(
+        self, name: str, params: Params, start: State | None, **options: Any
+    ) -> _Check | str:
+        """Run; an error, also of a user's function, is given as text: the main result is kept."""
+        torque_fn, t_end, motion = self._loads
+        options = {**self._options, "step": None, "max_steps": None, **options}
+        try:
+            with silenced():
+                result, _ = self._run(
+                    params,
+                    torque_fn,
+                    t_end,
+                    motion,
+                    initial=start,
+                    ledger=False,
+                    progress=False,
+                    **options,
+                )
+            return _Check(name, observe(result), result.stats.cpu_time, _apart_from(result))
+        except Interrupted:
+            raise
+        except Exception as error:
+            return f"{name}: {_line(error)}"
+
+
+def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -> State | None:
+    """Give the state on another mesh, if it is one that settling gives there as well.
+
+    Links have positions of their own, to within the depth of the contact; a state that is moved to
+    other links would begin with a shock.
+    """
+    rest = settle(params)
+    names: tuple[str, ...] = ("x", "y", "phi", "mu", "slip")
+    scale = params.info["link_length"]
+    if not all(
+        np.allclose(getattr(initial, name), getattr(rest, name), rtol=1e-9, atol=1e-9 * scale)
+        for name in names
+    ):
+        return None
+    begin = attrs.evolve(settle(other), t=initial.t, theta=initial.theta)
+    if not initial.omega.any():
+        still = not any(getattr(initial, name).any() for name in ("vx", "vy", "vphi"))
+        return begin if still else None
+    speeds = {0: float(initial.omega[0])}
+    moving = rest.at_speed(params, speeds)
+    names = ("vx", "vy", "vphi", "omega")
+    if not all(np.allclose(getattr(initial, name), getattr(moving, name)) for name in names):
+        return None
+    return begin.at_speed(other, speeds)
+
+
+def _apart_from(result: Result) -> float | None:
+    """Give when histories begin to part exponentially [s], None if they were not seen to."""
+    times = [one.t for one in result.warnings if one.code == "growth" and one.t is not None]
+    return min(times, default=None)
+
+
+def _until(result: Result, observed: Observed, in_time: _Check | str, limit: float) -> float | None:
+    """Give the time from which on histories part, seen by either run or in their difference."""
+    times = [_apart_from(result)]
+    if isinstance(in_time, _Check):
+        times += [in_time.apart_from, _parting(observed, in_time.observed, limit)]
+    return min((t for t in times if t is not None), default=None)
+
+
+def _parting(a: Observed, b: Observed, limit: float) -> float | None:
+    """Give the last time at which tensions differ by a tenth of a limit that they differ by later.
+
+    The limit is relative to the mean tension, and far beyond what the tolerance explains.
+    """
+    apart = np.sqrt(np.mean((a.tension - b.tension) ** 2, axis=1))
+    beyond = np.flatnonzero(apart > limit * b.scales["tension"])
+    if beyond.size == 0:
+        return None
+    close = np.flatnonzero(apart[: beyond[0]] <= 0.1 * limit * b.scales["tension"])
+    return float(b.t[close[-1] if close.size else 0])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _line(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text[:200]}"

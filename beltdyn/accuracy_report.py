@@ -1,0 +1,206 @@
+"""How accurate a run is, as its result says it: errors by quantity and by origin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import attrs
+
+from . import sanity
+from .compliance import compliance_error
+from .histories import Stats
+from .sanity import Drive
+
+__all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "known"]
+
+#: Errors in time below this are not told apart: histories are compared as they are sampled, and a
+#: millionth is beyond what any datum of a belt is known to.
+TIME_FLOOR = 1e-6
+#: The same in space: other meshes are integrated in time to no better than about this.
+SPACE_FLOOR = 1e-4
+
+#: The quantities in engineers' words.
+WORDS = {
+    "tension": "tension of the spans over time",
+    "speed": "speed of the pulleys over time",
+    "span_mean": "mean tension of the spans",
+    "creep": "creep",
+    "friction": "friction on the pulleys",
+    "power": "power and loss",
+}
+
+
+@attrs.frozen(kw_only=True)
+class QuantityError:
+    """Estimated errors of one quantity, relative to its scale [1]; None where one is not known.
+
+    :class:`beltdyn.accuracy.Observed` describes the quantities and their scales. Histories are
+    judged by their root mean square difference, the others by the difference of means.
+
+    Attributes:
+        quantity: One of ``beltdyn.accuracy.QUANTITIES``.
+        time: Error of the integration in time; ``1e-6`` stands for anything below.
+        space: Error of the mesh; ``1e-4`` stands for anything below.
+        order: Observed order p: the error of the mesh falls as 1/n_bodies^p. None where meshes
+            differ without a trend, as where links that run on to the pulleys are most of the error.
+        compliance: What contact that yields changes against rigid pulleys.
+    """
+
+    quantity: str
+    time: float | None = None
+    space: float | None = None
+    order: float | None = None
+    compliance: float | None = None
+
+    @property
+    def total(self) -> float | None:
+        """Sum of the three; None unless those in time and in space are known."""
+        if self.time is None or self.space is None:
+            return None
+        return self.time + self.space + (self.compliance or 0.0)
+
+
+@attrs.frozen(kw_only=True)
+class Accuracy:
+    """What is known of the accuracy of a run; ``print`` it for a table.
+
+    Without ``simulate(..., verify=True)`` this is what costs nothing: of tensions the upper
+    estimate of the error in time, ``stats.error``, and the size of the error of the mesh, from the
+    angles of its links (:func:`beltdyn.sanity.mesh_error`); of every quantity what the compliance
+    of the contact changes; the local error, and the energy balance. The errors of speed, creep,
+    friction and power in time and of the mesh are not known then; of creep they can be many times
+    those of tension.
+
+    Attributes:
+        verified: Whether other runs have shown the errors in time and in space of every quantity.
+        errors: By quantity. ``accuracy["creep"]`` gives one of them.
+        until: Time from which on histories part exponentially [s]: up to there they were compared,
+            beyond it only means can be right. None: they do not.
+        local_error: Largest *local* error of a step (``stats.local_error``): what the error
+            control keeps, not the error of the result.
+        balance: Largest residual of the energy balance over the energy transmitted.
+        runs: The runs that verified this one, in words.
+        notes: What was not verified, and why.
+    """
+
+    verified: bool = False
+    errors: tuple[QuantityError, ...]
+    until: float | None = None
+    local_error: float | None = None
+    balance: float = 0.0
+    runs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, quantity: str) -> QuantityError:
+        """Give the errors of a quantity.
+
+        Raises:
+            KeyError: There is none of that name.
+        """
+        for one in self.errors:
+            if one.quantity == quantity:
+                return one
+        raise KeyError(quantity)
+
+    def summary(self) -> list[tuple[str, str]]:
+        """Give the whole error of tensions and creep in a few rows of label and text."""
+        rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
+        for name in ("tension", "span_mean", "creep"):
+            one = self[name]
+            parts = [
+                ("in time", one.time, self._in_time(one)),
+                ("of the mesh", one.space, _share(one.space, SPACE_FLOOR)),
+                ("of contact", one.compliance or None, _share(one.compliance, 0.0)),
+            ]
+            text = ", ".join(f"{share} {part}" for part, value, share in parts if value is not None)
+            if one.total is not None:
+                text = f"{_share(one.total, 0.0)}: {text}"
+            else:
+                unknown = [part for part, value, _ in parts[:2] if value is None]
+                text = f"not known {' and '.join(unknown)}" + (f"; {text}" if text else "")
+            rows.append((f"  {WORDS[name]}", text))
+        if not self.verified:
+            rows.append(("  measured", "with verify=True, on the command line --verify"))
+        return rows
+
+    def _in_time(self, one: QuantityError) -> str:
+        share = _share(one.time, TIME_FLOOR)
+        return share if self.verified or share.startswith("<") else f"at most {share}"
+
+    def table(self) -> list[tuple[str, ...]]:
+        """Give the errors as rows of text, the heading first."""
+        rows: list[tuple[str, ...]] = [
+            ("error of", "in time", "of the mesh", "order", "of contact", "sum")
+        ]
+        for one in self.errors:
+            rows.append(
+                (
+                    WORDS[one.quantity],
+                    _share(one.time, TIME_FLOOR),
+                    _share(one.space, SPACE_FLOOR),
+                    "-" if one.order is None else f"{one.order:.1f}",
+                    _share(one.compliance, 0.0),
+                    _share(one.total, 0.0),
+                )
+            )
+        return rows
+
+    def remarks(self) -> Iterator[str]:
+        """Give what stands below the table, a sentence each."""
+        if not self.verified:
+            yield (
+                f"not verified{' in full' if self.runs else ''}: without other runs errors of "
+                "tensions in time are upper estimates, those of the mesh right to a factor of three"
+            )
+        if self.until is not None:
+            yield (
+                f"from t = {self.until:.4g} s on small differences grow, and no tolerance makes "
+                "histories right: they are judged up to there, means over the end of the run"
+            )
+        yield f"energy balance closed to {abs(self.balance):.2g} of the energy transmitted"
+        yield from (f"verified by {run}" for run in self.runs)
+        yield from self.notes
+
+    def __str__(self) -> str:
+        rows = self.table()
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines = [
+            "  ".join(
+                [row[0].ljust(widths[0])]
+                + [c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)]
+            )
+            for row in rows
+        ]
+        return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks())])
+
+
+def known(params: Drive, stats: Stats) -> Accuracy:
+    """Give what is known of the accuracy of a run without another run.
+
+    ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
+    """
+    of_contact = compliance_error(params)
+    of_mesh = sanity.mesh_error(params)
+    return Accuracy(
+        errors=tuple(
+            QuantityError(
+                quantity=name,
+                time=None if name not in of_mesh or not stats.error else stats.error,
+                space=max(SPACE_FLOOR, of_mesh[name]) if name in of_mesh else None,
+                compliance=of_contact[name],
+            )
+            for name in WORDS
+        ),
+        local_error=stats.local_error,
+        balance=stats.balance,
+    )
+
+
+def _share(value: float | None, floor: float) -> str:
+    if value is None:
+        return "-"
+    if value == 0.0:
+        return "0 %"
+    if value <= floor:
+        return f"< {100.0 * floor:.2g} %"
+    return f"{100.0 * value:.2g} %" if value < 0.995 else f"{100.0 * value:.0f} %"

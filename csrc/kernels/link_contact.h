@@ -1,0 +1,173 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Contact along the links in the rate, compiled once per instruction level, in rhs.h; equations and
+ * names in link_geometry.h.
+ */
+#include "kernels/link_geometry.h"
+
+/* Normal forces of the links of the runs on one pulley, added at their ends. */
+INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                  const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
+                  const double *y, bd_sums *sums, const int ledger) {
+  const bd_pressure to = *pressure;
+  const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
+  const vec rim2 = radius * radius, half = splat(0.5), third = splat(1.0 / 3.0);
+  const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
+  const vec damping = splat(pulley->damping);
+  vec loss = none, energy = none;
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const link_place at = place_of(links, pulley, y, links->cos, links->sin, i);
+      if (!any(less(nearer_end(&at), rim2))) {
+        double *const cleared[] = {to.left,        to.right,     to.share_left,
+                                   to.share_right, to.rate_left, to.rate_right};
+        for (size_t k = 0; k < sizeof cleared / sizeof cleared[0]; ++k) {
+          store(cleared[k] + i, none);
+        }
+        continue;
+      }
+      const link_end a = left_end(&at, radius), b = right_end(&at, radius);
+      const contact_part part = part_of(&a, &b);
+      const vec share = part.x1 - part.x0, middle = half * (part.x0 + part.x1);
+      const vec weight = half * share;
+      vec left = none, right = none;
+      for (int g = -1; g <= 1; g += 2) {
+        const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
+        const vec p = fma_(back, a.p, x * b.p), rate = fma_(back, a.rate, x * b.rate);
+        const vec elastic = fma_(quadratic, p, linear) * p;
+        const vec q = weight * larger(fma_(damping, rate, elastic), none);
+        left = fma_(q, back, left);
+        right = fma_(q, x, right);
+        if (ledger) {
+          loss = fma_(fnma_(weight, elastic, q), rate, loss);
+          energy = fma_(weight * p * p, fma_(third * quadratic, p, half * linear), energy);
+        }
+      }
+      store(to.left + i, left);
+      store(to.right + i, right);
+      const vec of_right = half * fnma_(part.x0, part.x0, part.x1 * part.x1);
+      const vec turning = part.moves * part.cut_rate;
+      store(to.share_left + i, share - of_right);
+      store(to.share_right + i, of_right);
+      store(to.rate_left + i, turning * (one - part.cut));
+      store(to.rate_right + i, turning * part.cut);
+      store(out->left_x + i, fma_(left, a.nx, load(out->left_x + i)));
+      store(out->left_y + i, fma_(left, a.ny, load(out->left_y + i)));
+      store(out->right_x + i, fma_(right, b.nx, load(out->right_x + i)));
+      store(out->right_y + i, fma_(right, b.ny, load(out->right_y + i)));
+    }
+  }
+  close_runs((double *[]){to.right, to.share_right, to.rate_right}, 3, n_runs, runs, links->lay.n,
+             0.0);
+  *sums = (bd_sums){.contact_loss = sum(loss), .contact_energy = sum(energy)};
+}
+
+/* Friction of one pulley at the joints of the runs. */
+INLINE void rub(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                const bd_run *runs, const bd_points *points, const bd_pressure *pressure,
+                const bd_end_forces *out, const double *y, double *dy, bd_sums *sums, const int law,
+                const int general, const int ledger) {
+  const bd_layout *lay = &links->lay;
+  const double *zs = bd_cfield(lay, y, F_MU + pulley->slot);
+  double *oz = bd_field(lay, dy, F_MU + pulley->slot);
+  double *oslip = bd_field(lay, dy, bd_f_slip(lay) + pulley->slot);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx);
+  const vec cv = splat(pulley->vy), omega = splat(pulley->omega);
+  const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
+  vec torque = splat(0.0), loss = splat(0.0);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const joint_contact joint = joint_contact_of(links, pressure, i);
+      if (!any(joint.touch)) {
+        continue;
+      }
+      const vec dx = load(points->x + i) - cx, dy_ = load(points->y + i) - cy;
+      vec rho, inv;
+      root_and_inverse(fma_(dx, dx, dy_ * dy_), &rho, &inv);
+      const vec nx = dx * inv, ny = dy_ * inv;
+      const vec ux = load(points->vx + i) - cu, uy = load(points->vy + i) - cv;
+      const vec v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx)));
+      const vec z = load(zs + i);
+      const law_at at = {.z = z,
+                         .v = v,
+                         .normal = general ? joint.normal * joint.inv_share : joint.normal,
+                         .touch = joint.touch};
+      const law_value value = law_value_of(&constants, &at, law);
+      const vec force = general ? where(joint.touch, value.force * joint.share) : value.force;
+      store(oz + i, load(oz + i) + fnma_(joint.fresh, z, value.rate));
+      store(oslip + i, load(oslip + i) + v);
+      store(out->joint_x + i, fma_(force, ny, load(out->joint_x + i)));
+      store(out->joint_y + i, fnma_(force, nx, load(out->joint_y + i)));
+      torque = fma_(force, rho, torque);
+      if (ledger) {
+        loss = fma_(force, v, loss);
+      }
+    }
+  }
+  sums->torque = sum(torque);
+  sums->friction_loss = sum(loss);
+}
+
+/* Into the links' scratch, the last one's also before the first. */
+static void directions(const bd_links *links, const double *y) {
+  const double *phi = bd_cfield(&links->lay, y, F_PHI);
+  for (int i = 0; i < links->lay.n8; i += WIDTH) {
+    vec c, s;
+    sine_cosine(load(phi + i), &s, &c);
+    store(links->cos + i, c);
+    store(links->sin + i, s);
+  }
+}
+
+/* Joints as the mean of the ends that meet there. */
+static void gather_points(const bd_links *links, const double *co, const double *si,
+                          const double *y, const bd_points *points) {
+  const bd_layout *lay = &links->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *w = bd_cfield(lay, y, F_VPHI);
+  const vec half = splat(0.5), quarter = splat(0.5 * links->half);
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    const vec c = load(co + i), s = load(si + i), cl = load_unaligned(co + i - 1);
+    const vec sl = load_unaligned(si + i - 1), turn = load(w + i),
+              turn_l = load_unaligned(w + i - 1);
+    store(points->x + i, fma_(quarter, cl - c, half * (load_unaligned(x + i - 1) + load(x + i))));
+    store(points->y + i, fma_(quarter, sl - s, half * (load_unaligned(yy + i - 1) + load(yy + i))));
+    store(points->vx + i, fma_(quarter, fnma_(turn_l, sl, turn * s),
+                               half * (load_unaligned(vx + i - 1) + load(vx + i))));
+    store(points->vy + i, fma_(quarter, fnma_(turn, c, turn_l * cl),
+                               half * (load_unaligned(vy + i - 1) + load(vy + i))));
+  }
+}
+
+/* Adds them to the links' accelerations; the joint after the last link is the first one. */
+static void scatter_forces(const bd_links *links, const double *co, const double *si,
+                           const bd_end_forces *at_ends, double *dy) {
+  const bd_layout *lay = &links->lay;
+  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
+  double *aphi = bd_field(lay, dy, F_VPHI);
+  const vec inv_mass = splat(links->inv_mass), arm = splat(links->half * links->inv_inertia);
+  const vec none = splat(0.0);
+  at_ends->joint_x[lay->n] = at_ends->joint_x[0];
+  at_ends->joint_y[lay->n] = at_ends->joint_y[0];
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    const mask link = less(none, load(links->link_mask + i));
+    const both_ends f = forces_on(at_ends, i);
+    const vec turning = fnma_(load(si + i), f.rx - f.lx, load(co + i) * (f.ry - f.ly));
+    store(ax + i, load(ax + i) + where(link, inv_mass * (f.lx + f.rx)));
+    store(ay + i, load(ay + i) + where(link, inv_mass * (f.ly + f.ry)));
+    store(aphi + i, load(aphi + i) + where(link, arm * turning));
+  }
+}
+
+/* Squared distance from a pulley's axis of the nearer end of each link of the runs. */
+static void nearest_ends(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                         const bd_run *runs, const double *y, double *nearest) {
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const link_place at = place_of(links, pulley, y, links->cos, links->sin, i);
+      store(nearest + i, nearer_end(&at));
+    }
+  }
+  close_runs(&nearest, 1, n_runs, runs, links->lay.n, INFINITY);
+}

@@ -1,0 +1,714 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Contact along the links in the linear systems, compiled once per instruction level, in
+ * jacobian.h; names as in link_geometry.h.
+ *
+ * An end of a link moves by dr = d(x, y) -+ e' p and dv = d(v_x, v_y) -+ e' p_v +- w e p, upper
+ * signs at the left end, p = l0/2 dphi, and there dp = -n.dr, dp' = -n.dv - (v_t / rho) t.dr. The
+ * normal forces of a link depend on p, p' of its two ends, friction at a joint on those of four
+ * ends, and by slip on the joint, whose move is the mean of two ends. One function says what a move
+ * of a link does to its contact; columns of the matrix are its values for unit moves, products its
+ * values for a given one. A force at an end acts on the link by (1, -+e')^T, which turns with it.
+ */
+
+#include "kernels/link_geometry.h"
+
+/* --- moves ----------------------------------------------------------------------------------- */
+
+typedef struct end_move {
+  vec x, y, vx, vy;
+} end_move;
+
+/* A link's two ends: 0 left, 1 right. */
+typedef struct link_move {
+  end_move end[2];
+} link_move;
+
+/* Of a link along (c, s), turning at w. */
+INLINE link_move move_of(vec c, vec s, vec w, vec x, vec y, vec p, vec vx, vec vy, vec vp) {
+  const vec px = s * p, py = c * p;
+  const vec qx = fma_(w, c * p, s * vp), qy = fnma_(c, vp, w * px);
+  return (link_move){{{x + px, y - py, vx + qx, vy + qy}, {x - px, y + py, vx - qx, vy - qy}}};
+}
+
+/* A unit velocity in one unknown, with the move g that comes with it. */
+INLINE link_move unit_move(vec c, vec s, vec w, vec g, const int unknown) {
+  const vec one = splat(1.0), none = splat(0.0);
+  if (unknown == 2) {
+    return move_of(c, s, w, none, none, g, none, none, one);
+  }
+  const end_move end =
+      unknown == 0 ? (end_move){g, none, one, none} : (end_move){none, g, none, one};
+  return (link_move){{end, end}};
+}
+
+/* A link's ends on a pulley: outward normals and v_t / rho. */
+typedef struct link_normals {
+  vec nx[2], ny[2], around[2];
+} link_normals;
+
+/* p_a, p_b, p_a', p_b' */
+INLINE void pressing(const link_normals *at, const link_move *move, vec *out) {
+  for (int e = 0; e < 2; ++e) {
+    const end_move m = move->end[e];
+    const vec nx = at->nx[e], ny = at->ny[e];
+    out[e] = -fma_(nx, m.x, ny * m.y);
+    out[2 + e] = -fma_(at->around[e], fnma_(ny, m.x, nx * m.y), fma_(nx, m.vx, ny * m.vy));
+  }
+}
+
+INLINE vec product4(const vec *a, const vec *b) {
+  return fma_(a[0], b[0], fma_(a[1], b[1], fma_(a[2], b[2], a[3] * b[3])));
+}
+
+/* A link's contact as linearised. */
+typedef struct link_linear {
+  link_normals at;
+  vec over_rho[2], by[8];
+} link_linear;
+
+INLINE link_linear link_linear_of(const bd_link_tangent *t, int i) {
+  link_linear link;
+  for (int e = 0; e < 2; ++e) {
+    link.at.nx[e] = load(t->nx[e] + i);
+    link.at.ny[e] = load(t->ny[e] + i);
+    link.at.around[e] = load(t->around[e] + i);
+    link.over_rho[e] = load(t->normal_over_rho[e] + i);
+  }
+  for (int m = 0; m < 8; ++m) {
+    link.by[m] = load(t->by[m] + i);
+  }
+  return link;
+}
+
+/* Normals of the link before, whose place is not aligned. */
+INLINE link_normals normals_before(const bd_link_tangent *t, int i) {
+  link_normals at;
+  for (int e = 0; e < 2; ++e) {
+    at.nx[e] = load_unaligned(t->nx[e] + i - 1);
+    at.ny[e] = load_unaligned(t->ny[e] + i - 1);
+    at.around[e] = load_unaligned(t->around[e] + i - 1);
+  }
+  return at;
+}
+
+/* On a link in its three unknowns. */
+typedef struct link_force {
+  vec x, y, p;
+} link_force;
+
+INLINE link_force force_of_ends(vec c, vec s, vec lx, vec ly, vec rx, vec ry) {
+  return (link_force){lx + rx, ly + ry, fnma_(s, rx - lx, c * (ry - ly))};
+}
+
+/* What a move does to the normal forces of a link. */
+INLINE link_force normal_forces(const link_linear *link, const link_move *move, vec c, vec s) {
+  vec pressed[4], fx[2], fy[2];
+  pressing(&link->at, move, pressed);
+  for (int e = 0; e < 2; ++e) {
+    const vec nx = link->at.nx[e], ny = link->at.ny[e];
+    const vec along = link->over_rho[e] * fnma_(ny, move->end[e].x, nx * move->end[e].y);
+    const vec more = product4(link->by + 4 * e, pressed);
+    fx[e] = fnma_(along, ny, more * nx);
+    fy[e] = fma_(along, nx, more * ny);
+  }
+  return force_of_ends(c, s, fx[0], fy[0], fx[1], fy[1]);
+}
+
+/* Friction at a joint as linearised, for one g. */
+typedef struct joint_linear {
+  vec nx, ny, rho, force, force_over_rho, apart, omega, slip;
+} joint_linear;
+
+INLINE joint_linear joint_linear_of(const bd_link_tangent *t, const bd_contact_pulley *pulley,
+                                    int i) {
+  return (joint_linear){.nx = load(t->joint_nx + i),
+                        .ny = load(t->joint_ny + i),
+                        .rho = load(t->rho + i),
+                        .force = load(t->force + i),
+                        .force_over_rho = load(t->force_over_rho + i),
+                        .apart = load(t->apart + i),
+                        .omega = splat(pulley->omega),
+                        .slip = load(t->slip + i)};
+}
+
+/* Slip velocity of a joint by a move of one of its ends, of which it is half. */
+INLINE vec slip_of(const joint_linear *joint, const end_move *move) {
+  const vec rn = fma_(joint->nx, move->x, joint->ny * move->y);
+  const vec rt = fnma_(joint->ny, move->x, joint->nx * move->y);
+  const vec vt = fnma_(joint->ny, move->vx, joint->nx * move->vy);
+  return splat(0.5) * fnma_(joint->apart, rt, fnma_(joint->omega, rn, vt));
+}
+
+/* Force on the belt, and torque on the pulley. */
+typedef struct joint_force {
+  vec x, y, torque;
+} joint_force;
+
+/* ... by that move, which makes the friction force larger by `more`. */
+INLINE joint_force friction_by(const joint_linear *joint, const end_move *move, vec more) {
+  const vec half = splat(0.5);
+  const vec rn = half * fma_(joint->nx, move->x, joint->ny * move->y);
+  const vec rt = half * fnma_(joint->ny, move->x, joint->nx * move->y);
+  const vec along = joint->force_over_rho * rt;
+  return (joint_force){.x = fma_(along, joint->nx, more * joint->ny),
+                       .y = fnma_(more, joint->nx, along * joint->ny),
+                       .torque = fma_(joint->rho, more, joint->force * rn)};
+}
+
+/* By unit moves of the link before the joint (right: 1) or behind it (0). */
+INLINE joint_force friction_column(const joint_linear *joint, const link_normals *at,
+                                   const vec *total, vec c, vec s, vec w, vec g, const int unknown,
+                                   const int right) {
+  const link_move move = unit_move(c, s, w, g, unknown);
+  vec pressed[4];
+  pressing(at, &move, pressed);
+  const end_move *end = &move.end[right];
+  return friction_by(joint, end, fma_(joint->slip, slip_of(joint, end), product4(total, pressed)));
+}
+
+/* --- linearisation --------------------------------------------------------------------------- */
+
+/* The normal forces of links and what p and p' of their ends, 0 left and 1 right, do to them; and
+ * the place where p = 0, and its rate, by p_a and p_b. */
+typedef struct normal_linear {
+  vec force[2], by[8], cut_by[2], cut_rate_by[2];
+  contact_part part;
+} normal_linear;
+
+INLINE normal_linear normals_of(const bd_contact_pulley *pulley, const link_end *ends) {
+  const link_end *a = &ends[0], *b = &ends[1];
+  const vec none = splat(0.0), one = splat(1.0), half = splat(0.5), two = splat(2.0);
+  const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
+  const vec damping = splat(pulley->damping);
+  normal_linear n = {.part = part_of(a, b)};
+  const contact_part part = n.part;
+  const mask cut = less(none, part.moves * part.moves);
+  const vec share = part.x1 - part.x0, middle = half * (part.x0 + part.x1);
+  const vec weight = half * share, inv = where(cut, part.inv_difference);
+  const vec twice = two * part.cut_rate;
+  n.cut_by[0] = -(b->p * inv * inv);
+  n.cut_by[1] = a->p * inv * inv;
+  n.cut_rate_by[0] = fnma_(twice, inv, b->rate * inv * inv);
+  n.cut_rate_by[1] = fma_(twice, inv, -(a->rate * inv * inv));
+  vec cut_by_left = none, cut_by_right = none;
+  for (int m = 0; m < 8; ++m) {
+    n.by[m] = none;
+  }
+  n.force[0] = n.force[1] = none;
+  for (int g = -1; g <= 1; g += 2) {
+    const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
+    const vec p = fma_(back, a->p, x * b->p), rate = fma_(back, a->rate, x * b->rate);
+    const vec raw = fma_(damping, rate, fma_(quadratic, p, linear) * p);
+    const mask on = less(none, raw);
+    const vec q = where(on, raw);
+    const vec stiff = where(on, weight * fma_(two * quadratic, p, linear));
+    const vec damp = where(on, weight * damping);
+    n.force[0] = fma_(weight * q, back, n.force[0]);
+    n.force[1] = fma_(weight * q, x, n.force[1]);
+    const vec aa = back * back, ab = back * x, bb = x * x;
+    n.by[0] = fma_(aa, stiff, n.by[0]);
+    n.by[1] = fma_(ab, stiff, n.by[1]);
+    n.by[2] = fma_(aa, damp, n.by[2]);
+    n.by[3] = fma_(ab, damp, n.by[3]);
+    n.by[5] = fma_(bb, stiff, n.by[5]);
+    n.by[7] = fma_(bb, damp, n.by[7]);
+    /* the Gauss point's place by that of p = 0, and the weight by it */
+    const vec along = fma_(part.moves, splat(g * GAUSS), half);
+    const vec slope = along * fma_(stiff, b->p - a->p, damp * (b->rate - a->rate));
+    const vec heavier = half * part.moves * q, moved = along * weight * q;
+    cut_by_left += fma_(heavier + slope, back, -moved);
+    cut_by_right += fma_(heavier + slope, x, moved);
+  }
+  n.by[4] = n.by[1];
+  n.by[6] = n.by[3];
+  for (int e = 0; e < 2; ++e) {
+    n.by[e] = fma_(cut_by_left, n.cut_by[e], n.by[e]);
+    n.by[4 + e] = fma_(cut_by_right, n.cut_by[e], n.by[4 + e]);
+  }
+  return n;
+}
+
+/* What a step of length h does to N beyond its tangent, into `correction`: a straight step leaves
+ * the rim by (h v_t)^2 / (2 rho), and where it brings an end into contact, forces and derivatives
+ * are those of the penetrations then. */
+INLINE void correct(const bd_contact_pulley *pulley, const link_end *ends, double h,
+                    normal_linear *n, vec *correction) {
+  const vec none = splat(0.0), step = splat(h), bend = splat(0.5 * h * h);
+  link_end later[2] = {ends[0], ends[1]};
+  vec leave[2];
+  mask lands = less(none, none);
+  for (int e = 0; e < 2; ++e) {
+    leave[e] = bend * ends[e].around * ends[e].around * ends[e].inv_rho;
+    later[e].p = fma_(step, ends[e].rate, ends[e].p - leave[e]);
+    lands |= except(less(none, later[e].p), less(none, ends[e].p));
+  }
+  for (int e = 0; e < 2; ++e) {
+    correction[e] = -fma_(n->by[4 * e], leave[0], n->by[4 * e + 1] * leave[1]);
+  }
+  if (!any(lands)) {
+    return;
+  }
+  const normal_linear then = normals_of(pulley, later);
+  for (int e = 0; e < 2; ++e) {
+    const vec along = step * fma_(then.by[4 * e], ends[0].rate, then.by[4 * e + 1] * ends[1].rate);
+    correction[e] = choose(lands, then.force[e] - n->force[e] - along, correction[e]);
+  }
+  for (int m = 0; m < 8; ++m) {
+    n->by[m] = choose(lands, then.by[m], n->by[m]);
+  }
+}
+
+/* Links: normal forces, shares, and what p and p' of the ends do to them. */
+INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
+                              const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                              const bd_link_scratch *scratch, const double *y,
+                              const bd_link_tangent *contact, double h) {
+  const bd_link_tangent t = *contact;
+  const bd_pressure to = scratch->pressure;
+  const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
+  const vec half = splat(0.5);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const mask link = less(none, load(links->link_mask + i));
+      const link_place at = place_of(links, pulley, y, tangent->cos, tangent->sin, i);
+      const link_end ends[2] = {left_end(&at, radius), right_end(&at, radius)};
+      normal_linear n = normals_of(pulley, ends);
+      vec correction[2] = {none, none};
+      if (h > 0.0) {
+        correct(pulley, ends, h, &n, correction);
+      }
+      const contact_part part = n.part;
+      const vec normal[2] = {where(link, n.force[0]), where(link, n.force[1])};
+      for (int m = 0; m < 8; ++m) {
+        store(t.by[m] + i, where(link, n.by[m]));
+      }
+      for (int e = 0; e < 2; ++e) {
+        store(t.nx[e] + i, ends[e].nx);
+        store(t.ny[e] + i, ends[e].ny);
+        store(t.around[e] + i, ends[e].around * ends[e].inv_rho);
+        store(t.normal[e] + i, normal[e]);
+        store(t.normal_over_rho[e] + i, normal[e] * ends[e].inv_rho);
+        store(t.correction[e] + i, where(link, correction[e]));
+      }
+      const vec of_right = half * fnma_(part.x0, part.x0, part.x1 * part.x1);
+      const vec turning = part.moves * part.cut_rate, kept = one - part.cut;
+      store(to.left + i, normal[0]);
+      store(to.right + i, normal[1]);
+      store(to.share_left + i, part.x1 - part.x0 - of_right);
+      store(to.share_right + i, of_right);
+      store(to.rate_left + i, turning * kept);
+      store(to.rate_right + i, turning * part.cut);
+      for (int e = 0; e < 2; ++e) {
+        const vec place = part.moves * n.cut_by[e], rate = part.moves * n.cut_rate_by[e];
+        store(scratch->share_by[e] + i, kept * place);
+        store(scratch->share_by[2 + e] + i, part.cut * place);
+        store(scratch->rate_by[e] + i, fnma_(part.cut_rate, place, kept * rate));
+        store(scratch->rate_by[2 + e] + i, fma_(part.cut_rate, place, part.cut * rate));
+      }
+    }
+  }
+  double *const closed[] = {to.right,
+                            to.share_right,
+                            to.rate_right,
+                            scratch->share_by[2],
+                            scratch->share_by[3],
+                            scratch->rate_by[2],
+                            scratch->rate_by[3],
+                            t.by[4],
+                            t.by[5],
+                            t.by[6],
+                            t.by[7],
+                            t.nx[0],
+                            t.nx[1],
+                            t.ny[0],
+                            t.ny[1],
+                            t.around[0],
+                            t.around[1],
+                            t.correction[1]};
+  close_runs(closed, sizeof closed / sizeof closed[0], n_runs, runs, links->lay.n, 0.0);
+}
+
+/* Joints: friction, by slip, state, and all that p and p' of the four ends do to it. */
+INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                               const bd_run *runs, const bd_points *points,
+                               const bd_link_scratch *scratch, const double *y,
+                               const bd_link_tangent *contact, const int law, const int general) {
+  const bd_layout *lay = &links->lay;
+  const bd_link_tangent t = *contact;
+  const double *zs = bd_cfield(lay, y, F_MU + pulley->slot);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y), none = splat(0.0);
+  const vec cu = splat(pulley->vx), cv = splat(pulley->vy), omega = splat(pulley->omega);
+  const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const joint_contact joint = joint_contact_of(links, &scratch->pressure, i);
+      const vec dx = load(points->x + i) - cx, dy = load(points->y + i) - cy;
+      vec rho, inv;
+      root_and_inverse(fma_(dx, dx, dy * dy), &rho, &inv);
+      const vec nx = dx * inv, ny = dy * inv;
+      const vec ux = load(points->vx + i) - cu, uy = load(points->vy + i) - cv;
+      const vec z = load(zs + i);
+      const law_at at = {.z = z,
+                         .v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx))),
+                         .normal = general ? joint.normal * joint.inv_share : joint.normal,
+                         .touch = joint.touch};
+      const law_slopes slopes = law_slopes_of(&constants, &at, law);
+      const vec share = general ? joint.share : splat(1.0);
+      const vec value = law_value_of(&constants, &at, law).force;
+      const vec force = where(joint.touch, share * value);
+      store(t.joint_nx + i, where(joint.touch, nx));
+      store(t.joint_ny + i, where(joint.touch, ny));
+      store(t.rho + i, where(joint.touch, rho));
+      store(t.force + i, force);
+      store(t.force_over_rho + i, force * inv);
+      store(t.apart + i, where(joint.touch, fma_(ux, nx, uy * ny) * inv));
+      const vec by_normal = where(joint.touch, slopes.by_normal);
+      store(t.by_normal + i, by_normal);
+      store(t.by_state + i, where(joint.touch, share * slopes.by_state));
+      store(t.by_slip + i, where(joint.touch, share * slopes.by_slip));
+      store(t.gain + i, where(joint.touch, slopes.rate_by_slip));
+      store(t.decay + i, where(joint.touch, joint.fresh - slopes.rate_by_state));
+      const vec gain_normal =
+          general ? where(joint.touch, slopes.rate_by_normal * joint.inv_share) : none;
+      store(t.gain_normal + i, gain_normal);
+      /* by the share, and by its rate while belt comes into contact */
+      const vec by_share =
+          general ? where(joint.touch, fnma_(slopes.by_normal, at.normal, value)) : none;
+      const vec per_share = where(less(none, joint.fresh), z / (joint.share + splat(FRESH)));
+      const vec gain_share = fnma_(gain_normal, at.normal, joint.fresh * per_share);
+      for (int m = 0; m < 4; ++m) {
+        const vec before = load_unaligned(t.by[4 + m] + i - 1), behind = load(t.by[m] + i);
+        vec direct[2] = {by_normal * before, by_normal * behind};
+        vec gain[2] = {gain_normal * before, gain_normal * behind};
+        for (int side = 0; side < 2; ++side) {
+          const double *share_by = scratch->share_by[2 * (1 - side) + m % 2] + i - (1 - side);
+          const double *rate_by = scratch->rate_by[2 * (1 - side) + m % 2] + i - (1 - side);
+          const vec place = load_unaligned(share_by);
+          if (m < 2) {
+            direct[side] = fma_(by_share, place, direct[side]);
+            gain[side] = fma_(gain_share, place, gain[side]);
+            gain[side] = fnma_(per_share, load_unaligned(rate_by), gain[side]);
+          } else {
+            gain[side] = fnma_(per_share, place, gain[side]);
+          }
+          store(t.direct[4 * side + m] + i, where(joint.touch, direct[side]));
+          store(t.gains[4 * side + m] + i, where(joint.touch, gain[side]));
+        }
+      }
+    }
+  }
+}
+
+INLINE void linearise_links(const bd_links *links, const bd_tangent *tangent,
+                            const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                            const bd_points *points, const bd_link_scratch *scratch,
+                            const double *y, const bd_link_tangent *contact, double h,
+                            const int law, const int general) {
+  linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h);
+  if (law != BD_LAW_NONE) {
+    linearise_friction(links, pulley, n_runs, runs, points, scratch, y, contact, law, general);
+  }
+}
+
+/* Adds to the forces of a rate what N will be beyond its tangent; returns its torque. */
+static double add_link_correction(const bd_links *links, const bd_contact_pulley *pulley,
+                                  int n_runs, const bd_run *runs, const bd_link_tangent *contact,
+                                  const bd_end_forces *out, double *c) {
+  const bd_link_tangent t = *contact;
+  const int friction = pulley->law != BD_LAW_NONE;
+  double *cz = bd_field(&links->lay, c, friction ? F_MU + pulley->slot : F_X);
+  vec torque = splat(0.0);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const vec left = load(t.correction[0] + i), right = load(t.correction[1] + i);
+      store(out->left_x + i, fma_(left, load(t.nx[0] + i), load(out->left_x + i)));
+      store(out->left_y + i, fma_(left, load(t.ny[0] + i), load(out->left_y + i)));
+      store(out->right_x + i, fma_(right, load(t.nx[1] + i), load(out->right_x + i)));
+      store(out->right_y + i, fma_(right, load(t.ny[1] + i), load(out->right_y + i)));
+      if (friction) {
+        const vec more = left + load_unaligned(t.correction[1] + i - 1);
+        const vec drag = load(t.by_normal + i) * more;
+        store(out->joint_x + i, fma_(drag, load(t.joint_ny + i), load(out->joint_x + i)));
+        store(out->joint_y + i, fnma_(drag, load(t.joint_nx + i), load(out->joint_y + i)));
+        store(cz + i, fma_(load(t.gain_normal + i), more, load(cz + i)));
+        torque = fma_(drag, load(t.rho + i), torque);
+      }
+    }
+  }
+  return sum(torque);
+}
+
+/* --- matrix ---------------------------------------------------------------------------------- */
+
+INLINE void add_to(double *array, int i, vec v) {
+  store(array + i, load(array + i) + v);
+}
+
+/* Normal forces, into the diagonal blocks. */
+INLINE void add_normals(const bd_tangent *tangent, int i, const bd_link_tangent *t, double g,
+                        const bd_blocks *b, const bd_link_scratch *scratch) {
+  const vec c = load(tangent->cos + i), s = load(tangent->sin + i), w = load(tangent->spin + i);
+  const vec step = splat(g);
+  const link_linear link = link_linear_of(t, i);
+  double *const rows[3][3] = {{b->xx, b->xy, b->xp}, {b->yx, b->yy, b->yp}, {b->px, b->py, b->pp}};
+  for (int k = 0; k < 3; ++k) {
+    const link_move move = unit_move(c, s, w, step, k);
+    const link_force f = normal_forces(&link, &move, c, s);
+    add_to(rows[0][k], i, -step * f.x);
+    add_to(rows[1][k], i, -step * f.y);
+    add_to(rows[2][k], i, -step * f.p);
+  }
+  const bd_end_forces *out = &scratch->forces;
+  const vec left = load(t->normal[0] + i), right = load(t->normal[1] + i);
+  add_to(out->left_x, i, left * link.at.nx[0]);
+  add_to(out->left_y, i, left * link.at.ny[0]);
+  add_to(out->right_x, i, right * link.at.nx[1]);
+  add_to(out->right_y, i, right * link.at.ny[1]);
+}
+
+/* Friction, into the joints' columns, the border and what solves need for g; returns what the
+ * pulley's own equation gets. */
+INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pulley, int i,
+                        const bd_link_tangent *t, double g, const bd_link_scratch *scratch,
+                        double *column_x, double *column_y) {
+  const vec step = splat(g);
+  const vec decay_factor = 1.0 / fma_(step, load(t->decay + i), splat(1.0));
+  const vec by_state = load(t->by_state + i), change = step * decay_factor;
+  const vec state_by_slip = change * load(t->gain + i);
+  store(t->decay_factor + i, decay_factor);
+  store(t->state_by_slip + i, state_by_slip);
+  store(t->given_state + i, by_state * decay_factor);
+  store(t->slip + i, fma_(by_state, state_by_slip, load(t->by_slip + i)));
+  vec total[8];
+  for (int m = 0; m < 8; ++m) {
+    const vec state_by = change * load(t->gains[m] + i);
+    total[m] = fma_(by_state, state_by, load(t->direct[m] + i));
+    store(t->state_by[m] + i, state_by);
+    store(t->total[m] + i, total[m]);
+  }
+  const joint_linear joint = joint_linear_of(t, pulley, i);
+  for (int side = 0; side < 2; ++side) { /* the link before the joint, the one behind it */
+    const int at = i - 1 + side;
+    const vec c = load_unaligned(tangent->cos + at), s = load_unaligned(tangent->sin + at);
+    const vec w = load_unaligned(tangent->spin + at);
+    const link_normals normals = side == 0 ? normals_before(t, i) : link_linear_of(t, i).at;
+    double *const *columns = side == 0 ? scratch->before : scratch->behind;
+    double *const *row = side == 0 ? scratch->row_before : scratch->row_behind;
+    for (int k = 0; k < 3; ++k) {
+      const joint_force f =
+          friction_column(&joint, &normals, total + 4 * side, c, s, w, step, k, 1 - side);
+      add_to(columns[2 * k], i, -step * f.x);
+      add_to(columns[2 * k + 1], i, -step * f.y);
+      store(row[k] + i, -step * f.torque);
+    }
+  }
+  const vec spin_column = step * joint.slip * joint.rho;
+  store(column_x + i, joint.ny * spin_column);
+  store(column_y + i, -joint.nx * spin_column);
+  add_to(scratch->forces.joint_x, i, joint.force * joint.ny);
+  add_to(scratch->forces.joint_y, i, -(joint.force * joint.nx));
+  return spin_column * joint.rho;
+}
+
+static double add_links(const bd_links *links, const bd_tangent *tangent,
+                        const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                        const bd_link_tangent *contact, double g, const bd_blocks *blocks,
+                        const bd_link_scratch *scratch, double *column_x, double *column_y,
+                        double *row) {
+  const bd_layout *lay = &links->lay;
+  const int friction = pulley->law != BD_LAW_NONE;
+  vec own = splat(0.0);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      add_normals(tangent, i, contact, g, blocks, scratch);
+      if (friction) {
+        own += add_friction(tangent, pulley, i, contact, g, scratch, column_x, column_y);
+      }
+    }
+  }
+  for (int k = 0; friction && k < 3; ++k) {
+    double *before = scratch->row_before[k], *behind = scratch->row_behind[k];
+    double *to = row + (size_t)k * (size_t)lay->stride;
+    before[lay->n] = before[0];
+    for (int i = 0; i < lay->n8; i += WIDTH) {
+      const mask link = less(splat(0.0), load(links->link_mask + i));
+      store(to + i, where(link, load(behind + i) + load_unaligned(before + i + 1)));
+    }
+  }
+  return sum(own);
+}
+
+/* The blocks of the ring from the joints' columns: half of a joint's force acts on each link. */
+static void assemble(const bd_links *links, const bd_tangent *tangent, double g,
+                     const bd_link_scratch *scratch, const bd_blocks *blocks) {
+  const bd_layout *lay = &links->lay;
+  const bd_blocks *b = blocks;
+  const int n = lay->n;
+  const vec half = splat(0.5), geometric = splat(g * g / links->half);
+  double *const rows[3][3] = {{b->xx, b->xy, b->xp}, {b->yx, b->yy, b->yp}, {b->px, b->py, b->pp}};
+  for (int k = 0; k < 6; ++k) {
+    scratch->before[k][n] = scratch->before[k][0];
+    scratch->behind[k][n] = scratch->behind[k][0];
+  }
+  scratch->forces.joint_x[n] = scratch->forces.joint_x[0];
+  scratch->forces.joint_y[n] = scratch->forces.joint_y[0];
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    const vec c = load(tangent->cos + i), s = load(tangent->sin + i);
+    const vec cl = load_unaligned(tangent->cos + i - 1), sl = load_unaligned(tangent->sin + i - 1);
+    for (int k = 0; k < 3; ++k) {
+      const double *before = scratch->before[2 * k] + i, *behind = scratch->behind[2 * k] + i;
+      const double *before_y = scratch->before[2 * k + 1] + i;
+      const double *behind_y = scratch->behind[2 * k + 1] + i;
+      const vec bx = half * load(before), by = half * load(before_y);
+      const vec hx = half * load(behind), hy = half * load(behind_y);
+      const vec rx = half * load_unaligned(before + 1), ry = half * load_unaligned(before_y + 1);
+      add_to(rows[0][k], i, hx + rx);
+      add_to(rows[1][k], i, hy + ry);
+      add_to(rows[2][k], i, fnma_(s, rx - hx, c * (ry - hy)));
+      store(b->back[k] + i, bx);
+      store(b->back[3 + k] + i, by);
+      store(b->back[6 + k] + i, fnma_(c, by, s * bx));
+      store(b->forward[k] + i, hx);
+      store(b->forward[3 + k] + i, hy);
+      store(b->forward[6 + k] + i, fnma_(sl, hx, cl * hy));
+    }
+    const both_ends f = forces_on(&scratch->forces, i);
+    const vec turning = fma_(c, f.rx - f.lx, s * (f.ry - f.ly));
+    store(scratch->turning + i, turning);
+    add_to(b->pp, i, geometric * turning);
+  }
+}
+
+/* --- solves ---------------------------------------------------------------------------------- */
+
+/* Forces at joints, added to those of the links; the joint after the last link is the first. */
+static void joints_to_links(const bd_links *links, const bd_tangent *tangent, double *fx,
+                            double *fy, double *x, double *y, double *p) {
+  const bd_layout *lay = &links->lay;
+  const vec half = splat(0.5);
+  fx[lay->n] = fx[0];
+  fy[lay->n] = fy[0];
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    const link_force f = force_of_ends(
+        load(tangent->cos + i), load(tangent->sin + i), half * load(fx + i), half * load(fy + i),
+        half * load_unaligned(fx + i + 1), half * load_unaligned(fy + i + 1));
+    add_to(x, i, f.x);
+    add_to(y, i, f.y);
+    add_to(p, i, f.p);
+  }
+}
+
+/* A link's move as c has it, with or without velocities. */
+INLINE link_move move_in(const bd_links *links, const bd_tangent *tangent, const double *c, int i,
+                         const int solved) {
+  const bd_layout *lay = &links->lay;
+  const vec half = splat(links->half), none = splat(0.0);
+  const int stride = lay->stride;
+  const double *q = bd_cfield(lay, c, F_X) + i, *v = bd_cfield(lay, c, F_VX) + i;
+  return move_of(load_unaligned(tangent->cos + i), load_unaligned(tangent->sin + i),
+                 load_unaligned(tangent->spin + i), load_unaligned(q), load_unaligned(q + stride),
+                 half * load_unaligned(q + 2 * stride), solved ? load_unaligned(v) : none,
+                 solved ? load_unaligned(v + stride) : none,
+                 solved ? half * load_unaligned(v + 2 * stride) : none);
+}
+
+INLINE vec product_with(double *const *by, int i, const vec *pressed) {
+  const vec at[4] = {load(by[0] + i), load(by[1] + i), load(by[2] + i), load(by[3] + i)};
+  return product4(at, pressed);
+}
+
+/* Adds one pulley's contact to g F_q b_q and g F_z's part, b = g c, whose halo is set: on the
+ * links, and at the joints; returns the pulley's own. */
+static double link_product(const bd_links *links, const bd_tangent *tangent,
+                           const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                           const bd_link_tangent *contact, double g, const double *c, double *fx,
+                           double *fy, double *x, double *y, double *p) {
+  const bd_link_tangent *t = contact;
+  const int friction = pulley->law != BD_LAW_NONE;
+  const double *cz = bd_cfield(&links->lay, c, friction ? F_MU + pulley->slot : F_X);
+  const vec g2 = splat(g * g);
+  vec torque = splat(0.0);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const link_linear link = link_linear_of(t, i);
+      const link_move here = move_in(links, tangent, c, i, 0);
+      const link_force f =
+          normal_forces(&link, &here, load(tangent->cos + i), load(tangent->sin + i));
+      add_to(x, i, g2 * f.x);
+      add_to(y, i, g2 * f.y);
+      add_to(p, i, g2 * f.p);
+      if (friction) {
+        const joint_linear joint = joint_linear_of(t, pulley, i);
+        const link_move before = move_in(links, tangent, c, i - 1, 0);
+        const link_normals normals = normals_before(t, i);
+        vec pressed[4], more = load(t->given_state + i) * load(cz + i);
+        pressing(&link.at, &here, pressed);
+        more += product_with(t->total + 4, i, pressed);
+        pressing(&normals, &before, pressed);
+        more += product_with(t->total, i, pressed);
+        more =
+            fma_(joint.slip, slip_of(&joint, &before.end[1]) + slip_of(&joint, &here.end[0]), more);
+        const joint_force one = friction_by(&joint, &before.end[1], more);
+        const joint_force other = friction_by(&joint, &here.end[0], splat(0.0));
+        add_to(fx, i, g2 * (one.x + other.x));
+        add_to(fy, i, g2 * (one.y + other.y));
+        torque = fma_(g2, one.torque + other.torque, torque);
+      }
+    }
+  }
+  return sum(torque);
+}
+
+/* What the links' angles do to the moments of the forces at their ends, added. */
+static void add_turning(const bd_layout *lay, const double *turning, double g, const double *c,
+                        double *p) {
+  const double *phi = bd_cfield(lay, c, F_PHI);
+  const vec g2 = splat(g * g);
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    add_to(p, i, -(g2 * load(turning + i) * load(phi + i)));
+  }
+}
+
+/* The friction unknowns of one pulley's joints; everything else of c is solved, its halo set. */
+static void finish_joints(const bd_links *links, const bd_tangent *tangent,
+                          const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                          const bd_link_tangent *contact, double g, double angular_acceleration,
+                          double *c) {
+  const bd_layout *lay = &links->lay;
+  const bd_link_tangent *t = contact;
+  double *cz = bd_field(lay, c, F_MU + pulley->slot);
+  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  const vec spin = splat(angular_acceleration), step = splat(g);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      const joint_linear joint = joint_linear_of(t, pulley, i);
+      const link_move before = move_in(links, tangent, c, i - 1, 1);
+      const link_move here = move_in(links, tangent, c, i, 1);
+      const mask link = less(splat(0.0), load(links->link_mask + i));
+      const link_normals normals[2] = {normals_before(t, i), link_linear_of(t, i).at};
+      vec pressed[4];
+      vec slide = slip_of(&joint, &before.end[1]) + slip_of(&joint, &here.end[0]);
+      slide = where(less(splat(0.0), joint.rho), fnma_(joint.rho, spin, slide));
+      vec z = load(t->decay_factor + i) * load(cz + i);
+      z = fma_(load(t->state_by_slip + i), slide, z);
+      pressing(&normals[0], &before, pressed);
+      z += product_with(t->state_by, i, pressed);
+      pressing(&normals[1], &here, pressed);
+      z += product_with(t->state_by + 4, i, pressed);
+      store(cz + i, where(link, z));
+      store(cslip + i, where(link, fma_(step, slide, load(cslip + i))));
+    }
+  }
+}
+
+static double ring_product(const bd_layout *lay, const double *const row[3], const double *x,
+                           const double *y, const double *p) {
+  vec total = splat(0.0);
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    total = fma_(load(row[0] + i), load(x + i), total);
+    total = fma_(load(row[1] + i), load(y + i), total);
+    total = fma_(load(row[2] + i), load(p + i), total);
+  }
+  return sum(total);
+}

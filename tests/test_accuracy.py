@@ -1,0 +1,500 @@
+"""What is read off runs, and how well `simulate(verify=True)` knows its own errors."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import threading
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import beltdyn as bd
+from beltdyn import cli, sanity
+from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, with_links
+from beltdyn.accuracy.space import space_error
+from beltdyn.accuracy_report import SPACE_FLOOR, TIME_FLOOR
+from beltdyn.compliance import compliance_error
+
+# Coarse meshes are the subject here.
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+HISTORIES = ("tension", "speed")
+FACTOR = 3.0
+
+
+def on(scene: bd.Scene, mesh: str, links: int | None = None) -> bd.Scene:
+    params = drives.on_mesh(scene.params, mesh)
+    return scene._replace(params=params if links is None else with_links(params, links))
+
+
+def short(mesh: str = "joint", links: int = 24) -> bd.Scene:
+    """A few milliseconds of computing."""
+    return on(drives.plain_scene()._replace(t_end=0.02), mesh, links)
+
+
+@cache
+def verified(mesh: str = "joint", rtol: float = 1e-4) -> bd.Result:
+    return bd.simulate(*on(drives.scene_u(), mesh), rtol=rtol, verify=True)
+
+
+@cache
+def verified_short() -> bd.Result:
+    return bd.simulate(*short(), verify=True)
+
+
+def relative_to(reference: Observed, run: Observed) -> Observed:
+    """The reference with the scales of the run, which its estimates are relative to."""
+    return attrs.evolve(reference, scales=run.scales)
+
+
+# --------------------------------------------------------------------- what is read off a run
+
+
+def observed(scale: float = 1.0, **changes: Any) -> Observed:
+    """Invented numbers of two pulleys."""
+    t = np.linspace(0.0, 1.0, 11)
+    ones = np.ones((t.size, 2))
+    values: dict[str, Any] = {
+        "tension": 100.0 * ones,
+        "speed": 10.0 * ones,
+        "span_mean": np.array([100.0, 100.0]),
+        "creep": np.array([0.0, 0.01]),
+        "friction": np.array([50.0, -50.0]),
+        "power": np.array([60.0, -59.0, 1.0]),
+    }
+    scales = dict(tension=100.0, speed=10.0, span_mean=100.0, creep=0.01, friction=50.0, power=60.0)
+    values = {name: scale * value for name, value in values.items()}
+    return Observed(t=t, scales=scales, **{**values, **changes})
+
+
+def test_what_is_read_at_rest() -> None:
+    """No torque: the spans have the tension of the joints, and nothing else happens."""
+    params = drives.on_mesh(drives.plain(), "joint")
+    run = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-3)
+    seen = observe(run)
+    assert seen.tension.shape == seen.speed.shape == (run.t.size, 2)
+    # bending and the arcs' links make the joints differ a little along a belt at rest
+    assert seen.span_mean == pytest.approx(np.mean(run.joints.force[0]), rel=0.02)
+    assert np.abs(seen.power).max() < 1e-3
+    still = attrs.evolve(run, pulleys=attrs.evolve(run.pulleys, omega=0.0 * run.pulleys.omega))
+    at_rest = observe(still)
+    assert (at_rest.creep == 0.0).all()
+    assert at_rest.scales["speed"] == at_rest.scales["power"] == 0.0
+    assert set(differences(at_rest, at_rest).values()) == {0.0}
+
+
+def test_the_middle_of_a_span_is_a_place() -> None:
+    """A linear force along the upper span is read where the span's middle is, between joints."""
+    params = drives.on_mesh(drives.plain(), "joint")
+    run = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-4, t_eval=[0.0, 1e-4])
+    half = 0.5 * params.info["link_length"]
+    x = run.belt.x - half * np.cos(run.belt.phi)  # left ends of the links: joints, at rest
+    force = 500.0 + 1000.0 * x
+    seen = observe(attrs.evolve(run, joints=attrs.evolve(run.joints, force=force)))
+    assert seen.tension == pytest.approx(500.0 + 1000.0 * 0.145, rel=1e-3)
+
+
+def test_creep_and_friction_are_those_of_the_drive() -> None:
+    """A steady drive: friction carries the torque, and creep is the loss of speed."""
+    run = verified()
+    seen, late = observe(run), run.t >= 0.8 * run.t[-1]
+    radii = np.array([pulley.radius for pulley in run.params.pulleys])
+    speed = np.abs(np.mean(run.pulleys.omega[late], axis=0) * radii)
+    assert seen.creep.max() == pytest.approx(1.0 - speed.min() / speed.max(), rel=0.02)
+    assert (seen.creep >= 0.0).all()
+    # torque and friction balance but for what accelerates the pulleys
+    torque = np.mean(run.pulleys.torque[late], axis=0)
+    assert seen.friction * radii == pytest.approx(-torque, abs=0.03 * np.abs(torque).max())
+    assert seen.power[2] > 0.0
+
+
+def test_differences_are_relative_to_the_scales_of_the_second() -> None:
+    a, b = observed(), observed()
+    assert set(differences(a, b).values()) == {0.0}
+    off = observed(scale=1.02)
+    found = differences(off, b)
+    assert list(found) == list(QUANTITIES)
+    for name in QUANTITIES:
+        assert found[name] == pytest.approx(0.02, rel=1e-9), name
+    doubled = attrs.evolve(b, scales={name: 2.0 * scale for name, scale in b.scales.items()})
+    assert differences(off, doubled)["creep"] == pytest.approx(0.01)
+
+
+def test_differences_up_to_a_time() -> None:
+    a = observed()
+    tension = a.tension.copy()
+    tension[6:] += 50.0
+    b = attrs.evolve(a, tension=tension)
+    assert differences(a, b, until=0.5)["tension"] == 0.0
+    assert differences(a, b)["tension"] > 0.3
+    with pytest.raises(ValueError, match="same times"):
+        differences(a, attrs.evolve(b, t=2.0 * b.t))
+
+
+@pytest.mark.parametrize("last", [0.0, 1.5, -0.1])
+def test_the_last_part_is_a_part(last: float) -> None:
+    with pytest.raises(ValueError, match="last must be > 0 and <= 1"):
+        observe(verified_short(), last=last)
+
+
+def test_with_links_changes_the_mesh_alone() -> None:
+    params = drives.plain()
+    other = with_links(params, 90)
+    assert other.belt.n_bodies == 90
+    assert with_links(other, 60) == params
+    for name in ("strain", "mean_tension", "path_length"):
+        assert other.info[name] == pytest.approx(params.info[name])
+
+
+# ------------------------------------------------------------------------ the error of a mesh
+
+
+def off_by(error: float, other: float = 0.0) -> Observed:
+    """Span tensions off by these shares of the mean tension."""
+    return observed(span_mean=np.array([100.0 * (1.0 + other), 100.0 * (1.0 + error)]))
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+def test_a_trend_is_extrapolated(order: float) -> None:
+    """Errors C/n^p: the finer mesh alone gives p and C; the coarser one assumes order 2."""
+    error = {ratio: 0.1 * ratio**-order for ratio in (0.5, 1.0, 1.5)}
+    found, seen = space_error(
+        "span_mean", off_by(error[1.0]), (0.5, off_by(error[0.5])), (1.5, off_by(error[1.5]))
+    )
+    richardson = (error[0.5] - error[1.0]) / 3.0
+    assert found == pytest.approx(math.sqrt((0.1**2 + richardson**2) / 2.0), rel=1e-2)
+    assert seen == pytest.approx(order, rel=1e-2)
+
+
+def test_meshes_that_agree_by_chance() -> None:
+    """Whichever two of three agree, the third shows that the error is not zero."""
+    for coarse, run, fine in ((0.1, 0.1, 0.0), (0.3, 0.1, 0.1), (0.2, 0.0, 0.2)):
+        found, _ = space_error("span_mean", off_by(run), (0.5, off_by(coarse)), (1.5, off_by(fine)))
+        assert found is not None
+        assert 0.04 < found < 0.3
+
+
+def test_no_order_where_there_is_no_trend() -> None:
+    run, coarse, fine = off_by(0.1), off_by(0.0, 0.2), off_by(0.0, -0.2)
+    assert space_error("span_mean", run, (0.5, coarse), (1.5, fine))[1] is None
+
+
+def test_one_other_mesh_is_better_than_none() -> None:
+    assert space_error("span_mean", off_by(0.1), None, None) == (None, None)
+    for meshes in ((None, (1.5, off_by(0.1 * 1.5**-2))), ((0.5, off_by(0.4)), None)):
+        found, order = space_error("span_mean", off_by(0.1), *meshes)
+        assert found == pytest.approx(0.1, rel=0.7)
+        assert order is None
+
+
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+def test_the_error_of_the_mesh_is_that_against_a_fine_one(mesh: str) -> None:
+    """Drive U with 60 links, against 480: within a factor of three."""
+    run = verified(mesh)
+    exact = observe(bd.simulate(*on(drives.scene_u(), mesh, 480), rtol=1e-3))
+    seen = observe(run)
+    true = differences(seen, relative_to(exact, seen))
+    for name in QUANTITIES:
+        space = run.accuracy[name].space
+        assert space is not None
+        ratio = space / max(SPACE_FLOOR, true[name])
+        assert 1.0 / FACTOR <= ratio <= FACTOR, (name, space, true[name])
+    assert run.accuracy.verified
+    if mesh == "paper":  # the polygon: tensions converge with order 2
+        assert run.accuracy["span_mean"].order == pytest.approx(2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
+def test_the_error_in_time_is_that_against_a_tight_run(rtol: float) -> None:
+    """The reference is by another method than the check."""
+    run = verified("paper", rtol)
+    exact = observe(bd.simulate(*on(drives.scene_u(), "paper"), method="rodas4", rtol=1e-6))
+    seen = observe(run)
+    true = differences(seen, relative_to(exact, seen))
+    for name in QUANTITIES:
+        time = run.accuracy[name].time
+        assert time is not None
+        ratio = time / max(TIME_FLOOR, true[name])
+        # a mean agrees better than its history now and then, which the estimate does not believe
+        most = FACTOR if name in HISTORIES else 2.0 * FACTOR
+        assert 1.0 / FACTOR <= ratio <= most, (name, time, true[name])
+
+
+def test_looser_tolerances_have_larger_errors() -> None:
+    loose, tight = (verified("paper", rtol).accuracy["tension"].time for rtol in (1e-2, 1e-3))
+    assert loose is not None and tight is not None
+    assert loose > 2.0 * tight
+
+
+# ----------------------------------------------------------------------- what a result says
+
+
+def test_without_verification_there_is_what_costs_nothing() -> None:
+    scene = short("paper")
+    run = bd.simulate(*scene)
+    known = run.accuracy
+    assert not known.verified
+    assert known.runs == ()
+    assert known["span_mean"].space == pytest.approx(sanity.mesh_share(scene.params))
+    assert known["span_mean"].time == known["tension"].time == run.stats.error
+    assert known.local_error == run.stats.local_error
+    assert known.balance == run.stats.balance
+    of_contact = compliance_error(scene.params)
+    assert {one.quantity: one.compliance for one in known.errors} == of_contact
+    assert known["speed"].time is known["speed"].space is known["speed"].total is None
+    assert "not verified" in str(known)
+    with pytest.raises(KeyError):
+        known["colour"]
+
+
+def test_the_run_itself_is_the_same() -> None:
+    plain, with_others = bd.simulate(*short()), verified_short()
+    assert (plain.joints.force == with_others.joints.force).all()
+    assert plain.stats.steps == with_others.stats.steps
+    assert with_others.energy is not None
+
+
+def test_the_sum_is_that_of_its_parts() -> None:
+    for one in verified_short().accuracy.errors:
+        assert one.time is not None and one.space is not None and one.compliance is not None
+        assert one.total == one.time + one.space + one.compliance
+        assert one.time >= TIME_FLOOR and one.space >= SPACE_FLOOR
+
+
+def test_a_printed_result_says_that_it_was_verified() -> None:
+    assert "accuracy, measured" in str(verified_short())
+    plain = str(bd.simulate(*short()))
+    assert "accuracy, estimated" in plain and "accuracy, measured" not in plain
+
+
+def test_the_runs_are_named() -> None:
+    runs = verified_short().accuracy.runs
+    assert len(runs) == 3
+    assert runs[0].startswith("tsit5 at rtol = 1e-05 on the same mesh, ")  # rodas4 ran it
+    assert runs[1].startswith("12 links with rodas4 at rtol = 0.001, ")
+    assert runs[2].startswith("36 links with auto at rtol = 0.001, ")
+
+
+@pytest.mark.parametrize(
+    ("options", "check"),
+    [
+        ({"method": "tsit5"}, "rodas4 at rtol = 1e-05"),
+        ({"method": "rodas4"}, "tsit5 at rtol = 1e-05"),
+        ({"method": "lbdf2", "rtol": 1e-2}, "tsit5 at rtol = 0.001"),
+        ({"method": "rk4"}, "tsit5 at rtol = 1e-05"),
+        ({"method": "lie", "step": 1e-4}, "tsit5 at rtol = 1e-05"),
+    ],
+)
+def test_another_method_where_it_is_affordable(options: dict[str, Any], check: str) -> None:
+    accuracy = bd.simulate(*short(), verify=True, **options).accuracy
+    assert accuracy.verified
+    assert accuracy.runs[0].startswith(check)
+
+
+def test_saved_results_say_that_they_were_verified(tmp_path: Path) -> None:
+    path, run = tmp_path / "run.npz", verified_short()
+    run.save(path)
+    assert bd.Result.load(path).accuracy == run.accuracy
+
+
+def test_files_of_earlier_versions_and_crafted_ones(tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    bd.simulate(*short()).save(path)
+    with np.load(path) as file:
+        values = dict(file)
+
+    def write(change: Any) -> None:
+        meta = json.loads(str(values["meta.json"]))
+        change(meta)
+        with open(path, "wb") as out:
+            np.savez(out, **{**values, "meta.json": np.array(json.dumps(meta))})
+
+    write(lambda meta: meta.pop("accuracy"))
+    assert not bd.Result.load(path).accuracy.verified
+    for change in (
+        lambda meta: meta["accuracy"].update(verified=1),
+        lambda meta: meta["accuracy"].update(notes="none"),
+        lambda meta: meta["accuracy"]["errors"].pop(),
+        lambda meta: meta["accuracy"]["errors"][0].update(time="small"),
+        lambda meta: meta["accuracy"]["errors"][0].update(colour=1.0),
+        lambda meta: meta.update(accuracy=None),
+    ):
+        write(change)
+        with pytest.raises(ValueError, match="is not a saved Result: accuracy"):
+            bd.Result.load(path)
+
+
+def test_the_command_line_prints_the_errors(tmp_path: Path) -> None:
+    path, out = tmp_path / "drive.toml", tmp_path / "run.npz"
+    short().to_toml(path)
+    done = CliRunner().invoke(cli.main, ["run", str(path), "--verify", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    for words in ("estimated errors", "creep", "of the mesh", "verified by 12 links with rodas4"):
+        assert words in done.stdout
+    assert bd.Result.load(out).accuracy.verified
+    plain = CliRunner().invoke(cli.main, ["run", str(path)])
+    assert "estimated errors" not in plain.stdout
+
+
+# --------------------------------------------------------------- loads given by functions
+
+
+def as_function(torque: Any) -> Any:
+    return lambda t, theta, omega: torque(t, theta, omega)
+
+
+def test_python_torques_are_called_in_this_thread_alone() -> None:
+    scene = short()
+    threads = set()
+
+    def torque(t: float, theta: Any, omega: Any) -> Any:
+        threads.add(threading.get_ident())
+        return scene.torque_fn(t, theta, omega)
+
+    run = bd.simulate(scene.params, torque, scene.t_end, verify=True)
+    assert run.accuracy.verified
+    assert threads == {threading.get_ident()}
+    for one, of_core in zip(run.accuracy.errors, verified_short().accuracy.errors, strict=True):
+        assert one.space == pytest.approx(of_core.space, rel=0.1, abs=SPACE_FLOOR)
+
+
+def fails_after_a_run(scene: bd.Scene, error: BaseException) -> Any:
+    """A torque function that does not depend on its arguments alone: it works for one run only."""
+    calls = itertools.count()
+
+    def counted(t: float, theta: Any, omega: Any) -> Any:
+        next(calls)
+        return scene.torque_fn(t, theta, omega)
+
+    bd.simulate(scene.params, counted, scene.t_end)
+    left = next(calls)
+
+    def torque(t: float, theta: Any, omega: Any) -> Any:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise error
+        return scene.torque_fn(t, theta, omega)
+
+    return torque
+
+
+def test_a_verification_that_fails_keeps_the_run() -> None:
+    scene = short()
+    torque = fails_after_a_run(scene, RuntimeError("the file of torques is at its end"))
+    run = bd.simulate(scene.params, torque, scene.t_end, verify=True)
+    assert run.success
+    assert not run.accuracy.verified
+    assert run.accuracy.runs == ()
+    assert len(run.accuracy.notes) == 3
+    assert all("at its end" in note for note in run.accuracy.notes)
+    assert run.accuracy["tension"].time == run.stats.error  # what is known without other runs
+    assert run.accuracy["speed"].time is None
+
+
+def test_a_mesh_that_cannot_run_is_said() -> None:
+    """Three links have no coarser mesh; of half of twelve, two would touch both pulleys."""
+    run = bd.simulate(*short(links=12), verify=True)
+    (note,) = run.accuracy.notes
+    assert note.startswith("6 links with rodas4")
+    assert run.accuracy["span_mean"].space is not None  # from the finer mesh
+
+
+def test_ctrl_c_while_verifying_keeps_the_run() -> None:
+    scene = short()
+    torque = fails_after_a_run(scene, KeyboardInterrupt())
+    with pytest.raises(bd.Interrupted, match="it had itself finished") as caught:
+        bd.simulate(scene.params, torque, scene.t_end, verify=True)
+    assert caught.value.result is not None
+    assert caught.value.result.success
+    assert not caught.value.result.accuracy.verified
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"motion": [1.0]}, {"rtol": "fine"}, {"method": 5}, {"t_eval": ["now"]}, {"verify": "yes"}],
+)
+def test_bad_arguments_are_refused_by_name(wrong: dict[str, Any]) -> None:
+    (name,) = wrong
+    with pytest.raises(TypeError, match=f"^{name}"):
+        bd.simulate(*short()[:3], **{"verify": True, **wrong})
+
+
+def test_a_run_that_fails_ends_its_verification() -> None:
+    scene = short()
+    with pytest.raises(bd.SimulationError, match="max_steps"):
+        bd.simulate(*scene, max_steps=5, verify=True)
+    assert not [one for one in threading.enumerate() if one.name.startswith("beltdyn-verify")]
+
+
+# ------------------------------------------------------------------------- where runs begin
+
+
+def test_states_that_settling_gives_are_settled_on_other_meshes() -> None:
+    scene = short()
+    rest = bd.settle(scene.params)
+    by_itself = verified_short().accuracy
+    given = bd.simulate(*scene, initial=rest, verify=True).accuracy
+    assert [one.space for one in given.errors] == [one.space for one in by_itself.errors]
+    running = rest.at_speed(scene.params, {0: -30.0})
+    assert bd.simulate(*scene, initial=running, verify=True).accuracy.verified
+
+
+def test_other_states_belong_to_their_links() -> None:
+    scene = short()
+    half = bd.simulate(*scene[:2], 0.01).final_state
+    accuracy = bd.simulate(*scene, initial=half, verify=True).accuracy
+    assert not accuracy.verified
+    assert accuracy["speed"].time is not None
+    assert accuracy["speed"].space is None
+    assert any("the initial state is given on 24 links" in note for note in accuracy.notes)
+
+
+# ------------------------------------------------------------------- histories that part
+
+
+def chattering(t_end: float) -> bd.Scene:
+    """Links that chatter: contact damping a tenth of the usual, as in tests/test_growth.py."""
+    scene = drives.plain_scene()._replace(t_end=t_end)
+    contact = bd.Contact(linear=2.5e7, damping=100.0)
+    belt = attrs.evolve(scene.params.belt, bending_stiffness=0.0)
+    return scene._replace(params=attrs.evolve(scene.params, contact=contact, belt=belt))
+
+
+def means_are_judged(accuracy: bd.Accuracy) -> bool:
+    assert "small differences grow" in str(accuracy)
+    return all(accuracy[name].total is not None for name in QUANTITIES if name not in HISTORIES)
+
+
+def test_histories_that_part_are_judged_up_to_there() -> None:
+    """Seen in the difference of two integrations, before the run itself has noticed it."""
+    scene = chattering(0.25)
+    run = bd.simulate(*scene, verify=True)
+    until = run.accuracy.until
+    assert until is not None
+    assert means_are_judged(run.accuracy)
+    # a run that verification has not seen agrees up to there, and not beyond
+    other = observe(bd.simulate(*scene, method="rodas4", rtol=1e-6))
+    seen = observe(run)
+    apart = np.abs(seen.tension - other.tension).max(axis=1) / seen.scales["tension"]
+    assert apart[seen.t <= until].max() < 0.01
+    assert apart[seen.t > until].max() > 0.01
+    time = run.accuracy["tension"].time
+    assert time is not None and time < 0.005
+
+
+@pytest.mark.slow
+def test_growth_that_the_run_has_noticed() -> None:
+    run = bd.simulate(*chattering(0.35), verify=True)
+    (growth,) = (one.t for one in run.warnings if one.code == "growth")
+    assert run.accuracy.until is not None and growth is not None
+    assert run.accuracy.until <= growth
+    assert means_are_judged(run.accuracy)

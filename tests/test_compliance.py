@@ -1,0 +1,415 @@
+"""How far the belt sinks into its pulleys, against runs: depth, tension, ratio, errors; compensated
+and chosen contacts. All on the mesh of joints, whose own errors are small."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn import _core, compliance
+
+#: Contacts that are soft on purpose are warned of.
+pytestmark = pytest.mark.filterwarnings("ignore:compliance:beltdyn.AccuracyWarning")
+
+EA, STRAIN, DISTANCE = 70e3, 0.007, 0.29
+SOFT = bd.Contact(linear=2.5e7, damping=1.5e3)
+STIFF = bd.Contact(linear=2.5e9, damping=1.5e4)
+CONTACTS = {
+    "soft": SOFT,
+    "softer": bd.Contact(linear=5e6, damping=1e3),
+    "quadratic": bd.Contact(quadratic=1e11, linear=1e7, damping=1e3),
+    "stiff": STIFF,
+}
+
+
+def drive(
+    contact: bd.Contact | None = None,
+    radii: tuple[float, float] = (0.06, 0.12),
+    n_bodies: int = 120,
+    **belt: Any,
+) -> bd.Params:
+    spans = math.sqrt(DISTANCE**2 - (radii[1] - radii[0]) ** 2)
+    tilt = math.asin((radii[1] - radii[0]) / DISTANCE)
+    path = 2 * spans + radii[0] * (math.pi - 2 * tilt) + radii[1] * (math.pi + 2 * tilt)
+    data = {
+        "length": path / (1.0 + STRAIN),
+        "n_bodies": n_bodies,
+        "linear_density": 0.1,
+        "axial_stiffness": EA,
+        "axial_damping": 1.4,
+        "mesh": "joint",
+    }
+    return bd.Params(
+        belt=bd.Belt(**(data | belt)),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=radii[0], inertia=0.005),
+            bd.Pulley(center=(DISTANCE, 0.0), radius=radii[1], inertia=0.02),
+        ],
+        contact=bd.Contact() if contact is None else contact,
+        friction=bd.Dahl(mu_k=0.8, sigma=1e4),
+    )
+
+
+def at_rest(params: bd.Params) -> tuple[float, np.ndarray]:
+    """Mean tension of a settled belt, and how far it lies inside each radius [m]."""
+    state, l0 = bd.settle(params), params.info["link_length"]
+    centre = np.column_stack([state.x, state.y])
+    half = 0.5 * l0 * np.column_stack([np.cos(state.phi), np.sin(state.phi)])
+    left, right = centre - half, np.roll(centre + half, 1, axis=0)
+    stretch = np.linalg.norm(left - right, axis=1)
+    joint, inside = 0.5 * (left + right), []
+    for k, pulley in enumerate(params.pulleys):
+        away = joint - pulley.center
+        # The middle of the wrap: to the left of the left pulley, to the right of the right one.
+        middle = away[:, 0] * (2 * k - 1) > 0.7 * pulley.radius
+        angle = 0.5 * l0 / pulley.radius
+        circle = pulley.radius * angle / math.sin(angle)
+        inside.append(circle - float(np.hypot(*away[middle].T).mean()))
+    return float(params.info["joint_stiffness"] * stretch.mean()), np.array(inside)
+
+
+def shares(params: bd.Params) -> np.ndarray:
+    return np.asarray(params.compliance.relative_depth[:, 0])
+
+
+def second_order(params: bd.Params) -> float:
+    """What the closed form leaves out of the change of tension, relative to the depth's effect.
+
+    p/R from the pressure on R - p, from the arc of R - p and from that of the other pulley, of
+    order one each. And where the belt meets a pulley it sinks in over a length of sqrt(T/c') = R
+    sqrt(p/R), not at once: in that zone a string on an elastic foundation is longer by 5/12 p
+    sqrt(p/R) than on the smaller circle, at each end of a wrap.
+    """
+    share = float(shares(params).max())
+    wrap = float(np.min(params._model.wraps))
+    return 3.0 * share + 2.0 * 5.0 / 12.0 * math.sqrt(share) / wrap
+
+
+def mesh_tension(params: bd.Params) -> float:
+    """Tension that the mesh may add [N]: at each end of a wrap a link lies on it in part, which is
+    worth the difference of its chord and its arc, l0^3 / (24 R^2), at most."""
+    l0 = params.info["link_length"]
+    longer = sum(2.0 * l0**3 / (24.0 * pulley.radius**2) for pulley in params.pulleys)
+    return float(EA * longer / params.belt.length)
+
+
+@pytest.mark.parametrize("name", CONTACTS)
+def test_depth_and_tension_at_rest_against_settled_belts(name: str) -> None:
+    params = drive(CONTACTS[name], n_bodies=240)
+    said = params.compliance
+    tension, inside = at_rest(params)
+    error = second_order(params)
+    change = tension - EA * STRAIN
+    assert abs(change - said.tension_change) < error * abs(change) + mesh_tension(params)
+    assert said.relative_tension_change == pytest.approx(said.tension_change / (EA * STRAIN))
+    np.testing.assert_allclose(said.tension, tension, rtol=error + mesh_tension(params) / tension)
+    # The depth follows the tension, which has errors of its own.
+    rel = error + mesh_tension(params) / tension
+    np.testing.assert_allclose(said.depth, np.column_stack([inside, inside]), rtol=rel)
+    radii = [pulley.radius for pulley in params.pulleys]
+    np.testing.assert_allclose(said.radius + said.depth, np.column_stack([radii, radii]))
+    if name != "stiff":
+        assert abs(change) > 10.0 * (error * abs(change) + mesh_tension(params))
+
+
+@pytest.mark.parametrize("name", ["soft", "quadratic"])
+def test_compensated_the_belt_rests_on_the_radii_with_the_tension_of_its_strain(name: str) -> None:
+    """Right to second order: what is left is a share p/R of what it makes up for."""
+    plain = drive(CONTACTS[name], n_bodies=240)
+    params = attrs.evolve(plain, contact=attrs.evolve(plain.contact, compensate=True))
+    tension, inside = at_rest(params)
+    assert params.info["contact_strain"] == 0.0
+    assert params.compliance.tension_change == 0.0 and not params.compliance.ratio_change.any()
+    radii = [pulley.radius for pulley in params.pulleys]
+    np.testing.assert_allclose(params.compliance.radius, np.column_stack([radii, radii]))
+    error = second_order(params)
+    depth = params.compliance.depth[:, 0]
+    shift = EA * float(np.sum(params._model.wraps * depth)) / params.belt.length
+    assert abs(tension - EA * STRAIN) < error * shift + mesh_tension(params)
+    assert np.all(np.abs(inside) < error * depth)
+    # without: thirty times further off
+    without, sunk = at_rest(plain)
+    assert abs(without - EA * STRAIN) > 30.0 * abs(tension - EA * STRAIN)
+    assert np.all(sunk > 30.0 * np.abs(inside))
+
+
+def test_a_compensated_contact_is_one_on_a_larger_circle() -> None:
+    """On the paper's mesh the radius of a pulley is that of contact alone: rates are the same."""
+    contact = bd.Contact(quadratic=5e10, linear=2.5e7, damping=1e3, compensate=True)
+    params = attrs.evolve(drives.plain(), contact=contact)
+    raised = params.compliance.depth[0, 0]
+    pulleys = [attrs.evolve(pulley, radius=0.1 + raised) for pulley in params.pulleys]
+    other = attrs.evolve(params, pulleys=pulleys, contact=attrs.evolve(contact, compensate=False))
+    rng = np.random.default_rng(3)
+    state = attrs.asdict(bd.settle(params, tolerance=1e-5), recurse=False)
+    del state["residual"]
+    for name in ("x", "y", "vx", "vy"):
+        state[name] = state[name] + 1e-5 * rng.standard_normal(60)
+    for name, rate in params._model.rate(state, [1.0, 2.0]).items():
+        want = np.asarray(other._model.rate(state, [1.0, 2.0])[name])
+        scale = np.max(np.abs(want), initial=1e-300)
+        np.testing.assert_allclose(rate, want, rtol=1e-9, atol=1e-9 * scale, err_msg=name)
+
+
+def running_ratio(params: bd.Params) -> float:
+    """Ratio of the speeds of pulley 1, which turns freely, and pulley 0, over two revolutions."""
+    speed = -20.0
+    start = bd.settle(params).at_speed(params, {0: speed, 1: speed / 2})
+    result = bd.simulate(
+        params,
+        bd.Viscous([0.0, 0.0]),
+        0.4,
+        motion={0: bd.PiecewiseLinear([0.0, 1.0], [speed, speed])},
+        initial=start,
+        t_eval=[0.1, 0.4],
+    )
+    turned = np.diff(result.pulleys.theta, axis=0)[0]
+    return float(turned[1] / turned[0])
+
+
+@pytest.mark.parametrize("compensate", [False, True])
+@pytest.mark.parametrize("name", ["soft", "softer", "quadratic"])
+def test_running_ratio_of_an_unloaded_drive(name: str, compensate: bool) -> None:
+    """Of unequal pulleys the smaller one loses more of its radius."""
+    params = drive(attrs.evolve(CONTACTS[name], compensate=compensate))
+    said = params.compliance.ratio_change[1]
+    depth, share, l0 = params.compliance.depth[:, 0], shares(params), params.info["link_length"]
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    # Where it lands and leaves the belt is not in yet: over R sqrt(p/R), which a mesh cannot make
+    # shorter than a link. The rim is faster there by up to p/R, and bristles carry that over the
+    # wrap.
+    landing = 2.0 * (radii * np.sqrt(share) + l0) / (np.array(params._model.wraps) * radii)
+    allowed = float(np.sum(landing * share + 3.0 * share**2))
+    found = running_ratio(params) * radii[1] / radii[0] - 1.0
+    assert abs(found - said) < allowed
+    if compensate:
+        assert said == 0.0
+        uncompensated = drive(CONTACTS[name]).compliance.ratio_change[1]
+        assert abs(found) < 0.6 * abs(uncompensated)
+    else:
+        assert said == pytest.approx((depth[1] / radii[1] - depth[0] / radii[0]), rel=0.03)
+        assert abs(said) > 2.0 * allowed
+
+
+@functools.cache
+def loaded(name: str) -> tuple[bd.Params, np.ndarray, float]:
+    """Mean span tensions, and the creep of a reduction under load."""
+    contact = {
+        "soft": SOFT,
+        "compensated": attrs.evolve(SOFT, compensate=True),
+        "stiff": STIFF,
+        "chosen": bd.Contact(),
+    }[name]
+    params = drive(contact, radii=(0.05, 0.12))
+    torque = bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [-15.0, 0.0]]) + bd.Viscous([0.0, 3.0])
+    result = bd.simulate(params, torque, 0.5, t_eval=np.linspace(0.4, 0.5, 400), ledger=False)
+    rims = result.pulleys.omega.mean(axis=0) * [0.05, 0.12]
+    return params, np.nanmean(result.span_tension, axis=0), float(1.0 - rims[1] / rims[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("soft", 0.3), ("compensated", 0.05), ("chosen", 0.0)],
+)
+def test_errors_under_load_against_a_contact_100_times_stiffer(name: str, least: float) -> None:
+    """The estimates bound what runs show, and are not far above where there is much to show.
+
+    The bound: a belt that sticks where it arrives. Bristles give, so that all of the wrap counts.
+    """
+    params, tension, creep = loaded(name)
+    stiff, rigid, without = loaded("stiff")
+    errors = compliance.compliance_error(params, tension, 1.45)
+    own = compliance.compliance_error(stiff, rigid, 1.45)
+    strain = float(np.ptp(tension)) / EA
+    for quantity, difference in (
+        ("span_mean", float(np.max(np.abs(tension - rigid))) / float(rigid.mean())),
+        ("creep", abs(creep - without) / strain),
+        ("speed", abs(creep - without)),
+    ):
+        # The reference has an error as well; both runs are on a mesh of 120 links, whose ripple of
+        # tension and creep is the same to a part.
+        assert least * errors[quantity] <= difference, quantity
+        assert difference <= errors[quantity] + own[quantity] + 2e-3, quantity
+    assert errors["tension"] == errors["span_mean"]
+    assert 0.0 < errors["friction"] <= errors["span_mean"] + errors["speed"]
+
+
+def test_tension_that_sinking_in_takes_off_under_load() -> None:
+    """Between fixed axes; the mean of both ends stands for a wrap, to a tenth here."""
+    (params, tension, _), (stiff, rigid, _) = loaded("soft"), loaded("stiff")
+    change = compliance.compliance(params, tension, 1.45).tension_change
+    change -= compliance.compliance(stiff, rigid, 1.45).tension_change
+    assert float((tension - rigid).mean()) == pytest.approx(change, rel=0.15)
+    assert change < -80.0
+
+
+def test_a_chosen_contact_yields_a_hundredth_of_what_the_belt_does() -> None:
+    params = drive()
+    contact = params.effective_contact
+    assert (
+        params.contact
+        == bd.Contact()
+        == bd.Params(belt=params.belt, pulleys=params.pulleys).contact
+    )
+    assert contact.linear == pytest.approx(100.0 * EA / 0.06**2)
+    assert contact.damping == pytest.approx(math.sqrt(contact.linear * 0.1))
+    assert contact.quadratic == 0.0 and contact.compensate is True
+    assert params.compliance.creep_share == pytest.approx(0.01)
+    assert shares(params).max() == pytest.approx(0.01 * STRAIN * (1.0 + STRAIN))
+    for strain in (1e-4, 0.03, 0.0987):
+        length = params.info["path_length"] / (1.0 + strain)
+        stretched = drive(length=length)
+        assert shares(stretched).max() < 1.1e-3
+        assert stretched.effective_contact == contact  # neither the preload nor the mesh counts
+    assert drive(n_bodies=300).effective_contact == contact
+    assert drive(axial_stiffness=2 * EA).effective_contact.linear == 2.0 * contact.linear
+    assert "compliance" not in str(params)
+    uncompensated = drive(bd.Contact(compensate=False))
+    assert uncompensated.effective_contact == attrs.evolve(contact, compensate=False)
+    assert -0.01 < uncompensated.compliance.relative_tension_change < -0.001
+    undamped = drive(bd.Contact(damping=0.0))
+    assert undamped.effective_contact == attrs.evolve(contact, damping=0.0)
+
+
+def test_what_a_contact_leaves_open() -> None:
+    """Nothing, once it has a stiffness."""
+    for contact in (bd.Contact(linear=1e7), bd.Contact(quadratic=1e11)):
+        assert contact.damping == 0.0 and contact.compensate is False
+        assert drive(contact).effective_contact is contact
+    assert bd.Contact(quadratic=1e11).linear == 0.0
+    open_ = bd.Contact()
+    assert (open_.linear, open_.damping, open_.compensate) == (None, None, True)
+    assert eval(repr(open_), vars(bd)) == open_ != bd.Contact(linear=1e7)
+    assert "linear" in str(open_) and "chosen" in str(open_)
+
+
+def test_tensions_at_both_sides_of_a_loaded_wrap() -> None:
+    params = drive(SOFT)
+    tension = np.array([300.0, 700.0])
+    said = compliance.compliance(params, tension)
+    np.testing.assert_array_equal(said.tension, [[700.0, 300.0], [300.0, 700.0]])
+    for k, radius in enumerate((0.06, 0.12)):
+        for side in (0, 1):
+            pull = said.tension[k, side]
+            want = pull * (1.0 + pull / EA) / radius
+            assert SOFT.linear * said.depth[k, side] == pytest.approx(want, rel=1e-12)
+    # the belt arrives on the other side when it runs the other way
+    other = compliance.compliance(params, tension, -1e-9)
+    radius = said.radius
+    assert said.ratio_change[1] == pytest.approx(
+        radius[0, 0] / 0.06 / (radius[1, 0] / 0.12) - 1.0, abs=1e-15
+    )
+    assert other.ratio_change[1] == pytest.approx(
+        radius[0, 1] / 0.06 / (radius[1, 1] / 0.12) - 1.0, abs=1e-15
+    )
+    # rho A v^2 of the tension carries the belt round the curve
+    fast = compliance.compliance(params, tension, 40.0)
+    lighter = 0.1 * 40.0**2 / (np.array([[0.06], [0.12]]) * SOFT.linear)
+    np.testing.assert_allclose(said.depth - fast.depth, np.broadcast_to(lighter, (2, 2)))
+    assert not compliance.compliance(params, tension, 1e3).depth.any()
+
+
+def test_without_a_load_creep_is_measured_by_a_tenth_of_a_percent() -> None:
+    params = drive(SOFT)
+    errors = compliance.compliance_error(params)
+    assert set(errors) == {"tension", "span_mean", "speed", "creep", "friction", "power"}
+    assert errors["creep"] == pytest.approx(1e3 * errors["speed"])
+    assert errors["tension"] == -params.compliance.relative_tension_change
+    assert all(value == 0.0 for value in compliance.compliance_error(
+        drive(attrs.evolve(SOFT, compensate=True))).values())  # fmt: skip
+
+
+def line_of(params: bd.Params) -> str:
+    (line,) = (one for one in str(params).splitlines() if "sinking into the pulleys" in one)
+    label, text = line.strip().split(": ", 1)
+    assert label == "error of the contact"
+    return text
+
+
+def test_print_says_what_sinking_in_does() -> None:
+    # 490 N less what it takes off, over 0.06 m and 2.5e7 N/m^2: 0.28 mm
+    text = line_of(drive(SOFT))
+    assert text.startswith("sinking into the pulleys: 0.28 mm on pulley 0 (0.46 % of its radius)")
+    assert "76.1 N (16 %) off the tension" in text and "speed ratio by up to 0.3 %" in text
+    assert text.endswith("adds some 78 % to creep")
+    assert "speed ratio" not in line_of(drives.plain())
+    compensated = line_of(drive(attrs.evolve(SOFT, compensate=True)))
+    assert "runs on the pulleys' radii at the preload" in compensated and " N " not in compensated
+    assert "contact  " in str(drive()) and "chosen" in str(drive())
+    assert "chosen" not in str(drive(SOFT))
+
+
+def test_the_warning_of_a_compensated_contact() -> None:
+    soft = bd.Contact(linear=4e6, compensate=True)
+    text = str(drive(soft))
+    assert "compliance: at the preload" in text and "made up for at rest" in text
+    assert "lowers its tension" not in text
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        bd.Contact(),
+        bd.Contact(compensate=False),
+        bd.Contact(damping=10.0),
+        bd.Contact(linear=1e8, compensate=True),
+        bd.Contact(quadratic=1e12),
+    ],
+    ids=str,
+)
+def test_toml_both_ways(contact: bd.Contact) -> None:
+    params = drive(contact)
+    text = params.to_toml()
+    assert bd.Params.from_toml(text) == params
+    assert ("[contact]" in text) == (contact != bd.Contact())
+    assert bd.Params.from_toml(text)._model.info == params._model.info
+
+
+def test_refused_values() -> None:
+    for value in (1, 0.0, "yes"):
+        with pytest.raises(TypeError, match=r"^contact\.compensate must be a bool, got"):
+            bd.Contact(linear=1e7, compensate=value)  # type: ignore[arg-type]
+    # a tenth of the radius is no small depth: 490 N on 0.06 m and 1e6 N/m^2 are 8 mm
+    with pytest.raises(ValueError, match=r"^contact\.compensate: .* 0\.00822 m into pulley 0, at "
+                                         r"most 0\.1 of its radius"):  # fmt: skip
+        drive(bd.Contact(linear=1e6, compensate=True))
+    drive(bd.Contact(linear=1e6))
+    params = drive(SOFT)
+    bad: list[Any] = [[1.0], [1.0, -1.0], [1.0, math.nan], [[1.0, 1.0]]]
+    for tension in bad:
+        with pytest.raises(ValueError, match=r"^tension must be 2 finite numbers >= 0"):
+            compliance.compliance(params, tension)
+
+
+def test_wraps_of_the_core() -> None:
+    params = drive()
+    tilt = math.asin(0.06 / DISTANCE)
+    wraps = [math.pi - 2 * tilt, math.pi + 2 * tilt]
+    np.testing.assert_allclose(params._model.wraps, wraps, rtol=1e-14)
+    assert isinstance(params._model, _core.Model)
+
+
+def test_implicit_steps_hardly_mind_a_stiff_contact() -> None:
+    """A hundred times stiffer has ten times the frequency, which explicit steps must follow."""
+    steps: dict[str, list[int]] = {"tsit5": [], "rodas4": []}
+    for scale in (1.0, 100.0):
+        chosen = drive().effective_contact
+        assert chosen.linear is not None and chosen.damping is not None
+        contact = attrs.evolve(
+            chosen, linear=scale * chosen.linear, damping=math.sqrt(scale) * chosen.damping
+        )
+        params = drive(contact, n_bodies=60)
+        start = bd.settle(params)
+        torque = bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [-15.0, 0.0]])
+        for method, counted in steps.items():
+            result = bd.simulate(params, torque, 0.1, initial=start, method=method, ledger=False)
+            counted.append(result.stats.steps)
+    assert steps["rodas4"][1] < 4.0 * steps["rodas4"][0], steps
+    assert steps["tsit5"][1] > 5.0 * steps["tsit5"][0], steps

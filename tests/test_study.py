@@ -1,0 +1,488 @@
+"""What accuracy costs: studies, suggestions, budgets; costs from tables or steps, not clocks."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import beltdyn as bd
+from beltdyn.accuracy import QUANTITIES, budget, studies
+from beltdyn.accuracy.pilot import LADDER, Pilot
+from beltdyn.accuracy.quantities import Observed, differences, observe
+from beltdyn.accuracy.records import Records, key_of
+from beltdyn.accuracy.runs import Done
+from beltdyn.accuracy.settings import Setting, fewest
+from beltdyn.accuracy.suggestion import chosen
+from beltdyn.cli import main
+
+T = np.linspace(0.0, 1.0, 401)
+SCENE = bd.scenes.kubas_case_1()
+SHORT = SCENE._replace(t_end=0.02)
+
+
+# --- a drive whose errors and costs are known in closed form ---
+
+
+def seen(tension: np.ndarray) -> Observed:
+    zero = np.zeros(2)
+    return Observed(
+        t=T,
+        tension=np.column_stack([tension, tension]),
+        speed=np.zeros((T.size, 2)),
+        span_mean=zero,
+        creep=zero,
+        friction=zero,
+        power=zero,
+        scales=dict.fromkeys(QUANTITIES, 1.0),
+    )
+
+
+@attrs.define
+class Table:
+    """Runs that are not made: error space * (30 / n)^2 and factor * rtol, and a cost of each."""
+
+    space: float = 0.2
+    noise: float = 0.0
+    factors: dict[str, float] = attrs.field(
+        factory=lambda: {"lbdf2": 0.2, "rodas4": 0.3, "tsit5": 0.1, "auto": 0.3}
+    )
+    now: float = 0.0
+    runs: list[Setting] = attrs.field(factory=list)
+
+    def cost(self, one: Setting) -> float:
+        if one.method == "tsit5":  # for a second, as far as the stability of the mesh allows
+            bound = bd.accuracy.with_links(SCENE.params, one.n_bodies).info["spectral_bound"]
+            return float(bound) / 2.5 * (1e-6 + 5e-8 * one.n_bodies)
+        order = {"lbdf2": 0.7, "rodas4": 0.25}.get(one.method, 0.3)
+        return (0.002 if one.method == "lbdf2" else 0.02) * one.n_bodies / 60 * one.rtol**-order
+
+    def errors(self, one: Setting) -> tuple[float, float]:
+        return self.space * (30.0 / one.n_bodies) ** 2, self.factors[one.method] * one.rtol
+
+    def error(self, one: Setting) -> float:
+        """The error in all: both parts of the histories below are independent."""
+        return math.hypot(*self.errors(one), self.noise)
+
+    def __call__(self, one: Setting) -> Done:
+        self.runs.append(one)
+        self.now += self.cost(one)
+        of_space, of_time = self.errors(one)
+        # Functions of root mean square 1, orthogonal to each other.
+        tension = of_space * math.sqrt(2) * np.sin(2 * np.pi * T)
+        tension = tension + of_time * math.sqrt(2) * np.sin(6 * np.pi * T)
+        if self.noise:
+            random = np.random.default_rng([one.n_bodies, round(-1000 * math.log10(one.rtol))])
+            tension = tension + self.noise * random.standard_normal(T.size)
+        return Done(cpu=self.cost(one), steps=100, seen=seen(tension))
+
+    def brute(self, error: float) -> float:
+        """Cost of the cheapest of all settings of the pilot's ladder, on any mesh."""
+        return min(
+            self.cost(one)
+            for n_b in range(20, 4000)
+            for method, rtol in (*LADDER, ("tsit5", error))
+            if self.error(one := Setting(n_b, method, rtol)) <= error
+        )
+
+
+def pilot_of(table: Table, limit: float = math.inf) -> Pilot:
+    return Pilot(table, SCENE.params, "tension", limit=limit, clock=lambda: table.now)
+
+
+@pytest.mark.parametrize("error", [3e-2, 1e-2, 1e-3])
+@pytest.mark.parametrize("space", [0.02, 0.5])
+def test_the_setting_suggested_is_right_and_cheap(error: float, space: float) -> None:
+    table = Table(space=space)
+    suggestion = chosen(pilot_of(table), SCENE, error, "tension")
+    one = suggestion.setting
+    assert suggestion.met
+    assert table.error(one) <= 1.1 * error
+    assert table.cost(one) == pytest.approx(suggestion.seconds, rel=0.3)
+    assert table.cost(one) <= 1.5 * table.brute(error)
+
+
+def test_a_mesh_is_extrapolated_not_run() -> None:
+    table = Table(space=0.5)
+    suggestion = chosen(pilot_of(table), SCENE, 1e-2, "tension")
+    finest = max(one.n_bodies for one in table.runs)
+    assert finest < suggestion.n_bodies
+    assert table.errors(suggestion.setting)[0] == pytest.approx(suggestion.error_space, rel=0.1)
+
+
+def test_an_error_that_cannot_be_had_is_said() -> None:
+    """A mesh whose error does not fall: histories that depend on every detail."""
+    table = Table(noise=0.05)
+    suggestion = chosen(pilot_of(table, limit=20.0), SCENE, 1e-2, "tension")
+    assert not suggestion.met
+    assert suggestion.error > 0.03
+    assert "cannot be promised" in " ".join(str(suggestion).split())
+    assert f"{suggestion.error / 1e-2:.2g} times" in " ".join(str(suggestion).split())
+
+
+def test_a_limit_ends_the_pilot() -> None:
+    table = Table(space=0.5)
+    pilot = pilot_of(table, limit=1.0)
+    pilot.explore(1e-6)
+    # The last run may begin just before the limit; it costs no more than it was expected to.
+    assert table.now <= 2.0
+
+
+def test_settings_that_fail_are_left_out() -> None:
+    table = Table()
+
+    def run(one: Setting) -> Done:
+        if one.method == "lbdf2":
+            raise bd.SimulationError("no")
+        return table(one)
+
+    pilot = Pilot(run, SCENE.params, "tension", clock=lambda: table.now)
+    assert chosen(pilot, SCENE, 1e-2, "tension").method != "lbdf2"
+
+
+def test_a_drive_that_never_runs_raises_its_error() -> None:
+    def run(_one: Setting) -> Done:
+        raise bd.SimulationError("off the pulley")
+
+    with pytest.raises(bd.SimulationError, match="off the pulley"):
+        Pilot(run, SCENE.params, "tension").explore(1e-2)
+
+
+def test_the_coarsest_mesh_lies_round_the_smallest_pulley() -> None:
+    for name in bd.scenes.names():
+        params = bd.scenes.get(name).params
+        coarse = bd.accuracy.with_links(params, fewest(params))
+        radius = min(pulley.radius for pulley in params.pulleys)
+        assert 2.0 * math.pi * radius / coarse.info["link_length"] > 5.0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"error": 0.0}, {"error": 1e-9}, {"quantity": "torque"}, {"limit": -1.0}],
+)
+def test_bad_arguments_of_suggest(arguments: dict) -> None:
+    with pytest.raises(ValueError, match=next(iter(arguments))):
+        bd.accuracy.suggest(SHORT, **arguments)
+
+
+def test_a_suggestion_is_run_as_it_says() -> None:
+    suggestion = bd.accuracy.suggest(SHORT, error=0.05)
+    result = bd.simulate(*suggestion.scene, **suggestion.options)
+    assert result.params.belt.n_bodies == suggestion.n_bodies
+    assert result.stats.method == suggestion.method
+    assert suggestion.params.belt.mesh == SHORT.params.belt.mesh
+    fine = bd.simulate(
+        *SHORT._replace(params=bd.accuracy.with_links(SHORT.params, 240)), method="rodas4"
+    )
+    found = differences(observe(result), observe(fine))["tension"]
+    assert suggestion.met
+    assert found <= 0.05
+
+
+# --- budgets: the clock counts steps and links ---
+
+
+class Counted:
+    """Simulates, and takes the time that the steps would take."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def simulate(self, *args, watch: Callable[[float], None], **options) -> bd.Result:
+        result = bd.simulate(*args, **options)
+        stats = result.stats
+        method = 4 if stats.njev else 1
+        seconds = 1e-7 * result.params.belt.n_bodies * method * (stats.steps + stats.rejected)
+        self.now += seconds
+        watch(result.t[-1])
+        return attrs.evolve(result, stats=attrs.evolve(stats, cpu_time=seconds))
+
+    def plan(self, seconds: float, initial: bd.State | None = None) -> budget.Plan:
+        return budget.plan(
+            self.simulate,
+            bd.settle,
+            SHORT,
+            seconds,
+            initial=initial,
+            t_eval=np.linspace(0.0, SHORT.t_end, 201),
+            options={},
+            clock=lambda: self.now,
+        )
+
+
+def test_more_budget_buys_more_accuracy_and_is_kept() -> None:
+    errors = []
+    for seconds in (0.006, 0.02, 0.05):
+        counted = Counted()
+        plan = counted.plan(seconds)
+        counted.simulate(
+            plan.params,
+            *SHORT[1:],
+            initial=plan.initial,
+            method=plan.method,
+            rtol=plan.rtol,
+            watch=lambda _t: None,
+        )
+        assert counted.now <= seconds
+        errors.append(plan.forecast.error)
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.5 * errors[0]
+
+
+def test_a_budget_too_small_is_refused_with_what_it_takes() -> None:
+    with pytest.raises(ValueError, match=r"budget is too small: .* take about .* got 1e-05 s"):
+        Counted().plan(1e-5)
+
+
+def test_a_given_state_keeps_its_mesh() -> None:
+    state = bd.settle(SHORT.params)
+    plan = Counted().plan(0.1, initial=state)
+    assert plan.params == SHORT.params
+    assert plan.initial is state
+    assert "the mesh is that of initial" in str(plan)
+
+
+def test_a_budget_that_was_exceeded_is_a_warning() -> None:
+    plan = attrs.evolve(Counted().plan(0.01), budget=1.0)
+    run = bd.simulate(plan.params, *SHORT[1:], method=plan.method, rtol=plan.rtol)
+    kept, none = plan.judge(run, 0.9)
+    assert none == () and str(plan) in kept.message and str(plan) in kept.stats.choice
+    exceeded, (warning,) = plan.judge(run, 1.5)
+    assert warning.code == "budget" and warning in exceeded.warnings
+    assert "1.5 s" in warning.text and "1 s" in warning.text
+
+
+def test_simulate_says_what_it_chose() -> None:
+    result = bd.simulate(*SHORT, budget=2.0)
+    assert result.success
+    assert f"with {result.params.belt.n_bodies} links" in result.message
+    assert "chosen for 2 s" in result.message
+    assert "chosen for 2 s" in dict(result.summary(verbose=True))["method"]
+
+
+@pytest.mark.parametrize(
+    "others", [{"method": "rodas4"}, {"rtol": 1e-3}, {"step": 1e-5}, {"verify": True}]
+)
+def test_what_a_budget_chooses_is_not_given(others: dict) -> None:
+    with pytest.raises(ValueError, match="budget chooses"):
+        bd.simulate(*SHORT, budget=1.0, **others)
+
+
+# --- studies ---
+
+QUICK = {"methods": ("rodas4", "lbdf2"), "rtols": (1e-1, 1e-3), "n_bodies": (30, 60, 120)}
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("study") / "runs.jsonl"
+
+
+@pytest.fixture(scope="module")
+def study(store: Path) -> bd.accuracy.Study:
+    return bd.accuracy.study(SHORT, store=store, **QUICK)
+
+
+def test_a_study_has_every_setting_once(study: bd.accuracy.Study) -> None:
+    settings = [row.setting for row in study.rows]
+    assert settings == [
+        Setting(n_b, method, rtol)
+        for n_b in QUICK["n_bodies"]
+        for method in QUICK["methods"]
+        for rtol in QUICK["rtols"]
+    ]
+    assert study.finest == 240
+    for row in study.rows:
+        assert row.seconds > 0.0 and row.repeats >= 1 and row.steps > 0
+        assert set(row.error) == set(row.time) == set(QUANTITIES)
+
+
+def test_errors_in_space_and_time_fall_with_mesh_and_tolerance(study: bd.accuracy.Study) -> None:
+    space = [found["tension"] for found in study.space.values()]
+    assert space[0] > 2.0 * space[1] > 4.0 * space[2] > 0.0
+    for loose, tight in zip(study.rows[::2], study.rows[1::2], strict=True):
+        assert tight.time["tension"] < loose.time["tension"]
+        assert tight.steps > loose.steps
+
+
+def test_the_error_in_all_is_within_its_parts(study: bd.accuracy.Study) -> None:
+    """By the triangle inequality, with the floor for the two references."""
+    for row in study.rows:
+        n_b = row.setting.n_bodies
+        parts = study.space[n_b]["tension"] + row.time["tension"] + study.time_floor[n_b]["tension"]
+        assert row.error["tension"] <= 1.001 * parts
+        assert study.believed(row, "tension") >= study.space[n_b]["tension"]
+
+
+def test_references_are_of_unrelated_methods(study: bd.accuracy.Study) -> None:
+    for line in study.references:
+        first, second = line.partition(": ")[2].split(" and ")
+        assert first.split()[0] != second.split()[0]
+    for floor, space in zip(study.time_floor.values(), study.space.values(), strict=True):
+        assert floor["tension"] < space["tension"]
+
+
+def test_the_cheapest_is_the_first_of_the_front_that_is_right(study: bd.accuracy.Study) -> None:
+    front = study.front("tension")
+    errors = [study.believed(row, "tension") for row in front]
+    assert errors == sorted(errors, reverse=True)
+    assert study.cheapest(errors[0], "tension") == front[0]
+    assert study.cheapest(0.99 * errors[-1], "tension") is None
+    target = 0.5 * (errors[0] + errors[-1])
+    best = study.cheapest(target, "tension")
+    assert best == next(row for row in front if study.believed(row, "tension") <= target)
+
+
+def test_a_finished_study_runs_nothing_again(
+    study: bd.accuracy.Study, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_args: object, **_options: object) -> None:
+        raise AssertionError("run again")
+
+    monkeypatch.setattr(studies, "simulate", refuse)
+    again = bd.accuracy.study(SHORT, store=store, **QUICK)
+    assert again.rows == study.rows
+    assert again.to_csv() == study.to_csv()
+
+
+def test_a_study_goes_on_where_it_was_interrupted(
+    study: bd.accuracy.Study, store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = store.read_text().splitlines(keepends=True)
+    torn = tmp_path / "torn.jsonl"
+    torn.write_text("".join(lines[:-2]) + lines[-2][:40])  # killed while it wrote a line
+    made = []
+
+    def count(*args, **options):
+        made.append((args[0].belt.n_bodies, options["method"], options["rtol"]))
+        return bd.simulate(*args, **options)
+
+    monkeypatch.setattr(studies, "simulate", count)
+    again = bd.accuracy.study(SHORT, store=torn, **QUICK)
+    assert len(set(made)) == 2
+    assert [row.error for row in again.rows] == [row.error for row in study.rows]
+    assert len(Records(torn)._known) == len(lines)
+
+
+def test_another_scene_is_not_taken_for_the_same(store: Path, study: bd.accuracy.Study) -> None:
+    identity = studies._identity(SHORT, 0.2)
+    other = SHORT._replace(t_end=0.021)
+    key = ("reference", [240, "rodas4", 1e-4])
+    assert Records(store).get(key_of(identity, *key)) is not None
+    assert Records(store).get(key_of(studies._identity(other, 0.2), *key)) is None
+
+
+def test_a_failed_setting_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*args, **options):
+        if options["method"] == "lbdf2" and options["rtol"] == 0.1:
+            raise bd.SimulationError("gaped: at once")
+        return bd.simulate(*args, **options)
+
+    monkeypatch.setattr(studies, "simulate", fail)
+    found = bd.accuracy.study(SHORT, methods=("lbdf2",), rtols=(1e-1, 1e-2), n_bodies=(30,))
+    bad, good = found.rows
+    assert bad.failure == "gaped: at once" and math.isnan(bad.seconds)
+    assert not good.failure
+    assert "failed: gaped" in found.table()
+    assert list(found.done()) == [good]
+
+
+def test_a_table_and_csv_hold_all_runs(study: bd.accuracy.Study, tmp_path: Path) -> None:
+    rows = list(csv.DictReader(io.StringIO(study.to_csv(tmp_path / "study.csv"))))
+    assert (tmp_path / "study.csv").read_text() == study.to_csv()
+    assert len(rows) == len(study.rows)
+    for line, row in zip(rows, study.rows, strict=True):
+        assert float(line["cpu_seconds"]) == row.seconds
+        assert float(line["tension_error"]) == row.error["tension"]
+        assert float(line["power_time"]) == row.time["power"]
+    assert len(study.table("creep").splitlines()) == len(rows) + 2
+    assert all(f"\n{quantity} " in str(study) for quantity in QUANTITIES)
+
+
+def test_figures_show_all_methods(study: bd.accuracy.Study) -> None:
+    pytest.importorskip("matplotlib")
+    figure = study.plot("speed", error=0.02)
+    figure.draw_without_rendering()
+    assert len(figure.axes) == 4
+    for method in QUICK["methods"]:
+        assert method in [line.get_label() for line in figure.axes[0].get_lines()]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"methods": "auto"}, TypeError, "methods"),
+        ({"methods": ("rk4",)}, ValueError, "methods"),
+        ({"n_bodies": ()}, ValueError, "n_bodies"),
+        ({"n_bodies": (60,), "finest": 60}, ValueError, "finest"),
+        ({"limit": 0.0}, ValueError, "limit"),
+    ],
+)
+def test_bad_arguments_of_study(arguments: dict, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        bd.accuracy.study(SHORT, **arguments)
+
+
+@pytest.mark.parametrize("ask", [bd.accuracy.study, bd.accuracy.suggest])
+def test_parts_of_a_scene_are_refused_by_name(ask: Callable[..., object]) -> None:
+    scene = bd.scenes.unequal_pulleys()
+    for wrong in (scene.params, scene[:2], None):
+        with pytest.raises(
+            TypeError, match=r"^scene must be a bd\.Scene\(params, torque_fn, t_end\)"
+        ):
+            ask(wrong)
+
+
+def test_a_store_needs_a_scene_that_can_be_told_from_others(tmp_path: Path) -> None:
+    scene = SHORT._replace(torque_fn=lambda _t, _theta, _omega: [0.0, 0.0])
+    with pytest.raises(TypeError, match="store needs a scene"):
+        bd.accuracy.study(scene, store=tmp_path / "runs.jsonl")
+
+
+# --- command line ---
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    path = tmp_path / "drive.toml"
+    SHORT._replace(params=bd.accuracy.with_links(SHORT.params, 30)).to_toml(path)
+    return path
+
+
+def test_the_command_accuracy_writes_what_is_asked(scene_file: Path, tmp_path: Path) -> None:
+    out, plot = tmp_path / "price.csv", tmp_path / "price.png"
+    arguments = ["accuracy", str(scene_file), "--quick", "--quantity", "speed"]
+    done = CliRunner().invoke(main, [*arguments, "--out", str(out), "--plot", str(plot)])
+    assert done.exit_code == 0, done.output
+    assert "error of speed" in done.stdout
+    assert len(out.read_text().splitlines()) > 10
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_run_takes_an_error(scene_file: Path) -> None:
+    done = CliRunner().invoke(main, ["run", str(scene_file), "--error", "0.05"])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("For an error of 5 % of tension")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--error", "0.1", "--rtol", "1e-3"),
+        ("--error", "0.1", "--budget", "1"),
+        ("--budget", "1", "--method", "rodas4"),
+        ("--error", "-1"),
+        ("--budget", "1e-6"),
+    ],
+)
+def test_bad_options_of_run(scene_file: Path, options: tuple[str, ...]) -> None:
+    done = CliRunner().invoke(main, ["run", str(scene_file), *options])
+    assert done.exit_code == 2
+    assert options[0].strip("-") in done.stderr
