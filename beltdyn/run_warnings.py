@@ -61,7 +61,8 @@ class RunWarning:
                       small differences may grow; more damping helps
         undamped *    vibrations along the belt decay so slowly that errors of implicit steps
                       accumulate unseen: compare with "tsit5", a tighter ``rtol``, more
-                      ``axial_damping``
+                      ``axial_damping``; or links vibrate on their contact, hardly damped, which
+                      long implicit steps do not follow: more ``contact.damping``
         torque *      the torque function changes faster than the steps follow: ``breakpoints``, a
                       smaller ``max_step``
         rough_torque *  the torque function jumps all the time (noise, a relay), which the steps

@@ -430,6 +430,14 @@ def test_bad_arguments_of_study(arguments: dict, error: type[Exception], message
         bd.accuracy.study(SHORT, **arguments)
 
 
+def test_a_store_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    text = SHORT.to_toml(path)
+    with pytest.raises(ValueError, match="the file holds something else than records"):
+        bd.accuracy.study(SHORT, store=path, **QUICK)
+    assert path.read_text() == text
+
+
 @pytest.mark.parametrize("ask", [bd.accuracy.study, bd.accuracy.suggest])
 def test_parts_of_a_scene_are_refused_by_name(ask: Callable[..., object]) -> None:
     scene = bd.scenes.unequal_pulleys()

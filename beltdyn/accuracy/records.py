@@ -28,6 +28,8 @@ class Records:
 
     Raises:
         OSError: The file cannot be read.
+        ValueError: It is there, and none of it is a record: a file of something else, which is not
+            to be written to.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None) -> None:
@@ -36,7 +38,7 @@ class Records:
         self._known: dict[str, dict[str, Any]] = {}
         self._torn = False
         if self._path is not None and self._path.exists():
-            text = self._path.read_text("utf-8")
+            text = self._path.read_text("utf-8", errors="replace")
             self._torn = bool(text) and not text.endswith("\n")
             for line in text.splitlines():
                 try:
@@ -44,6 +46,8 @@ class Records:
                     self._known[record.pop("key")] = record
                 except (ValueError, KeyError, TypeError, AttributeError):
                     continue
+            if text.strip() and not self._known and not text.startswith('{"key": '):
+                raise ValueError(f"store {self._path}: the file holds something else than records")
 
     def get(self, key: str) -> dict[str, Any] | None:
         """Give the record of a key, None if there is none."""
