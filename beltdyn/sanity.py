@@ -215,8 +215,9 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
     if info["link_length"] > LONG_LINK * radii[small]:
         yield RunWarning(
             code="long_links",
-            text=f"links of {1e3 * info['link_length']:.3g} mm are longer than half the radius of "
-            f"pulley {small}, {1e3 * radii[small]:.3g} mm; "
+            text=f"links of {1e3 * info['link_length']:.3g} mm are long for pulley {small}, whose "
+            f"radius is {1e3 * radii[small]:.3g} mm: the belt may run over it as over a polygon, "
+            "or hook on it, by more than the estimated error of the mesh; "
             f"{_links(belt.length / (LONG_LINK * radii[small]))} makes them short enough",
             where=f"pulley {small}",
             accuracy=True,
