@@ -135,9 +135,9 @@ def simulate(
             where that would take too long), and on meshes of half and of one and a half times the
             links, so that ``result.accuracy`` has the errors in time and of the mesh. That is four
             times the CPU time of the run alone, and on two free cores takes two to three times as
-            long. Functions given as torque or motion must depend on their arguments alone, since they are called
-            for all of these runs, one after the other; without such functions two runs go in
-            parallel. Should one of them fail, ``result.accuracy.notes`` says so.
+            long. Functions given as torque or motion must depend on their arguments alone, since
+            they are called for all of these runs, one after the other; without such functions two
+            runs go in parallel. Should one of them fail, ``result.accuracy.notes`` says so.
         budget: CPU time to keep to [s], pilot runs and settling included: method, tolerance and,
             unless ``initial`` is given, the number of links are chosen so that span tensions become
             as accurate as that allows. ``result.params`` has the mesh chosen, ``result.message``
