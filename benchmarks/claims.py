@@ -17,6 +17,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterable
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -52,25 +53,13 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def read(path: Path) -> dict[int, Record]:
-    """Records by seed; a line cut off by an interruption is left out."""
-    records = {}
-    for line in path.read_text().splitlines() if path.exists() else []:
-        try:
-            record = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        records[record["seed"]] = record
-    return records
-
-
 def plain(value: Any) -> Any:
     """NumPy's numbers as Python's."""
     return value.item() if isinstance(value, np.generic) else str(value)
 
 
 def study(seeds: Iterable[int], path: Path, short: bool) -> dict[int, Record]:
-    records = read(path)
+    records = common.read_records(path, itemgetter("seed"))
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a") as out:
         for seed in seeds:
@@ -215,7 +204,11 @@ def main() -> None:
     given = arguments()
     first, last = map(int, (given.seeds or ("0:30" if given.quick else "0:3000")).split(":"))
     seeds = range(first, last)
-    done = read(given.records) if given.table else study(seeds, given.records, given.short)
+    done = (
+        common.read_records(given.records, itemgetter("seed"))
+        if given.table
+        else study(seeds, given.records, given.short)
+    )
     records = [done[seed] for seed in seeds if seed in done]
     lines = [
         f"Claims of random drives, seeds {first} to {last - 1}: {len(records)} runs",

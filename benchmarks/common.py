@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import math
 import platform
 import statistics
@@ -327,3 +328,15 @@ def slope(x: Sequence[float], y: Sequence[float]) -> float:
     if len(x) < 2:
         return math.nan
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def read_records(path: Path, key: Callable[[dict[str, Any]], Any]) -> dict[Any, dict[str, Any]]:
+    """Lines of JSON by their key; one cut off by an interruption is left out."""
+    records = {}
+    for line in path.read_text().splitlines() if path.exists() else []:
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        records[key(record)] = record
+    return records

@@ -115,21 +115,9 @@ def key_of(record: Record) -> tuple[Any, ...]:
     return tuple(record[key] for key in ("drive", "mesh", "links", "rtol", "reference"))
 
 
-def read(path: Path) -> dict[tuple[Any, ...], Record]:
-    """Records by what was run; a line cut off by an interruption is left out."""
-    records = {}
-    for line in path.read_text().splitlines() if path.exists() else []:
-        try:
-            record = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        records[key_of(record)] = record
-    return records
-
-
 def study(path: Path, quick: bool) -> list[Record]:
     reference = 480 if quick else 960
-    records = read(path)
+    records = common.read_records(path, key_of)
     path.parent.mkdir(parents=True, exist_ok=True)
     chosen = []
     with path.open("a") as out:
@@ -220,7 +208,9 @@ def main() -> None:
     )
     given = parser.parse_args()
     records = (
-        list(read(given.records).values()) if given.table else study(given.records, given.quick)
+        list(common.read_records(given.records, key_of).values())
+        if given.table
+        else study(given.records, given.quick)
     )
     lines = ["Estimated errors against true ones", *common.machine(), "", *table(records)]
     common.publish("verify", lines, given.write)

@@ -55,6 +55,11 @@ def relative_to(reference: Observed, run: Observed) -> Observed:
     return attrs.evolve(reference, scales=run.scales)
 
 
+def true_errors(run: bd.Result, exact: bd.Result) -> dict[str, float]:
+    seen = observe(run)
+    return differences(seen, relative_to(observe(exact), seen))
+
+
 # --------------------------------------------------------------------- what is read off a run
 
 
@@ -199,9 +204,7 @@ def test_one_other_mesh_is_better_than_none() -> None:
 def test_the_error_of_the_mesh_is_that_against_a_fine_one(mesh: str) -> None:
     """Drive U with 60 links, against 480: within a factor of three."""
     run = verified(mesh)
-    exact = observe(bd.simulate(*on(drives.scene_u(), mesh, 480), rtol=1e-3))
-    seen = observe(run)
-    true = differences(seen, relative_to(exact, seen))
+    true = true_errors(run, bd.simulate(*on(drives.scene_u(), mesh, 480), rtol=1e-3))
     for name in QUANTITIES:
         space = run.accuracy[name].space
         assert space is not None
@@ -216,9 +219,8 @@ def test_the_error_of_the_mesh_is_that_against_a_fine_one(mesh: str) -> None:
 def test_the_error_in_time_is_that_against_a_tight_run(rtol: float) -> None:
     """The reference is by another method than the check."""
     run = verified("paper", rtol)
-    exact = observe(bd.simulate(*on(drives.scene_u(), "paper"), method="rodas4", rtol=1e-6))
-    seen = observe(run)
-    true = differences(seen, relative_to(exact, seen))
+    exact = bd.simulate(*on(drives.scene_u(), "paper"), method="rodas4", rtol=1e-6)
+    true = true_errors(run, exact)
     for name in QUANTITIES:
         time = run.accuracy[name].time
         assert time is not None

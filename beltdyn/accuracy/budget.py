@@ -165,15 +165,18 @@ def plan(
             return 0.0
         return max(known.values()) * max(1.0, n_bodies / max(known))
 
-    def fits(one: Forecast) -> bool:
+    def fits(one: Forecast, share: float = _SAFE) -> bool:
         left = budget - (clock() - begun)
-        return one.seconds + settling(one.setting.n_bodies) <= _SAFE * left
+        return one.seconds + settling(one.setting.n_bodies) <= share * left
 
     best: Forecast | None = None
     try:
         for error in _ERRORS:
             pilot.explore(error)
             known = [one for one in (best, pilot.best(fits)) if one is not None and fits(one)]
+            # Without a margin, what fitted before a pilot that took long is the best there is.
+            if not known and best is not None and fits(best, 1.0):
+                break
             best = min(known, key=lambda one: one.error, default=None)
             if best is None or best.error > error or pilot.spent > _PILOT * budget:
                 break
@@ -181,7 +184,7 @@ def plan(
         if best is None:
             spent = clock() - begun
             share = max((ended.t - start) / (scene.t_end - start), 1e-6)
-            raise _too_small(budget, spent / share / _PATIENCE) from None
+            raise _too_small(budget, max(spent / share / _PATIENCE, 2.0 * budget)) from None
     if best is None:
         least = min(map(pilot.seconds, pilot.settings()), default=0.0)
         raise _too_small(budget, (clock() - begun) + least / _SAFE)

@@ -37,6 +37,8 @@ _ORDERS, _TRUSTED, _ASSUMED = (0.3, 2.2), 1.0, 1.5
 _BEYOND = 4.0
 #: How far beyond it, at most, the mesh that is looked for should be [the same].
 _NEAR = 2.5
+#: What settling and a run on twice the links may cost, over those on the last mesh.
+_DOUBLED = 3.0
 #: Settings of the runs on several meshes: the first one that does not fail.
 _PROBES = (("lbdf2", 3e-2), ("rodas4", 1e-2), ("auto", 1e-3))
 #: The loosest setting is right enough without a tight run to compare it to, if it differs from the
@@ -192,12 +194,15 @@ class Pilot:
 
     def _explore_space(self, error: float) -> None:
         tight = [("rodas4", max(error, 1e-6)), *_PROBES] if error < 3e-3 else _PROBES
-        n_b, found = _FIRST * fewest(self._params), list[tuple[int, Done]]()
-        while n_b <= _FINEST and (not found or self._affords(2.5 * found[-1][1].cpu)):
+        n_b, found, last = _FIRST * fewest(self._params), list[tuple[int, Done]](), 0.0
+        while n_b <= _FINEST and (not found or self._affords(_DOUBLED * last)):
+            begun = self.spent
             done = self._first(Setting(n_b, *probe) for probe in tight)
+            last = self.spent - begun  # settling included, and a second run
             if done is not None:
                 found.append((n_b, done))
-                self._fit(found)
+                if len(found) >= len(self.meshes):  # else what is known of finer meshes is better
+                    self._fit(found)
                 if len(found) > 2 and self._near(error):
                     break
             elif self.runs >= 3 * len(tight) and not found:
@@ -369,7 +374,9 @@ class Pilot:
 
     def settings(self) -> list[Setting]:
         """List settings of which forecasts can be made."""
-        meshes = np.unique(np.rint(np.geomspace(self.meshes[0], self.most, 40)).astype(int))
+        between = np.rint(np.geomspace(self.meshes[0], self.most, 40)).astype(int)
+        tried = [n_b for n_b in self.meshes if n_b <= self.most]  # which are settled already
+        meshes = np.union1d(between, tried)
         return [Setting(n_b, *pair) for pair in self.time_errors for n_b in meshes.tolist()]
 
     def best(self, affordable: Callable[[Forecast], bool] = lambda _one: True) -> Forecast | None:

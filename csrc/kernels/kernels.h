@@ -169,7 +169,7 @@ typedef struct bd_contact_tangent {
   double *decay_factor;        /* what the step leaves of a given change of z: 1 / (1 + g decay) */
 } bd_contact_tangent;
 
-/* Contact of one pulley along the links as linearised (link_contact_jacobian.h), valid in the runs.
+/* Contact of one pulley along the links as linearised (link_contact_tangent.h), valid in the runs.
  * By link, of its left and right end: outward normal, N, N / rho and v_t / rho; the two normal
  * forces by p_a, p_b, p_a', p_b', those of the left end first; what N will be at the end of a step
  * beyond its tangent. By joint: normal, rho, friction force F, F / rho, v_n / rho; F and the

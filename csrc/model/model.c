@@ -80,7 +80,7 @@ static double contact_depth(const bd_model *model, int j, double tension) {
   const double c1 = model->contact.quadratic, c2 = model->contact.linear,
                stretched = 1.0 + tension / model->belt.axial_stiffness,
                pressure = tension * stretched / model->radius[j];
-  return 2.0 * pressure / (c2 + sqrt(c2 * c2 + 4.0 * c1 * pressure));
+  return 2.0 * pressure / (c2 + bd_contact_stiffness(c1, c2, pressure));
 }
 
 /* Links whose ends lie on the circle of R a / sin a, a half the angle of a link, have the length of

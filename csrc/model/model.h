@@ -6,6 +6,8 @@
 #ifndef BELTDYN_MODEL_H
 #define BELTDYN_MODEL_H
 
+#include <math.h>
+
 #include "kernels/kernels.h"
 
 /* The tight belt line at one pulley: where the belt arrives and leaves (angles seen from the
@@ -68,6 +70,11 @@ double bd_friction_slip(const bd_model *model, int j);
 int bd_friction_scales_differ(const bd_model *model);
 double bd_least_slip(const bd_model *model); /* of all pulleys; INFINITY without friction */
 double bd_friction_state_scale(const bd_model *model, int j);
+
+/* Stiffness of a contact c1 p^2 + c2 p under a force: the root of what its depth is found by. */
+static inline double bd_contact_stiffness(double c1, double c2, double force) {
+  return sqrt(c2 * c2 + 4.0 * c1 * force);
+}
 
 /* --- model.c ---------------------------------------------------------------------------------- */
 

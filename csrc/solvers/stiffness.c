@@ -28,8 +28,7 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
   double most = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
     double r = model->radius[j], normal = tension * info->link_length / r;
-    double contact =
-        sqrt(info->contact_linear * info->contact_linear + 4.0 * info->contact_quadratic * normal);
+    double contact = bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
     double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
     const bd_friction_stiffness friction = bd_friction_stiffness_of(model, j, normal);
     const double inertia = set && bd_is_moved(set, j) ? (double)INFINITY : model->inertia[j];
