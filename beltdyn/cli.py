@@ -225,13 +225,19 @@ def run(
 
 
 def _check_choice(context: click.Context, error: float | None, budget: float | None) -> None:
-    """Stop if what --error or --budget chooses is given as well."""
+    """Stop if what --error or --budget chooses is given as well, or nothing to choose by."""
+
+    def given(name: str) -> bool:
+        return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+
+    if error is None and given("quantity"):
+        _stop("--quantity is what --error is the error of: give both, or neither", _BAD_INPUT)
     for option, value in (("--error", error), ("--budget", budget)):
         if value is None:
             continue
         others = ["method", "rtol", "step"] + (["verify", "error"] if option == "--budget" else [])
         for name in others:
-            if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            if given(name):
                 _stop(f"{option} and --{name} must not be given together", _BAD_INPUT)
 
 

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 
 import beltdyn as bd
 from beltdyn import cli, sanity
-from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, with_links
+from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, verification, with_links
 from beltdyn.accuracy.space import space_error
 from beltdyn.accuracy_report import SPACE_FLOOR, TIME_FLOOR
 from beltdyn.compliance import compliance_error
@@ -228,6 +228,18 @@ def test_the_error_in_time_is_that_against_a_tight_run(rtol: float) -> None:
         # a mean agrees better than its history now and then, which the estimate does not believe
         most = FACTOR if name in HISTORIES else 2.0 * FACTOR
         assert 1.0 / FACTOR <= ratio <= most, (name, time, true[name])
+
+
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+def test_when_the_check_in_time_begins_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, mesh: str
+) -> None:
+    """Beside the run, by the method that it seems to need; at the end, by the one it does need."""
+    scene = on(drives.scene_u(), mesh)
+    for begun in (0.05, 2.0):
+        monkeypatch.setattr(verification, "BEGUN", begun)
+        run = bd.simulate(*scene, rtol=1e-2, verify=True)
+        assert run.accuracy.errors == verified(mesh, 1e-2).accuracy.errors
 
 
 def test_looser_tolerances_have_larger_errors() -> None:

@@ -18,7 +18,7 @@ from beltdyn.accuracy import QUANTITIES, budget, studies
 from beltdyn.accuracy.pilot import LADDER, Pilot
 from beltdyn.accuracy.quantities import Observed, differences, observe
 from beltdyn.accuracy.records import Records, key_of
-from beltdyn.accuracy.runs import Done
+from beltdyn.accuracy.runs import Done, Reached
 from beltdyn.accuracy.settings import Setting, fewest
 from beltdyn.accuracy.suggestion import chosen
 from beltdyn.cli import main
@@ -127,6 +127,17 @@ def test_an_error_that_cannot_be_had_is_said() -> None:
     assert f"{suggestion.error / 1e-2:.2g} times" in " ".join(str(suggestion).split())
 
 
+def test_contact_that_yields_is_said() -> None:
+    """It is the same with any setting; of a contact that the drive chose it is small."""
+    soft = chosen(pilot_of(Table()), SCENE, 1e-2, "tension")
+    assert soft.error_contact == -SCENE.params.compliance.relative_tension_change
+    params = attrs.evolve(SCENE.params, contact=bd.Contact(compensate=True))
+    stiff = chosen(pilot_of(Table()), SCENE._replace(params=params), 1e-2, "tension")
+    assert soft.error_contact > 0.01 > stiff.error_contact
+    for suggestion, said in ((soft, True), (stiff, False)):
+        assert ("against rigid pulleys" in " ".join(str(suggestion).split())) == said
+
+
 def test_a_limit_ends_the_pilot() -> None:
     table = Table(space=0.5)
     pilot = pilot_of(table, limit=1.0)
@@ -165,7 +176,7 @@ def test_the_coarsest_mesh_lies_round_the_smallest_pulley() -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [{"error": 0.0}, {"error": 1e-9}, {"quantity": "torque"}, {"limit": -1.0}],
+    [{"error": 0.0}, {"error": 1e-9}, {"error": 2.0}, {"quantity": "torque"}, {"limit": -1.0}],
 )
 def test_bad_arguments_of_suggest(arguments: dict) -> None:
     with pytest.raises(ValueError, match=next(iter(arguments))):
@@ -195,13 +206,13 @@ class Counted:
     def __init__(self) -> None:
         self.now = 0.0
 
-    def simulate(self, *args, watch: Callable[[float], None], **options) -> bd.Result:
+    def simulate(self, *args, watch: Callable[[Reached], None], **options) -> bd.Result:
         result = bd.simulate(*args, **options)
         stats = result.stats
         method = 4 if stats.njev else 1
         seconds = 1e-7 * result.params.belt.n_bodies * method * (stats.steps + stats.rejected)
         self.now += seconds
-        watch(result.t[-1])
+        watch(Reached(result.final_state, result.t[-1], stats.steps, "auto"))
         return attrs.evolve(result, stats=attrs.evolve(stats, cpu_time=seconds))
 
     def plan(self, seconds: float, initial: bd.State | None = None) -> budget.Plan:
@@ -375,8 +386,10 @@ def test_another_scene_is_not_taken_for_the_same(store: Path, study: bd.accuracy
     identity = studies._identity(SHORT, 0.2)
     other = SHORT._replace(t_end=0.021)
     key = ("reference", [240, "rodas4", 1e-4])
-    assert Records(store).get(key_of(identity, *key)) is not None
-    assert Records(store).get(key_of(studies._identity(other, 0.2), *key)) is None
+    reference = ("observed",)
+    assert Records(store).get(key_of(identity, *key), reference) is not None
+    assert Records(store).get(key_of(identity, *key), ("seconds",)) is None  # lacks a field
+    assert Records(store).get(key_of(studies._identity(other, 0.2), *key), reference) is None
 
 
 def test_a_failed_setting_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from ..scenes import Scene
 from ..state import State
 from .pilot import Forecast, Pilot
 from .quantities import with_links
-from .runs import Runs
+from .runs import Reached, Runs
 
 __all__ = ["Plan", "plan"]
 
@@ -121,7 +121,7 @@ def plan(
 
     Args:
         simulate: Runs once, as :func:`beltdyn.simulate` does, and takes ``watch``: a function that
-            is called with the time reached now and then.
+            is called with what was :class:`Reached` now and then.
         settle: :func:`beltdyn.settle`.
         scene: What to run.
         budget: CPU time of everything together [s].
@@ -137,9 +137,9 @@ def plan(
     begun = clock()
     start = 0.0 if initial is None else initial.t
 
-    def watch(t: float) -> None:
+    def watch(reached: Reached) -> None:
         if clock() - begun > _PATIENCE * budget:
-            raise _TooLong(t)
+            raise _TooLong(reached.t)
 
     runs = Runs(
         scene,

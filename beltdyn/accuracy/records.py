@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import threading
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,10 @@ class Records:
             if text.strip() and not self._known and not text.startswith('{"key": '):
                 raise ValueError(f"store {self._path}: the file holds something else than records")
 
-    def get(self, key: str) -> dict[str, Any] | None:
-        """Give the record of a key, None if there is none."""
-        return self._known.get(key)
+    def get(self, key: str, fields: Collection[str]) -> dict[str, Any] | None:
+        """Give the record of a key; None if there is none, or one that lacks a field."""
+        record = self._known.get(key)
+        return record if record is not None and set(record) == set(fields) else None
 
     def add(self, key: str, record: dict[str, Any]) -> None:
         """Keep a record.

@@ -18,7 +18,7 @@ from ..state import State
 from .quantities import Observed, observe, with_links
 from .settings import Setting
 
-__all__ = ["Done", "Runs", "whole_scene"]
+__all__ = ["Done", "Reached", "Runs", "whole_scene"]
 
 
 def whole_scene(value: object) -> Scene:
@@ -36,6 +36,23 @@ def whole_scene(value: object) -> Scene:
     scene = Scene(*value)
     scene.check()
     return scene
+
+
+@attrs.frozen(eq=False)
+class Reached:
+    """How far a run is.
+
+    Attributes:
+        start: The state it started from.
+        t: Time [s].
+        steps: Steps so far.
+        method: The method in use.
+    """
+
+    start: State
+    t: float
+    steps: int
+    method: str
 
 
 @attrs.frozen(eq=False, kw_only=True)

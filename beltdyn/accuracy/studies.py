@@ -43,6 +43,8 @@ _REPEATS, _REPEATED = 3, 0.6
 _EXPLICIT_STEP, _EXPLICIT_COST, _LONGEST = 2.5, 8e-8, 15.0
 #: The order of the meshes, to estimate what is left of the error in space on the finest.
 _ORDER = 2.0
+#: What is measured of a row.
+_MEASURED = frozenset(attrs.fields_dict(Row)) - {"setting"}
 
 
 def study(
@@ -189,7 +191,7 @@ class _Job:
 
     def _reference(self, setting: Setting, report: Callable[[int, object], None]) -> Observed:
         key = key_of(self.identity, "reference", attrs.astuple(setting))
-        record = self.records.get(key)
+        record = self.records.get(key, ("observed",))
         if record is None:
             report(0, setting)
             seen = self.runs(setting).seen
@@ -227,7 +229,7 @@ class _Job:
         own, fine = references[setting.n_bodies], references[self.finest]
         against = [attrs.astuple(one) for one, _ in (*own, *fine)]
         key = key_of(self.identity, attrs.astuple(setting), against)
-        record = self.records.get(key)
+        record = self.records.get(key, _MEASURED)
         if record is None:
             record = self._measure(setting, own, fine[0][1])
             self.records.add(key, record)
@@ -253,6 +255,7 @@ class _Job:
             "steps": done.steps,
             "error": differences(done.seen, fine),
             "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
+            "failure": "",
         }
 
     # --- all together ---

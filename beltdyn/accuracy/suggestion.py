@@ -8,6 +8,7 @@ from typing import Any
 import attrs
 
 from ..checks import positive
+from ..compliance import compliance_error
 from ..params import Params
 from ..scenes import Scene
 from ..simulation import settle, simulate
@@ -37,6 +38,8 @@ class Suggestion:
         error: The error expected [1], the root of the sum of the squares of the next two.
         error_space: That of the mesh [1].
         error_time: That of the integration in time [1].
+        error_contact: What contact that yields changes against rigid pulleys [1], the same with any
+            setting and not in ``error``; ``params.compliance`` tells more.
         met: Whether ``error`` is within ``asked``; if not, this is the most accurate setting known.
         pilot_seconds: CPU time of the runs from which this is known, with settling [s].
         pilot_runs: Number of these runs.
@@ -51,6 +54,7 @@ class Suggestion:
     error: float
     error_space: float
     error_time: float
+    error_contact: float
     met: bool
     pilot_seconds: float
     pilot_runs: int
@@ -91,6 +95,12 @@ class Suggestion:
                 f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
                 f"{self.seconds:.2g} s of CPU time. "
             )
+        if self.error_contact > 0.5 * self.asked:
+            text += (
+                f"Not counted: contact that yields changes {_percent(self.error_contact)} against "
+                "rigid pulleys, whatever the setting; stiffer contact or compensate=True takes "
+                "that away. "
+            )
         text += f"Known from {self.pilot_runs} pilot runs of {self.pilot_seconds:.2g} s together."
         return textwrap.fill(text, 88)
 
@@ -114,7 +124,7 @@ def suggest(
 
     Args:
         scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
-        error: The error asked for [1], 0.01: one percent; at least 1e-6.
+        error: The error asked for [1], 0.01: one percent; at least 1e-6, below 1.
         quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
         limit: CPU time after which no further pilot run begins [s].
 
@@ -125,8 +135,8 @@ def suggest(
     """
     scene = whole_scene(scene)
     asked, quantity = positive("error", error), quantity_of(quantity)
-    if asked < 1e-6:
-        raise ValueError(f"error must be >= 1e-6, got {asked:g}")
+    if not 1e-6 <= asked < 1.0:
+        raise ValueError(f"error must be >= 1e-6 and < 1 (0.01: 1 %), got {asked:g}")
     pilot = Pilot(
         Runs(scene, simulate, settle), scene.params, quantity, limit=positive("limit", limit, "s")
     )
@@ -155,6 +165,7 @@ def _suggestion(
         error=one.error,
         error_space=one.space,
         error_time=one.time,
+        error_contact=compliance_error(scene.params)[quantity],
         met=met,
         pilot_seconds=pilot.spent,
         pilot_runs=pilot.runs,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
 from typing import Any
@@ -23,6 +23,7 @@ from ..state import State
 from ..stopping import Stopper
 from ..torques import PiecewiseLinear, Torque, TorqueLike
 from .quantities import HISTORIES, QUANTITIES, Observed, differences, observe, with_links
+from .runs import Reached
 from .space import space_error
 
 __all__ = ["Verification"]
@@ -40,6 +41,9 @@ STABLE = 3.2
 IMPLICIT_STEP = {"paper": 7.0, "joint": 5.0}
 #: The check in time may cost this many times the run.
 AFFORDABLE = 2.0
+#: From this part of the run on the check in time can begin, by the method that it is likely to
+#: need: the same with so many times the steps that the run seems to take, or so many times fewer.
+BEGUN, SURELY = 0.25, 1.5
 #: Means of two integrations agree by chance if they do so better than this share of the tensions'
 #: histories.
 CHANCE = 0.03
@@ -66,8 +70,9 @@ class _Check:
 class Verification:
     """The runs that verify one run, within a ``with`` block around it.
 
-    On entry the other meshes begin in a second thread, if the core evaluates the torques alone;
-    functions of the user are called from this thread only, and their runs follow one another.
+    On entry the other meshes begin in a second thread, if the core evaluates the torques alone, and
+    the check in time there as well as soon as it is known by which method; functions of the user
+    are called from this thread only, and their runs follow one another.
     """
 
     def __init__(
@@ -94,6 +99,7 @@ class Verification:
         self._stopper = Stopper()
         self._pool: ThreadPoolExecutor | None = None
         self._meshes: dict[float, Future[_Check | str]] = {}
+        self._in_time: tuple[str, Future[_Check | str]] | None = None
         motions = motion.values() if isinstance(motion, Mapping) else ()
         self._parallel = isinstance(torque_fn, Torque) and all(
             isinstance(one.speed if isinstance(one, Motion) else one, PiecewiseLinear)
@@ -103,10 +109,33 @@ class Verification:
     def __enter__(self) -> Verification:
         if self._parallel:
             self._pool = ThreadPoolExecutor(1, thread_name_prefix="beltdyn-verify")
-            # The dearest first: what has not begun when this thread is free is run here.
-            for ratio in (FINE, COARSE):
-                self._meshes[ratio] = self._pool.submit(self._in_thread, ratio)
+            # What has not begun when this thread is free is run here.
+            for ratio in (COARSE, FINE):
+                self._submit_mesh(self._pool, ratio)
         return self
+
+    def _submit_mesh(self, pool: ThreadPoolExecutor, ratio: float) -> None:
+        self._meshes[ratio] = pool.submit(self._in_thread, self._on_mesh, ratio)
+
+    def watch(self, reached: Reached) -> None:
+        """Let the check in time begin, the dearest run, as soon as its method can be chosen."""
+        start, end = reached.start.t, float(self._loads[1])
+        part = (reached.t - start) / (end - start)
+        if self._pool is None or self._in_time is not None or part < BEGUN:
+            return
+        if self._method == "auto" and reached.method == "tsit5":
+            return  # it may still change
+        methods = {
+            self._methods(reached.method, share * reached.steps / part, end - start)[0]
+            for share in (1.0 / SURELY, SURELY)
+        }
+        if len(methods) > 1:
+            return
+        method = methods.pop()
+        begun = self._pool.submit(self._in_thread, self._check_time, method, reached.start)
+        self._in_time = method, begun
+        if self._meshes[FINE].cancel():
+            self._submit_mesh(self._pool, FINE)
 
     def __exit__(
         self,
@@ -133,8 +162,14 @@ class Verification:
             observed = observe(result)
         except ValueError as error:
             return attrs.evolve(before, notes=(f"not verified: {error}",))
-        in_time = self._check_time(result, start)
-        meshes = {ratio: self._mesh(ratio) for ratio in (COARSE, FINE)}
+        stats, duration = result.stats, result.final_state.t - start.t
+        methods = self._methods(stats.method, stats.steps, duration)
+        if self._in_time is not None and self._in_time[1].cancel():
+            self._in_time = None
+        left = self._in_time is not None and self._in_time[0] == methods[0]
+        before_meshes = None if left else self._time(methods, start)
+        meshes = {ratio: self._mesh(ratio) for ratio in (FINE, COARSE)}
+        in_time = before_meshes or self._time(methods, start)
         checks = {
             name: check
             for name, check in (
@@ -212,31 +247,43 @@ class Verification:
 
     # --- the runs ---
 
-    def _check_time(self, result: Result, start: State) -> _Check | str:
-        """Integrate the same mesh again, to a tighter tolerance."""
-        steps = (result.final_state.t - start.t) * self._params.info["spectral_bound"] / STABLE
-        done = result.stats.steps
-        used = result.stats.method
-        affordable = steps <= AFFORDABLE * IMPLICIT_STEP[self._params.belt.mesh] * done
-        rtol = max(1e-12, TIGHTER * (self._rtol if self._step is None else min(self._rtol, 1e-4)))
+    def _time(self, methods: Sequence[str], start: State) -> _Check | str:
+        """Give what a tighter integration of the same mesh shows, by the first to get through."""
         tried = ""
-        for method in ("tsit5", "rodas4"):
-            if method == used == "tsit5" or (method == "tsit5" and not affordable):
-                continue
-            # Friction or contact may be stiffer than the joints: explicit steps then go nowhere.
-            limit = math.ceil(3.0 * steps) + 1000 if method == "tsit5" else None
-            check = self._checked(
-                f"{method} at rtol = {rtol:.2g} on the same mesh",
-                self._params,
-                start,
-                method=method,
-                rtol=rtol,
-                max_steps=limit,
-            )
+        for method in methods:
+            if self._in_time is not None and self._in_time[0] == method:
+                check = self._in_time[1].result()
+            else:
+                check = self._check_time(method, start)
             if isinstance(check, _Check):
                 return check
             tried = check
         return f"error in time not verified: {tried}"
+
+    def _explicit_steps(self, duration: float) -> float:
+        """Give how many steps "tsit5" takes where stability limits them."""
+        return duration * self._params.info["spectral_bound"] / STABLE
+
+    def _methods(self, used: str, steps: float, duration: float) -> list[str]:
+        """Give the methods that can check a run, which took so many steps, the best first."""
+        affordable = AFFORDABLE * IMPLICIT_STEP[self._params.belt.mesh] * steps
+        if used == "tsit5" or self._explicit_steps(duration) > affordable:
+            return ["rodas4"]
+        return ["tsit5", "rodas4"]
+
+    def _check_time(self, method: str, start: State) -> _Check | str:
+        """Integrate the same mesh again, to a tighter tolerance."""
+        rtol = max(1e-12, TIGHTER * (self._rtol if self._step is None else min(self._rtol, 1e-4)))
+        # Friction or contact may be stiffer than the joints: explicit steps then go nowhere.
+        steps = self._explicit_steps(float(self._loads[1]) - start.t)
+        return self._checked(
+            f"{method} at rtol = {rtol:.2g} on the same mesh",
+            self._params,
+            start,
+            method=method,
+            rtol=rtol,
+            max_steps=math.ceil(3.0 * steps) + 1000 if method == "tsit5" else None,
+        )
 
     def _links(self, ratio: float) -> int:
         return max(3, round(ratio * self._params.belt.n_bodies))
@@ -248,9 +295,9 @@ class Verification:
             return self._on_mesh(ratio)
         return future.result()
 
-    def _in_thread(self, ratio: float) -> _Check | str:
+    def _in_thread(self, check: Callable[..., _Check | str], *what: Any) -> _Check | str:
         with self._stopper.watch():
-            return self._on_mesh(ratio)
+            return check(*what)
 
     def _on_mesh(self, ratio: float) -> _Check | str:
         n_bodies, own = self._links(ratio), self._params.belt.n_bodies
