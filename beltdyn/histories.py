@@ -222,16 +222,16 @@ class Stats:
         error: Upper estimate of the error in time of the joint forces over the mean tension (root
             mean square over joints and time): the larger of ``local_error`` (twice that with
             contact along the links; five times as much where a joint's stretch is more than three
-            times the slip mu_k / sigma) and, with the ledger, five times
-            ``balance``, multiplied by the growth of small differences where some was seen. Errors
-            of "lbdf2" and "lie" accumulate: theirs is also multiplied by sqrt(k), where the run is
-            k > 1 times as long as 780 round trips of a stretch wave along the belt, a second of
-            the paper's drive. On the paper's mesh within a factor of five of the true error, mostly
-            above it, in 98 of 100 random drives; with contact along the links more often ten to a
-            hundred times as large, where energy lost at landings does not show in tensions. It does
-            not include the error of the mesh, ``result.accuracy`` does. None where no estimate
-            holds: fixed steps, belts almost without damping, histories that diverge exponentially,
-            links that chatter, torque functions that change faster than the steps, slack spans.
+            times the slip mu_k / sigma) and, with the ledger, five times ``balance`` (a tenth of it
+            with contact along the links), multiplied by the growth of small differences where some
+            was seen. Errors of "lbdf2" and "lie" accumulate: theirs is also multiplied by sqrt(k),
+            where the run is k > 1 times as long as 780 round trips of a stretch wave along the
+            belt, a second of the paper's drive. On the paper's mesh within a factor of five of the
+            true error, mostly above it, in 98 of 100 random drives; with contact along the links
+            up to forty times as large, where few steps have the largest local errors. It does not
+            include the error of the mesh, ``result.accuracy`` does. None where no estimate holds:
+            fixed steps, belts almost without damping, histories that diverge exponentially, links
+            that chatter, torque functions that change faster than the steps, slack spans.
         local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
             errors are controlled. With fixed steps, their error: from 0.5 on there is a warning,
             and it is at least 1 if some had to be repeated with shorter ones. None if none was

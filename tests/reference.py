@@ -70,6 +70,7 @@ class Reference:
     drag: Array | None = None  # (n_p, 3): Coulomb [N m], viscous [N m s], quadratic [N m s^2]
     motion: Mapping[int, Motion] = field(default_factory=dict)  # by pulley
     mesh: str = "paper"  # or "joint"
+    compensate: bool = False  # contact radii larger by the depth under the preload (section 3)
 
     n_pulleys: int = field(init=False)
     size: int = field(init=False)
@@ -134,9 +135,16 @@ class Reference:
             "following": np.arange(1, n_b + 1) % n_b,
         }
         derived["omega_0"] = np.zeros(n_p)
+        path = math.nan
+        if self.compensate or self.drag is not None:
+            path = belt_line(centers, radii, self.length, n_b)[-1]
+        if self.compensate:
+            strain = path / self.length - 1
+            pressure = self.axial_stiffness * strain * (1 + strain) / radii
+            depths = [np.roots([*self.contact[:2], -one]).real.max() for one in pressure]
+            derived["contact_radii"] = derived["contact_radii"] + np.array(depths)
         if self.drag is not None:
             derived["drag"] = np.array(self.drag, dtype=float).reshape(n_p, 3)
-            path = belt_line(centers, derived["radii"], self.length, n_b)[-1]
             wave = math.sqrt(self.axial_stiffness / self.linear_density)
             derived["omega_0"] = 1e-3 * (path / self.length - 1) * wave / 60 / derived["radii"]
         for name, value in derived.items():

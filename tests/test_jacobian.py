@@ -82,7 +82,7 @@ def core_of(oracle: reference.Reference) -> _core.Model:
     belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
             o.bending_stiffness, o.bending_damping)  # fmt: skip
     drag = None if o.drag is None else [tuple(row) for row in o.drag]
-    contact = (*o.contact, 0)
+    contact = (*o.contact, int(o.compensate))
     return _core.Model(
         belt, o.centers, o.radii, o.inertias, contact, None, o.gravity, drag, laws, o.mesh
     )

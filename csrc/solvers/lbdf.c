@@ -107,8 +107,12 @@ static int finish(bd_stepper *stepper, double h, double t_new) {
   .aim = {100.0, 2.0}, .cost = {1.60, 0.052}, .attempt = attempt, .finish = finish,                \
   .inside = inside
 
-const bd_method bd_method_lbdf2 = {
-    .name = "lbdf2", .order = 2, .error_order = 3, .history = 2, .smooth = 2.5, LINEARLY_IMPLICIT};
+const bd_method bd_method_lbdf2 = {.name = "lbdf2",
+                                   .order = 2,
+                                   .error_order = 3,
+                                   .history = 2,
+                                   .aim_along = {39.0, 1.4},
+                                   LINEARLY_IMPLICIT};
 
 const bd_method bd_method_lie = {
     .name = "lie", .order = 1, .error_order = 2, .history = 1, LINEARLY_IMPLICIT};

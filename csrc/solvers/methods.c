@@ -40,19 +40,20 @@ const bd_method *bd_method_find(const char *name) {
   return NULL;
 }
 
-static double widened(const bd_method *method, const bd_model *model) {
-  return model->along_links && method->smooth > 0.0 ? method->smooth : 1.0;
+static const double *aim_of(const bd_method *method, const bd_model *model) {
+  return model->along_links && method->aim_along[0] > 0.0 ? method->aim_along : method->aim;
 }
 
 /* Differences of states say nothing below what rounding leaves of a joint's stretch. */
 double bd_method_tolerance(const bd_method *method, const bd_model *model, double rtol) {
   double least = method->history > 0 ? 1e-10 : 0.0;
-  double asked = widened(method, model) * rtol;
-  return fmax(least, fmin(1.0, method->aim[0] * pow(asked, method->aim[1])));
+  const double *aim = aim_of(method, model);
+  return fmax(least, fmin(1.0, aim[0] * pow(rtol, aim[1])));
 }
 
 double bd_method_error(const bd_method *method, const bd_model *model, double local) {
-  return pow(local / method->aim[0], 1.0 / method->aim[1]) / widened(method, model);
+  const double *aim = aim_of(method, model);
+  return pow(local / aim[0], 1.0 / aim[1]);
 }
 
 /* A step at the stability limit of the joints, which is known, would let rounding errors and
