@@ -79,14 +79,16 @@ def drives() -> dict[str, Callable[[], tuple[Any, ...]]]:
     """Drives that have between them every effect and every kind of torque."""
     import beltdyn as bd
 
-    # The mesh that every commit has.
+    # The mesh and the contact that every commit has.
     paper = {"mesh": "paper"} if "mesh" in attrs.fields_dict(bd.Belt) else {}
+    on_radii = {"compensate": False} if "compensate" in attrs.fields_dict(bd.Contact) else {}
 
     def scene(name: str, t_end: float, n_bodies: int) -> Callable[[], tuple[Any, ...]]:
         def make() -> tuple[Any, ...]:
             params, torque, *_ = bd.scenes.get(name)
             belt = attrs.evolve(params.belt, n_bodies=n_bodies, **paper)
-            return attrs.evolve(params, belt=belt), torque, t_end
+            contact = attrs.evolve(params.contact, **on_radii)
+            return attrs.evolve(params, belt=belt, contact=contact), torque, t_end
 
         return make
 
