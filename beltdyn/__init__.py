@@ -49,6 +49,7 @@ from .motions import Motion
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
 from .result import Result
+from .route import Route, route
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scenes import Scene
 from .simulation import METHODS, settle, simulate
@@ -82,6 +83,7 @@ __all__ = [
     "Pulley",
     "QuantityError",
     "Result",
+    "Route",
     "RunWarning",
     "Scene",
     "SimulationError",
@@ -95,6 +97,7 @@ __all__ = [
     "__version__",
     "accuracy",
     "identify",
+    "route",
     "scenes",
     "settle",
     "simulate",

@@ -21,6 +21,9 @@ METHODS: tuple[str, ...]  # names of the integration methods, "auto" first
 MAX_STRAIN: float
 MAX_LINKS: int
 
+def belt_line(
+    centers: ArrayLike, radii: ArrayLike, outside: Sequence[bool] | None = None
+) -> tuple[tuple[tuple[float, float, float, int], ...], float, int]: ...
 def kernel_level() -> str: ...
 def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
 def friction_law(
@@ -54,6 +57,7 @@ class Model:
         drag: Sequence[tuple[float, float, float] | None] | None = None,
         pulley_friction: Sequence[FrictionLaw | None] | None = None,
         mesh: str = "paper",
+        outside: Sequence[bool] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
     @property
@@ -62,8 +66,6 @@ class Model:
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
-    @property
-    def wraps(self) -> tuple[float, ...]: ...  # angle over which the belt lies on each pulley [rad]
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 

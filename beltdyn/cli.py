@@ -1,4 +1,4 @@
-"""The command line: ``beltdyn run SCENE``, ``beltdyn scenes``, ``beltdyn figures``.
+"""The command line: ``beltdyn show SCENE``, ``beltdyn run SCENE``, ``beltdyn figures`` and more.
 
 Exit codes: 0 fine, 1 the run failed or a file could not be written, 2 bad input, 130 interrupted. A
 run that fails or is interrupted still writes what it computed. Results go to stdout; errors and
@@ -23,6 +23,7 @@ from . import __version__, accuracy, files, sanity, scenes
 from .accuracy.quantities import QUANTITIES
 from .accuracy_report import Accuracy
 from .errors import Interrupted, SimulationError
+from .params import Params
 from .result import Result
 from .run_warnings import RunWarning, distinct, silenced
 from .simulation import METHODS, simulate
@@ -101,6 +102,7 @@ def main() -> None:
 
     \b
     beltdyn scenes                                   list the built-in scenes
+    beltdyn show three-pulleys --plot layout.png     look at one before it runs
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own
     beltdyn run kubas-case-1 --verify                how accurate is it?
@@ -124,6 +126,31 @@ def list_scenes() -> None:
     width = max(map(len, scenes.names()))
     for name in scenes.names():
         click.echo(f"{name:<{width}}  {scenes.describe(name)}")
+
+
+@main.command()
+@click.argument("scene")
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw the layout here.")
+def show(scene: str, plot: Path | None) -> None:
+    """Show the drive of SCENE before anything runs: its data, and the way of the belt.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file.
+    """
+    outputs = _Outputs(None, plot, None, False)
+    outputs.check()
+    try:
+        params = _find(scene).params
+    except OSError as error:
+        _stop(f"cannot read {error.filename}: {error.strerror}", _BAD_INPUT)
+    except (TypeError, ValueError) as error:
+        _stop(str(error), _BAD_INPUT)
+    click.echo(f"{params}\n\n{params.route}")
+    if plot is not None:
+        try:
+            _draw_layout(params, plot)
+        except OSError as error:
+            _stop(f"cannot write {plot}: {error.strerror or error}", _FAILED)
+        click.echo(f"written: {plot}")
 
 
 @main.command()
@@ -515,6 +542,16 @@ def _draw(result: Result, path: Path) -> None:
 
     with files.replacing(path) as temporary:
         overview(result).savefig(temporary, format=path.suffix[1:].lower())
+
+
+def _draw_layout(params: Params, path: Path) -> None:
+    from .plot import layout
+    from .plot.style import new_figure
+
+    figure = new_figure()
+    layout(params, ax=figure.add_subplot())
+    with files.replacing(path) as temporary:
+        figure.savefig(temporary, format=path.suffix[1:].lower())
 
 
 def _film(result: Result, path: Path, quiet: bool) -> None:

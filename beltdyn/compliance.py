@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike
 
 from .checks import Array
 from .parts import Belt, Contact, Pulley
+from .route import Route
 
 __all__ = ["Compliance", "Drive", "complete", "compliance", "compliance_error", "describe"]
 
@@ -67,7 +68,8 @@ class Drive(Protocol):
         """Quantities derived from the parameters."""
 
     @property
-    def _wraps(self) -> Array: ...
+    def route(self) -> Route:
+        """The way of the belt."""
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -178,7 +180,7 @@ def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0
     compensated = params.effective_contact.compensate
     raised = _depth(params, rest, 0.0) if compensated else np.zeros_like(depth)
     smaller = depth - raised
-    shorter = float(np.sum(params._wraps * smaller.mean(axis=1)))
+    shorter = float(np.sum(params.route.wraps * smaller.mean(axis=1)))
     change = -belt.axial_stiffness * shorter / belt.length
     arrives = (1.0 - smaller / radii[:, None])[:, 0 if speed >= 0.0 else 1]
     c1, c2 = _numbers(params)

@@ -16,6 +16,7 @@ from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
 from .parts import Belt, Contact, Pulley
+from .route import Route, route
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
 
@@ -48,9 +49,10 @@ def _gravity(value: Sequence[float]) -> tuple[float, float]:
 class Params:
     """A belt drive: everything but its loads.
 
-    The belt visits the pulleys in the order of the list, all inside its loop, and its links are
-    numbered along it; with two pulleys they run clockwise, the upper span first. Change a field
-    with ``attrs.evolve(params, gravity=(0, -9.81))``. ``print(params)`` shows the strain and
+    The belt visits the pulleys in the order of the list, those inside its loop and those on its
+    back (``side="outside"``), and its links are numbered along it; with two pulleys they run
+    clockwise, the upper span first. ``bd.route(pulleys)`` shows the way without a belt. Change a
+    field with ``attrs.evolve(params, gravity=(0, -9.81))``. ``print(params)`` shows the strain and
     tension at rest, the errors to expect of the mesh, and of the contact that lets the belt sink
     into its pulleys, and the warnings of the drive.
 
@@ -102,6 +104,7 @@ class Params:
                 for pulley in self.pulleys
             ],
             self.belt.mesh,
+            [pulley.side == "outside" for pulley in self.pulleys],
         )
         model.check_geometry()
         self.tensioning.check_fits(len(self.pulleys))
@@ -135,10 +138,10 @@ class Params:
         """
         return sinking.compliance(self)
 
-    @property
-    def _wraps(self) -> Array:
-        """Angle over which the belt lies on each pulley (n_p,) [rad]."""
-        return np.array(self._model.wraps)
+    @functools.cached_property
+    def route(self) -> Route:
+        """The way of the belt round the pulleys: tangent points, wraps, spans, length."""
+        return route(self.pulleys)
 
     @property
     def has_friction(self) -> bool:
@@ -229,7 +232,11 @@ class Params:
         if self.contact == Contact():
             del document["contact"]
         document["pulleys"] = [
-            {name: value for name, value in pulley.items() if value is not None}
+            {
+                name: value
+                for name, value in pulley.items()
+                if value is not None and (name, value) != ("side", "inside")
+            }
             for pulley in document["pulleys"]
         ]
         del document["friction"]

@@ -9,26 +9,17 @@ Dahl friction model", equations (2.1)-(2.13).
 
 from __future__ import annotations
 
-from typing import Any
-
 import attrs
 
 from .friction import Friction, law_or_none
-from .rules import Printable, Rule, from_table, instance_of
+from .rules import Printable, Rule, from_table, instance_of, one_of
 
 __all__ = ["Belt", "Contact", "Drag", "Pulley"]
 
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
-
 MESHES = ("joint", "paper")
-
-
-def _mesh(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
-    if not isinstance(value, str):
-        raise TypeError(f"belt.mesh must be one of {', '.join(MESHES)}, got {value!r}")
-    if value not in MESHES:
-        raise ValueError(f"belt.mesh must be one of {', '.join(MESHES)}, got {value!r}")
+SIDES = ("inside", "outside")
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("belt"))
@@ -60,7 +51,7 @@ class Belt(Printable):
     axial_damping: float = 0.0
     bending_stiffness: float = 0.0
     bending_damping: float = 0.0
-    mesh: str = attrs.field(default="joint", validator=_mesh)
+    mesh: str = attrs.field(default="joint", validator=one_of("belt.mesh", MESHES))
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("drag"))
@@ -96,6 +87,9 @@ class Pulley(Printable):
         center: Position of the axis (x, y) [m].
         radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
         inertia: Moment of inertia about the axis [kg m^2], > 0.
+        side: Side of the belt on which it lies: "inside" its loop, or "outside", on its back, as an
+            idler that it turns against. Of two pulleys, one of them outside, the belt is crossed.
+            The first pulley is inside.
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
             ``Params.friction``.
@@ -107,6 +101,7 @@ class Pulley(Printable):
     center: tuple[float, float]
     radius: float
     inertia: float
+    side: str = attrs.field(default="inside", validator=one_of("pulley.side", SIDES))
     drag: Drag | None = attrs.field(
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )

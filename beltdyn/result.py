@@ -138,12 +138,15 @@ class Result:
     def slip(self) -> Array:
         """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
 
+        Of a pulley that the belt turns the other way round, outside, with -omega_k.
+
         NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
         """
         return self._slip(self.pulleys.omega)
 
     def _slip(self, omega: Array) -> Array:
-        speed = omega * np.array([pulley.radius for pulley in self.params.pulleys])
+        radii = np.array([pulley.radius for pulley in self.params.pulleys])
+        speed = omega * radii * self.params.route.senses
         first = np.abs(speed[:, :1])
         stands = first <= 1e-3 * np.max(first, initial=0.0)
         return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))

@@ -117,7 +117,9 @@ def mesh_error(params: Drive) -> dict[str, float]:
         return dict.fromkeys(JOINT_ERRORS, mesh_share(params))
     info = params.info
     radii = np.array([pulley.radius for pulley in params.pulleys])
-    polygon = info["link_length"] ** 2 / (12.0 * params.belt.length) * np.sum(params._wraps / radii)
+    polygon = (
+        info["link_length"] ** 2 / (12.0 * params.belt.length) * np.sum(params.route.wraps / radii)
+    )
     share = float(polygon / info["strain"])
     return {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
 

@@ -144,10 +144,10 @@ class State:
             raise TypeError(f"omega must be a mapping from pulleys to speeds, got {omega!r}")
         if not omega:
             raise ValueError("omega must name at least one pulley")
-        winding, radii = params.info["winding"], [pulley.radius for pulley in params.pulleys]
+        winding = params.info["winding"]
+        radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
         rims = {
-            integer("omega index", index, 0, len(radii) - 1): winding
-            * radii[index]
+            integer("omega index", index, 0, len(radii) - 1): float(radii[index])
             * real(f"omega[{index}]", value, "rad/s")
             for index, value in omega.items()
         }
@@ -168,7 +168,7 @@ class State:
             vx=v * np.cos(self.phi),
             vy=v * np.sin(self.phi),
             vphi=v * (following - before) / (2.0 * params.info["link_length"]),
-            omega=np.array([winding * v / radius for radius in radii]),
+            omega=v / radii,
             residual=None,
         )
 

@@ -126,12 +126,14 @@ typedef struct bd_pulley {
   BD_PULLEY(X)
   bd_drag drag;
   const bd_friction *friction; /* NULL: that of the scene */
+  int outside;                 /* of the loop, on the back of the belt */
 } bd_pulley;
 #undef X
 
-/* The belt visits the pulleys in their order, all inside the loop; one or two pulleys:
- * clockwise, beginning where the belt leaves pulley 0. friction NULL: none on pulleys that have
- * none of their own; without any there is no friction state either. */
+/* The belt visits the pulleys in their order, those inside its loop turning with it and those
+ * outside against it; of two pulleys, one of them outside, it is crossed. It begins where it leaves
+ * pulley 0, which is inside; one or two pulleys: clockwise. friction NULL: none on pulleys that
+ * have none of their own; without any there is no friction state either. */
 typedef struct bd_scene {
   bd_belt belt;
   int n_pulleys;
@@ -166,8 +168,20 @@ typedef struct bd_info {
 
 void bd_model_info(const bd_model *model, bd_info *info);
 
-/* Angle over which the belt line lies on a pulley [rad]; of a geometry that was checked. */
-double bd_model_wrap(const bd_model *model, int pulley);
+/* The tight belt line at one pulley: the angle seen from its axis at which the belt arrives, and
+ * that over which it lies, > 0, so that it leaves at arrive + sense wrap [rad]; the sense in which
+ * it turns there as its links are numbered, +1 counter-clockwise, -1 clockwise; and the length of
+ * the free span that follows [m]. */
+typedef struct bd_wrap {
+  double arrive, wrap, span;
+  int sense;
+} bd_wrap;
+
+/* The belt line round pulleys, which needs no belt: their wraps, its length [m] and the turns that
+ * it makes, -1 clockwise, +1 counter-clockwise, 0 crossed. BD_ERR_GEOMETRY names what hinders it.
+ */
+int bd_belt_line(int n_pulleys, const bd_pulley *pulleys, bd_wrap *wraps, double *length,
+                 int *turns, bd_error *err);
 
 /* All parameters, those of the friction laws among them: the table of fields.h, with the place of
  * each in the struct of its group. */

@@ -31,6 +31,7 @@ def oracle_of(params: bd.Params) -> reference.Reference:
         winding=winding_of(params),
         drag=drag_of(params),
         mesh=belt.mesh,
+        sides=sides_of(params),
         compensate=contact.compensate,
         **friction_of(params),
     )
@@ -53,12 +54,19 @@ def drag_of(params: bd.Params) -> np.ndarray | None:
     return np.array([(d.coulomb, d.viscous, d.quadratic) if d else (0, 0, 0) for d in drags])
 
 
+def sides_of(params: bd.Params) -> tuple[int, ...]:
+    """+1 of pulleys inside the loop, -1 of those outside."""
+    return tuple(1 if pulley.side == "inside" else -1 for pulley in params.pulleys)
+
+
 def winding_of(params: bd.Params) -> int:
-    """Direction in which the belt runs, from the order of the pulleys (API: two: clockwise)."""
-    centers = np.array([p.center for p in params.pulleys])
-    following = np.roll(centers, -1, axis=0)
-    area = np.sum(centers[:, 0] * following[:, 1] - centers[:, 1] * following[:, 0])
-    return 1 if len(centers) > 2 and area > 0 else -1
+    """Turns of the belt round its loop, from the order and the sides of the pulleys."""
+    if len(params.pulleys) == 1:
+        return -1
+    centers = [pulley.center for pulley in params.pulleys]
+    radii = [pulley.radius for pulley in params.pulleys]
+    belt = params.belt
+    return reference.belt_line(centers, radii, belt.length, belt.n_bodies, sides_of(params))[3]
 
 
 def fields(state: bd.State) -> dict[str, Any]:

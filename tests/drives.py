@@ -75,3 +75,56 @@ def scene_u() -> bd.Scene:
     )
     ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-10.0, 0.0]])
     return bd.Scene(params, ramp + bd.Viscous([0.0, 4.57]), 0.6)
+
+
+def _stretched(*pulleys: bd.Pulley) -> bd.Params:
+    """The belt of the scenes round any pulleys, strained by 0.6 %."""
+    return bd.Params(
+        belt=bd.Belt(
+            length=bd.route(pulleys).length / 1.006,
+            n_bodies=90,
+            linear_density=0.10,
+            axial_stiffness=80e3,
+            axial_damping=1.5,
+            bending_stiffness=0.02,
+        ),
+        pulleys=pulleys,
+        contact=bd.Contact(linear=2e8, damping=4.0e3, compensate=True),
+        friction=bd.Dahl(mu_k=0.8, sigma=1e4),
+    )
+
+
+def crossed_scene() -> bd.Scene:
+    """A reduction by a crossed belt, so that the pulleys turn against each other."""
+    params = _stretched(
+        bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
+        bd.Pulley(center=(0.35, 0.05), radius=0.10, inertia=0.02, side="outside"),
+    )
+    ramp = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0], [-20.0, 0.0]])
+    return bd.Scene(params, ramp + bd.Viscous([0.0, 2.0]), 0.6)
+
+
+def idler_scene() -> bd.Scene:
+    """Two pulleys, and on the back of the belt between them an idler with drag."""
+    params = _stretched(
+        bd.Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.01),
+        bd.Pulley(
+            center=(0.13, 0.085),
+            radius=0.04,
+            inertia=0.0003,
+            side="outside",
+            drag=bd.Drag(viscous=0.01),
+        ),
+        bd.Pulley(center=(0.30, 0.02), radius=0.10, inertia=0.02),
+    )
+    ramp = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0, 0.0], [-20.0, 0.0, 0.0]])
+    return bd.Scene(params, ramp + bd.Viscous([0.0, 0.0, 0.5]), 0.6)
+
+
+#: Layouts that no scene of the library has.
+LAYOUTS = {"crossed": crossed_scene, "outside idler": idler_scene}
+
+
+def scene(name: str) -> bd.Scene:
+    """A scene of the library, or one of these layouts."""
+    return LAYOUTS[name]() if name in LAYOUTS else bd.scenes.get(name)

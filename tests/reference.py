@@ -70,6 +70,7 @@ class Reference:
     drag: Array | None = None  # (n_p, 3): Coulomb [N m], viscous [N m s], quadratic [N m s^2]
     motion: Mapping[int, Motion] = field(default_factory=dict)  # by pulley
     mesh: str = "paper"  # or "joint"
+    sides: tuple[int, ...] | None = None  # of each pulley, +1 inside, -1 outside; None: all inside
     compensate: bool = False  # contact radii larger by the depth under the preload (section 3)
 
     n_pulleys: int = field(init=False)
@@ -137,7 +138,7 @@ class Reference:
         derived["omega_0"] = np.zeros(n_p)
         path = math.nan
         if self.compensate or self.drag is not None:
-            path = belt_line(centers, radii, self.length, n_b)[-1]
+            path = belt_line(centers, radii, self.length, n_b, self.sides)[-1]
         if self.compensate:
             strain = path / self.length - 1
             pressure = self.axial_stiffness * strain * (1 + strain) / radii
@@ -684,14 +685,19 @@ class AlongLinks:
 
 
 def belt_line(
-    centers: npt.ArrayLike, radii: npt.ArrayLike, length: float, n_bodies: int
+    centers: npt.ArrayLike,
+    radii: npt.ArrayLike,
+    length: float,
+    n_bodies: int,
+    sides: npt.ArrayLike | None = None,
 ) -> tuple[Array, Array, Array, int, float]:
-    """Links along the tight belt path round pulleys that all lie inside the loop.
+    """Links along the tight belt path round pulleys, `sides` +1 inside the loop or -1 outside.
 
     The belt visits the pulleys in the order given: two are run clockwise (section 1), more in the
-    sense their order goes round. Links share the path equally, their mass centres on it, their
-    angles along its tangent and continuous; the left end of link 0 is where the belt leaves
-    pulley 0. Returns x, y, phi, winding and the length of the path.
+    sense in which it goes round once, and of two on either side it is crossed and goes round none.
+    Links share the path equally, their mass centres on it, their angles along its tangent and
+    continuous; the left end of link 0 is where the belt leaves pulley 0. Returns x, y, phi, winding
+    and the length of the path.
 
     `length` (stress-free) does not move the links; it is only required to be within a factor of two
     of the path.
@@ -699,29 +705,39 @@ def belt_line(
     c = np.asarray(centers, dtype=float).reshape(-1, 2)
     r = np.asarray(radii, dtype=float).reshape(len(c))
     n_p = len(c)
+    side = np.ones(n_p) if sides is None else np.asarray(sides, dtype=float)
     if n_p < 2:
         raise ValueError("a belt needs two pulleys at least")
     onward = np.roll(c, -1, axis=0) - c
-    area = float(np.sum(c[:, 0] * np.roll(c[:, 1], -1) - np.roll(c[:, 0], -1) * c[:, 1]))
-    sense = -1 if n_p == 2 or area < 0 else 1
     apart = np.hypot(onward[:, 0], onward[:, 1])
-    step = r - np.roll(r, -1)
+    step = side * r - np.roll(side * r, -1)
     if np.any(apart <= np.abs(step)):
         raise ValueError("one pulley lies inside its neighbour")
-    # Span j runs from pulley j to pulley j + 1 as an outer tangent.
-    span_angle = np.arctan2(onward[:, 1], onward[:, 0]) + sense * np.arcsin(step / apart)
     span = np.sqrt(apart**2 - step**2)
-    # Wrap j turns span j - 1 into span j, on pulley j.
-    wrap = np.mod(sense * (span_angle - np.roll(span_angle, 1)), 2 * math.pi)
-    if abs(wrap.sum() - 2 * math.pi) > 1e-9:
-        raise ValueError("in this order the pulleys do not all lie inside a convex loop")
+    found = []
+    area = float(np.sum(c[:, 0] * np.roll(c[:, 1], -1) - np.roll(c[:, 0], -1) * c[:, 1]))
+    senses = (1, -1)  # of all pulleys inside, that in which their order goes round
+    if n_p == 2 or np.all(side > 0):
+        senses = (1,) if n_p > 2 and area > 0 else (-1,)
+    for sense in senses:
+        # Span j runs from pulley j to pulley j + 1 as a tangent.
+        span_angle = np.arctan2(onward[:, 1], onward[:, 0]) + sense * np.arcsin(step / apart)
+        # Wrap j turns span j - 1 into span j, on pulley j, against the sense if that is outside.
+        wrap = np.mod(sense * side * (span_angle - np.roll(span_angle, 1)), 2 * math.pi)
+        turns = float(np.sum(side * wrap)) / (2 * math.pi)
+        if abs(turns - 1) < 1e-9 or (n_p == 2 and abs(turns) < 1e-9):
+            found.append((float(np.sum(span + r * wrap)), sense, span_angle, wrap, round(turns)))
+    if not found:
+        raise ValueError("in this order and on these sides the belt does not go round once")
+    # Where it does in either direction, the longer way crosses itself.
+    _, sense, span_angle, wrap, turns = min(found, key=lambda one: one[0])
     pieces: list[tuple[float, float, Array]] = []  # length, curvature with sign, centre or start
     angle = float(span_angle[0])
     for j in range(n_p):
         k = (j + 1) % n_p
         outward = sense * np.array([math.sin(span_angle[j]), -math.cos(span_angle[j])])
-        pieces.append((float(span[j]), 0.0, c[j] + r[j] * outward))
-        pieces.append((float(r[k] * wrap[k]), sense / r[k], c[k]))
+        pieces.append((float(span[j]), 0.0, c[j] + side[j] * r[j] * outward))
+        pieces.append((float(r[k] * wrap[k]), sense * side[k] / r[k], c[k]))
     path = sum(piece[0] for piece in pieces)
     if not 0.5 * path < length < 2 * path:
         raise ValueError(f"belt length {length} m is far from its path, {path} m")
@@ -740,7 +756,7 @@ def belt_line(
             y[on] = point[1] - np.cos(phi[on]) / curvature
         begin += piece_length
         angle += curvature * piece_length
-    return x, y, phi, sense, float(path)
+    return x, y, phi, sense * turns, float(path)
 
 
 # -------------------------------------------------------------------- Dahl in closed form
@@ -802,7 +818,9 @@ def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
 
 def start_state(model: Reference) -> Array:
     """Lay the belt at rest along `belt_line`, which also checks the model's winding."""
-    x, y, phi, winding, _ = belt_line(model.centers, model.radii, model.length, model.n_bodies)
+    x, y, phi, winding, _ = belt_line(
+        model.centers, model.radii, model.length, model.n_bodies, model.sides
+    )
     if winding != model.winding:
         raise ValueError(f"winding is {model.winding}, but this order of pulleys gives {winding}")
     return model.pack({"x": x, "y": y, "phi": phi})

@@ -88,7 +88,7 @@ def second_order(params: bd.Params) -> float:
     sqrt(p/R) than on the smaller circle, at each end of a wrap.
     """
     share = float(shares(params).max())
-    wrap = float(np.min(params._model.wraps))
+    wrap = float(np.min(params.route.wraps))
     return 3.0 * share + 2.0 * 5.0 / 12.0 * math.sqrt(share) / wrap
 
 
@@ -131,7 +131,7 @@ def test_compensated_the_belt_rests_on_the_radii_with_the_tension_of_its_strain(
     np.testing.assert_allclose(params.compliance.radius, np.column_stack([radii, radii]))
     error = second_order(params)
     depth = params.compliance.depth[:, 0]
-    shift = EA * float(np.sum(params._model.wraps * depth)) / params.belt.length
+    shift = EA * float(np.sum(params.route.wraps * depth)) / params.belt.length
     assert abs(tension - EA * STRAIN) < error * shift + mesh_tension(params)
     assert np.all(np.abs(inside) < error * depth)
     # without: thirty times further off
@@ -185,7 +185,7 @@ def test_running_ratio_of_an_unloaded_drive(name: str, compensate: bool) -> None
     # Where it lands and leaves the belt is not in yet: over R sqrt(p/R), which a mesh cannot make
     # shorter than a link. The rim is faster there by up to p/R, and bristles carry that over the
     # wrap.
-    landing = 2.0 * (radii * np.sqrt(share) + l0) / (np.array(params._model.wraps) * radii)
+    landing = 2.0 * (radii * np.sqrt(share) + l0) / (np.array(params.route.wraps) * radii)
     allowed = float(np.sum(landing * share + 3.0 * share**2))
     found = running_ratio(params) * radii[1] / radii[0] - 1.0
     assert abs(found - said) < allowed
@@ -392,7 +392,7 @@ def test_wraps_of_the_core() -> None:
     params = drive()
     tilt = math.asin(0.06 / DISTANCE)
     wraps = [math.pi - 2 * tilt, math.pi + 2 * tilt]
-    np.testing.assert_allclose(params._model.wraps, wraps, rtol=1e-14)
+    np.testing.assert_allclose(params.route.wraps, wraps, rtol=1e-14)
     assert isinstance(params._model, _core.Model)
 
 

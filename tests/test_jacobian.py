@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 import reference
 from bridge import oracle_of
-from drives import on_mesh
+from drives import LAYOUTS, on_mesh
+from drives import scene as scene_of
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
 from reference_friction import ElasticPlastic, Law
 from test_kernels import available
@@ -83,8 +84,9 @@ def core_of(oracle: reference.Reference) -> _core.Model:
             o.bending_stiffness, o.bending_damping)  # fmt: skip
     drag = None if o.drag is None else [tuple(row) for row in o.drag]
     contact = (*o.contact, int(o.compensate))
+    outside = None if o.sides is None else [side < 0 for side in o.sides]
     return _core.Model(
-        belt, o.centers, o.radii, o.inertias, contact, None, o.gravity, drag, laws, o.mesh
+        belt, o.centers, o.radii, o.inertias, contact, None, o.gravity, drag, laws, o.mesh, outside
     )
 
 
@@ -156,8 +158,8 @@ def case_of(oracle: reference.Reference, state: dict[str, Any], seed: int = 0) -
 def running(mesh: str) -> dict[str, tuple[bd.Params, dict[str, Any]]]:
     """Scenes and states that their runs pass through, under load."""
     found = {}
-    for name, t in (("kubas-case-1", 0.1), ("three-pulleys", 0.06)):
-        scene = bd.scenes.get(name)
+    for name, t in (("kubas-case-1", 0.1), ("three-pulleys", 0.06), *((n, 0.06) for n in LAYOUTS)):
+        scene = scene_of(name)
         params = changed(on_mesh(scene.params, mesh), n_bodies=72)
         final = bd.simulate(params, scene.torque_fn, t, t_eval=[t], rtol=1e-2).final_state
         found[name] = params, final._to_core(True)
@@ -213,6 +215,7 @@ CASES = (
     "mixed laws",
     "mixed laws, one pulley without",
     "overlapping, mixed laws",
+    *LAYOUTS,
 )
 
 
@@ -222,7 +225,8 @@ def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -
         mesh = next(iter(running.values()))[0].belt.mesh
         return case_of(*crossed(40, mesh=mesh, **(mixed if "mixed" in name else {})))
     three = name == "three pulleys" or name.startswith("mixed laws")
-    params, state = running["three-pulleys" if three else "kubas-case-1"]
+    two = name if name in LAYOUTS else "kubas-case-1"
+    params, state = running["three-pulleys" if three else two]
     contact = params.contact
     hard = attrs.evolve(contact, quadratic=1e3 * contact.quadratic, linear=1e3 * contact.linear)
     soft = attrs.evolve(contact, damping=0.0)

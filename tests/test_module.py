@@ -120,6 +120,7 @@ def test_signatures_can_be_read():
         "drag",
         "pulley_friction",
         "mesh",
+        "outside",
     ]
     keyword = [
         name

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import attrs
+import drives
 import numpy as np
 import pytest
 import reference
@@ -131,6 +132,7 @@ CASES |= {
     "joints, a law for each pulley, running": joints(mixed_two, 0.28),
     "joints, two laws on three pulleys, one without": joints(mixed_three, 0.22),
 }
+CASES |= {name: lambda make=make: running(make, 0.1) for name, make in drives.LAYOUTS.items()}
 for law_name, example in EXAMPLES.items():
     if law_name != "dahl":
         CASES |= cases_of(law_name, example)
@@ -217,12 +219,12 @@ def test_comparison_can_fail() -> None:
     assert np.max(np.abs(result.joints.force - force)) > 1e-6 * np.mean(force)
 
 
-@pytest.mark.parametrize("name", bd.scenes.names())
+@pytest.mark.parametrize("name", [*bd.scenes.names(), *drives.LAYOUTS])
 def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
     """One evaluation at a shaken running state, with links both on and off the pulleys: rounding
     only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m.
     """
-    scene = bd.scenes.get(name)
+    scene = drives.scene(name)
     params = on_mesh(scene.params, mesh)
     rng = np.random.default_rng(7)
     state = fields(bd.simulate(params, scene.torque_fn, 0.06, t_eval=[0.06]).final_state)

@@ -688,5 +688,5 @@ def test_belt_line_of_three_unequal_pulleys(order: int) -> None:
 
 
 def test_belt_line_refuses_a_pulley_outside_the_loop() -> None:
-    with pytest.raises(ValueError, match="convex"):
+    with pytest.raises(ValueError, match="does not go round once"):
         ref.belt_line([[0.0, 0.0], [1.0, 0.0], [0.5, 0.02], [0.5, 1.0]], [0.1] * 4, 3.5, 50)

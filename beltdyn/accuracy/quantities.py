@@ -113,7 +113,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     means = _time_mean(tension, late)
     rims = np.abs(omega * radii)
     speed = max(float(np.max(_time_mean(rims, late))), STANDS * float(np.max(rims)))
-    creep = _creep(_time_mean(omega, late) * radii, speed)
+    creep = _creep(_time_mean(omega, late) * radii * params.route.senses, speed)
     overall = float(np.mean(_time_mean(result.joints.force, time_weights(t, t[0]))))
     force = float(np.max(np.abs(forces)))
     return Observed(
@@ -207,15 +207,13 @@ def _per_pulley(values: Array, touched: NDArray[np.int32], n_p: int) -> Array:
 def _mid_span(result: Result) -> Array:
     """Give the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
 
-    Span k is the outer tangent of pulleys k and k + 1; its normal n obeys n . d = r_k - r_(k+1),
-    with d from centre to centre. Of the places where the belt crosses the plane through the middle
-    of the tangent, across it, the nearest counts. NaN if there is none.
+    Of the places where the belt crosses the plane through the middle of the span's tangent, across
+    it, the nearest counts. NaN if there is none.
     """
     params, belt, force = result.params, result.belt, result.joints.force
-    pulleys, n_p = params.pulleys, len(params.pulleys)
+    n_p = len(params.pulleys)
     if n_p == 1:
         return np.asarray(force.mean(axis=1, keepdims=True))
-    left = params.info["winding"] < 0  # of the direction of the numbering: where the normal points
     half = 0.5 * params.info["link_length"]
     tip_x, tip_y = half * np.cos(belt.phi), half * np.sin(belt.phi)
     # Joint i, between the right end of link i - 1 and the left end of link i.
@@ -223,17 +221,11 @@ def _mid_span(result: Result) -> Array:
     y = 0.5 * (belt.y - tip_y + np.roll(belt.y + tip_y, 1, axis=1))
     tension = np.full((result.t.size, n_p), np.nan)
     rows = np.arange(result.t.size)
-    for k, one in enumerate(pulleys):
-        other = pulleys[(k + 1) % n_p]
-        dx, dy = other.center[0] - one.center[0], other.center[1] - one.center[1]
-        distance = math.hypot(dx, dy)
-        sine = (one.radius - other.radius) / distance
-        cosine = math.sqrt(1.0 - sine**2) * (1.0 if left else -1.0)
-        nx = (sine * dx - cosine * dy) / distance
-        ny = (sine * dy + cosine * dx) / distance
-        tx, ty = (ny, -nx) if left else (-ny, nx)
-        mid_x = 0.5 * (one.center[0] + other.center[0] + (one.radius + other.radius) * nx)
-        mid_y = 0.5 * (one.center[1] + other.center[1] + (one.radius + other.radius) * ny)
+    begin, end = params.route.leave, np.roll(params.route.arrive, -1, axis=0)
+    for k in range(n_p):
+        mid_x, mid_y = 0.5 * (begin[k] + end[k])
+        tx, ty = (end[k] - begin[k]) / np.linalg.norm(end[k] - begin[k])
+        nx, ny = -ty, tx
         along = (x - mid_x) * tx + (y - mid_y) * ty
         across = np.abs((x - mid_x) * nx + (y - mid_y) * ny)
         after = np.roll(along, -1, axis=1)

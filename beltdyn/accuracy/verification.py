@@ -241,8 +241,8 @@ class Verification:
         if not (np.isfinite(tension).all() and tension.min() >= 0.0 and tension.max() > 0.0):
             return compliance_error(self._params)
         radii = np.array([pulley.radius for pulley in self._params.pulleys])
-        rims = observed.speed[-1] * radii
-        along = self._params.info["winding"] * rims[np.argmax(np.abs(rims))]
+        rims = observed.speed[-1] * radii * self._params.route.senses
+        along = rims[np.argmax(np.abs(rims))]
         return compliance_error(self._params, tension, float(along))
 
     # --- the runs ---

@@ -6,6 +6,7 @@ Each function draws one panel::
                  friction_coefficient (also over slip), relative_velocity, energy
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
+    before a run layout: the way of the belt round its pulleys
     several      overview (a figure of four panels), animate (GIF, MP4, HTML or in a notebook)
 
 It takes a :class:`beltdyn.Result`, finished or not, and ``ax=``, the axes to draw into (make them
@@ -33,6 +34,7 @@ from .belt import drive, force_along_belt
 from .figures import overview
 from .friction import contact_forces, friction_coefficient, relative_velocity
 from .history import joint_deformation, joint_force, span_tensions, speeds, torques
+from .layout import layout
 from .ledger import energy
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "friction_coefficient",
     "joint_deformation",
     "joint_force",
+    "layout",
     "overview",
     "relative_velocity",
     "span_tensions",

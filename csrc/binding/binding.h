@@ -27,6 +27,7 @@ int bd_core_add_simulation(PyObject *module, bd_core_module *state);
 /* Raises what a negative code of the core stands for (the kind of its row in BD_ERRORS). Returns
  * NULL always. Of kind CALL the pending exception is left as it is. */
 PyObject *bd_core_raise(int code, const bd_error *err);
+PyObject *bd_core_belt_line(PyObject *module, PyObject *args, PyObject *keywords);
 
 /* dict[name] = value, taking the reference of value (NULL: an exception is set already). */
 int bd_core_set(PyObject *dict, const char *name, PyObject *value);

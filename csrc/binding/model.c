@@ -217,6 +217,12 @@ static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pull
   return bd_core_read_friction(entry, label, friction);
 }
 
+static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley,
+                        bd_friction *friction) {
+  (void)friction;
+  return bd_convert_bool(entry, label, &pulley->outside);
+}
+
 /* One entry, or None, for each pulley; None: no pulley has any. */
 static int read_entries(PyObject *object, const char *name, read_entry read, npy_intp count,
                         bd_pulley *pulleys, bd_friction *frictions) {
@@ -252,7 +258,7 @@ static int read_entries(PyObject *object, const char *name, read_entry read, npy
 /* The pulleys as a fresh block (PyMem_Free it), after them the friction laws that they point to;
  * their number in *n. */
 static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                               PyObject *drag, PyObject *friction, int *n) {
+                               PyObject *drag, PyObject *friction, PyObject *outside, int *n) {
   const npy_intp pairs[2] = {BD_ANY, 2};
   bd_pulley *pulleys = NULL;
   PyArrayObject *center = bd_convert_array(centers, "centers", 2, pairs), *radius = NULL,
@@ -288,7 +294,8 @@ static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *ine
   }
   bd_friction *frictions = (bd_friction *)(pulleys + count);
   if (read_entries(drag, "drag", read_drag, count, pulleys, frictions) < 0 ||
-      read_entries(friction, "friction", read_own_friction, count, pulleys, frictions) < 0) {
+      read_entries(friction, "friction", read_own_friction, count, pulleys, frictions) < 0 ||
+      read_entries(outside, "outside", read_outside, count, pulleys, frictions) < 0) {
     PyMem_Free(pulleys);
     pulleys = NULL;
   }
@@ -300,18 +307,59 @@ out:
   return pulleys;
 }
 
+/* --- belt line ------------------------------------------------------------------------------- */
+
+PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
+  char *names[] = {"centers", "radii", "outside", NULL};
+  PyObject *centers, *radii, *outside = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|O:belt_line", names, &centers, &radii,
+                                   &outside)) {
+    return NULL;
+  }
+  int n = 0, turns = 0;
+  double length = 0.0;
+  bd_pulley *pulleys = read_pulleys(centers, radii, radii, Py_None, Py_None, outside, &n);
+  if (!pulleys) {
+    return NULL;
+  }
+  PyObject *rows = NULL;
+  bd_error err = {0};
+  bd_wrap *wraps = PyMem_Calloc((size_t)n + 1, sizeof *wraps);
+  if (!wraps) {
+    PyErr_NoMemory();
+  } else if (n == 0) {
+    PyErr_SetString(PyExc_ValueError, "centers must have at least one row");
+  } else if (bd_belt_line(n, pulleys, wraps, &length, &turns, &err) < 0) {
+    bd_core_raise(err.code, &err);
+  } else {
+    rows = PyTuple_New(n);
+  }
+  for (int j = 0; rows && j < n; j++) {
+    const bd_wrap *wrap = &wraps[j];
+    PyObject *row = Py_BuildValue("(dddi)", wrap->arrive, wrap->wrap, wrap->span, wrap->sense);
+    if (row) {
+      PyTuple_SET_ITEM(rows, j, row);
+    } else {
+      Py_CLEAR(rows);
+    }
+  }
+  PyMem_Free(wraps);
+  PyMem_Free(pulleys);
+  return rows ? Py_BuildValue("(Ndi)", rows, length, turns) : NULL;
+}
+
 /* --- Model ----------------------------------------------------------------------------------- */
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
   char *names[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                   "gravity", "drag",    "pulley_friction", "mesh",     NULL};
+                   "gravity", "drag",    "pulley_friction", "mesh",     "outside", NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  PyObject *drag = Py_None, *pulley_friction = Py_None;
+  PyObject *drag = Py_None, *pulley_friction = Py_None, *outside = Py_None;
   const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOs:Model", names, &belt, &centers,
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsO:Model", names, &belt, &centers,
                                    &radii, &inertias, &contact, &default_friction, &gravity, &drag,
-                                   &pulley_friction, &mesh)) {
+                                   &pulley_friction, &mesh, &outside)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -323,7 +371,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   bd_pulley *pulleys =
-      read_pulleys(centers, radii, inertias, drag, pulley_friction, &scene.n_pulleys);
+      read_pulleys(centers, radii, inertias, drag, pulley_friction, outside, &scene.n_pulleys);
   if (!pulleys) {
     return NULL;
   }
@@ -484,20 +532,6 @@ static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
   return all;
 }
 
-static PyObject *model_wraps(PyObject *object, void *Py_UNUSED(closure)) {
-  const bd_core_model *self = (const bd_core_model *)object;
-  PyObject *all = PyTuple_New(self->info.n_pulleys);
-  for (int j = 0; all && j < self->info.n_pulleys; j++) {
-    PyObject *wrap = PyFloat_FromDouble(bd_model_wrap(self->model, j));
-    if (wrap) {
-      PyTuple_SET_ITEM(all, j, wrap);
-    } else {
-      Py_CLEAR(all);
-    }
-  }
-  return all;
-}
-
 static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) {
   static const char *const names[] = {
 #define X(name, kind, text) #name,
@@ -529,7 +563,6 @@ static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
-    {"wraps", model_wraps, NULL, "Angle over which the belt lies on each pulley [rad].", NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
@@ -538,12 +571,13 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper')\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
     "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
-    "mesh: \"joint\" or \"paper\", MODEL section 3.\n"
+    "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
+    "back of the belt; None: all inside the loop.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

@@ -258,11 +258,20 @@ static PyObject *dahl_path(PyObject *Py_UNUSED(module), PyObject *args, PyObject
   return (PyObject *)in.mu;
 }
 
+PyDoc_STRVAR(
+    belt_line_doc,
+    "belt_line(centers, radii, outside=None)\n--\n\n"
+    "The tight belt line round pulleys: for each the angle at which the belt arrives, the\n"
+    "angle over which it lies, the length of the span that follows and the sense of the\n"
+    "turn; the length of the line, and its turns. Raises ValueError where there is none.");
+
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
     {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
     {"friction_law", (PyCFunction)(void (*)(void))friction_law, METH_VARARGS | METH_KEYWORDS,
      friction_law_doc},
+    {"belt_line", (PyCFunction)(void (*)(void))bd_core_belt_line, METH_VARARGS | METH_KEYWORDS,
+     belt_line_doc},
     {"dahl_slide", (PyCFunction)(void (*)(void))dahl_slide, METH_VARARGS | METH_KEYWORDS,
      dahl_slide_doc},
     {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,

@@ -1,13 +1,17 @@
 /* SPDX-License-Identifier: MIT
  *
- * The tight belt line round pulleys that all lie inside the loop: common outer tangents between
- * consecutive pulleys and the arcs they leave.
+ * The tight belt line round pulleys on either side of the belt: tangents between consecutive
+ * pulleys and the arcs they leave.
  *
- * Running with direction D (+1 counter-clockwise, -1 clockwise) the pulleys lie on the inner side,
- * so the unit normal n from a centre to its tangent point satisfies d . n = r_i - r_j, d the vector
- * between the centres, and the line runs along n turned by D 90 degrees. The wrap on a pulley is
- * the turn from the normal of arrival to that of departure; a convex loop turns once in all, and a
- * loop that would turn more often leaves a pulley outside or crosses itself.
+ * Running with direction D (+1 counter-clockwise, -1 clockwise) the belt turns by D on pulleys
+ * inside its loop, side s = +1, and by -D on those outside, s = -1. With d the vector between two
+ * centres, the unit normal n across the span, D 90 degrees behind its direction, satisfies
+ * d . n = s_i r_i - s_j r_j, and the belt meets the pulleys at s_i r_i n and s_j r_j n from their
+ * centres. The wrap on a pulley is the turn from the normal of arrival to that of departure.
+ *
+ * Which sides and orders are a drive: on a loop that does not cross itself all turns add up to one
+ * (H. Hopf 1935), on a crossed one they may add up to none, as in a figure of eight. No span may
+ * pass through a pulley.
  */
 #include <math.h>
 
@@ -18,13 +22,13 @@ static double turn_between(double from, double to, int direction) {
   return turn < 0.0 ? turn + 2.0 * BD_PI : turn;
 }
 
-/* Angle of the normal on the tangent from pulley i to j, and the length of the tangent. */
-static double tangent_normal(const double *cx, const double *cy, const double *radius, int i, int j,
-                             int direction, double *length) {
-  double dx = cx[j] - cx[i], dy = cy[j] - cy[i];
+/* Angle of the normal across the span from pulley i to j, and the length of the span; NaN where
+ * there is none. */
+static double span_normal(const bd_route *route, int i, int j, double *length) {
+  double dx = route->cx[j] - route->cx[i], dy = route->cy[j] - route->cy[i];
   double distance = hypot(dx, dy);
-  double along = (radius[i] - radius[j]) / distance;
-  double across = -direction * sqrt(fmax(0.0, 1.0 - along * along));
+  double along = (route->side[i] * route->radius[i] - route->side[j] * route->radius[j]) / distance;
+  double across = -route->direction * sqrt(fmax(0.0, 1.0 - along * along));
   *length = distance * fabs(across);
   double ux = dx / distance, uy = dy / distance;
   return atan2(along * uy + across * ux, along * ux - across * uy);
@@ -44,72 +48,204 @@ int bd_belt_line_overlap(int np, const double *cx, const double *cy, const doubl
   return 0;
 }
 
-int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *radius,
-                     bd_wrap *wraps, int *direction, double *length, bd_error *err) {
+/* Angle seen from the centre at which the belt meets pulley k, the span's normal being given. */
+static double met_at(const bd_route *route, int k, double normal) {
+  return route->side[k] > 0 ? normal : normal + BD_PI;
+}
+
+/* Lays the line with the direction that the route has; gives the sum of its turns. */
+static double lay(bd_route *route) {
+  const int np = route->np;
+  double total = 0.0, depart[2] = {0.0, 0.0};
+  route->length = 0.0;
+  for (int k = 0; k < np; ++k) {
+    route->wraps[k].sense = route->direction * route->side[k];
+  }
+  for (int k = 0; k < np; ++k) {
+    int l = (k + 1) % np;
+    bd_wrap *wrap = &route->wraps[k];
+    double normal = span_normal(route, k, l, &wrap->span);
+    route->wraps[l].arrive = met_at(route, l, normal);
+    depart[k > 0] = met_at(route, k, normal);
+    if (k > 0) {
+      wrap->wrap = turn_between(wrap->arrive, depart[1], route->wraps[k].sense);
+    }
+  }
+  bd_wrap *first = &route->wraps[0];
+  first->wrap = turn_between(first->arrive, depart[0], first->sense);
+  for (int k = 0; k < np; ++k) {
+    total += route->wraps[k].sense * route->wraps[k].wrap;
+    route->length += route->wraps[k].span + route->wraps[k].wrap * route->radius[k];
+  }
+  return total;
+}
+
+/* Where the belt leaves pulley k, and where it arrives at the next. */
+static void span_ends(const bd_route *route, int k, double ends[4]) {
+  const int l = (k + 1) % route->np;
+  const double leave = route->wraps[k].arrive + route->wraps[k].sense * route->wraps[k].wrap,
+               arrive = route->wraps[l].arrive;
+  ends[0] = route->cx[k] + route->radius[k] * cos(leave);
+  ends[1] = route->cy[k] + route->radius[k] * sin(leave);
+  ends[2] = route->cx[l] + route->radius[l] * cos(arrive);
+  ends[3] = route->cy[l] + route->radius[l] * sin(arrive);
+}
+
+static double distance_to_span(const double e[4], double x, double y) {
+  const double dx = e[2] - e[0], dy = e[3] - e[1], length = hypot(dx, dy);
+  const double along = length > 0.0 ? ((x - e[0]) * dx + (y - e[1]) * dy) / (length * length) : 0.0;
+  const double part = fmax(0.0, fmin(1.0, along));
+  return hypot(x - e[0] - part * dx, y - e[1] - part * dy);
+}
+
+static double left_of(const double e[4], double x, double y) {
+  return (e[2] - e[0]) * (y - e[1]) - (e[3] - e[1]) * (x - e[0]);
+}
+
+static int cross(const double a[4], const double b[4]) {
+  return left_of(a, b[0], b[1]) * left_of(a, b[2], b[3]) < 0.0 &&
+         left_of(b, a[0], a[1]) * left_of(b, a[2], a[3]) < 0.0;
+}
+
+/* The first span that passes through a pulley at which it does not end. */
+static int passes_through(const bd_route *route, int *span, int *pulley) {
+  for (int k = 0; k < route->np; ++k) {
+    double ends[4];
+    span_ends(route, k, ends);
+    for (int j = 0; j < route->np; ++j) {
+      if (j != k && j != (k + 1) % route->np &&
+          distance_to_span(ends, route->cx[j], route->cy[j]) < (1.0 - 1e-9) * route->radius[j]) {
+        *span = k;
+        *pulley = j;
+        return 1;
+      }
+    }
+  }
+  return 0;
+}
+
+static int crossings(const bd_route *route) {
+  int found = 0;
+  for (int k = 0; k < route->np; ++k) {
+    double a[4], b[4];
+    span_ends(route, k, a);
+    for (int j = 0; j < k; ++j) {
+      span_ends(route, j, b);
+      found += cross(a, b);
+    }
+  }
+  return found;
+}
+
+static int all_inside(const bd_route *route) {
+  int inside = 0;
+  for (int k = 0; k < route->np; ++k) {
+    inside += route->side[k] > 0;
+  }
+  return inside == route->np;
+}
+
+static int refuse(bd_error *err, int pulley, const char *why) {
+  return bd_fail_at(err, BD_ERR_GEOMETRY, "pulleys", (double)NAN, -1, pulley, (double)NAN,
+                    "pulleys[%d] cannot be reached by the belt: visiting the pulleys in the order "
+                    "given, %s",
+                    pulley, why);
+}
+
+static int turns_once(const bd_route *route, double total) {
+  return fabs(total - route->direction * 2.0 * BD_PI) < 1e-6;
+}
+
+/* Lays the line in the direction in which the centres go round. With pulleys outside the loop the
+ * centres may go round the other way: then the shorter line that turns once. */
+static double lay_either_way(bd_route *route) {
+  double total = lay(route);
+  if (all_inside(route) || route->np == 2) {
+    return total;
+  }
+  const double length = turns_once(route, total) ? route->length : (double)INFINITY;
+  route->direction = -route->direction;
+  total = lay(route);
+  if (turns_once(route, total) && route->length < length) {
+    return total;
+  }
+  route->direction = -route->direction;
+  return lay(route);
+}
+
+int bd_belt_line_lay(bd_route *route, bd_error *err) {
+  const int np = route->np;
   double area = 0.0;
   for (int k = 0; k < np; ++k) {
     int l = (k + 1) % np;
-    area += cx[k] * cy[l] - cx[l] * cy[k];
+    area += route->cx[k] * route->cy[l] - route->cx[l] * route->cy[k];
   }
-  *direction = np > 2 && area > 0.0 ? 1 : -1;
-
+  route->direction = route->turns = np > 2 && area > 0.0 ? 1 : -1;
   int a, b;
-  if (bd_belt_line_overlap(np, cx, cy, radius, &a, &b)) {
+  if (bd_belt_line_overlap(np, route->cx, route->cy, route->radius, &a, &b)) {
     return bd_fail(err, BD_ERR_GEOMETRY, "pulleys",
                    "pulleys[%d] and pulleys[%d] overlap: their centres are %g m apart, their radii "
                    "add up to %g m",
-                   a, b, hypot(cx[b] - cx[a], cy[b] - cy[a]), radius[a] + radius[b]);
+                   a, b, hypot(route->cx[b] - route->cx[a], route->cy[b] - route->cy[a]),
+                   route->radius[a] + route->radius[b]);
+  }
+  if (route->side[0] < 0) {
+    return bd_fail(err, BD_ERR_GEOMETRY, "pulleys",
+                   "pulleys[0] must be inside the loop, where counting begins");
   }
   if (np == 1) {
-    wraps[0] = (bd_wrap){.arrive = 0.5 * BD_PI, .wrap = 2.0 * BD_PI, .span = 0.0};
-    *length = 2.0 * BD_PI * radius[0];
+    route->wraps[0] = (bd_wrap){.arrive = 0.5 * BD_PI, .wrap = 2.0 * BD_PI, .sense = -1};
+    route->length = 2.0 * BD_PI * route->radius[0];
     return BD_OK;
   }
-
-  double first = 0.0, total = 0.0;
-  *length = 0.0;
+  const double total = lay_either_way(route);
+  route->turns = (int)lrint(total / (2.0 * BD_PI));
   int widest = 0, narrowest = 0;
   for (int k = 0; k < np; ++k) {
-    int l = (k + 1) % np;
-    double normal = tangent_normal(cx, cy, radius, k, l, *direction, &wraps[k].span);
-    wraps[l].arrive = normal;
-    if (k == 0) {
-      first = normal;
-    } else {
-      wraps[k].wrap = turn_between(wraps[k].arrive, normal, *direction);
+    widest = route->wraps[k].wrap > route->wraps[widest].wrap ? k : widest;
+    narrowest = route->wraps[k].wrap < route->wraps[narrowest].wrap ? k : narrowest;
+  }
+  if (all_inside(route)) {
+    if (fabs(total) > 3.0 * BD_PI || route->wraps[narrowest].wrap < 1e-9) {
+      return refuse(err, fabs(total) > 3.0 * BD_PI ? widest : narrowest,
+                    "all inside the loop, the belt passes it by or crosses itself");
     }
+    return BD_OK;
   }
-  wraps[0].wrap = turn_between(wraps[0].arrive, first, *direction);
-  for (int k = 0; k < np; ++k) {
-    total += wraps[k].wrap;
-    *length += wraps[k].span + wraps[k].wrap * radius[k];
-    widest = wraps[k].wrap > wraps[widest].wrap ? k : widest;
-    narrowest = wraps[k].wrap < wraps[narrowest].wrap ? k : narrowest;
+  int span, pulley;
+  if (passes_through(route, &span, &pulley)) {
+    return bd_fail_at(err, BD_ERR_GEOMETRY, "pulleys", (double)NAN, -1, pulley, (double)NAN,
+                      "the belt from pulleys[%d] to pulleys[%d] would pass through pulleys[%d]: "
+                      "another order, or another side",
+                      span, (span + 1) % np, pulley);
   }
-  if (total > 3.0 * BD_PI || wraps[narrowest].wrap < 1e-9) {
-    int missed = total > 3.0 * BD_PI ? widest : narrowest;
-    return bd_fail(err, BD_ERR_GEOMETRY, "pulleys",
-                   "pulleys[%d] cannot be reached by the belt: visiting the pulleys in the order "
-                   "given, all inside the loop, the belt passes it by or crosses itself",
-                   missed);
+  if (route->wraps[narrowest].wrap < 1e-9) {
+    return refuse(err, narrowest, "on the sides given, the belt passes it by");
+  }
+  const int crossed = crossings(route);
+  if (!(crossed == 0 && route->turns == route->direction) &&
+      !(crossed % 2 == 1 && route->turns == 0)) {
+    return refuse(err, widest,
+                  "on the sides given, the belt winds round it in a loop of its own: is it on the "
+                  "other side of the belt?");
   }
   return BD_OK;
 }
 
-void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
-                        const double *raised, const bd_wrap *wraps, int direction, double s,
-                        double *x, double *y, double *phi) {
-  double quarter = 0.5 * BD_PI * direction;
-  double normal = wraps[0].arrive + direction * wraps[0].wrap;
-  double angle = remainder(normal + quarter, 2.0 * BD_PI);
+void bd_belt_line_point(const bd_route *route, const double *raised, double s, double *x, double *y,
+                        double *phi) {
+  const int np = route->np;
+  const double quarter = 0.5 * BD_PI * route->direction, *radius = route->radius;
+  const bd_wrap *wraps = route->wraps;
+  double angle = remainder(wraps[0].arrive + wraps[0].sense * wraps[0].wrap + quarter, 2.0 * BD_PI);
   for (int k = 0;; k = (k + 1) % np) {
-    int next = (k + 1) % np;
+    const int next = (k + 1) % np, outer = route->side[k], other = route->side[next];
     if (s <= wraps[k].span) {
       const double part = wraps[k].span > 0.0 ? s / wraps[k].span : 0.0;
-      const double lift =
-          (1.0 - part) * (raised[k] - radius[k]) + part * (raised[next] - radius[next]);
-      *x = cx[k] + (radius[k] + lift) * cos(angle - quarter) + s * cos(angle);
-      *y = cy[k] + (radius[k] + lift) * sin(angle - quarter) + s * sin(angle);
+      const double lift = (1.0 - part) * outer * (raised[k] - radius[k]) +
+                          part * other * (raised[next] - radius[next]);
+      *x = route->cx[k] + (outer * radius[k] + lift) * cos(angle - quarter) + s * cos(angle);
+      *y = route->cy[k] + (outer * radius[k] + lift) * sin(angle - quarter) + s * sin(angle);
       *phi = angle;
       return;
     }
@@ -117,13 +253,59 @@ void bd_belt_line_point(int np, const double *cx, const double *cy, const double
     double arc = wraps[next].wrap * radius[next];
     /* rounding may leave a little more than the whole line */
     if (s <= arc || next == 0) {
-      angle += direction * s / radius[next];
-      *x = cx[next] + raised[next] * cos(angle - quarter);
-      *y = cy[next] + raised[next] * sin(angle - quarter);
+      angle += wraps[next].sense * s / radius[next];
+      *x = route->cx[next] + other * raised[next] * cos(angle - quarter);
+      *y = route->cy[next] + other * raised[next] * sin(angle - quarter);
       *phi = angle;
       return;
     }
     s -= arc;
-    angle += direction * wraps[next].wrap;
+    angle += wraps[next].sense * wraps[next].wrap;
   }
+}
+
+/* Arcs as polygons of this many corners: none passes a pulley's centre on the wrong side. */
+enum { CORNERS = 16 };
+
+int bd_belt_line_winding(const bd_route *route, int pulley) {
+  const double cx = route->cx[pulley], cy = route->cy[pulley];
+  double turned = 0.0, before = 0.0, first = 0.0;
+  for (int k = 0; k < route->np; ++k) {
+    for (int c = 0; c <= CORNERS; ++c) {
+      const double at =
+          route->wraps[k].arrive + route->wraps[k].sense * route->wraps[k].wrap * c / CORNERS;
+      const double seen = atan2(route->cy[k] + route->radius[k] * sin(at) - cy,
+                                route->cx[k] + route->radius[k] * cos(at) - cx);
+      if (k == 0 && c == 0) {
+        first = before = seen;
+      }
+      turned += remainder(seen - before, 2.0 * BD_PI);
+      before = seen;
+    }
+  }
+  turned += remainder(first - before, 2.0 * BD_PI);
+  return (int)lrint(turned / (2.0 * BD_PI));
+}
+
+int bd_belt_line(int n_pulleys, const bd_pulley *pulleys, bd_wrap *wraps, double *length,
+                 int *turns, bd_error *err) {
+  double *numbers = bd_block_new((size_t)n_pulleys * (3 * sizeof(double) + sizeof(int)));
+  if (!numbers) {
+    return bd_fail(err, BD_ERR_MEMORY, "pulleys", "out of memory for %d pulleys", n_pulleys);
+  }
+  double *cx = numbers, *cy = cx + n_pulleys, *radius = cy + n_pulleys;
+  int *side = (int *)(radius + n_pulleys);
+  for (int j = 0; j < n_pulleys; ++j) {
+    cx[j] = pulleys[j].center[0];
+    cy[j] = pulleys[j].center[1];
+    radius[j] = pulleys[j].radius;
+    side[j] = pulleys[j].outside ? -1 : 1;
+  }
+  bd_route route = {
+      .np = n_pulleys, .cx = cx, .cy = cy, .radius = radius, .side = side, .wraps = wraps};
+  const int code = bd_belt_line_lay(&route, err);
+  *length = route.length;
+  *turns = route.turns;
+  bd_block_free(numbers);
+  return code;
 }

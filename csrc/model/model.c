@@ -96,12 +96,12 @@ static double contact_radius(const bd_model *model, int j) {
 /* Of links: along links a joint of two may gape, so half a link is added. */
 static const double JOINT_REACH = 2.5;
 
-/* Length of the outer tangent by which the belt goes from one pulley to the other; 0: they overlap.
- */
+/* Length of the tangent by which the belt goes from one pulley to the other; 0: they overlap. */
 static double tangent_between(const bd_model *model, int j, int k) {
   const double apart = hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]);
   const double r = model->contact_radius[j], other = model->contact_radius[k];
-  return apart < r + other ? 0.0 : sqrt(apart * apart - (r - other) * (r - other));
+  const double apart_radii = model->side[j] == model->side[k] ? r - other : r + other;
+  return apart < r + other ? 0.0 : sqrt(apart * apart - apart_radii * apart_radii);
 }
 
 /* Whether two pulleys can hold the same link at once, or along links the same joint of two. */
@@ -157,6 +157,8 @@ static void carve(bd_carver *carver, bd_model *model, int np, int drag) {
   }
   BD_CARVE(carver, model->friction, np);
   BD_CARVE(carver, model->slot, np);
+  BD_CARVE(carver, model->side, np);
+  BD_CARVE(carver, model->winding, np);
   BD_CARVE(carver, model->wraps, np);
 }
 
@@ -236,15 +238,24 @@ static void check_line(bd_model *model) {
   bd_info *info = &model->info;
   bd_error *err = &model->geometry;
   int np = model->lay.np;
-  double path = (double)NAN;
-  int code = bd_belt_line_lay(np, model->cx, model->cy, model->radius, model->wraps, &info->winding,
-                              &path, err);
+  bd_route route = {.np = np,
+                    .cx = model->cx,
+                    .cy = model->cy,
+                    .radius = model->radius,
+                    .side = model->side,
+                    .wraps = model->wraps};
+  const int code = bd_belt_line_lay(&route, err);
+  const double path = route.length;
+  info->winding = route.turns;
   info->path_length = code == BD_OK ? path : (double)NAN;
   info->strain = info->path_length / model->belt.length - 1.0;
   info->mean_tension = model->belt.axial_stiffness * info->strain;
   model->longest_span = 0.0;
   for (int k = 0; k < np; ++k) {
     model->longest_span = fmax(model->longest_span, model->wraps[k].span);
+  }
+  for (int k = 0; k < np; ++k) {
+    model->winding[k] = code == BD_OK ? bd_belt_line_winding(&route, k) : route.direction;
   }
   if (code != BD_OK) {
     return;
@@ -360,6 +371,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     model->cy[j] = scene->pulleys[j].center[1] - model->origin[1];
     model->radius[j] = scene->pulleys[j].radius;
     model->inertia[j] = scene->pulleys[j].inertia;
+    model->side[j] = scene->pulleys[j].outside ? -1 : 1;
     if (drag) {
       model->drag[j] = scene->pulleys[j].drag;
     }
@@ -407,10 +419,6 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
 
 void bd_model_info(const bd_model *model, bd_info *info) {
   *info = model->info;
-}
-
-double bd_model_wrap(const bd_model *model, int pulley) {
-  return model->wraps[pulley].wrap;
 }
 
 double bd_speed_scale(const bd_model *model) {

@@ -10,12 +10,16 @@
 
 #include "kernels/kernels.h"
 
-/* The tight belt line at one pulley: where the belt arrives and leaves (angles seen from the
- * centre, in running order), and the straight span that follows. */
-typedef struct bd_wrap {
-  double arrive, wrap; /* wrap > 0; the belt leaves at arrive + direction * wrap */
-  double span;         /* length of the span to the next pulley */
-} bd_wrap;
+/* The belt line of a drive: what it lies on, and what follows. */
+typedef struct bd_route {
+  int np;
+  const double *cx, *cy, *radius;
+  const int *side; /* +1: inside the loop, -1: outside */
+  bd_wrap *wraps;
+  int direction; /* of turning on pulleys inside: +1 counter-clockwise, -1 clockwise */
+  int turns;     /* all in all: the direction, or 0 of a crossed belt */
+  double length;
+} bd_route;
 
 struct bd_model {
   bd_info info;
@@ -34,6 +38,8 @@ struct bd_model {
   bd_friction *friction;  /* by pulley */
   int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
   int colours;
+  int *side;    /* +1: inside the loop, -1: outside */
+  int *winding; /* turns of the belt round the axis of each */
   bd_wrap *wraps;
   double longest_span;
   bd_error geometry; /* what bd_model_check_geometry returns */
@@ -86,15 +92,16 @@ double bd_round_time(const bd_model *model);
 /* In which the lowest stretch wave round the belt decays by e: at (eta A / EA) omega^2 / 2. */
 double bd_wave_life(const bd_model *model);
 
-/* Lays the belt line round pulleys at (cx, cy); returns BD_ERR_GEOMETRY with the reason if there is
- * none. direction: +1 counter-clockwise, -1 clockwise. */
-int bd_belt_line_lay(int np, const double *cx, const double *cy, const double *radius,
-                     bd_wrap *wraps, int *direction, double *length, bd_error *err);
+/* Lays the belt line from its pulleys and sides on; returns BD_ERR_GEOMETRY with the reason if
+ * there is none. */
+int bd_belt_line_lay(bd_route *route, bd_error *err);
 /* Point and tangent angle at distance s along the line from where the belt leaves pulley 0, lifted
  * off its radii to those of `raised`; the angle runs on continuously. */
-void bd_belt_line_point(int np, const double *cx, const double *cy, const double *radius,
-                        const double *raised, const bd_wrap *wraps, int direction, double s,
-                        double *x, double *y, double *phi);
+void bd_belt_line_point(const bd_route *route, const double *raised, double s, double *x, double *y,
+                        double *phi);
+/* Turns of the line round the axis of a pulley: those of its direction inside the loop, 0 outside;
+ * of a crossed belt those of the loop in which it lies. */
+int bd_belt_line_winding(const bd_route *route, int pulley);
 int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
                          int *j);
 

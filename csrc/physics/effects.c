@@ -222,7 +222,7 @@ double bd_plan_circulation(const bd_plan *plan, const double *y) {
   for (int j = 0; plan->friction_on && !plan->pulleys_locked && j < lay->np; ++j) {
     double r = plan->model->radius[j];
     double rim = plan->model->inertia[j] / (r * r * plan->model->info.link_mass);
-    sum += rim * y[lay->omega + j] * r * plan->model->info.winding;
+    sum += rim * y[lay->omega + j] * r * plan->model->wraps[j].sense;
     mass += rim;
   }
   return sum / mass;
@@ -252,7 +252,7 @@ static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_
     aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
   }
   for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
-    double round = plan->friction_on ? plan->model->info.winding / plan->model->radius[j] : 0.0;
+    double round = plan->friction_on ? plan->model->wraps[j].sense / plan->model->radius[j] : 0.0;
     dy[lay->omega + j] -= mass_damping * y[lay->omega + j] - circulation_correction * round;
   }
   return BD_OK;

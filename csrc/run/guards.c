@@ -43,7 +43,7 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
   const bd_model *model = plan->model;
   for (int j = 0; j < model->lay.np; ++j) {
     int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
-    if (turns != model->info.winding) {
+    if (turns != model->winding[j]) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "contact", t, -1, j, turns,
                         "the belt no longer runs round pulley %d at t = %.9g s: %s", j, t,
                         2.0 * model->info.link_length > model->radius[j]

@@ -267,6 +267,7 @@ static uint64_t scene_of(const bd_sim *sim) {
   for (int k = 0; k < 4; ++k) {
     sum = hash(sum, arrays[k], np * sizeof(double));
   }
+  sum = hash(sum, model->side, np * sizeof *model->side);
   for (size_t j = 0; j < np; ++j) {
     const bd_friction *friction = &model->friction[j];
     ADD(friction->law);

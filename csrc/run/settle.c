@@ -98,28 +98,19 @@ static const bd_method *method_for(const bd_model *model, int friction, double *
   return bd_method_find("lie");
 }
 
-/* The line on which a belt is laid. */
-typedef struct laid_line {
-  const double *cx, *cy;
-  const bd_wrap *wraps;
-  int direction;
-  double length;
-} laid_line;
-
 /* The line's point and direction `links` of n links from its beginning. */
-static void point_on(const bd_settling *settling, const laid_line *line, const double *raised,
+static void point_on(const bd_settling *settling, const bd_route *line, const double *raised,
                      double links, double *x, double *y, double *phi) {
   const bd_model *model = settling->sim->stepper.model;
   double s = line->length * links / model->lay.n + settling->options.shift,
          round = floor(s / line->length);
-  bd_belt_line_point(model->lay.np, line->cx, line->cy, model->radius, raised, line->wraps,
-                     line->direction, s - round * line->length, x, y, phi);
-  *phi += round * line->direction * 2.0 * BD_PI;
+  bd_belt_line_point(line, raised, s - round * line->length, x, y, phi);
+  *phi += round * line->turns * 2.0 * BD_PI;
 }
 
 /* Links with their ends on the circles of contact, which stand for the arcs of the line. */
-static void lay_ends(const bd_settling *settling, const laid_line *line, int i, double *x,
-                     double *y, double *phi) {
+static void lay_ends(const bd_settling *settling, const bd_route *line, int i, double *x, double *y,
+                     double *phi) {
   const double *raised = settling->sim->stepper.model->contact_radius;
   double x0, y0, x1, y1, turned;
   point_on(settling, line, raised, i, &x0, &y0, &turned);
@@ -131,7 +122,7 @@ static void lay_ends(const bd_settling *settling, const laid_line *line, int i, 
 
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
  * friction would keep a trace of it. */
-static void place_on_line(const bd_settling *settling, const laid_line *line, bd_state *state) {
+static void place_on_line(const bd_settling *settling, const bd_route *line, bd_state *state) {
   const bd_model *model = settling->sim->stepper.model;
   int n = model->lay.n;
   double inward = 1e-3 * model->info.strain * model->info.link_length * line->direction;
@@ -149,15 +140,20 @@ static void place_on_line(const bd_settling *settling, const laid_line *line, bd
 static int lay_belt(bd_settling *settling, bd_error *err) {
   bd_sim *sim = settling->sim;
   const bd_model *model = sim->stepper.model;
-  int n = model->lay.n, np = model->lay.np, direction;
-  double length, *laid = settling->scratch;
+  int n = model->lay.n, np = model->lay.np;
+  double *laid = settling->scratch;
   double *cx = settling->centers, *cy = cx + np;
-  bd_wrap *wraps = settling->wraps;
   for (int j = 0; j < np; ++j) {
     cx[j] = model->cx[j] + (sim->stepper.plan.offset ? sim->stepper.plan.offset[2 * j] : 0.0);
     cy[j] = model->cy[j] + (sim->stepper.plan.offset ? sim->stepper.plan.offset[2 * j + 1] : 0.0);
   }
-  int code = bd_belt_line_lay(np, cx, cy, model->radius, wraps, &direction, &length, err);
+  bd_route line = {.np = np,
+                   .cx = cx,
+                   .cy = cy,
+                   .radius = model->radius,
+                   .side = model->side,
+                   .wraps = settling->wraps};
+  int code = bd_belt_line_lay(&line, err);
   if (code != BD_OK) {
     if (err && sim->stepper.plan.offset) {
       memmove(err->field, "offset", sizeof "offset");
@@ -175,7 +171,6 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
                     .slip = zero,
                     .theta = zero,
                     .omega = zero};
-  const laid_line line = {cx, cy, wraps, direction, length};
   place_on_line(settling, &line, &state);
   return bd_state_import(model, &state, sim->stepper.y, &sim->stepper.turns, err);
 }

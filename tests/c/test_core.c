@@ -19,6 +19,9 @@ static void errors_have_names(void) {
   CHECK(strcmp(bd_error_symbol(12345), "unknown") == 0);
 }
 
+static const bd_pulley overlapping_pulleys[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
+                                                {{0.1, 0}, 0.1, 1, {0, 0, 0}, NULL, 0}};
+
 static void refused(const bd_scene *scene, const char *field, int line) {
   bd_model *model = NULL;
   bd_error err;
@@ -85,15 +88,13 @@ static void bad_scenes_are_refused(void) {
   refused(&scene, "belt.length", __LINE__);
   scene.belt.length = 0.5;
   refused(&scene, "belt.length", __LINE__);
-  const bd_pulley overlapping[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
-                                   {{0.1, 0}, 0.1, 1, {0, 0, 0}, NULL}};
   scene = test_scene();
   scene.n_pulleys = 2;
-  scene.pulleys = overlapping;
+  scene.pulleys = overlapping_pulleys;
   refused(&scene, "pulleys", __LINE__);
-  const bd_pulley inside[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
-                              {{0.5, 0}, 0.1, 1, {0, 0, 0}, NULL},
-                              {{0.25, -0.02}, 0.05, 1, {0, 0, 0}, NULL}};
+  const bd_pulley inside[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
+                              {{0.5, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
+                              {{0.25, -0.02}, 0.05, 1, {0, 0, 0}, NULL, 0}};
   scene.n_pulleys = 3;
   scene.pulleys = inside;
   refused(&scene, "pulleys", __LINE__);
@@ -191,10 +192,10 @@ static void laws_are_evaluated(void) {
 }
 
 static void belt_lines_have_their_lengths(void) {
-  const bd_pulley equal[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL},
-                             {{0.29, 0}, 0.1, 1, {0, 0, 0}, NULL}};
-  const bd_pulley unequal[] = {{{0, 0}, 0.06, 1, {0, 0, 0}, NULL},
-                               {{0.35, 0}, 0.12, 1, {0, 0, 0}, NULL}};
+  const bd_pulley equal[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
+                             {{0.29, 0}, 0.1, 1, {0, 0, 0}, NULL, 0}};
+  const bd_pulley unequal[] = {{{0, 0}, 0.06, 1, {0, 0, 0}, NULL, 0},
+                               {{0.35, 0}, 0.12, 1, {0, 0, 0}, NULL, 0}};
   bd_scene scene = test_scene();
   bd_model *model = NULL;
   bd_info info;
@@ -213,7 +214,19 @@ static void belt_lines_have_their_lengths(void) {
       2 * 0.35 * cos(tilt) + 0.06 * (acos(-1.0) - 2 * tilt) + 0.12 * (acos(-1.0) + 2 * tilt);
   CHECK(fabs(info.path_length - exact) < 1e-14);
   bd_model_free(model);
-  const bd_pulley single[] = {{{3, 4}, 0.1, 1, {0, 0, 0}, NULL}};
+  const double apart = hypot(0.35, 0.05), lean = asin((0.06 + 0.1) / apart);
+  const bd_pulley crossed[] = {{{0, 0}, 0.06, 1, {0, 0, 0}, NULL, 0},
+                               {{0.35, 0.05}, 0.1, 1, {0, 0, 0}, NULL, 1}};
+  bd_wrap wraps[2];
+  double length;
+  int turns;
+  CHECK(bd_belt_line(2, crossed, wraps, &length, &turns, NULL) == BD_OK);
+  CHECK(fabs(length - 2 * apart * cos(lean) - (0.06 + 0.1) * (acos(-1.0) + 2 * lean)) < 1e-14);
+  CHECK(turns == 0 && wraps[0].sense == -1 && wraps[1].sense == 1);
+  CHECK(fabs(wraps[1].wrap - acos(-1.0) - 2 * lean) < 1e-14);
+  CHECK(fabs(wraps[0].span - apart * cos(lean)) < 1e-14);
+  CHECK(bd_belt_line(2, overlapping_pulleys, wraps, &length, &turns, NULL) == BD_ERR_GEOMETRY);
+  const bd_pulley single[] = {{{3, 4}, 0.1, 1, {0, 0, 0}, NULL, 0}};
   scene.pulleys = single;
   scene.n_pulleys = 1;
   CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);

@@ -1,0 +1,67 @@
+"""The way of the belt round its pulleys, before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from ..params import Params
+from ..parts import Pulley
+from ..route import route
+from . import style
+
+__all__ = ["layout"]
+
+#: Points of an arc, and where the arrow of the numbering stands on a span.
+_ARC, _ARROW = 60, 0.9
+
+
+def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
+    """Draw the belt line round the pulleys to scale, with wrap angles and lengths of the spans.
+
+    Arrows point along the belt as its links and spans are numbered; span k follows pulley k.
+
+    Args:
+        drive: A drive, or its pulleys alone, in the order in which the belt visits them.
+        ax: Axes to draw into; None: those of a new figure.
+
+    Raises:
+        ValueError: The belt cannot run round these pulleys.
+    """
+    pulleys = drive.pulleys if isinstance(drive, Params) else tuple(drive)
+    way = route(pulleys)
+    ax = style.axes(ax)
+    for k, pulley in enumerate(pulleys):
+        center = np.array(pulley.center)
+        ax.add_patch(Circle(pulley.center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8))
+        begins = np.arctan2(*(way.arrive[k] - center)[::-1])
+        angle = begins + way.senses[k] * np.linspace(0.0, way.wraps[k], _ARC)
+        arc = center[:, None] + pulley.radius * np.array([np.cos(angle), np.sin(angle)])
+        ax.plot(*arc, color=style.COLOURS[0], lw=2.2, solid_capstyle="round")
+        wrap = f"{k}\n{np.degrees(way.wraps[k]):.0f}°"
+        ax.annotate(wrap, pulley.center, ha="center", va="center", fontsize="small")
+        if len(pulleys) > 1:
+            begin, end = way.leave[k], way.arrive[(k + 1) % len(pulleys)]
+            ax.plot(*np.array([begin, end]).T, color=style.COLOURS[0], lw=2.2)
+            tip = begin + _ARROW * (end - begin)
+            tail = begin + (_ARROW - 0.05) * (end - begin)
+            look = {"arrowstyle": "-|>", "color": style.COLOURS[0], "lw": 0.0}
+            arrow = {**look, "mutation_scale": 18.0}
+            ax.annotate("", tip, tail, arrowprops=arrow)
+            ax.annotate(
+                f"{1e3 * way.spans[k]:.0f} mm",
+                0.3 * begin + 0.7 * end if way.turns == 0 else 0.5 * (begin + end),
+                ha="center",
+                va="center",
+                fontsize="small",
+                bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
+            )
+    style.dress(ax, "x [m]", "y [m]")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.12)
+    crossed = ", crossed" if way.turns == 0 else ""
+    ax.set_title(f"belt line of {way.length:.4g} m{crossed}", fontsize="medium")
+    return ax

@@ -1,0 +1,84 @@
+"""The way of the belt round its pulleys, from their centres, radii and sides alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import attrs
+import numpy as np
+
+from . import _core
+from .checks import Array
+from .parts import Pulley
+
+__all__ = ["Route", "route"]
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Route:
+    """The tight belt line: spans that touch the pulleys, and the arcs on which the belt lies.
+
+    Pulleys and spans are counted as the belt visits them; span k follows pulley k.
+
+    Attributes:
+        arrive: Points at which the belt meets each pulley (n_p, 2) [m].
+        leave: Points at which it leaves (n_p, 2) [m].
+        wraps: Angles over which it lies on each (n_p,) [rad], > 0.
+        spans: Lengths of the free spans (n_p,) [m].
+        senses: In which sense the belt turns round each as its links are numbered (n_p,): +1
+            counter-clockwise, -1 clockwise. A pulley whose rim goes with the belt at the speed v
+            has the angular velocity ``sense v / radius``.
+        length: Of the whole line [m]. A belt is shorter by its strain.
+        turns: Turns of the belt round its own loop: -1 clockwise, +1 counter-clockwise, 0 crossed.
+    """
+
+    arrive: Array
+    leave: Array
+    wraps: Array
+    spans: Array
+    senses: Array
+    length: float
+    turns: int
+
+    def __str__(self) -> str:
+        crossed = ", crossed" if self.turns == 0 else ""
+        rows = [f"Belt line of {self.length:.6g} m{crossed}"]
+        for k, (wrap, span) in enumerate(zip(self.wraps, self.spans, strict=True)):
+            sense = "counter-clockwise" if self.senses[k] > 0 else "clockwise"
+            rows.append(
+                f"  pulley {k}: wrap {np.degrees(wrap):5.1f} deg, {sense}; "
+                f"then a span of {1e3 * span:.1f} mm"
+            )
+        return "\n".join(rows)
+
+
+def route(pulleys: Iterable[Pulley]) -> Route:
+    """Find how a belt runs round pulleys, before any belt is chosen.
+
+    Args:
+        pulleys: In the order in which the belt visits them, each with its side.
+
+    Raises:
+        ValueError: There is no such route: pulleys overlap, one is passed by, a span would pass
+            through one, or the belt would cross itself.
+    """
+    given = list(pulleys)
+    centers = np.array([pulley.center for pulley in given], dtype=float).reshape(-1, 2)
+    radii = np.array([pulley.radius for pulley in given], dtype=float)
+    outside = [pulley.side == "outside" for pulley in given]
+    rows, length, turns = _core.belt_line(centers, radii, outside)
+    arrive, wraps, spans, senses = np.array(rows).T
+
+    def on_rims(angle: Array) -> Array:
+        along = np.column_stack([np.cos(angle), np.sin(angle)])
+        return np.asarray(centers + radii[:, None] * along)
+
+    return Route(
+        arrive=on_rims(arrive),
+        leave=on_rims(arrive + senses * wraps),
+        wraps=wraps,
+        spans=spans,
+        senses=senses,
+        length=length,
+        turns=turns,
+    )
