@@ -178,7 +178,7 @@ def test_core_agrees_with_oracle(case: str) -> None:
     losses = oracle.ledger(run.y)[:, 1:]
     energy = result.energy
     drag_loss = np.zeros(len(times)) if energy.drag_loss is None else energy.drag_loss
-    assert (energy.drag_loss is None) == ("drag" not in case)
+    assert (energy.drag_loss is None) == all(one.drag is None for one in params.pulleys)
     ours = np.transpose([energy.joint_loss, energy.contact_loss, energy.friction_loss, drag_loss])
     assert np.max(np.abs(ours - losses)) <= 1e-6 * np.max(np.abs(losses))
     # of a contact that has only begun mu is a quotient of two small numbers: known as its force is
@@ -190,7 +190,9 @@ def test_core_agrees_with_oracle(case: str) -> None:
     # angle
     kinetic, developed = params._slip_limits
     per_mu = np.divide(developed, kinetic, out=np.zeros_like(kinetic), where=kinetic > 0)
-    assert np.all(np.abs(result.contact.slip - slip) <= 10e-5 * per_mu[result.contact.pulley])
+    # in full slip it runs up to decimetres, a quadrature in the oracle, as accurate as the loss
+    known = 10e-5 * per_mu[result.contact.pulley] + 1e-6 * np.max(np.abs(slip))
+    assert np.all(np.abs(result.contact.slip - slip) <= known)
     assert np.max(np.abs(result.contact.normal - normal)) <= 1e-6 * tension
     touched = result.contact.pulley
     assert np.array_equal(touched >= 0, (contacts.penetration > 0).any(axis=-2))

@@ -226,8 +226,8 @@ int bd_belt_line_lay(bd_route *route, bd_error *err) {
   if (!(crossed == 0 && route->turns == route->direction) &&
       !(crossed % 2 == 1 && route->turns == 0)) {
     return refuse(err, widest,
-                  "on the sides given, the belt winds round it in a loop of its own: is it on the "
-                  "other side of the belt?");
+                  "on the sides given, the belt winds round it in a loop of its own: is it, or one "
+                  "next to it, on the other side of the belt?");
   }
   return BD_OK;
 }
