@@ -15,7 +15,7 @@ from . import _core, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
-from .parts import Belt, Contact, Pulley
+from .parts import Belt, Contact, Pulley, as_pulleys
 from .route import Route, route
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
@@ -23,21 +23,6 @@ from .tensioning import Tensioning
 __all__ = ["Params"]
 
 _GRAVITY = Rule("", "gravity", "PAIR", "m/s^2", "acceleration (x, y)")
-
-
-def _pulleys(value: Sequence[Pulley]) -> tuple[Pulley, ...]:
-    try:
-        pulleys = tuple(value)
-    except TypeError:
-        raise TypeError(
-            f"pulleys must be a sequence of Pulley, got {type(value).__name__}"
-        ) from None
-    if not pulleys:
-        raise ValueError("pulleys must hold at least one Pulley")
-    for k, pulley in enumerate(pulleys):
-        if not isinstance(pulley, Pulley):
-            raise TypeError(f"pulleys[{k}] must be a Pulley, got {type(pulley).__name__}")
-    return pulleys
 
 
 def _gravity(value: Sequence[float]) -> tuple[float, float]:
@@ -73,7 +58,7 @@ class Params:
     """
 
     belt: Belt = attrs.field(validator=instance_of("belt", Belt))
-    pulleys: tuple[Pulley, ...] = attrs.field(converter=_pulleys)
+    pulleys: tuple[Pulley, ...] = attrs.field(converter=as_pulleys)
     contact: Contact = attrs.field(factory=Contact, validator=instance_of("contact", Contact))
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("friction"))
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _core
 from .checks import Array
-from .parts import Pulley
+from .parts import Pulley, as_pulleys
 
 __all__ = ["Route", "route"]
 
@@ -59,10 +59,11 @@ def route(pulleys: Iterable[Pulley]) -> Route:
         pulleys: In the order in which the belt visits them, each with its side.
 
     Raises:
+        TypeError: These are no pulleys.
         ValueError: There is no such route: pulleys overlap, one is passed by, a span would pass
             through one, or the belt would cross itself.
     """
-    given = list(pulleys)
+    given = as_pulleys(pulleys)
     centers = np.array([pulley.center for pulley in given], dtype=float).reshape(-1, 2)
     radii = np.array([pulley.radius for pulley in given], dtype=float)
     outside = [pulley.side == "outside" for pulley in given]
