@@ -90,6 +90,9 @@ class Params:
             ],
             self.belt.mesh,
             [pulley.side == "outside" for pulley in self.pulleys],
+            [None if pulley.mount is None else pulley.mount._to_core() for pulley in self.pulleys]
+            if self.mounted
+            else None,
         )
         model.check_geometry()
         self.tensioning.check_fits(len(self.pulleys))
@@ -127,6 +130,11 @@ class Params:
     def route(self) -> Route:
         """The way of the belt round the pulleys: tangent points, wraps, spans, length."""
         return route(self.pulleys)
+
+    @property
+    def mounted(self) -> tuple[int, ...]:
+        """Indices of the pulleys with a mount, in the order of ``State.travel``."""
+        return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.mount is not None)
 
     @property
     def has_friction(self) -> bool:
@@ -230,6 +238,9 @@ class Params:
         for pulley, table in zip(self.pulleys, document["pulleys"], strict=True):
             if pulley.friction is not None:
                 table["friction"] = toml.unstructure(pulley.friction)
+            if pulley.mount is not None:
+                fields = toml.unstructure(pulley.mount)
+                table["mount"] = {k: v for k, v in fields.items() if v is not None}
         return document
 
 

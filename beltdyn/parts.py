@@ -14,6 +14,7 @@ from collections.abc import Iterable
 import attrs
 
 from .friction import Friction, law_or_none
+from .mounts import Mount, mount_or_none
 from .rules import Printable, Rule, from_table, instance_of, with_choice
 
 __all__ = ["Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
@@ -83,7 +84,7 @@ class Drag(Printable):
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("pulley", _CENTER))
 class Pulley(Printable):
-    """A pulley that turns about a fixed axis (2.12).
+    """A pulley that turns about its axis (2.12), which is fixed or has a mount.
 
     Attributes:
         center: Position of the axis (x, y) [m].
@@ -95,6 +96,8 @@ class Pulley(Printable):
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
             ``Params.friction``.
+        mount: What lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None: it is
+            fixed. Needs ``Belt(mesh="joint")``.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -108,6 +111,7 @@ class Pulley(Printable):
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
+    mount: Mount | None = attrs.field(default=None, validator=mount_or_none)
 
 
 def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:

@@ -106,7 +106,11 @@ def from_table(
         return field.evolve(converter=check, metadata={"rule": rule})
 
     def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-        return [field if field.validator is not None else with_rule(field) for field in fields]
+        checked = [field.validator is not None or field.converter is not None for field in fields]
+        return [
+            field if known else with_rule(field)
+            for field, known in zip(fields, checked, strict=True)
+        ]
 
     return transform
 

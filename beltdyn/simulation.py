@@ -271,6 +271,7 @@ def _simulate(
         times.size,
         params.belt.n_bodies,
         len(params.pulleys),
+        n_mounts=len(params.mounted),
         energy_terms=len(params._model.energy_terms) if options["ledger"] else 0,
         friction=params.has_friction,
     )
@@ -492,7 +493,7 @@ def _check_initial(params: Params, initial: object) -> None:
     if not isinstance(initial, State):
         hint = ", its final_state is one" if isinstance(initial, Result) else ""
         raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
-    initial.check_fits(params.belt.n_bodies, len(params.pulleys))
+    initial.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
 
 
 def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:

@@ -48,10 +48,16 @@ int bd_core_read_group(PyObject *object, const char *group, const char *label, v
 /* A friction law, (name, tuple of its parameters); None: law 0. `label`: its name in messages. */
 int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction);
 int bd_core_read_gravity(PyObject *object, double gravity[2]);
-/* The pulleys as a fresh block (PyMem_Free it), after them the friction laws that they point to;
- * their number in *n. */
+/* A mount, (kind, place, numbers); arrays that it points to stay in the list `keep`. */
+int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
+/* What pulleys may have of their own, an entry each, or None: in bd_pulley's words. */
+typedef struct {
+  PyObject *drag, *friction, *outside, *mounts;
+} bd_core_pulley_parts;
+/* The pulleys as a fresh block (PyMem_Free it), after them what they point to, but for arrays,
+ * which stay in the list `keep`; their number in *n. */
 bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                                PyObject *drag, PyObject *friction, PyObject *outside, int *n);
+                                const bd_core_pulley_parts *parts, PyObject *keep, int *n);
 
 /* --- model ----------------------------------------------------------------------------------- */
 

@@ -10,7 +10,7 @@
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum { SIZE_LINKS, SIZE_SLOTS, SIZE_PULLEYS };
+enum { SIZE_LINKS, SIZE_SLOTS, SIZE_PULLEYS, SIZE_MOUNTS };
 
 /* The name, length kind and pointer of every state field, in the order of BD_STATE_FIELDS. */
 static const struct {
@@ -24,9 +24,10 @@ static const struct {
 };
 
 static npy_intp length_of(int size, const bd_info *info) {
-  return size == SIZE_LINKS   ? info->n_bodies
-         : size == SIZE_SLOTS ? (npy_intp)info->n_slots * info->n_bodies
-                              : info->n_pulleys;
+  return size == SIZE_LINKS    ? info->n_bodies
+         : size == SIZE_SLOTS  ? (npy_intp)info->n_slots * info->n_bodies
+         : size == SIZE_MOUNTS ? info->n_mounts
+                               : info->n_pulleys;
 }
 
 /* Hands an array (NULL: failed already) to the record, which then owns it. */
@@ -65,6 +66,10 @@ int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *inf
     char name[BD_NAME_SIZE];
     npy_intp length = length_of(state_fields[k].size, info);
     PyOS_snprintf(name, sizeof name, "state '%s'", state_fields[k].name);
+    if (length == 0 && !PyMapping_HasKeyString(mapping, state_fields[k].name)) {
+      failed = put_array(out, k, (PyArrayObject *)PyArray_ZEROS(1, &length, NPY_DOUBLE, 0));
+      continue;
+    }
     value = get_field(mapping, state_fields[k].name);
     failed = value ? put_array(out, k, bd_convert_array(value, name, 1, &length)) : -1;
     Py_XDECREF(value);
@@ -116,14 +121,15 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                   "gravity", "drag",    "pulley_friction", "mesh",     "outside", NULL};
+  char *names[] = {"belt", "centers",         "radii", "inertias", "contact", "friction", "gravity",
+                   "drag", "pulley_friction", "mesh",  "outside",  "mounts",  NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  PyObject *drag = Py_None, *pulley_friction = Py_None, *outside = Py_None;
+  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsO:Model", names, &belt, &centers,
-                                   &radii, &inertias, &contact, &default_friction, &gravity, &drag,
-                                   &pulley_friction, &mesh, &outside)) {
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOO:Model", names, &belt, &centers,
+                                   &radii, &inertias, &contact, &default_friction, &gravity,
+                                   &parts.drag, &parts.friction, &mesh, &parts.outside,
+                                   &parts.mounts)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -134,9 +140,11 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
       bd_core_read_gravity(gravity, scene.gravity) < 0) {
     return NULL;
   }
-  bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, inertias, drag, pulley_friction,
-                                            outside, &scene.n_pulleys);
+  PyObject *keep = PyList_New(0);
+  bd_pulley *pulleys =
+      keep ? bd_core_read_pulleys(centers, radii, inertias, &parts, keep, &scene.n_pulleys) : NULL;
   if (!pulleys) {
+    Py_XDECREF(keep);
     return NULL;
   }
   scene.pulleys = pulleys;
@@ -145,6 +153,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     PyErr_Format(PyExc_ValueError, "belt.mesh must be \"joint\" or \"paper\", got \"%.100s\"",
                  mesh);
     PyMem_Free(pulleys);
+    Py_DECREF(keep);
     return NULL;
   }
   scene.belt.mesh = is_joint ? BD_MESH_JOINT : BD_MESH_PAPER;
@@ -154,6 +163,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
   bd_model *model = NULL;
   int code = bd_model_create(&model, &scene, &err);
   PyMem_Free(pulleys);
+  Py_DECREF(keep);
   if (code < 0) {
     return bd_core_raise(code, &err);
   }
@@ -323,10 +333,27 @@ static PyMethodDef model_methods[] = {
     {NULL, NULL, 0, NULL},
 };
 
+static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_model *self = (bd_core_model *)object;
+  const npy_intp mounts = self->info.n_mounts, shape[2] = {self->info.n_pulleys, 2};
+  PyArrayObject *travel = (PyArrayObject *)PyArray_SimpleNew(1, &mounts, NPY_DOUBLE);
+  PyArrayObject *centers = (PyArrayObject *)PyArray_SimpleNew(2, shape, NPY_DOUBLE);
+  if (!travel || !centers) {
+    Py_XDECREF(travel);
+    Py_XDECREF(centers);
+    return NULL;
+  }
+  bd_model_rest(self->model, PyArray_DATA(travel), PyArray_DATA(centers));
+  return Py_BuildValue("(NN)", travel, centers);
+}
+
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
+    {"rest", model_rest, NULL,
+     "Travels of the mounts and centres of the pulleys, (x, y), in equilibrium with the belt.",
+     NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
@@ -335,13 +362,14 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None, mounts=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
     "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
-    "back of the belt; None: all inside the loop.\n"
+    "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
+    "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

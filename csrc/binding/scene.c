@@ -95,30 +95,40 @@ int bd_core_read_friction(PyObject *object, const char *label, bd_friction *fric
   return bd_core_read_group(PyTuple_GET_ITEM(object, 1), name, label, &friction->dahl);
 }
 
-/* What one pulley has of an argument that has an entry for each of them. */
-typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley,
-                          bd_friction *friction);
+/* What a pulley points to. */
+typedef struct {
+  bd_friction friction;
+  bd_mount mount;
+  PyObject *keep; /* borrowed */
+} pointed_to;
 
-static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, bd_friction *friction) {
-  (void)friction;
+/* What one pulley has of an argument that has an entry for each of them. */
+typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own);
+
+static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own) {
+  (void)own;
   return bd_core_read_group(entry, "drag", label, &pulley->drag);
 }
 
 static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley,
-                             bd_friction *friction) {
-  pulley->friction = friction;
-  return bd_core_read_friction(entry, label, friction);
+                             pointed_to *own) {
+  pulley->friction = &own->friction;
+  return bd_core_read_friction(entry, label, &own->friction);
 }
 
-static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley,
-                        bd_friction *friction) {
-  (void)friction;
+static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own) {
+  (void)own;
   return bd_convert_bool(entry, label, &pulley->outside);
+}
+
+static int read_mount(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own) {
+  pulley->mount = &own->mount;
+  return bd_core_read_mount(entry, label, &own->mount, own->keep);
 }
 
 /* One entry, or None, for each pulley; None: no pulley has any. */
 static int read_entries(PyObject *object, const char *name, read_entry read, npy_intp count,
-                        bd_pulley *pulleys, bd_friction *frictions) {
+                        bd_pulley *pulleys, pointed_to *own) {
   if (object == Py_None) {
     return 0;
   }
@@ -142,14 +152,14 @@ static int read_entries(PyObject *object, const char *name, read_entry read, npy
     PyObject *row = PySequence_Fast_GET_ITEM(rows, j);
     char label[BD_NAME_SIZE];
     PyOS_snprintf(label, sizeof label, "pulleys[%d].%s", (int)j, name);
-    failed = row == Py_None ? 0 : read(row, label, &pulleys[j], &frictions[j]);
+    failed = row == Py_None ? 0 : read(row, label, &pulleys[j], &own[j]);
   }
   Py_DECREF(rows);
   return failed;
 }
 
 bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                                PyObject *drag, PyObject *friction, PyObject *outside, int *n) {
+                                const bd_core_pulley_parts *parts, PyObject *keep, int *n) {
   const npy_intp pairs[2] = {BD_ANY, 2};
   bd_pulley *pulleys = NULL;
   PyArrayObject *center = bd_convert_array(centers, "centers", 2, pairs), *radius = NULL,
@@ -170,7 +180,7 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
   if (!inertia) {
     goto out;
   }
-  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(bd_friction));
+  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(pointed_to));
   if (!pulleys) {
     PyErr_NoMemory();
     goto out;
@@ -183,10 +193,14 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
         .inertia = i[j],
     };
   }
-  bd_friction *frictions = (bd_friction *)(pulleys + count);
-  if (read_entries(drag, "drag", read_drag, count, pulleys, frictions) < 0 ||
-      read_entries(friction, "friction", read_own_friction, count, pulleys, frictions) < 0 ||
-      read_entries(outside, "outside", read_outside, count, pulleys, frictions) < 0) {
+  pointed_to *own = (pointed_to *)(pulleys + count);
+  for (npy_intp j = 0; j < count; j++) {
+    own[j].keep = keep;
+  }
+  if (read_entries(parts->drag, "drag", read_drag, count, pulleys, own) < 0 ||
+      read_entries(parts->friction, "friction", read_own_friction, count, pulleys, own) < 0 ||
+      read_entries(parts->outside, "outside", read_outside, count, pulleys, own) < 0 ||
+      read_entries(parts->mounts, "mount", read_mount, count, pulleys, own) < 0) {
     PyMem_Free(pulleys);
     pulleys = NULL;
   }
@@ -209,7 +223,8 @@ PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObjec
   }
   int n = 0, turns = 0;
   double length = 0.0;
-  bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, radii, Py_None, Py_None, outside, &n);
+  const bd_core_pulley_parts parts = {Py_None, Py_None, outside, Py_None};
+  bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, radii, &parts, NULL, &n);
   if (!pulleys) {
     return NULL;
   }

@@ -92,8 +92,8 @@ static void mount_row(const bd_links *links, const bd_tangent *tangent,
         for (int k = 0; k < 3; ++k) {
           const joint_force f =
               friction_column(&joint, &normals, total, load_unaligned(tangent->cos + at),
-                              load_unaligned(tangent->sin + at),
-                              load_unaligned(tangent->spin + at), step, k, 1 - side);
+                              load_unaligned(tangent->sin + at), load_unaligned(tangent->spin + at),
+                              step, k, 1 - side);
           add_to(to[k], i, fma_(ax, f.x, ay * f.y));
         }
       }

@@ -64,8 +64,8 @@ struct bd_model {
   int *winding; /* turns of the belt round the axis of each */
   bd_wrap *wraps;
   double longest_span;
-  bd_error geometry; /* what bd_model_check_geometry returns */
-  double far_away;   /* where the padding stands: on no pulley */
+  bd_error geometry;  /* what bd_model_check_geometry returns */
+  double far_away;    /* where the padding stands: on no pulley */
   bd_mounted *mounts; /* lay.nm; NULL: none */
   int *mounted;       /* their pulleys */
   int *mount_of;      /* by pulley its mount, -1: none; NULL: there are no mounts */

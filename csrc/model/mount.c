@@ -151,8 +151,8 @@ static void fill_arm(bd_mounted *mount, const bd_model *model, const bd_mount *g
   mount->preload = arm->preload;
   mount->damping = arm->damping;
   mount->friction = arm->friction;
-  mount->adapts = arm->friction_stiffness > 0.0 ? arm->friction_stiffness / arm->friction
-                                                : 1.0 / PRESLIDING;
+  mount->adapts =
+      arm->friction_stiffness > 0.0 ? arm->friction_stiffness / arm->friction : 1.0 / PRESLIDING;
   mount->lowest = arm->lowest;
   mount->highest = arm->highest;
   mount->stop_stiffness = arm->stop_stiffness;
@@ -262,9 +262,9 @@ bd_place bd_mount_place(const bd_mounted *mount, double q) {
     return place_on_path(mount, q);
   }
   if (mount->kind == BD_MOUNT_SLIDER) {
-    return (bd_place){.c = {mount->drawn[0] + q * mount->direction[0],
-                            mount->drawn[1] + q * mount->direction[1]},
-                      .a = {mount->direction[0], mount->direction[1]}};
+    return (bd_place){
+        .c = {mount->drawn[0] + q * mount->direction[0], mount->drawn[1] + q * mount->direction[1]},
+        .a = {mount->direction[0], mount->direction[1]}};
   }
   const double dx = mount->drawn[0] - mount->pivot[0], dy = mount->drawn[1] - mount->pivot[1];
   const double x = cos(q) * dx - sin(q) * dy, y = sin(q) * dx + cos(q) * dy;

@@ -252,6 +252,16 @@ static int balance(const search *s, double scale) {
   return code;
 }
 
+void bd_model_rest(const bd_model *model, double *travel, double *centers) {
+  for (int m = 0; travel && m < model->lay.nm; ++m) {
+    travel[m] = model->mounts[m].rest;
+  }
+  for (int j = 0; centers && j < model->lay.np; ++j) {
+    centers[2 * j] = model->cx[j] + model->origin[0];
+    centers[2 * j + 1] = model->cy[j] + model->origin[1];
+  }
+}
+
 int bd_mounts_rest(bd_model *model) {
   const int n = model->lay.nm;
   if (n == 0) {

@@ -245,8 +245,7 @@ void bd_mounts_outputs(bd_plan *plan, const double *y, const bd_output *out, siz
         {out->travel_speed, v},
         {out->spring_force, is_path(mount) ? 0.0 : bd_mount_spring(mount, q)},
         {out->damper_force, is_path(mount) ? 0.0 : -mount->damping * v},
-        {out->friction_force,
-         is_path(mount) ? 0.0 : -mount->friction * y[lay->mount_friction + m]},
+        {out->friction_force, is_path(mount) ? 0.0 : -mount->friction * y[lay->mount_friction + m]},
         {out->stop_force, is_path(mount) ? 0.0 : bd_mount_stop(mount, q, v, &lost)},
         {out->belt_force, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0},
     };

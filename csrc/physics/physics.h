@@ -211,14 +211,14 @@ struct bd_plan {
   double *owner;    /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
-  double *torque;   /* M_d of the last evaluation */
-  double *friction; /* friction torque on each pulley */
-  double *best;     /* scratch of the output, per link */
-  double *hub;      /* force of the belt on each pulley with a mount (mounts, 2) */
+  double *torque;        /* M_d of the last evaluation */
+  double *friction;      /* friction torque on each pulley */
+  double *best;          /* scratch of the output, per link */
+  double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
   double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
   double t_piece;
   int ledger, friction_on, bending_on;
-  int grip_on; /* friction of mounts */
+  int grip_on;                      /* friction of mounts */
   int no_power;                     /* power is never evaluated: settling, runs beside the run */
   int skip_power;                   /* nor now: stages that do not need it */
   int pulleys_locked;               /* settling: pulleys stand still */

@@ -242,7 +242,8 @@ static void set_up(bd_settling *settling, double step) {
   }
   /* critical for mounts as well: no inertia has a say in an equilibrium */
   for (int m = 0; m < model->lay.nm; ++m) {
-    sim->stepper.plan.mount_inertia[m] = 4.0 * model->mounts[m].held / (mass_damping * mass_damping);
+    sim->stepper.plan.mount_inertia[m] =
+        4.0 * model->mounts[m].held / (mass_damping * mass_damping);
   }
   bd_options_default(&sim->options);
   sim->options.method = sim->stepper.method->name;

@@ -4,10 +4,10 @@
  * shafts in the border.
  *
  * The contact of the pulley knows where links are against its axis. A velocity s of the travel and
- * the travel g s that comes with it move the axis by g a s at (a + g q' a') s, a = dc/dq, and so all
- * links by as much the other way. The column of a mount is the contact's answer to that; its row is
- * what moves of the links do to the force on the axis along a; and where the axis has moved, a has
- * turned by a' under the force that there is.
+ * the travel g s that comes with it move the axis by g a s at (a + g q' a') s, a = dc/dq, and so
+ * all links by as much the other way. The column of a mount is the contact's answer to that; its
+ * row is what moves of the links do to the force on the axis along a; and where the axis has moved,
+ * a has turned by a' under the force that there is.
  */
 #include <string.h>
 

@@ -486,10 +486,10 @@ static void sum_of(const bd_newton_system *system, const bd_plan *plan, int j, d
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const int n_runs = system->at.n_runs[j];
   const bd_run *runs = runs_of(system, j);
-  sum[0] = kernels->sum_runs(n_runs, runs, system->x) +
-           kernels->sum_runs(n_runs, runs, system->joint_x);
-  sum[1] = kernels->sum_runs(n_runs, runs, system->y) +
-           kernels->sum_runs(n_runs, runs, system->joint_y);
+  sum[0] =
+      kernels->sum_runs(n_runs, runs, system->x) + kernels->sum_runs(n_runs, runs, system->joint_x);
+  sum[1] =
+      kernels->sum_runs(n_runs, runs, system->y) + kernels->sum_runs(n_runs, runs, system->joint_y);
 }
 
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
