@@ -7,13 +7,13 @@ the place that the pulley has in the drive. Torques and forces count in its sens
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import attrs
 import numpy as np
 
-from .checks import Array, pair, real_array
+from .checks import Array, pair, real, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
 __all__ = ["Arm", "Mount", "Path", "Slider", "mount_or_none"]
@@ -25,13 +25,14 @@ def _pair(group: str, name: str, unit: str, text: str) -> Rule:
     return Rule(group, name, "PAIR", unit, text)
 
 
+_UNLOADED = "travel at which the spring is unloaded"
+_STOPS = "lowest and highest travel"
 _PIVOT = _pair("arm", "pivot", "m", "about which it turns")
 _DIRECTION = _pair("slider", "direction", "1", "of its travel")
 
 
-def _stops(group: str, unit: str) -> Any:
-    """Give the field of a mount's stops."""
-    rule = Rule(group, "stops", "PAIR", unit, "lowest and highest travel")
+def _stops(group: str, unit: str) -> Callable[[Sequence[float] | None], Stops]:
+    """Give the check of a mount's stops."""
 
     def check(value: Sequence[float] | None) -> Stops:
         if value is None:
@@ -44,19 +45,16 @@ def _stops(group: str, unit: str) -> Any:
             )
         return low, high
 
-    return attrs.field(default=None, converter=check, metadata={"rule": rule})
+    return check
 
 
-def _unloaded(group: str, name: str, unit: str) -> Any:
-    """Give the field of the travel at which a mount's spring is unloaded."""
-    rule = Rule(group, name, "FINITE", unit, "travel at which the spring is unloaded")
+def _unloaded(group: str, name: str, unit: str) -> Callable[[float | None], float | None]:
+    """Give the check of the travel at which a mount's spring is unloaded."""
 
     def check(value: float | None) -> float | None:
-        from .checks import real
-
         return None if value is None else real(f"{group}.{name}", value, unit)
 
-    return attrs.field(default=None, converter=check, metadata={"rule": rule})
+    return check
 
 
 class _Sprung(Printable):
@@ -77,6 +75,18 @@ class _Sprung(Printable):
             )
         if self._unloaded_at is not None and mount.stiffness == 0.0:
             raise ValueError(f"{group}.{unloaded} needs a spring: {group}.stiffness is 0")
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """Leave out what does not apply: of preload and unloaded place one, stops that are none."""
+        mount: Any = self
+        left_out = {name for name in ("preload", "stops") if getattr(mount, name) is None}
+        if self._unloaded_at is None:
+            left_out |= {"free_angle", "free_travel"}
+        if mount.friction == 0.0:
+            left_out |= {"friction_stiffness"}
+        if mount.stops is None:
+            left_out |= {"stop_stiffness", "stop_damping"}
+        return [row for row in Printable._rows(self) if row[0] not in left_out]
 
     @property
     def spring_force(self) -> float:
@@ -131,11 +141,19 @@ class Arm(_Sprung):
     mass: float = 0.0
     stiffness: float = 0.0
     preload: float | None = None
-    free_angle: float | None = _unloaded("arm", "free_angle", "rad")
+    free_angle: float | None = attrs.field(
+        default=None,
+        converter=_unloaded("arm", "free_angle", "rad"),
+        metadata={"rule": Rule("arm", "free_angle", "FINITE", "rad", _UNLOADED)},
+    )
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
-    stops: Stops = _stops("arm", "rad")
+    stops: Stops = attrs.field(
+        default=None,
+        converter=_stops("arm", "rad"),
+        metadata={"rule": _pair("arm", "stops", "rad", _STOPS)},
+    )
     stop_stiffness: float | None = None
     stop_damping: float | None = None
 
@@ -190,11 +208,19 @@ class Slider(_Sprung):
     weight: float = 0.0
     stiffness: float = 0.0
     preload: float | None = None
-    free_travel: float | None = _unloaded("slider", "free_travel", "m")
+    free_travel: float | None = attrs.field(
+        default=None,
+        converter=_unloaded("slider", "free_travel", "m"),
+        metadata={"rule": Rule("slider", "free_travel", "FINITE", "m", _UNLOADED)},
+    )
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
-    stops: Stops = _stops("slider", "m")
+    stops: Stops = attrs.field(
+        default=None,
+        converter=_stops("slider", "m"),
+        metadata={"rule": _pair("slider", "stops", "m", _STOPS)},
+    )
     stop_stiffness: float | None = None
     stop_damping: float | None = None
 
