@@ -7,7 +7,7 @@ the place that the pulley has in the drive. Torques and forces count in its sens
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import attrs
@@ -31,30 +31,32 @@ _PIVOT = _pair("arm", "pivot", "m", "about which it turns")
 _DIRECTION = _pair("slider", "direction", "1", "of its travel")
 
 
-def _stops(group: str, unit: str) -> Callable[[Sequence[float] | None], Stops]:
-    """Give the check of a mount's stops."""
-
-    def check(value: Sequence[float] | None) -> Stops:
-        if value is None:
-            return None
-        low, high = pair(f"{group}.stops", value, unit)
-        if not low < high:
-            raise ValueError(
-                f"{group}.stops must be (lowest, highest) with lowest < highest ({unit}), "
-                f"got ({low:g}, {high:g})"
-            )
-        return low, high
-
-    return check
+def _stops(name: str, value: Sequence[float] | None, unit: str) -> Stops:
+    if value is None:
+        return None
+    low, high = pair(name, value, unit)
+    if not low < high:
+        raise ValueError(
+            f"{name} must be (lowest, highest) with lowest < highest ({unit}), "
+            f"got ({low:g}, {high:g})"
+        )
+    return low, high
 
 
-def _unloaded(group: str, name: str, unit: str) -> Callable[[float | None], float | None]:
-    """Give the check of the travel at which a mount's spring is unloaded."""
+def _arm_stops(value: Sequence[float] | None) -> Stops:
+    return _stops("arm.stops", value, "rad")
 
-    def check(value: float | None) -> float | None:
-        return None if value is None else real(f"{group}.{name}", value, unit)
 
-    return check
+def _slider_stops(value: Sequence[float] | None) -> Stops:
+    return _stops("slider.stops", value, "m")
+
+
+def _free_angle(value: float | None) -> float | None:
+    return None if value is None else real("arm.free_angle", value, "rad")
+
+
+def _free_travel(value: float | None) -> float | None:
+    return None if value is None else real("slider.free_travel", value, "m")
 
 
 class _Sprung(Printable):
@@ -143,7 +145,7 @@ class Arm(_Sprung):
     preload: float | None = None
     free_angle: float | None = attrs.field(
         default=None,
-        converter=_unloaded("arm", "free_angle", "rad"),
+        converter=_free_angle,
         metadata={"rule": Rule("arm", "free_angle", "FINITE", "rad", _UNLOADED)},
     )
     damping: float = 0.0
@@ -151,7 +153,7 @@ class Arm(_Sprung):
     friction_stiffness: float | None = None
     stops: Stops = attrs.field(
         default=None,
-        converter=_stops("arm", "rad"),
+        converter=_arm_stops,
         metadata={"rule": _pair("arm", "stops", "rad", _STOPS)},
     )
     stop_stiffness: float | None = None
@@ -210,7 +212,7 @@ class Slider(_Sprung):
     preload: float | None = None
     free_travel: float | None = attrs.field(
         default=None,
-        converter=_unloaded("slider", "free_travel", "m"),
+        converter=_free_travel,
         metadata={"rule": Rule("slider", "free_travel", "FINITE", "m", _UNLOADED)},
     )
     damping: float = 0.0
@@ -218,7 +220,7 @@ class Slider(_Sprung):
     friction_stiffness: float | None = None
     stops: Stops = attrs.field(
         default=None,
-        converter=_stops("slider", "m"),
+        converter=_slider_stops,
         metadata={"rule": _pair("slider", "stops", "m", _STOPS)},
     )
     stop_stiffness: float | None = None
