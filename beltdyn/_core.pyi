@@ -63,10 +63,11 @@ class Model:
         mounts: Sequence[MountTerm | None] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
+    def centers(self, travel: ArrayLike, /) -> NDArray[np.float64]: ...
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
     @property
-    def rest(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...  # travels, centres
+    def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
     @property
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property

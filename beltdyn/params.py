@@ -10,13 +10,14 @@ from typing import Any
 
 import attrs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _core, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
 from .parts import Belt, Contact, Pulley, as_pulleys
-from .route import Route, route
+from .route import Route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
 
@@ -128,8 +129,26 @@ class Params:
 
     @functools.cached_property
     def route(self) -> Route:
-        """The way of the belt round the pulleys: tangent points, wraps, spans, length."""
-        return route(self.pulleys)
+        """The way of the belt round the pulleys: tangent points, wraps, spans, length.
+
+        Pulleys on mounts are where these rest, in equilibrium with the belt.
+        """
+        return route_at(self.pulleys, self.centers())
+
+    def centers(self, travel: ArrayLike | None = None) -> Array:
+        """Give where the axes of the pulleys are.
+
+        Args:
+            travel: Travels of the mounts (n_m,), such as ``state.travel`` or a row of
+                ``result.mounts.travel``; None: where they rest, in equilibrium with the belt.
+
+        Returns:
+            Axes (n_p, 2) [m].
+
+        Raises:
+            TypeError, ValueError: Not one finite travel for each mount.
+        """
+        return self._model.centers(self._model.rest if travel is None else travel)
 
     @property
     def mounted(self) -> tuple[int, ...]:

@@ -56,7 +56,8 @@ def route(pulleys: Iterable[Pulley]) -> Route:
     """Find how a belt runs round pulleys, before any belt is chosen.
 
     Args:
-        pulleys: In the order in which the belt visits them, each with its side.
+        pulleys: In the order in which the belt visits them, each with its side; those on mounts in
+            the places given.
 
     Raises:
         TypeError: These are no pulleys.
@@ -64,7 +65,15 @@ def route(pulleys: Iterable[Pulley]) -> Route:
             through one, or the belt would cross itself.
     """
     given = as_pulleys(pulleys)
-    centers = np.array([pulley.center for pulley in given], dtype=float).reshape(-1, 2)
+    return route_at(given, np.array([pulley.center for pulley in given], dtype=float))
+
+
+def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
+    """Find how a belt runs round pulleys whose axes are at ``centers`` (n_p, 2) [m].
+
+    Raises:
+        ValueError: As :func:`route`.
+    """
     radii = np.array([pulley.radius for pulley in given], dtype=float)
     outside = [pulley.side == "outside" for pulley in given]
     rows, length, turns = _core.belt_line(centers, radii, outside)

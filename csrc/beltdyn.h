@@ -193,9 +193,10 @@ typedef struct bd_info {
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
-/* In equilibrium with the belt: travels of the mounts (n_mounts), centres of the pulleys (n_p, 2)
- * [m]; where there is none (bd_model_check_geometry), those of the scene. Arrays may be NULL. */
-void bd_model_rest(const bd_model *model, double *travel, double *centers);
+/* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
+ * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels. */
+void bd_model_rest(const bd_model *model, double *travel);
+void bd_model_centers(const bd_model *model, const double *travel, double *centers);
 
 /* The tight belt line at one pulley: the angle seen from its axis at which the belt arrives, and
  * that over which it lies, > 0, so that it leaves at arrive + sense wrap [rad]; the sense in which

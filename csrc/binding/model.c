@@ -326,8 +326,24 @@ static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) 
   return all;
 }
 
+PyDoc_STRVAR(centers_doc, "centers($self, travel, /)\n--\n\n"
+                          "Axes of all pulleys (n_p, 2) [m] at travels of the mounts (n_m,).");
+
+static PyObject *model_centers(PyObject *object, PyObject *travel) {
+  bd_core_model *self = (bd_core_model *)object;
+  const npy_intp mounts = self->info.n_mounts, shape[2] = {self->info.n_pulleys, 2};
+  PyArrayObject *given = bd_convert_array(travel, "travel", 1, &mounts);
+  PyArrayObject *centers = given ? (PyArrayObject *)PyArray_SimpleNew(2, shape, NPY_DOUBLE) : NULL;
+  if (centers) {
+    bd_model_centers(self->model, PyArray_DATA(given), PyArray_DATA(centers));
+  }
+  Py_XDECREF(given);
+  return (PyObject *)centers;
+}
+
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
+    {"centers", model_centers, METH_O, centers_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
     {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
     {NULL, NULL, 0, NULL},
@@ -335,25 +351,19 @@ static PyMethodDef model_methods[] = {
 
 static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
   bd_core_model *self = (bd_core_model *)object;
-  const npy_intp mounts = self->info.n_mounts, shape[2] = {self->info.n_pulleys, 2};
+  const npy_intp mounts = self->info.n_mounts;
   PyArrayObject *travel = (PyArrayObject *)PyArray_SimpleNew(1, &mounts, NPY_DOUBLE);
-  PyArrayObject *centers = (PyArrayObject *)PyArray_SimpleNew(2, shape, NPY_DOUBLE);
-  if (!travel || !centers) {
-    Py_XDECREF(travel);
-    Py_XDECREF(centers);
-    return NULL;
+  if (travel) {
+    bd_model_rest(self->model, PyArray_DATA(travel));
   }
-  bd_model_rest(self->model, PyArray_DATA(travel), PyArray_DATA(centers));
-  return Py_BuildValue("(NN)", travel, centers);
+  return (PyObject *)travel;
 }
 
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
-    {"rest", model_rest, NULL,
-     "Travels of the mounts and centres of the pulleys, (x, y), in equilibrium with the belt.",
-     NULL},
+    {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},

@@ -76,9 +76,17 @@ int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
   if (!(lever > 0.0) || !isfinite(lever)) {
     return refuse(err, j, "pivot", lever, "must be finite and off the pulley's axis, by > 0 m");
   }
-  return bd_parameters_check("arm", label, &mount->arm, err) != BD_OK
-             ? BD_ERR_PARAMETER
-             : check_stops(mount->arm.lowest, mount->arm.highest, j, err);
+  if (bd_parameters_check("arm", label, &mount->arm, err) != BD_OK) {
+    return BD_ERR_PARAMETER;
+  }
+  const double least = mount->arm.mass * lever * lever;
+  if (mount->arm.inertia < least * (1.0 - 1e-9)) {
+    char rule[120];
+    snprintf(rule, sizeof rule,
+             "must be at least %.6g kg m^2, that of its mass on the pulley's axis", least);
+    return refuse(err, j, "inertia", mount->arm.inertia, rule);
+  }
+  return check_stops(mount->arm.lowest, mount->arm.highest, j, err);
 }
 
 /* --- making them ------------------------------------------------------------------------------ */

@@ -252,13 +252,21 @@ static int balance(const search *s, double scale) {
   return code;
 }
 
-void bd_model_rest(const bd_model *model, double *travel, double *centers) {
-  for (int m = 0; travel && m < model->lay.nm; ++m) {
+void bd_model_rest(const bd_model *model, double *travel) {
+  for (int m = 0; m < model->lay.nm; ++m) {
     travel[m] = model->mounts[m].rest;
   }
-  for (int j = 0; centers && j < model->lay.np; ++j) {
-    centers[2 * j] = model->cx[j] + model->origin[0];
-    centers[2 * j + 1] = model->cy[j] + model->origin[1];
+}
+
+void bd_model_centers(const bd_model *model, const double *travel, double *centers) {
+  for (int j = 0; j < model->lay.np; ++j) {
+    const int m = model->mount_of ? model->mount_of[j] : -1;
+    bd_place at = {.c = {model->cx[j], model->cy[j]}};
+    if (m >= 0) {
+      at = bd_mount_place(&model->mounts[m], travel[m]);
+    }
+    centers[2 * j] = at.c[0] + model->origin[0];
+    centers[2 * j + 1] = at.c[1] + model->origin[1];
   }
 }
 
