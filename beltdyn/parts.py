@@ -28,6 +28,8 @@ SIDES = ("inside", "outside")
 class Belt(Printable):
     """A closed belt, per metre of its stress-free length.
 
+    ``notebooks/8-choosing-parameters.ipynb`` goes from data sheets to these numbers, with ranges.
+
     Attributes:
         length: Stress-free length of the closed belt, L [m], > 0.
         n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
@@ -142,6 +144,7 @@ class Contact(Printable):
     what the belt stretches: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and
     creep are those of rigid pulleys to 1 %, ``damping`` half of critical, compensated;
     ``params.effective_contact`` has the numbers. Choose your own where they are data of the belt.
+    ``notebooks/8-choosing-parameters.ipynb`` has them from hardness and thickness of the rubber.
 
     Attributes:
         quadratic: c1' [N/m^3], >= 0.
