@@ -82,6 +82,18 @@ static inline double bd_contact_stiffness(double c1, double c2, double force) {
   return sqrt(c2 * c2 + 4.0 * c1 * force);
 }
 
+/* Depth of a contact c1 p^2 + c2 p under a force, in the form that is exact for c1 = 0 and c2 = 0.
+ */
+static inline double bd_contact_depth(double c1, double c2, double force) {
+  return 2.0 * force / (c2 + bd_contact_stiffness(c1, c2, force));
+}
+
+/* --- rest.c ----------------------------------------------------------------------------------- */
+
+/* Mean tension of the belt between its fixed axes, without load, that runs along itself at a speed
+ * [m/s], 0: at rest [N]. */
+double bd_rest_tension(const bd_model *model, double speed);
+
 /* --- model.c ---------------------------------------------------------------------------------- */
 
 /* What a joint's stretch at rest is worth as a speed [m/s]: over the time a wave needs round a belt
