@@ -73,6 +73,7 @@ class Model:
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
+    def observe(self, state: StateDict, /) -> dict[str, NDArray[Any]]: ...  # OUTPUTS, one row
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 
 class Simulation:

@@ -290,7 +290,8 @@ class Path(Printable):
         return [("path", f"{self.t.size} points, {span}", "prescribed path of the axis")]
 
     def _to_core(self) -> tuple[Any, ...]:
-        return "path", self.t, self.displacement
+        # Hashable: settled tensions are kept by the arguments of the core.
+        return "path", tuple(self.t.tolist()), tuple(map(tuple, self.displacement.tolist()))
 
 
 Mount: TypeAlias = Arm | Slider | Path

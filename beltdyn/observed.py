@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .checks import Array
 from .friction import Friction
+from .params import Params
 from .result import Result
 from .run_warnings import RunWarning
 from .sanity import units
@@ -95,7 +96,7 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         held = None if law is None else _in_slip(law, float(kinetic[k]), contact.velocity)
         if held is not None:
             most[:, k] = _per_pulley(held * contact.normal, bins, n_p)[:, k]
-    tension = params.info["mean_tension"]
+    tension = params.info["strain_tension"]
     saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
     rows = np.flatnonzero(saturated.any(axis=1))
     if rows.size == 0:
@@ -123,11 +124,17 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
             text=f"pulley {k} slips over its whole wrap, by {slip:.2g} m, {whole} between "
             f"t = {first:.4g} and {last:.4g} s, which dissipates "
             f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction transmits "
-            f"{carried:.3g} N m at most{of_set}; raise the preload (a shorter belt.length) or "
-            "lower the torque",
+            f"{carried:.3g} N m at most{of_set}; {_tighter(params)} or lower the torque",
             t=first,
             where=f"pulley {k}",
         )
+
+
+def _tighter(params: Params) -> str:
+    """Say how the belt gets more tension."""
+    if params.belt.preload is not None:
+        return "raise belt.preload"
+    return "raise the preload (a shorter belt.length)"
 
 
 def _in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
@@ -164,7 +171,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             code="slack_span",
             text=f"span {k}, from pulley {k} to pulley {(k + 1) % n_p}, is slack, down to "
             f"{np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and {last:.4g} s; "
-            "raise the preload (a shorter belt.length) or lower the torque; how a slack span "
+            f"{_tighter(result.params)} or lower the torque; how a slack span "
             "becomes tight again may depend on very small differences, so the error is unknown",
             t=first,
             where=f"span {k}",

@@ -26,6 +26,7 @@ from .histories import (
 )
 from .params import Params
 from .run_warnings import RunWarning
+from .spans import span_tension
 from .state import State
 
 __all__ = ["Result"]
@@ -122,21 +123,7 @@ class Result:
     def _span_tension(self, rows: Any) -> Array:
         """Compute :attr:`span_tension` at some of the samples."""
         touched, force = self.contact.pulley[rows], self.joints.force[rows]
-        n_t, n_p = touched.shape[0], len(self.params.pulleys)
-        before = _last_touched(touched)
-        after = _last_touched(touched[:, ::-1])[:, ::-1]
-        free = touched < 0
-        in_span = free & np.roll(free, 1, axis=1) & (before >= 0)
-        if n_p > 1:
-            # A link lifted off within a wrap is not in a span.
-            in_span &= before != after
-        tension = np.full((n_t, n_p), np.nan)
-        for k in range(n_p):
-            here = in_span & (before == k)
-            count = here.sum(axis=1)
-            total = np.where(here, force, 0.0).sum(axis=1)
-            np.divide(total, count, out=tension[:, k], where=count > 0)
-        return tension
+        return span_tension(touched, force, len(self.params.pulleys))
 
     @cached_property
     def slip(self) -> Array:
@@ -249,12 +236,3 @@ def _named(warnings: tuple[RunWarning, ...]) -> list[str]:
         f"{one.code} ({one.where})" if codes.count(one.code) > 1 and one.where else one.code
         for one in warnings
     ]
-
-
-def _last_touched(touched: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Give the pulley touched by each link, or else by the nearest one before it; -1: none."""
-    n_b = touched.shape[1]
-    twice = np.concatenate([touched, touched], axis=1)
-    index = np.where(twice >= 0, np.arange(2 * n_b), 0)
-    nearest = np.maximum.accumulate(index, axis=1)[:, n_b:]
-    return np.take_along_axis(twice, nearest, axis=1)

@@ -17,10 +17,12 @@ __all__ = ["Printable", "Rule", "from_table", "instance_of", "lines", "rules_of"
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
+#: Group and name of those that the core knows and checks itself.
+_OF_CORE = {(row[0], row[1]) for row in _core.PARAMETERS}
 
 
 class Rule(NamedTuple):
-    """The rule of a field: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
+    """The rule of a field: a row of ``_core.PARAMETERS``, or of a number the core does not know."""
 
     group: str
     name: str
@@ -43,6 +45,8 @@ class Rule(NamedTuple):
             return checks.integer(label, value, int(least), int(most))
         if self.rule == "FLAG":
             return checks.flag(label, value)
+        if (self.group, self.name) not in _OF_CORE:
+            return checks.positive(label, value, self.unit)
         number = checks.real(label, value, self.unit)
         _core.check_parameter(self.group, self.name, self.group, number)
         return number

@@ -118,7 +118,7 @@ def mesh_error(params: Drive) -> dict[str, float]:
     info = params.info
     radii = np.array([pulley.radius for pulley in params.pulleys])
     polygon = (
-        info["link_length"] ** 2 / (12.0 * params.belt.length) * np.sum(params.route.wraps / radii)
+        info["link_length"] ** 2 / (12.0 * info["length"]) * np.sum(params.route.wraps / radii)
     )
     share = float(polygon / info["strain"])
     return {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
@@ -144,7 +144,7 @@ def _stiff_enough(params: Drive, allowed: Array) -> float:
     """Give the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
     radii = np.array([pulley.radius for pulley in params.pulleys])
     info = params.info
-    pull = info["mean_tension"] * (1.0 + info["strain"])
+    pull = info["strain_tension"] * (1.0 + info["strain"])
     low, high = 0.0, float(np.max(pull / (radii * allowed)))
     for _ in range(20):  # to 1e-6
         middle = 0.5 * (low + high)
@@ -182,17 +182,23 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
     strain = info["strain"]
     if strain > STRAIN:
         path = info["path_length"]
+        asked = (
+            f"belt.preload = {belt.preload:.4g} N right? With {STRAIN * belt.axial_stiffness:.3g} N"
+            if belt.preload is not None
+            else f"belt.length = {info['length']:.4g} m right? The belt line is {path:.4g} m long; "
+            f"belt.length = {_up(path / (1.0 + STRAIN), 4):.4g}"
+        )
+        gives = "it would be" if belt.preload is not None else "gives"
         yield RunWarning(
             code="strain",
             text=f"the belt is stretched by {_percent(strain)} at rest, to "
-            f"{info['mean_tension']:.3g} N, with EA taken as constant: is belt.length = "
-            f"{belt.length:.4g} m right? The belt line is {path:.4g} m long; belt.length = "
-            f"{_up(path / (1.0 + STRAIN), 4):.4g} gives {_percent(STRAIN)}",
+            f"{info['strain_tension']:.3g} N, with EA taken as constant: is {asked} {gives} "
+            f"{_percent(STRAIN)}",
         )
 
 
 def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
-    belt, info = params.belt, params.info
+    info = params.info
     radii = np.array([pulley.radius for pulley in params.pulleys])
     sunk = compliance.compliance(params)
     depth = sunk.depth[:, 0]
@@ -220,7 +226,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             text=f"links of {1e3 * info['link_length']:.3g} mm are long for pulley {small}, whose "
             f"radius is {1e3 * radii[small]:.3g} mm: the belt may run over it as over a polygon, "
             "or hook on it, by more than the estimated error of the mesh; "
-            f"{_links(belt.length / (LONG_LINK * radii[small]))} makes them short enough",
+            f"{_links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
             where=f"pulley {small}",
             accuracy=True,
         )
@@ -246,10 +252,10 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
             f"is as light as a disc of water {thickness:.2g} um thick: are lengths in mm?",
             f"pulley {light}",
         )
-    wave = math.sqrt(info["mean_tension"] / belt.linear_density)
+    wave = math.sqrt(info["strain_tension"] / belt.linear_density)
     if wave < WAVE_LOW:
         yield units(
-            f"a preload of {info['mean_tension']:.3g} N is little for a belt of "
+            f"a preload of {info['strain_tension']:.3g} N is little for a belt of "
             f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
             "kN, or linear_density in g/m or kg/m^3 (density times cross-section is needed)?",
             "belt",

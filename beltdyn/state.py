@@ -13,8 +13,9 @@ import numpy as np
 from . import _core, npz
 from .checks import Array, integer, real, real_array
 from .params import Params
+from .spans import span_tension
 
-__all__ = ["State"]
+__all__ = ["State", "Tensions"]
 
 _SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
@@ -53,6 +54,26 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
 _LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
 _MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self=True)
 _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Tensions:
+    """The tensions of a belt at one moment.
+
+    Attributes:
+        joints: Force in the joint on the left of each link (n_b,) [N], tension positive.
+        spans: Mean of these over the free span that follows each pulley (n_p,) [N]; NaN where no
+            joint is free.
+        mean: Mean over all joints [N].
+    """
+
+    joints: Array
+    spans: Array
+    mean: float
+
+    def __str__(self) -> str:
+        spans = ", ".join(f"{tension:.5g}" for tension in self.spans)
+        return f"mean tension {self.mean:.5g} N; spans {spans} N"
 
 
 @attrs.frozen(kw_only=True, repr=False, field_transformer=_checked)
@@ -130,6 +151,21 @@ class State:
             expected = (sizes.get(size, n_bodies),)
             if shape != expected:
                 raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
+
+    def tension(self, params: Params) -> Tensions:
+        """Give the tensions of the belt, as a run reports them (``result.span_tension``).
+
+        Args:
+            params: The drive.
+
+        Raises:
+            ValueError: The state is not one of this drive.
+        """
+        self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+        seen = params._model.observe(self._to_core(params.has_friction))
+        spans = span_tension(seen["pulley"], seen["force"], len(params.pulleys))
+        joints = seen["force"][0]
+        return Tensions(joints=joints, spans=spans[0], mean=float(joints.mean()))
 
     def at_speed(self, params: Params, omega: Mapping[int, float]) -> State:
         """Give the same state with the belt running, and all pulleys turning with it.

@@ -414,6 +414,11 @@ const char *bd_sim_pass(const bd_sim *sim, int k);
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
                   bd_state *rate, bd_error *err);
 
+/* The outputs of a state without torques: one row into the arrays that are not NULL. Energies are
+ * those stored; works are 0. */
+int bd_model_observe(const bd_model *model, const bd_state *state, const bd_output *output,
+                     bd_error *err);
+
 /* The same state's Jacobian J, by what it solves: (1 - g J) k = g c, c and k laid out as a bd_state
  * (times are not looked at). The torque is constant. g > 0 [s]. Contact and friction are taken on
  * the side of their kinks on which the state stands. */

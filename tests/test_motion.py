@@ -79,7 +79,7 @@ def run(params: bd.Params, start: bd.State, motion: Any, **options: Any) -> bd.R
 
 
 def tension(params: bd.Params) -> float:
-    return float(params.info["mean_tension"])
+    return float(params.info["strain_tension"])
 
 
 def grip(result: bd.Result, pulley: int) -> np.ndarray:

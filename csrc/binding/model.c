@@ -237,6 +237,38 @@ static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords
   return result;
 }
 
+PyDoc_STRVAR(observe_doc,
+             "observe($self, /, state)\n--\n\n"
+             "What a run would sample at a state, without torques.\n\n"
+             "state: mapping of STATE_FIELDS by name and \"t\". Returns a dict of arrays of one\n"
+             "row: OUTPUTS by name but energy, and \"pulley\". Raises TypeError or ValueError\n"
+             "naming the argument.");
+
+static PyObject *model_observe(PyObject *object, PyObject *mapping) {
+  bd_core_model *self = (bd_core_model *)object;
+  bd_core_state state;
+  if (bd_core_state_read(&state, mapping, &self->info) < 0) {
+    return NULL;
+  }
+  bd_output output = {0};
+  PyObject *keep = PyList_New(0), *dict = PyDict_New();
+  int done = keep && dict && bd_core_output_new(&output, keep, dict, &self->info, 0, 1) == 0;
+  if (done) {
+    bd_error err = {0};
+    int code = bd_model_observe(self->model, &state.state, &output, &err);
+    if (code < 0) {
+      bd_core_raise(code, &err);
+      done = 0;
+    }
+  }
+  Py_XDECREF(keep);
+  bd_core_state_release(&state);
+  if (!done) {
+    Py_CLEAR(dict);
+  }
+  return dict;
+}
+
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_info *info = &((bd_core_model *)object)->info;
   PyObject *dict = PyDict_New();
@@ -345,6 +377,7 @@ static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"centers", model_centers, METH_O, centers_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
+    {"observe", model_observe, METH_O, observe_doc},
     {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
     {NULL, NULL, 0, NULL},
 };

@@ -130,6 +130,17 @@ static inline const bd_mounted *bd_arm_of(const bd_model *model, int j) {
  * belt: cx, cy of the model, and `rest` of the mounts. Fails, into model->geometry, where there is
  * none. */
 int bd_mounts_rest(bd_model *model);
+/* Depth of a contact c1 p^2 + c2 p under a force, in the form that is exact for c1 = 0 and c2 = 0.
+ */
+static inline double bd_contact_depth(double c1, double c2, double force) {
+  return 2.0 * force / (c2 + bd_contact_stiffness(c1, c2, force));
+}
+
+/* --- rest.c ----------------------------------------------------------------------------------- */
+
+/* Mean tension of the belt between its fixed axes, without load, that runs along itself at a speed
+ * [m/s], 0: at rest [N]. */
+double bd_rest_tension(const bd_model *model, double speed);
 
 /* --- model.c ---------------------------------------------------------------------------------- */
 

@@ -281,7 +281,7 @@ static void check_contact_damping(bd_sim *sim) {
   for (int j = 1; j < model->lay.np; ++j) {
     smallest = fmin(smallest, model->radius[j]);
   }
-  const double pressure = fmax(0.0, model->info.mean_tension) / smallest;
+  const double pressure = fmax(0.0, model->info.strain_tension) / smallest;
   const double stiffness = bd_contact_stiffness(contact->quadratic, contact->linear, pressure);
   const double density = model->belt.linear_density, critical = 2.0 * sqrt(stiffness * density);
   if (!model->along_links || !sim->stepper.method->implicit ||
