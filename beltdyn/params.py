@@ -135,7 +135,10 @@ class Params:
     def _model(self) -> _core.Model:
         """The core's model of the drive; with a preload, that with the length found for it."""
         length = self.belt.length
-        if length is None:
+        if length is None and self.belt.preload is None:
+            line = self._in_place[1]
+            length = preload.find_length_in_place(self._scene, line, self._preload, self.tensioning)
+        elif length is None:
             length = preload.find_length(*self._in_place, self._preload, self.tensioning).length
         return preload.model_of(self._scene, length)
 

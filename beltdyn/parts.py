@@ -38,7 +38,7 @@ class Belt(Printable):
     Attributes:
         length: Stress-free length of the closed belt, L [m], > 0; None: found for the preload.
         preload: Mean tension of the belt at rest [N], > 0: that of the settled belt to 0.1 %,
-            whatever mesh, contact and friction make of it; None: as the length or the mounts make it.
+            whatever mesh, contact and friction make of it; None: as length or mounts make it.
         n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
             L / n_b are joined by the springs and dampers of (2.2).
         linear_density: Mass per length, rho A [kg/m], > 0.

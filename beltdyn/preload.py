@@ -18,7 +18,7 @@ from . import _core
 from .stopping import stoppable
 from .tensioning import Tensioning
 
-__all__ = ["Info", "Rest", "Scene", "find_length", "rest_tension"]
+__all__ = ["Info", "Rest", "Scene", "find_length", "find_length_in_place", "rest_tension"]
 
 #: The arguments of :class:`beltdyn._core.Model` but for the belt's length.
 Scene: TypeAlias = "tuple[Any, ...]"
@@ -28,6 +28,8 @@ Scene: TypeAlias = "tuple[Any, ...]"
 RESIDUAL = 1e-6
 #: How near a tension must be to the one asked for: a tenth of what is promised, 0.1 %.
 CLOSE, PROMISED = 1e-4, 1e-3
+#: How near the belt line must be to the length that it has with all mounts in their places.
+IN_PLACE = 1e-6
 #: Settled belts for one length: most take two or three; bisection of a strain known to a fifth
 #: comes within 1e-4 in a dozen.
 MOST = 16
@@ -63,13 +65,17 @@ def rest_tension(scene: Scene, length: float, tensioning: Tensioning) -> float:
         RuntimeError: It does not come to rest, a :class:`beltdyn.SimulationError`.
     """
     model = model_of(scene, length)
+    return float(model.observe(_settled(model, tensioning))["force"].mean())
+
+
+def _settled(model: _core.Model, tensioning: Tensioning) -> dict[str, Any]:
     info = model.info
     options = tensioning._options(int(info["n_pulleys"]), info["n_slots"] > 0)
     sim = _core.Simulation.settle(model, None, tolerance=RESIDUAL, **options)
     with stoppable(sim):
         while not sim.advance(_CHUNK):
             pass
-    return float(model.observe(sim.state())["force"].mean())
+    return sim.state()
 
 
 def _closed_form(scene: Scene, length: float) -> float:
@@ -147,6 +153,42 @@ def find_length(scene: Scene, line: float, preload: float, tensioning: Tensionin
             f"as a polygon, whose tension jumps; take more than {scene[0][0]} links"
         )
     return Rest(line / (1.0 + strain), found)
+
+
+@functools.lru_cache(maxsize=256)
+def find_length_in_place(scene: Scene, line: float, held: float, tensioning: Tensioning) -> float:
+    """Find the length with which mounts settle in the places of the drive.
+
+    Of several mounts, whose balance may be elsewhere, so that the belt line has the length that it
+    has there.
+
+    Args:
+        scene: The drive, whose mounts hold the tension.
+        line: Length of the belt line with all mounts in their places [m].
+        held: The tension that they hold there [N].
+        tensioning: How the belt is brought under preload.
+
+    Returns:
+        Length [m]. Where the belt does not come to rest, that of :func:`first_length`.
+
+    Raises:
+        ValueError: As of :func:`first_length`.
+    """
+    start = line / first_length((*scene[:-1], None), line, held).length - 1.0
+    radii, outside = scene[2], scene[10]
+
+    def shorter(strain: float) -> float:
+        model = model_of(scene, line / (1.0 + strain))
+        model.check_geometry()
+        centers = model.centers(_settled(model, tensioning)["travel"])
+        return 2.0 * line - _core.belt_line(centers, radii, outside)[1]
+
+    bounds = (0.5 * start, 1.5 * start)
+    try:
+        strain, _ = _solve(shorter, line, start, line, bounds, IN_PLACE, MOST)
+    except (RuntimeError, ValueError):
+        strain = start
+    return line / (1.0 + strain)
 
 
 def _solve(
