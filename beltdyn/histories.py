@@ -135,13 +135,13 @@ class MountHistory(Group):
     travel, the time, and the force of the belt alone.
 
     Attributes:
-        travel: From the place of the drive [rad] or [m].
-        travel_speed: Its rate [rad/s] or [m/s].
-        spring_force: Of the spring, preload and hung weight included.
-        damper_force: Of the damper.
-        friction_force: Of the friction in pivot or guide.
-        stop_force: Of the stops.
-        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5.
+        travel: From the place of the drive [rad or m].
+        travel_speed: Its rate [rad/s or m/s].
+        spring_force: Of the spring, preload and hung weight included [N m or N].
+        damper_force: Of the damper [N m or N].
+        friction_force: Of the friction in pivot or guide [N m or N].
+        stop_force: Of the stops [N m or N].
+        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5 [N m or N].
     """
 
     travel: Array

@@ -97,9 +97,9 @@ class State:
         slip: Slip displacements since contact began (n_b,) [m].
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
-        travel: Travels of the mounts (n_m,), of an arm [rad], of a slider [m], of a path the time
-            [s]; empty without mounts.
-        travel_speed: Their rates (n_m,).
+        travel: Travels of the mounts (n_m,) [rad or m]: of an arm its angle, of a slider its
+            way, of a path the time [s]; empty without mounts.
+        travel_speed: Their rates (n_m,) [rad/s or m/s].
         mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
         t: Time [s].
         residual: After settling, the largest unbalanced force over the mean tension; else None.

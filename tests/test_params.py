@@ -23,6 +23,8 @@ CLASSES: dict[str, Any] = {
     "belt": bd.Belt,
     "pulley": bd.Pulley,
     "drag": bd.Drag,
+    "arm": bd.Arm,
+    "slider": bd.Slider,
     "contact": bd.Contact,
     **LAWS,
 }
@@ -38,10 +40,14 @@ GOOD: dict[str, dict[str, Any]] = {
     },
     "pulley": {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01},
     "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
+    "arm": {"pivot": (0.1, 0.0), "inertia": 2e-3},
+    "slider": {"direction": (1.0, 0.0), "mass": 3.0},
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3, "compensate": True},
     **{name: attrs.asdict(law) for name, law in EXAMPLES.items()},
 }
-ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS]
+#: Of mounts the core has numbers that stand together in one field, `stops`.
+STOPS = ("lowest", "highest")
+ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS if row[1] not in STOPS]
 NUMBERS = [(group, name) for group, name, rule in ROWS if rule not in ("LINKS", "FLAG")]
 KINDS = {"LINKS": "an integer", "FLAG": "a bool"}
 
@@ -66,9 +72,11 @@ def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt
 
 def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
     for group, kind in CLASSES.items():
-        parts = ("center", "drag", "friction", "mesh", "preload", "side")
-        fields = [field.name for field in attrs.fields(kind) if field.name not in parts]
-        assert fields == [name for g, name, _ in ROWS if g == group]
+        rows = [name for g, name, _ in ROWS if g == group]
+        parts = {"center", "drag", "friction", "mesh", "mount", "preload", "side"}
+        parts |= {"pivot", "direction", "free_angle", "free_travel", "stops"}
+        fields = [field.name for field in attrs.fields(kind)]
+        assert [name for name in fields if name in rows or name not in parts] == rows
     assert {group for group, _, _ in ROWS} == set(CLASSES)
 
 
@@ -84,8 +92,10 @@ def test_not_finite_is_refused(group: str, name: str, value: Any) -> None:
 def test_wrong_kind_is_refused(group: str, name: str, rule: str, value: Any) -> None:
     left_open = value is None and attrs.fields_dict(CLASSES[group])[name].default is None
     if left_open or (rule == "FLAG" and isinstance(value, (bool, np.bool_))):
-        # open is a length, which a preload decides; what else is left open is chosen
-        assert (getattr(build(group, **{name: value}), name) is None) == (name == "length")
+        # a preload decides the length, and another field of a mount the preload; what else is left
+        # open is chosen: of mounts by the core
+        stays = name == "length" or group in ("arm", "slider")
+        assert (getattr(build(group, **{name: value}), name) is None) == stays
         return
     kind = KINDS.get(rule, "a real number")
     with pytest.raises(TypeError, match=rf"^{group}\.{name} must be {kind}.*, got "):
@@ -118,6 +128,9 @@ def test_bounds(group: str, name: str, rule: str) -> None:
             else:
                 with pytest.raises(ValueError, match=rf"^{group}\.{name} must be 0 or 1 .*, got "):
                     _core.check_parameter(group, name, group, value)
+        return
+    if rule == "FINITE":
+        assert getattr(build(group, **{name: -1}), name) == -1.0
         return
     with pytest.raises(ValueError, match=rf"^{group}\.{name} must be >=? 0 .*, got -1"):
         build(group, **{name: -1})
