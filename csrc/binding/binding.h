@@ -48,10 +48,11 @@ int bd_core_read_group(PyObject *object, const char *group, const char *label, v
 /* A friction law, (name, tuple of its parameters); None: law 0. `label`: its name in messages. */
 int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction);
 int bd_core_read_gravity(PyObject *object, double gravity[2]);
-/* The pulleys as a fresh block (PyMem_Free it), after them the friction laws that they point to;
- * their number in *n. */
+/* The pulleys as a fresh block (PyMem_Free it), after them what they point to: friction laws,
+ * names; their number in *n. */
 bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                                PyObject *drag, PyObject *friction, PyObject *outside, int *n);
+                                PyObject *drag, PyObject *friction, PyObject *outside,
+                                PyObject *names, int *n);
 
 /* --- model ----------------------------------------------------------------------------------- */
 
@@ -96,7 +97,7 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
 /* One Python callable among torque terms and motions; the core gets its address as `user`. */
 typedef struct {
   PyObject *callable;
-  int pulley;                   /* of a motion */
+  bd_label pulley;              /* of a motion, in messages */
   PyArrayObject *theta, *omega; /* given to the callable, and again if it has kept neither */
   npy_intp n_pulleys;
   const volatile int *stop; /* the simulation's flag: looked at before each call */
@@ -115,7 +116,7 @@ typedef struct {
  * checked, and the flag by which the simulation is stopped. Release it in either case; set `calls`
  * NULL first where a simulation has taken them over. */
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        PyObject *motions, npy_intp n_pulleys, const volatile int *stop);
+                        PyObject *motions, const bd_model *model, const volatile int *stop);
 /* -1 with KeyboardInterrupt if the flag is set. */
 int bd_core_check_stop(const volatile int *stop);
 void bd_core_torque_release(bd_core_torque *torque);

@@ -116,14 +116,15 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                   "gravity", "drag",    "pulley_friction", "mesh",     "outside", NULL};
+  char *arguments[] = {"belt",     "centers", "radii", "inertias",        "contact",
+                       "friction", "gravity", "drag",  "pulley_friction", "mesh",
+                       "outside",  "names",   NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  PyObject *drag = Py_None, *pulley_friction = Py_None, *outside = Py_None;
+  PyObject *drag = Py_None, *pulley_friction = Py_None, *outside = Py_None, *names = Py_None;
   const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsO:Model", names, &belt, &centers,
-                                   &radii, &inertias, &contact, &default_friction, &gravity, &drag,
-                                   &pulley_friction, &mesh, &outside)) {
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOO:Model", arguments, &belt,
+                                   &centers, &radii, &inertias, &contact, &default_friction,
+                                   &gravity, &drag, &pulley_friction, &mesh, &outside, &names)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -135,7 +136,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, inertias, drag, pulley_friction,
-                                            outside, &scene.n_pulleys);
+                                            outside, names, &scene.n_pulleys);
   if (!pulleys) {
     return NULL;
   }
@@ -368,13 +369,13 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None, names=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
     "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
-    "back of the belt; None: all inside the loop.\n"
+    "back of the belt; None: all inside the loop. names: a name or None for each, for messages.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

@@ -95,30 +95,53 @@ int bd_core_read_friction(PyObject *object, const char *label, bd_friction *fric
   return bd_core_read_group(PyTuple_GET_ITEM(object, 1), name, label, &friction->dahl);
 }
 
-/* What one pulley has of an argument that has an entry for each of them. */
-typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley,
-                          bd_friction *friction);
+/* What a pulley points to; of a name that is too long, enough for the core to refuse it. */
+typedef struct {
+  bd_friction friction;
+  char name[BD_MAX_NAME + 2];
+} owned;
 
-static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, bd_friction *friction) {
-  (void)friction;
+/* What one pulley has of an argument that has an entry for each of them. */
+typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley, owned *own);
+
+static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
+  (void)own;
   return bd_core_read_group(entry, "drag", label, &pulley->drag);
 }
 
-static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley,
-                             bd_friction *friction) {
-  pulley->friction = friction;
-  return bd_core_read_friction(entry, label, friction);
+static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
+  pulley->friction = &own->friction;
+  return bd_core_read_friction(entry, label, &own->friction);
 }
 
-static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley,
-                        bd_friction *friction) {
-  (void)friction;
+static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
+  (void)own;
   return bd_convert_bool(entry, label, &pulley->outside);
+}
+
+static int read_name(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
+  Py_ssize_t length = 0;
+  const char *text = NULL;
+  if (!PyUnicode_Check(entry)) {
+    PyErr_Format(PyExc_TypeError, "%s must be a str, got %.100s", label, Py_TYPE(entry)->tp_name);
+  } else {
+    text = PyUnicode_AsUTF8AndSize(entry, &length);
+  }
+  if (!text) {
+    return -1;
+  }
+  if (memchr(text, '\0', (size_t)length)) {
+    PyErr_Format(PyExc_ValueError, "%s must be printable, got %R", label, entry);
+    return -1;
+  }
+  PyOS_snprintf(own->name, sizeof own->name, "%s", text);
+  pulley->name = own->name;
+  return 0;
 }
 
 /* One entry, or None, for each pulley; None: no pulley has any. */
 static int read_entries(PyObject *object, const char *name, read_entry read, npy_intp count,
-                        bd_pulley *pulleys, bd_friction *frictions) {
+                        bd_pulley *pulleys, owned *own) {
   if (object == Py_None) {
     return 0;
   }
@@ -142,14 +165,15 @@ static int read_entries(PyObject *object, const char *name, read_entry read, npy
     PyObject *row = PySequence_Fast_GET_ITEM(rows, j);
     char label[BD_NAME_SIZE];
     PyOS_snprintf(label, sizeof label, "pulleys[%d].%s", (int)j, name);
-    failed = row == Py_None ? 0 : read(row, label, &pulleys[j], &frictions[j]);
+    failed = row == Py_None ? 0 : read(row, label, &pulleys[j], &own[j]);
   }
   Py_DECREF(rows);
   return failed;
 }
 
 bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                                PyObject *drag, PyObject *friction, PyObject *outside, int *n) {
+                                PyObject *drag, PyObject *friction, PyObject *outside,
+                                PyObject *names, int *n) {
   const npy_intp pairs[2] = {BD_ANY, 2};
   bd_pulley *pulleys = NULL;
   PyArrayObject *center = bd_convert_array(centers, "centers", 2, pairs), *radius = NULL,
@@ -170,7 +194,7 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
   if (!inertia) {
     goto out;
   }
-  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(bd_friction));
+  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(owned));
   if (!pulleys) {
     PyErr_NoMemory();
     goto out;
@@ -183,10 +207,11 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
         .inertia = i[j],
     };
   }
-  bd_friction *frictions = (bd_friction *)(pulleys + count);
-  if (read_entries(drag, "drag", read_drag, count, pulleys, frictions) < 0 ||
-      read_entries(friction, "friction", read_own_friction, count, pulleys, frictions) < 0 ||
-      read_entries(outside, "outside", read_outside, count, pulleys, frictions) < 0) {
+  owned *own = (owned *)(pulleys + count);
+  if (read_entries(drag, "drag", read_drag, count, pulleys, own) < 0 ||
+      read_entries(friction, "friction", read_own_friction, count, pulleys, own) < 0 ||
+      read_entries(outside, "outside", read_outside, count, pulleys, own) < 0 ||
+      read_entries(names, "name", read_name, count, pulleys, own) < 0) {
     PyMem_Free(pulleys);
     pulleys = NULL;
   }
@@ -201,15 +226,16 @@ out:
 /* --- belt line ------------------------------------------------------------------------------- */
 
 PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *names[] = {"centers", "radii", "outside", NULL};
-  PyObject *centers, *radii, *outside = Py_None;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|O:belt_line", names, &centers, &radii,
-                                   &outside)) {
+  char *arguments[] = {"centers", "radii", "outside", "names", NULL};
+  PyObject *centers, *radii, *outside = Py_None, *names = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|OO:belt_line", arguments, &centers, &radii,
+                                   &outside, &names)) {
     return NULL;
   }
   int n = 0, turns = 0;
   double length = 0.0;
-  bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, radii, Py_None, Py_None, outside, &n);
+  bd_pulley *pulleys =
+      bd_core_read_pulleys(centers, radii, radii, Py_None, Py_None, outside, names, &n);
   if (!pulleys) {
     return NULL;
   }
