@@ -121,15 +121,16 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt", "centers",         "radii", "inertias", "contact", "friction", "gravity",
-                   "drag", "pulley_friction", "mesh",  "outside",  "mounts",  NULL};
+  char *arguments[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
+                       "gravity", "drag",    "pulley_friction", "mesh",     "outside", "names",
+                       "mounts",  NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None};
+  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOO:Model", names, &belt, &centers,
-                                   &radii, &inertias, &contact, &default_friction, &gravity,
-                                   &parts.drag, &parts.friction, &mesh, &parts.outside,
-                                   &parts.mounts)) {
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOO:Model", arguments, &belt,
+                                   &centers, &radii, &inertias, &contact, &default_friction,
+                                   &gravity, &parts.drag, &parts.friction, &mesh, &parts.outside,
+                                   &parts.names, &parts.mounts)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -405,7 +406,7 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None, mounts=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
@@ -413,6 +414,7 @@ PyDoc_STRVAR(
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
     "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
     "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
+    "names: a name or None for each, for messages.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

@@ -57,6 +57,9 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
       return code;
     }
   }
+  if (bd_names_check(scene, err) != BD_OK) {
+    return BD_ERR_PARAMETER;
+  }
   if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
     return bd_fail(
         err, BD_ERR_PARAMETER, "contact.linear",
@@ -169,6 +172,7 @@ static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int
   BD_CARVE(carver, model->slot, np);
   BD_CARVE(carver, model->side, np);
   BD_CARVE(carver, model->winding, np);
+  BD_CARVE(carver, model->name, np);
   BD_CARVE(carver, model->wraps, np);
   bd_model_carve_mounts(carver, model, scene);
 }
@@ -238,9 +242,9 @@ static void check_compensation(bd_model *model) {
     const double depth = contact_depth(model, j, model->info.strain_tension);
     if (!(depth <= MOST_RAISED * model->radius[j])) {
       bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "contact.compensate", (double)NAN, -1, j, depth,
-                 "contact.compensate: at the preload of %.3g N the belt sinks %.3g m into pulley "
-                 "%d, at most %g of its radius can be compensated: contact.linear is too small",
-                 model->info.strain_tension, depth, j, MOST_RAISED);
+                 "contact.compensate: at the preload of %.3g N the belt sinks %.3g m into %s, at "
+                 "most %g of its radius can be compensated: contact.linear is too small",
+                 model->info.strain_tension, depth, bd_pulley_label(model, j).text, MOST_RAISED);
       return;
     }
   }
@@ -252,6 +256,7 @@ static bd_route route_of(const bd_model *model) {
                     .cy = model->cy,
                     .radius = model->radius,
                     .side = model->side,
+                    .name = model->name,
                     .wraps = model->wraps};
 }
 
@@ -330,8 +335,8 @@ static void check_room(bd_model *model) {
   bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first,
              info->n_bodies,
              "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
-             "pulleys %d and %d at once; belt.n_bodies >= %.0f are short enough",
-             info->n_bodies, info->link_length, first, second,
+             "%s at once; belt.n_bodies >= %.0f are short enough",
+             info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
              ceil(JOINT_REACH * model->belt.length / tangent_between(model, first, second)));
 }
 
@@ -390,6 +395,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
 
   model->belt = scene->belt;
   model->contact = scene->contact;
+  bd_names_copy(model->name, np, scene->pulleys);
   model->has_bending = scene->belt.bending_stiffness > 0.0 || scene->belt.bending_damping > 0.0;
   model->has_gravity = scene->gravity[0] != 0.0 || scene->gravity[1] != 0.0;
   for (int k = 0; k < 2; ++k) {

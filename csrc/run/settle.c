@@ -153,6 +153,7 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
                    .cy = cy,
                    .radius = model->radius,
                    .side = model->side,
+                   .name = model->name,
                    .wraps = settling->wraps};
   int code = bd_belt_line_lay(&line, err);
   if (code != BD_OK) {
@@ -310,9 +311,9 @@ static int check_laid(bd_sim *sim, bd_error *err) {
     if (!bd_add_contact_energy(&sim->stepper.plan, sim->stepper.y, j, &stored)) {
       return bd_fail_at(
           err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j, model->info.link_length,
-          "no link touches pulley %d: the belt bends round it between two links of "
+          "no link touches %s: the belt bends round it between two links of "
           "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
-          j, model->info.link_length,
+          bd_pulley_label(model, j).text, model->info.link_length,
           ceil(model->belt.length / (model->wraps[j].wrap * model->contact_radius[j])));
     }
   }
