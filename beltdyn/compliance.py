@@ -71,6 +71,9 @@ class Drive(Protocol):
     def route(self) -> Route:
         """The way of the belt."""
 
+    def label(self, pulley: int) -> str:
+        """Give what texts call a pulley."""
+
 
 @attrs.frozen(kw_only=True, eq=False)
 class Compliance:
@@ -254,6 +257,7 @@ def describe(params: Drive) -> str:
         if ratio > 0.0:
             effect += f" and changes the speed ratio by up to {100 * ratio:.1g} %"
     return (
-        f"sinking into the pulleys: {1e3 * depth:.2g} mm on pulley {worst} ({100 * share:.2g} % of "
-        f"its radius){effect}; adds some {100 * found.creep_share:.2g} % to creep"
+        f"sinking into the pulleys: {1e3 * depth:.2g} mm on {params.label(worst)} "
+        f"({100 * share:.2g} % of its radius){effect}; adds some {100 * found.creep_share:.2g} % "
+        "to creep"
     )

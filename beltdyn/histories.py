@@ -36,13 +36,14 @@ class Group:
     __slots__ = ()
 
     @classmethod
-    def names(cls) -> list[str]:
+    def array_names(cls) -> list[str]:
         """Give the names of the arrays."""
-        return [field.name for field in attrs.fields(cls)]  # type: ignore[arg-type]
+        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
+        return [field.name for field in fields if field.metadata.get("array", True)]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Give the arrays by name; not those that the drive does not have."""
-        arrays = {name: getattr(self, name) for name in self.names()}
+        arrays = {name: getattr(self, name) for name in self.array_names()}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def __repr__(self) -> str:
@@ -60,11 +61,13 @@ class PulleyHistory(Group):
         omega: Angular velocity [rad/s].
         torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
             that it needs.
+        names: Names of the pulleys, "pulley 3" of one that has none (n_p,).
     """
 
     theta: Array
     omega: Array
     torque: Array
+    names: tuple[str, ...] = attrs.field(default=(), metadata={"array": False})
 
 
 @attrs.frozen(eq=False, repr=False)

@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from . import _core, preload, sanity, toml
+from . import _core, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
@@ -90,11 +90,12 @@ class Params:
             ),
             self.belt.mesh,
             tuple(pulley.side == "outside" for pulley in self.pulleys),
+            tuple(pulley.name for pulley in self.pulleys),
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
         preload.model_of(scene, self._first_length).check_geometry()
-        self.tensioning.check_fits(len(self.pulleys))
+        object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
 
     @property
     def _first_length(self) -> float:
@@ -170,6 +171,24 @@ class Params:
         return sinking.compliance(self)
 
     @functools.cached_property
+    def pulley_names(self) -> tuple[str, ...]:
+        """The name of each pulley, "pulley 3" of one that has none."""
+        return naming.names_of(pulley.name for pulley in self.pulleys)
+
+    def pulley_index(self, pulley: int | str) -> int:
+        """Find a pulley by its name or its index.
+
+        Raises:
+            TypeError: Neither a name nor an index.
+            ValueError: There is no such pulley; of a name, the message lists those there are.
+        """
+        return naming.index_of("pulley", pulley, self.pulley_names)
+
+    def label(self, pulley: int) -> str:
+        """Give what texts call a pulley: ``pulley "crank"``, or ``pulley 3`` without a name."""
+        return naming.label(pulley, self.pulley_names)
+
+    @functools.cached_property
     def route(self) -> Route:
         """The way of the belt round the pulleys: tangent points, wraps, spans, length."""
         return route(self.pulleys)
@@ -215,7 +234,7 @@ class Params:
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
                 *lines(rows, indent="  "),
                 *([found] if found else []),
-                f"  tensioned {self.tensioning}",
+                f"  tensioned {self.tensioning.describe(self.pulley_names)}",
                 f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
                 f"tension at rest {info['mean_tension']:.4g} N",
                 f"  error of the mesh: {sanity.describe_mesh(self)}",

@@ -14,6 +14,7 @@ from collections.abc import Iterable
 import attrs
 
 from .friction import Friction, law_or_none
+from .naming import as_name, names_of
 from .rules import Printable, Rule, from_table, instance_of, with_choice
 
 __all__ = ["Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
@@ -113,6 +114,9 @@ class Pulley(Printable):
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
             ``Params.friction``.
+        name: What messages and figures call it, and how it can be named wherever a pulley is named
+            by its index; None: "pulley 3" and the like. 1 to 31 bytes of UTF-8, printable, no
+            number, without spaces at its ends, other than those of the drive's other pulleys.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -126,6 +130,7 @@ class Pulley(Printable):
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
+    name: str | None = attrs.field(default=None, converter=as_name)
 
 
 def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
@@ -133,7 +138,7 @@ def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
 
     Raises:
         TypeError: Not a sequence of :class:`Pulley`.
-        ValueError: There is none.
+        ValueError: There is none, or two have the same name.
     """
     try:
         pulleys = tuple(value)
@@ -146,6 +151,7 @@ def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
     for k, pulley in enumerate(pulleys):
         if not isinstance(pulley, Pulley):
             raise TypeError(f"pulleys[{k}] must be a Pulley, got {type(pulley).__name__}")
+    names_of(pulley.name for pulley in pulleys)
     return pulleys
 
 

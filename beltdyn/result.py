@@ -23,6 +23,7 @@ from .histories import (
     Stats,
     histories,
 )
+from .naming import span_name, with_names
 from .params import Params
 from .run_warnings import RunWarning
 from .spans import span_tension
@@ -89,6 +90,10 @@ class Result:
     final_state: State
     warnings: tuple[RunWarning, ...] = ()
     accuracy: Accuracy = attrs.field()
+
+    def __attrs_post_init__(self) -> None:
+        names = self.params.pulley_names
+        object.__setattr__(self, "pulleys", attrs.evolve(self.pulleys, names=names))
 
     @accuracy.default
     def _known(self) -> Accuracy:
@@ -162,9 +167,13 @@ class Result:
         Args:
             verbose: Whether to add what the integrator did.
         """
+        names = self.params.pulley_names
+        spans = [span_name(k, names, unnamed="") for k in range(len(names))]
+        named = any(spans)
 
-        def per_pulley(values: Array, form: str, unit: str) -> str:
-            return ", ".join("-" if v != v else f"{v:{form}}" for v in values) + unit
+        def listed(values: Array, form: str, of: Sequence[str], unit: str) -> str:
+            texts = ["-" if v != v else f"{v:{form}}" for v in values]
+            return (with_names(texts, of) if named else ", ".join(texts)) + unit
 
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
@@ -176,12 +185,13 @@ class Result:
             slip = self._slip(speeds[None])[0, 1:]
             rows += [
                 ("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"),
-                ("  pulley speeds", per_pulley(speeds, ".5g", " rad/s")),
-                ("  span tensions", per_pulley(_mean(self.span_tension[late]), ".5g", " N")),
+                ("  pulley speeds", listed(speeds, ".5g", names, " rad/s")),
+                ("  span tensions", listed(_mean(self.span_tension[late]), ".5g", spans, " N")),
             ]
             # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
-                rows.append(("  creep against pulley 0", per_pulley(100 * slip, ".3g", " %")))
+                against = f"  creep against {names[0]}"
+                rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
         rows += self.accuracy.summary()
         if self.t.size and self.energy is not None:
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]

@@ -96,7 +96,7 @@ def with_choice(
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Give every field of a class its rule; one without must be a part with a validator.
+    """Give every field of a class its rule; one without must have a validator or a converter.
 
     A field whose default is None may be left open.
     """
@@ -110,7 +110,9 @@ def from_table(
         return field.evolve(converter=check, metadata={"rule": rule})
 
     def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-        return [field if field.validator is not None else with_rule(field) for field in fields]
+        return [
+            field if field.validator or field.converter else with_rule(field) for field in fields
+        ]
 
     return transform
 

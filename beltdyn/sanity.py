@@ -213,21 +213,23 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
         )
         yield RunWarning(
             code="compliance",
-            text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into pulley {worst}, "
-            f"{_percent(depth[worst] / radii[worst])} of its radius, {effect}; contact.linear = "
-            f"{_up(needed, 2):.2g} keeps the depth below {_percent(COMPLIANCE)}",
-            where=f"pulley {worst}",
+            text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into "
+            f"{params.label(worst)}, {_percent(depth[worst] / radii[worst])} of its radius, "
+            f"{effect}; contact.linear = {_up(needed, 2):.2g} keeps the depth below "
+            f"{_percent(COMPLIANCE)}",
+            where=params.label(worst),
             accuracy=True,
         )
     small = int(np.argmin(radii))
     if info["link_length"] > LONG_LINK * radii[small]:
         yield RunWarning(
             code="long_links",
-            text=f"links of {1e3 * info['link_length']:.3g} mm are long for pulley {small}, whose "
-            f"radius is {1e3 * radii[small]:.3g} mm: the belt may run over it as over a polygon, "
-            "or hook on it, by more than the estimated error of the mesh; "
+            text=f"links of {1e3 * info['link_length']:.3g} mm are long for "
+            f"{params.label(small)}, whose radius is {1e3 * radii[small]:.3g} mm: "
+            "the belt may run over it as over a polygon, or hook on it, by more than the "
+            "estimated error of the mesh; "
             f"{_links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
-            where=f"pulley {small}",
+            where=params.label(small),
             accuracy=True,
         )
 
@@ -243,14 +245,16 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
     pulley = params.pulleys[light]
     if radius > RADIUS:
         yield units(
-            f"pulley {large} has a radius of {radius:.4g} m: are lengths in mm?", f"pulley {large}"
+            f"{params.label(large)} has a radius of {radius:.4g} m: are lengths in mm?",
+            params.label(large),
         )
     elif pulley.inertia < DISC * pulley.radius**4:
         thickness = pulley.inertia / (DISC * pulley.radius**4)
         yield units(
-            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m pulley {light} "
-            f"is as light as a disc of water {thickness:.2g} um thick: are lengths in mm?",
-            f"pulley {light}",
+            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m "
+            f"{params.label(light)} is as light as a disc of water {thickness:.2g} um thick: "
+            "are lengths in mm?",
+            params.label(light),
         )
     wave = math.sqrt(info["strain_tension"] / belt.linear_density)
     if wave < WAVE_LOW:
@@ -284,7 +288,7 @@ def _of_friction(params: Drive) -> Iterator[RunWarning]:
         if friction is None or friction in seen:
             continue
         seen.append(friction)
-        where = "friction" if pulley.friction is None else f"pulley {k}"
+        where = "friction" if pulley.friction is None else params.label(k)
         if PERCENT[0] <= kinetic[k] <= PERCENT[1]:
             yield units(
                 f"a friction coefficient of {_coefficient(friction)} = {kinetic[k]:.4g} is far "

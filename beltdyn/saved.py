@@ -44,7 +44,7 @@ _ALL = {
     "meta.json",
     "params.toml",
     *_FINAL,
-    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.names()),
+    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.array_names()),
 }
 
 
@@ -223,7 +223,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     def history(group: str) -> dict[str, NDArray[Any]]:
         shape = {"pulleys": (t.size, n_p), "energy": (t.size,)}.get(group, (t.size, n_b))
         arrays = {}
-        for field in GROUPS[group].names():
+        for field in GROUPS[group].array_names():
             name = f"{group}.{field}"
             if name in absent:
                 continue

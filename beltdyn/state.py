@@ -11,7 +11,8 @@ import attrs
 import numpy as np
 
 from . import _core, npz
-from .checks import Array, integer, real, real_array
+from .checks import Array, real, real_array
+from .naming import ByPulley, by_index, key, labels
 from .params import Params
 from .spans import span_tension
 
@@ -158,7 +159,7 @@ class State:
         joints = seen["force"][0]
         return Tensions(joints=joints, spans=spans[0], mean=float(joints.mean()))
 
-    def at_speed(self, params: Params, omega: Mapping[int, float]) -> State:
+    def at_speed(self, params: Params, omega: ByPulley[float]) -> State:
         """Give the same state with the belt running, and all pulleys turning with it.
 
         The belt circulates along itself at the speed of the rims of the pulleys named, and the
@@ -168,12 +169,12 @@ class State:
 
         Args:
             params: The drive.
-            omega: Speeds of one or several pulleys, by index [rad/s]; of several, the speeds of
-                their rims must agree to 1e-9.
+            omega: Speeds of one or several pulleys, by index or name [rad/s]; of several, the
+                speeds of their rims must agree to 1e-9.
 
         Raises:
-            TypeError: Not a mapping from indices to numbers.
-            ValueError: No pulley is named, or none of that index exists; the rims' speeds differ.
+            TypeError: Not a mapping from pulleys to numbers.
+            ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
         """
         self.check_fits(params.belt.n_bodies, len(params.pulleys))
         if not isinstance(omega, Mapping):
@@ -181,17 +182,17 @@ class State:
         if not omega:
             raise ValueError("omega must name at least one pulley")
         winding = params.info["winding"]
+        names = params.pulley_names
         radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
         rims = {
-            integer("omega index", index, 0, len(radii) - 1): float(radii[index])
-            * real(f"omega[{index}]", value, "rad/s")
-            for index, value in omega.items()
+            index: float(radii[index]) * real(f"omega[{key(index, names)}]", value, "rad/s")
+            for index, value in by_index("omega", omega, names).items()
         }
         slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
         v = rims[fastest]
         if v - rims[slowest] > 1e-9 * max(map(abs, rims.values())):
             raise ValueError(
-                f"the rims of pulleys {slowest} and {fastest} must run at one speed, got "
+                f"the rims of {labels(slowest, fastest, names)} must run at one speed, got "
                 f"{rims[slowest]:.10g} and {v:.10g} m/s along the belt: name one of them, or make "
                 "a state with these speeds yourself"
             )

@@ -456,7 +456,7 @@ def test_bad_speeds_of_a_state(
 @pytest.mark.parametrize(
     ("motion", "error", "message"),
     [
-        ([RAMP], TypeError, "motion must be a mapping from a pulley's index to its motion"),
+        ([RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
         ({2: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got 2"),
         ({-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
         ({"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),

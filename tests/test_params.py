@@ -66,7 +66,7 @@ def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt
 
 def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
     for group, kind in CLASSES.items():
-        parts = ("center", "drag", "friction", "mesh", "preload", "side")
+        parts = ("center", "drag", "friction", "mesh", "name", "preload", "side")
         fields = [field.name for field in attrs.fields(kind) if field.name not in parts]
         assert fields == [name for g, name, _ in ROWS if g == group]
     assert {group for group, _, _ in ROWS} == set(CLASSES)
