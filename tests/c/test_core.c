@@ -300,7 +300,7 @@ static void settles_and_runs(void) {
   const bd_torque torque = {.n_terms = 2, .terms = terms, .n_breakpoints = 1, .breakpoints = more};
   enum { SAMPLES = 7 };
   double times[SAMPLES] = {0, 0.3e-3, 0.5e-3, 1e-3, 1e-3, 2.5e-3, 3e-3};
-  static double rows[17][SAMPLES * N];
+  static double rows[24][SAMPLES * N];
   static double energy[SAMPLES * BD_N_ENERGY];
   static int32_t touched[SAMPLES * N];
   bd_output out = {.pulley = touched};
