@@ -163,10 +163,21 @@ double bd_plan_circulation(const bd_plan *plan, const double *y);
 
 /* --- drag.c ---------------------------------------------------------------------------------- */
 
-/* Torque of the drag on pulley j, against omega > 0; a bound of its derivative for the speeds at
- * which a belt under this tension can run. For models with drag. */
+/* omega_0 of pulley j, within which the smooth sign of its speed turns. */
+double bd_turning_speed(const bd_model *model, int j);
+/* A torque against rotation with omega > 0, and its derivative to omega. */
+typedef struct bd_resisting {
+  double torque, slope;
+} bd_resisting;
+
+/* `size` times the smooth sign, omega / sqrt(omega^2 + w0^2). */
+bd_resisting bd_coulomb(double size, double omega, double w0);
+/* All that a bd_drag says, of bearings or of a load; and a bound of its derivative for the speeds
+ * at which a belt under this tension can run. */
+bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);
+double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension);
+/* Torque of the drag on pulley j, in models with drag. */
 double bd_drag_torque(const bd_model *model, int j, double omega);
-double bd_drag_steepest(const bd_model *model, int j, double tension);
 int bd_drag_enabled(const bd_model *model, const bd_plan_options *options);
 int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);

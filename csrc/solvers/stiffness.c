@@ -39,7 +39,7 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
       viscous +=
           set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
     }
-    double drag = model->drag ? bd_drag_steepest(model, j, tension) : 0.0;
+    double drag = model->drag ? bd_steepest_resistance(&model->drag[j], model, j, tension) : 0.0;
     const struct {
       double k, d;
       const char *what;
