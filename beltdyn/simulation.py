@@ -24,7 +24,7 @@ from .naming import ByPulley
 from .params import Params
 from .result import Result
 from .run_warnings import RunWarning, issue
-from .scenes import Scene
+from .scene import Scene
 from .state import State
 from .stopping import stoppable
 from .torques import TorqueLike, as_terms
