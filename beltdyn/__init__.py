@@ -46,6 +46,7 @@ from .identification import (
     identify,
 )
 from .motions import Motion
+from .mounts import Arm, Path, Slider
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
 from .result import Result
@@ -64,6 +65,7 @@ __all__ = [
     "METHODS",
     "Accuracy",
     "AccuracyWarning",
+    "Arm",
     "Belt",
     "BeltdynWarning",
     "Contact",
@@ -79,6 +81,7 @@ __all__ = [
     "LuGre",
     "Motion",
     "Params",
+    "Path",
     "PiecewiseLinear",
     "Pulley",
     "QuantityError",
@@ -87,6 +90,7 @@ __all__ = [
     "RunWarning",
     "Scene",
     "SimulationError",
+    "Slider",
     "State",
     "Stats",
     "Target",

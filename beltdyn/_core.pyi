@@ -39,6 +39,8 @@ TorqueTerm = tuple[Any, ...]
 MotionTerm = tuple[Any, ...]
 #: name of a row of LAWS, its numbers
 FrictionLaw = tuple[str, tuple[float, ...]]
+#: ("arm", pivot, numbers) | ("slider", direction, numbers) | ("path", t, displacement)
+MountTerm = tuple[Any, ...]
 #: STATE_FIELDS by name, and "t"
 StateDict = Mapping[str, Any]
 
@@ -58,10 +60,14 @@ class Model:
         pulley_friction: Sequence[FrictionLaw | None] | None = None,
         mesh: str = "paper",
         outside: Sequence[bool] | None = None,
+        mounts: Sequence[MountTerm | None] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
+    def centers(self, travel: ArrayLike, /) -> NDArray[np.float64]: ...
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
+    @property
+    def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
     @property
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property

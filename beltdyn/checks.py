@@ -17,6 +17,7 @@ __all__ = [
     "close_to",
     "flag",
     "integer",
+    "one_of",
     "pair",
     "positive",
     "real",
@@ -109,6 +110,21 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     if number < least or (most is not None and number > most):
         raise ValueError(f"{rule}, got {shown(number)}")
     return number
+
+
+def one_of(name: str, value: object, choices: Sequence[str]) -> str:
+    """Check a choice among some names.
+
+    Raises:
+        TypeError: Not a str.
+        ValueError: None of the names.
+    """
+    rule = f"{name} must be one of {', '.join(choices)}, got {shown(value)}"
+    if not isinstance(value, str):
+        raise TypeError(rule)
+    if value not in choices:
+        raise ValueError(rule)
+    return str(value)
 
 
 def pair(name: str, value: object, unit: str) -> tuple[float, float]:

@@ -24,6 +24,7 @@ __all__ = [
     "EnergyLedger",
     "Group",
     "JointHistory",
+    "MountHistory",
     "PulleyHistory",
     "Stats",
     "histories",
@@ -126,6 +127,33 @@ class ContactHistory(Group):
 
 
 @attrs.frozen(eq=False, repr=False)
+class MountHistory(Group):
+    """Mounts over time, each (n_t, n_m), in the order of ``params.mounted``.
+
+    Travels of arms are angles, counter-clockwise, and forces torques [N m]; of sliders they are
+    ways along the direction and forces [N]. Forces count in the sense of the travel. A path has a
+    travel, the time, and the force of the belt alone.
+
+    Attributes:
+        travel: From the place of the drive [rad] or [m].
+        travel_speed: Its rate [rad/s] or [m/s].
+        spring_force: Of the spring, preload and hung weight included.
+        damper_force: Of the damper.
+        friction_force: Of the friction in pivot or guide.
+        stop_force: Of the stops.
+        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5.
+    """
+
+    travel: Array
+    travel_speed: Array
+    spring_force: Array
+    damper_force: Array
+    friction_force: Array
+    stop_force: Array
+    belt_force: Array
+
+
+@attrs.frozen(eq=False, repr=False)
 class EnergyLedger(Group):
     """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
@@ -146,6 +174,10 @@ class EnergyLedger(Group):
             the stored energy.
         drag_loss: Lost to the drag of the pulleys' bearings since the start; None where no pulley
             has any.
+        mount: Stored in the springs and stops of mounts, less the work of their preload; None
+            without mounts.
+        mount_loss: Lost in dampers, friction and stops of mounts since the start; None without.
+        path_work: Work of the belt on axes that follow a path since the start; None without mounts.
     """
 
     kinetic: Array
@@ -160,6 +192,9 @@ class EnergyLedger(Group):
     residual: Array
     passed: Array
     drag_loss: Array | None = None
+    mount: Array | None = None
+    mount_loss: Array | None = None
+    path_work: Array | None = None
 
     @property
     def total(self) -> Array:
@@ -278,6 +313,7 @@ GROUPS: dict[str, type[Group]] = {
     "belt": BeltHistory,
     "joints": JointHistory,
     "contact": ContactHistory,
+    "mounts": MountHistory,
     "energy": EnergyLedger,
 }
 
@@ -285,7 +321,9 @@ GROUPS: dict[str, type[Group]] = {
 def histories(
     t: Array, arrays: Mapping[str, NDArray[Any]], energy_terms: Sequence[str]
 ) -> dict[str, Any]:
-    """Give the groups by name, from what the core has sampled; "energy" is None without the ledger.
+    """Give the groups by name, from what the core has sampled.
+
+    "energy" is None without the ledger, "mounts" in a drive that has none.
 
     Args:
         t: Sample times (n_t,) [s].
@@ -298,13 +336,14 @@ def histories(
     """
     columns: dict[str, dict[str, Any]] = {"contact": {"pulley": arrays["pulley"]}}
     for name, group, size, *_ in _core.OUTPUTS:
-        if group == "energy":
+        if group == "energy" or (size == "MOUNTS" and name not in arrays):
             continue
         if size == "FRICTION" and name not in arrays:
             columns[group][name] = np.broadcast_to(0.0, arrays["pulley"].shape)
         else:
             columns.setdefault(group, {})[name] = arrays[name]
     groups: dict[str, Any] = {group: GROUPS[group](**found) for group, found in columns.items()}
+    groups.setdefault("mounts", None)
     groups["energy"] = None
     if "energy" in arrays:
         power = arrays["torque"] * arrays["omega"]

@@ -21,7 +21,7 @@ def available() -> int | None:
 
 
 def check_samples(
-    n_t: int, n_bodies: int, n_pulleys: int, energy_terms: int, friction: bool
+    n_t: int, n_bodies: int, n_pulleys: int, n_mounts: int, energy_terms: int, friction: bool
 ) -> int:
     """Give the memory that the samples of a run need [byte], if it is available.
 
@@ -34,6 +34,7 @@ def check_samples(
         "LINKS": n_bodies,
         "FRICTION": n_bodies if friction else 0,
         "PULLEYS": n_pulleys,
+        "MOUNTS": n_mounts,
         "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
     }
     row = sum(8 * widths[size] for _name, _group, size, *_ in _core.OUTPUTS) + 4 * n_bodies

@@ -10,34 +10,20 @@ from typing import Any
 
 import attrs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _core, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
-from .parts import Belt, Contact, Pulley
-from .route import Route, route
+from .parts import Belt, Contact, Pulley, as_pulleys
+from .route import Route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
 
 __all__ = ["Params"]
 
 _GRAVITY = Rule("", "gravity", "PAIR", "m/s^2", "acceleration (x, y)")
-
-
-def _pulleys(value: Sequence[Pulley]) -> tuple[Pulley, ...]:
-    try:
-        pulleys = tuple(value)
-    except TypeError:
-        raise TypeError(
-            f"pulleys must be a sequence of Pulley, got {type(value).__name__}"
-        ) from None
-    if not pulleys:
-        raise ValueError("pulleys must hold at least one Pulley")
-    for k, pulley in enumerate(pulleys):
-        if not isinstance(pulley, Pulley):
-            raise TypeError(f"pulleys[{k}] must be a Pulley, got {type(pulley).__name__}")
-    return pulleys
 
 
 def _gravity(value: Sequence[float]) -> tuple[float, float]:
@@ -73,7 +59,7 @@ class Params:
     """
 
     belt: Belt = attrs.field(validator=instance_of("belt", Belt))
-    pulleys: tuple[Pulley, ...] = attrs.field(converter=_pulleys)
+    pulleys: tuple[Pulley, ...] = attrs.field(converter=as_pulleys)
     contact: Contact = attrs.field(factory=Contact, validator=instance_of("contact", Contact))
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("friction"))
     gravity: tuple[float, float] = attrs.field(default=(0.0, 0.0), converter=_gravity)
@@ -105,6 +91,9 @@ class Params:
             ],
             self.belt.mesh,
             [pulley.side == "outside" for pulley in self.pulleys],
+            [None if pulley.mount is None else pulley.mount._to_core() for pulley in self.pulleys]
+            if self.mounted
+            else None,
         )
         model.check_geometry()
         self.tensioning.check_fits(len(self.pulleys))
@@ -140,8 +129,31 @@ class Params:
 
     @functools.cached_property
     def route(self) -> Route:
-        """The way of the belt round the pulleys: tangent points, wraps, spans, length."""
-        return route(self.pulleys)
+        """The way of the belt round the pulleys: tangent points, wraps, spans, length.
+
+        Pulleys on mounts are where these rest, in equilibrium with the belt.
+        """
+        return route_at(self.pulleys, self.centers())
+
+    def centers(self, travel: ArrayLike | None = None) -> Array:
+        """Give where the axes of the pulleys are.
+
+        Args:
+            travel: Travels of the mounts (n_m,), such as ``state.travel`` or a row of
+                ``result.mounts.travel``; None: where they rest, in equilibrium with the belt.
+
+        Returns:
+            Axes (n_p, 2) [m].
+
+        Raises:
+            TypeError, ValueError: Not one finite travel for each mount.
+        """
+        return self._model.centers(self._model.rest if travel is None else travel)
+
+    @property
+    def mounted(self) -> tuple[int, ...]:
+        """Indices of the pulleys with a mount, in the order of ``State.travel``."""
+        return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.mount is not None)
 
     @property
     def has_friction(self) -> bool:
@@ -245,6 +257,9 @@ class Params:
         for pulley, table in zip(self.pulleys, document["pulleys"], strict=True):
             if pulley.friction is not None:
                 table["friction"] = toml.unstructure(pulley.friction)
+            if pulley.mount is not None:
+                fields = toml.unstructure(pulley.mount)
+                table["mount"] = {k: v for k, v in fields.items() if v is not None}
         return document
 
 

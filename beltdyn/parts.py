@@ -9,12 +9,15 @@ Dahl friction model", equations (2.1)-(2.13).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import attrs
 
 from .friction import Friction, law_or_none
-from .rules import Printable, Rule, from_table, instance_of, one_of
+from .mounts import Mount, mount_or_none
+from .rules import Printable, Rule, from_table, instance_of, with_choice
 
-__all__ = ["Belt", "Contact", "Drag", "Pulley"]
+__all__ = ["Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
 
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
@@ -51,7 +54,7 @@ class Belt(Printable):
     axial_damping: float = 0.0
     bending_stiffness: float = 0.0
     bending_damping: float = 0.0
-    mesh: str = attrs.field(default="joint", validator=one_of("belt.mesh", MESHES))
+    mesh: str = attrs.field(default="joint", validator=with_choice("belt.mesh", MESHES))
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("drag"))
@@ -81,7 +84,7 @@ class Drag(Printable):
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("pulley", _CENTER))
 class Pulley(Printable):
-    """A pulley that turns about a fixed axis (2.12).
+    """A pulley that turns about its axis (2.12), which is fixed or has a mount.
 
     Attributes:
         center: Position of the axis (x, y) [m].
@@ -93,6 +96,8 @@ class Pulley(Printable):
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
             ``Params.friction``.
+        mount: What lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None: it is
+            fixed. Needs ``Belt(mesh="joint")``.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -101,11 +106,33 @@ class Pulley(Printable):
     center: tuple[float, float]
     radius: float
     inertia: float
-    side: str = attrs.field(default="inside", validator=one_of("pulley.side", SIDES))
+    side: str = attrs.field(default="inside", validator=with_choice("pulley.side", SIDES))
     drag: Drag | None = attrs.field(
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
+    mount: Mount | None = attrs.field(default=None, validator=mount_or_none)
+
+
+def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
+    """Check the pulleys of a drive.
+
+    Raises:
+        TypeError: Not a sequence of :class:`Pulley`.
+        ValueError: There is none.
+    """
+    try:
+        pulleys = tuple(value)
+    except TypeError:
+        raise TypeError(
+            f"pulleys must be a sequence of Pulley, got {type(value).__name__}"
+        ) from None
+    if not pulleys:
+        raise ValueError("pulleys must hold at least one Pulley")
+    for k, pulley in enumerate(pulleys):
+        if not isinstance(pulley, Pulley):
+            raise TypeError(f"pulleys[{k}] must be a Pulley, got {type(pulley).__name__}")
+    return pulleys
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("contact"))

@@ -19,6 +19,7 @@ from .histories import (
     ContactHistory,
     EnergyLedger,
     JointHistory,
+    MountHistory,
     PulleyHistory,
     Stats,
     histories,
@@ -49,6 +50,7 @@ class Result:
         joints    deformation, force                               (n_t, n_b)
         contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
         span_tension, slip                                         (n_t, n_p)
+        mounts    travel, travel_speed, ..., belt_force            (n_t, n_m)
         energy    kinetic, ..., residual, passed                   (n_t,)
 
     Attributes:
@@ -58,6 +60,7 @@ class Result:
         joints: Deformation and force of the joints.
         contact: Contact and friction of the links; for a link on two pulleys those of the one with
             the larger normal force.
+        mounts: Travels of the mounts and what acts on them; None in a drive without.
         energy: The energy ledger, None for ``ledger=False``.
         stats: Counters, times and error estimates.
         effects: Names of the effects that were simulated; one that the drive does not have
@@ -78,6 +81,7 @@ class Result:
     belt: BeltHistory
     joints: JointHistory
     contact: ContactHistory
+    mounts: MountHistory | None
     energy: EnergyLedger | None
     stats: Stats
     effects: tuple[str, ...]

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _core
 from .checks import Array
-from .parts import Pulley
+from .parts import Pulley, as_pulleys
 
 __all__ = ["Route", "route"]
 
@@ -56,14 +56,24 @@ def route(pulleys: Iterable[Pulley]) -> Route:
     """Find how a belt runs round pulleys, before any belt is chosen.
 
     Args:
-        pulleys: In the order in which the belt visits them, each with its side.
+        pulleys: In the order in which the belt visits them, each with its side; those on mounts in
+            the places given.
 
     Raises:
+        TypeError: These are no pulleys.
         ValueError: There is no such route: pulleys overlap, one is passed by, a span would pass
             through one, or the belt would cross itself.
     """
-    given = list(pulleys)
-    centers = np.array([pulley.center for pulley in given], dtype=float).reshape(-1, 2)
+    given = as_pulleys(pulleys)
+    return route_at(given, np.array([pulley.center for pulley in given], dtype=float))
+
+
+def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
+    """Find how a belt runs round pulleys whose axes are at ``centers`` (n_p, 2) [m].
+
+    Raises:
+        ValueError: As :func:`route`.
+    """
     radii = np.array([pulley.radius for pulley in given], dtype=float)
     outside = [pulley.side == "outside" for pulley in given]
     rows, length, turns = _core.belt_line(centers, radii, outside)

@@ -13,7 +13,7 @@ import attrs
 
 from . import _core, checks
 
-__all__ = ["Printable", "Rule", "from_table", "instance_of", "lines", "one_of", "rules_of"]
+__all__ = ["Printable", "Rule", "from_table", "instance_of", "lines", "rules_of", "with_choice"]
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
@@ -78,15 +78,13 @@ def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], A
     return check
 
 
-def one_of(name: str, choices: Sequence[str]) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+def with_choice(
+    name: str, choices: Sequence[str]
+) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
     """Give the validator of a field that is one of some names."""
 
     def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
-        rule = f"{name} must be one of {', '.join(choices)}, got {value!r}"
-        if not isinstance(value, str):
-            raise TypeError(rule)
-        if value not in choices:
-            raise ValueError(rule)
+        checks.one_of(name, value, choices)
 
     return check
 
@@ -108,7 +106,11 @@ def from_table(
         return field.evolve(converter=check, metadata={"rule": rule})
 
     def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-        return [field if field.validator is not None else with_rule(field) for field in fields]
+        checked = [field.validator is not None or field.converter is not None for field in fields]
+        return [
+            field if known else with_rule(field)
+            for field, known in zip(fields, checked, strict=True)
+        ]
 
     return transform
 

@@ -219,9 +219,13 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     for name in sorted(absent & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     with_energy = any(name.startswith("energy.") for name in values)
+    n_m = len(params.mounted)
+    left_out = ({"energy"} if not with_energy else set()) | ({"mounts"} if n_m == 0 else set())
+    sizes = {"PULLEYS": n_p, "MOUNTS": n_m}
 
     def history(group: str) -> dict[str, NDArray[Any]]:
-        shape = {"pulleys": (t.size, n_p), "energy": (t.size,)}.get(group, (t.size, n_b))
+        shapes = {"pulleys": (t.size, n_p), "mounts": (t.size, n_m), "energy": (t.size,)}
+        shape = shapes.get(group, (t.size, n_b))
         arrays = {}
         for field in GROUPS[group].names():
             name = f"{group}.{field}"
@@ -229,18 +233,22 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
             arrays[field] = npz.number_array(name, values[name], kind, shape)
-            beyond = not meta["success"] and (name in _MAY_OVERFLOW or group == "energy")
+            beyond = not meta["success"] and (
+                name in _MAY_OVERFLOW or group in ("mounts", "energy")
+            )
             if not beyond and not np.isfinite(arrays[field]).all():
                 raise ValueError(f"{name} must be finite")
         return arrays
 
-    arrays = {name: history(name) for name in GROUPS if name != "energy" or with_energy}
+    arrays = {name: history(name) for name in GROUPS if name not in left_out}
     touched = arrays["contact"]["pulley"]
     if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
         raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
     final: dict[str, Any] = {"t": meta.pop("final_t")}
     for name, size in _FINAL.items():
-        shape = (n_p if size == "PULLEYS" else n_b,)
+        if size == "MOUNTS" and n_m == 0 and name not in values:
+            continue  # files of earlier versions
+        shape = (sizes.get(size, n_b),)
         final[name.removeprefix("final_state.")] = npz.number_array(
             name, values[name], np.float64, shape
         )

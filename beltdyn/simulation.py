@@ -15,7 +15,7 @@ from . import _core, memory, observed, sanity
 from .accuracy import budget as budgets
 from .accuracy.runs import Reached
 from .accuracy.verification import Verification
-from .checks import Array, flag, integer, positive, real, real_array, sample_times
+from .checks import Array, flag, integer, one_of, positive, real, real_array, sample_times
 from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
 from .histories import Stats
@@ -256,7 +256,7 @@ def _simulate(
         raise ValueError(f"t_end must be > initial.t ({start:g} s), got {end:g} s")
     times = _sample_times(t_eval, start, end)
     options: dict[str, Any] = {
-        "method": _method(method),
+        "method": one_of("method", method, METHODS),
         "rtol": _rtol(rtol),
         "step": _positive("step", step, "s"),
         "max_step": _positive("max_step", max_step, "s"),
@@ -271,6 +271,7 @@ def _simulate(
         times.size,
         params.belt.n_bodies,
         len(params.pulleys),
+        n_mounts=len(params.mounted),
         energy_terms=len(params._model.energy_terms) if options["ledger"] else 0,
         friction=params.has_friction,
     )
@@ -492,21 +493,13 @@ def _check_initial(params: Params, initial: object) -> None:
     if not isinstance(initial, State):
         hint = ", its final_state is one" if isinstance(initial, Result) else ""
         raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
-    initial.check_fits(params.belt.n_bodies, len(params.pulleys))
+    initial.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
 
 
 def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
     if t_eval is None:
         return np.linspace(start, end, _DEFAULT_SAMPLES)
     return sample_times("t_eval", t_eval, start, end)
-
-
-def _method(method: object) -> str:
-    if not isinstance(method, str):
-        raise TypeError(f"method must be a str, one of {', '.join(METHODS)}, got {method!r}")
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    return method
 
 
 def _rtol(rtol: object) -> float:

@@ -23,7 +23,7 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     """Give every field its converter, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
-        like = "theta" if _SIZES[name] == "PULLEYS" else "x"
+        like = {"PULLEYS": "theta", "MOUNTS": "travel"}.get(_SIZES[name], "x")
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
             expected = getattr(state, like).shape
@@ -51,6 +51,7 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
 
 
 _LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
+_MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self=True)
 _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
 
 
@@ -75,6 +76,10 @@ class State:
         slip: Slip displacements since contact began (n_b,) [m].
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
+        travel: Travels of the mounts (n_m,), of an arm [rad], of a slider [m], of a path the time
+            [s]; empty without mounts.
+        travel_speed: Their rates (n_m,).
+        mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
         t: Time [s].
         residual: After settling, the largest unbalanced force over the mean tension; else None.
 
@@ -93,6 +98,9 @@ class State:
     slip: Array = _LINK_ZEROS
     theta: Array
     omega: Array = _PULLEY_ZEROS
+    travel: Array = attrs.Factory(lambda: np.empty(0))
+    travel_speed: Array = _MOUNT_ZEROS
+    mount_friction: Array = _MOUNT_ZEROS
     t: float = 0.0
     residual: float | None = None
 
@@ -114,11 +122,12 @@ class State:
         at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"
         return f"State(t={self.t:.6g}, {self.n_bodies} links, {self.n_pulleys} pulley(s){at_rest})"
 
-    def check_fits(self, n_bodies: int, n_pulleys: int) -> None:
-        """Raise ValueError unless the state is one of that many links and pulleys."""
+    def check_fits(self, n_bodies: int, n_pulleys: int, n_mounts: int = 0) -> None:
+        """Raise ValueError unless the state is one of that many links, pulleys and mounts."""
+        sizes = {"PULLEYS": n_pulleys, "MOUNTS": n_mounts}
         for name, size in _SIZES.items():
             shape = getattr(self, name).shape
-            expected = (n_pulleys if size == "PULLEYS" else n_bodies,)
+            expected = (sizes.get(size, n_bodies),)
             if shape != expected:
                 raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
 
@@ -139,7 +148,7 @@ class State:
             TypeError: Not a mapping from indices to numbers.
             ValueError: No pulley is named, or none of that index exists; the rims' speeds differ.
         """
-        self.check_fits(params.belt.n_bodies, len(params.pulleys))
+        self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
         if not isinstance(omega, Mapping):
             raise TypeError(f"omega must be a mapping from pulleys to speeds, got {omega!r}")
         if not omega:
@@ -211,7 +220,8 @@ class State:
         def build(values: dict[str, Any]) -> State:
             fields: dict[str, Any] = {
                 name: npz.number_array(name, values[name], np.float64, (values[name].size,))
-                for name in _SIZES
+                for name, size in _SIZES.items()
+                if size != "MOUNTS" or name in values  # not in the files of earlier versions
             }
             for name in ("t", "residual"):
                 if name == "t" or name in values:

@@ -9,7 +9,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import flag, integer, pair, positive, real, shown
+from .checks import flag, integer, one_of, pair, positive, real, shown
 
 __all__ = ["Offsets", "Tensioning"]
 
@@ -43,9 +43,7 @@ def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
 
 
 def _pulleys(value: object) -> str:
-    if not isinstance(value, str) or value not in ("held", "free"):
-        raise ValueError(f'pulleys must be "held" or "free", got {shown(value)}')
-    return str(value)
+    return one_of("pulleys", value, ("held", "free"))
 
 
 def _friction(value: object) -> bool:

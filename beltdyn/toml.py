@@ -21,6 +21,8 @@ import numpy as np
 from . import files
 from .checks import Array, close_to, shown
 from .friction import LAWS, Friction
+from .mounts import Arm, Mount, Slider, Stops
+from .mounts import Path as AxisPath
 from .tensioning import Offsets
 from .torques import PiecewiseLinear, Torque, Viscous
 
@@ -29,7 +31,8 @@ __all__ = ["SCENE_ONLY", "read", "structure", "unstructure", "write"]
 _T = TypeVar("_T")
 
 _TORQUES: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "viscous": Viscous}
-_KIND_OF = {cls: kind for kinds in (LAWS, _TORQUES) for kind, cls in kinds.items()}
+_MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
+_KIND_OF = {cls: kind for kinds in (LAWS, _TORQUES, _MOUNTS) for kind, cls in kinds.items()}
 #: Fields of a scene besides the tables of its drive.
 SCENE_ONLY = ("t_end", "torque")
 
@@ -79,13 +82,18 @@ def _converter() -> Any:
     for kind in (bool, float, int, str):
         converter.register_structure_hook(kind, lambda value, _kind: value)
     converter.register_structure_hook_func(
-        lambda kind: kind in (Array, tuple[float, float], Offsets, float | None, bool | None),
+        lambda kind: (
+            kind in (Array, tuple[float, float], Offsets, Stops, float | None, bool | None)
+        ),
         lambda value, _kind: value,
     )
     converter.register_structure_hook_factory(attrs.has, table_of)
     converter.register_structure_hook_func(_is_list_of_tables, list_of)
     converter.register_structure_hook_func(
         lambda kind: kind == (Friction | None), by_kind(LAWS, "dahl")
+    )
+    converter.register_structure_hook_func(
+        lambda kind: kind == (Mount | None), by_kind(_MOUNTS, None)
     )
     converter.register_structure_hook_func(lambda kind: kind is Torque, by_kind(_TORQUES, None))
     converter.register_unstructure_hook_func(lambda kind: kind == Array, np.ndarray.tolist)

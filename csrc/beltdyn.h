@@ -95,6 +95,31 @@ typedef struct bd_contact {
   BD_CONTACT(X)
 } bd_contact;
 
+/* What lets the axis of a pulley move (MODEL section 5): an arm turns about its pivot, a slider
+ * goes along its direction (of any length), a path is prescribed: displacements (n_t, 2) from the
+ * pulley's center at times t (n_t >= 2, increasing), the first one none, joined by a cubic spline
+ * that is at rest at both ends. */
+typedef struct bd_arm {
+  BD_ARM(X)
+} bd_arm;
+
+typedef struct bd_slider {
+  BD_SLIDER(X)
+} bd_slider;
+
+enum { BD_MOUNT_ARM, BD_MOUNT_SLIDER, BD_MOUNT_PATH };
+
+typedef struct bd_mount {
+  int kind; /* BD_MOUNT_... */
+  union {
+    bd_arm arm;
+    bd_slider slider;
+  };
+  double pivot[2], direction[2];
+  size_t n_t;
+  const double *t, *displacement; /* copied */
+} bd_mount;
+
 /* bd_dahl, bd_lugre, ...: the parameters of each friction law. */
 #define LAW(name, class, general, text)                                                            \
   typedef struct bd_##name {                                                                       \
@@ -127,6 +152,7 @@ typedef struct bd_pulley {
   bd_drag drag;
   const bd_friction *friction; /* NULL: that of the scene */
   int outside;                 /* of the loop, on the back of the belt */
+  const bd_mount *mount;       /* NULL: the axis is fixed */
 } bd_pulley;
 #undef X
 
@@ -167,6 +193,10 @@ typedef struct bd_info {
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
+/* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
+ * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels. */
+void bd_model_rest(const bd_model *model, double *travel);
+void bd_model_centers(const bd_model *model, const double *travel, double *centers);
 
 /* The tight belt line at one pulley: the angle seen from its axis at which the belt arrives, and
  * that over which it lies, > 0, so that it leaves at arrive + sense wrap [rad]; the sense in which
@@ -202,7 +232,7 @@ int bd_check_parameter(const char *group, const char *name, const char *label, d
 /* --- state ----------------------------------------------------------------------------------- */
 
 /* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major),
- * n_pulleys. phi is continuous: joint 0 carries the winding. */
+ * n_pulleys, n_mounts. phi is continuous: joint 0 carries the winding. */
 typedef struct bd_state {
   double t;
 #define X(symbol, name, size, scale, unit, text) double *name;

@@ -38,6 +38,32 @@
   X(drag, coulomb, NONNEGATIVE, "N m", "Coulomb bearing drag, the same at any speed")              \
   X(drag, viscous, NONNEGATIVE, "N m s", "viscous bearing drag, torque over speed")                \
   X(drag, quadratic, NONNEGATIVE, "N m s^2", "quadratic bearing drag, over speed squared")
+/* Mounts that move, of an axis: arms and sliders. 0 is a number chosen, of friction_stiffness, of
+ * stop_stiffness, and with that of stop_damping; lowest and highest both 0: no stops. */
+#define BD_ARM(X)                                                                                  \
+  X(arm, inertia, POSITIVE, "kg m^2", "about the pivot, the pulley's mass included, J")            \
+  X(arm, mass, NONNEGATIVE, "kg", "on the pulley's axis, for gravity; part of the inertia")        \
+  X(arm, stiffness, NONNEGATIVE, "N m/rad", "of the spring, k")                                    \
+  X(arm, preload, FINITE, "N m", "torque of the spring in the place of the scene, S_0")            \
+  X(arm, damping, NONNEGATIVE, "N m s/rad", "of the damper, d")                                    \
+  X(arm, friction, NONNEGATIVE, "N m", "Dahl friction of the pivot in full sliding, F_m")          \
+  X(arm, friction_stiffness, NONNEGATIVE, "N m/rad", "of that friction before it slides, kappa")   \
+  X(arm, lowest, FINITE, "rad", "angle of the lower stop from the place of the scene")             \
+  X(arm, highest, FINITE, "rad", "angle of the upper stop")                                        \
+  X(arm, stop_stiffness, NONNEGATIVE, "N m/rad", "of a stop, k_s")                                 \
+  X(arm, stop_damping, NONNEGATIVE, "N m s/rad", "of a stop, d_s")
+#define BD_SLIDER(X)                                                                               \
+  X(slider, mass, POSITIVE, "kg", "of carriage and pulley")                                        \
+  X(slider, weight, NONNEGATIVE, "kg", "hung on it, pulls along the direction, w")                 \
+  X(slider, stiffness, NONNEGATIVE, "N/m", "of the spring, k")                                     \
+  X(slider, preload, FINITE, "N", "force of the spring in the place of the scene, S_0")            \
+  X(slider, damping, NONNEGATIVE, "N s/m", "of the damper, d")                                     \
+  X(slider, friction, NONNEGATIVE, "N", "Dahl friction of the guide in full sliding, F_m")         \
+  X(slider, friction_stiffness, NONNEGATIVE, "N/m", "of that friction before it slides, kappa")    \
+  X(slider, lowest, FINITE, "m", "travel of the lower stop from the place of the scene")           \
+  X(slider, highest, FINITE, "m", "travel of the upper stop")                                      \
+  X(slider, stop_stiffness, NONNEGATIVE, "N/m", "of a stop, k_s")                                  \
+  X(slider, stop_damping, NONNEGATIVE, "N s/m", "of a stop, d_s")
 #define BD_CONTACT(X)                                                                              \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
@@ -46,7 +72,9 @@
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
 #define BD_LAW_PARAMETERS(name, class, general, text) BD_LAW_##name(X)
-#define BD_PARAMETERS(X) BD_BELT(X) BD_PULLEY(X) BD_DRAG(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
+#define BD_PARAMETERS(X)                                                                           \
+  BD_BELT(X)                                                                                       \
+  BD_PULLEY(X) BD_DRAG(X) BD_ARM(X) BD_SLIDER(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double
@@ -56,9 +84,10 @@
 #define BD_TYPE_FLAG int
 
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
- * size: LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS n_p; in this order. scale:
- * what errors are measured by (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED,
- * both over a lever arm (TURN, SPIN), the FRICTION law's own; NONE: errors are not looked at. With
+ * size: LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS n_p, MOUNTS one for each
+ * pulley with a mount; in this order. scale: what errors are measured by (bd_state_scale): the
+ * STRETCH of a joint at rest, that as a SPEED, both over a lever arm (TURN, SPIN), the FRICTION
+ * law's own, GRIP that of a mount; NONE: errors are not looked at. With
  * time they are the physical state; to go on bit for bit a run needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
   X(X, x, LINKS, STRETCH, "m", "mass centre of the link")                                          \
@@ -70,12 +99,16 @@
   X(MU, mu, SLOTS, FRICTION, "its law's", "state of the friction law, z")                          \
   X(SLIP, slip, SLOTS, NONE, "m", "slip displacement since contact began")                         \
   X(THETA, theta, PULLEYS, TURN, "rad", "rotation angle of the pulley")                            \
-  X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")
+  X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")                        \
+  X(TRAVEL, travel, MOUNTS, TURN, "rad or m", "of a mount, q; of a path the time [s]")             \
+  X(TRAVEL_SPEED, travel_speed, MOUNTS, SPIN, "rad/s or m/s", "rate of the travel")                \
+  X(MOUNT_FRICTION, mount_friction, MOUNTS, GRIP, "1", "share of a mount's friction that acts")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \
   X(int, n_bodies, "links")                                                                        \
   X(int, n_pulleys, "pulleys")                                                                     \
+  X(int, n_mounts, "pulleys with a mount")                                                         \
   X(int, n_slots, "friction slots per link: 1 unless pulleys overlap; 0 without friction")         \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
   X(double, link_length, "stress-free length of a link, l0 [m]")                                   \
@@ -97,7 +130,8 @@
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of a state's
- * fields; FRICTION, links of drives with friction; ENERGY, columns of the ledger. */
+ * fields; FRICTION, links of drives with friction; ENERGY, columns of the ledger. Of mounts:
+ * torques of an arm, forces of a slider, in the sense of its travel. */
 #define BD_OUTPUTS(X)                                                                              \
   X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \
@@ -115,6 +149,13 @@
   X(mu, contact, FRICTION, "1", "friction coefficient, friction force over N")                     \
   X(slip, contact, FRICTION, "m", "slip displacement since contact began")                         \
   X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
+  X(travel, mounts, MOUNTS, "rad or m", "from the place in the scene; of a path the time [s]")     \
+  X(travel_speed, mounts, MOUNTS, "rad/s or m/s", "rate of the travel")                            \
+  X(spring_force, mounts, MOUNTS, "N m or N", "of the spring, preload and weight included")        \
+  X(damper_force, mounts, MOUNTS, "N m or N", "of the damper")                                     \
+  X(friction_force, mounts, MOUNTS, "N m or N", "of the friction in pivot or guide")               \
+  X(stop_force, mounts, MOUNTS, "N m or N", "of the stops")                                        \
+  X(belt_force, mounts, MOUNTS, "N m or N", "of the belt on the pulley")                           \
   X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")
 
 /* The energy ledger, MODEL section 7: X(name, kind, text). kind: STORED, a part of E; SUPPLIED and
@@ -133,7 +174,10 @@
   X(contact_loss, LOST, "lost in the contact dampers since the start")                             \
   X(friction_loss, LOST, "work of friction against slip since the start")                          \
   X(residual, CHECK, "E(t) - E(0) - (drive - losses): 0 but for integration error")                \
-  X(drag_loss, LOST, "lost to bearing drag since the start")
+  X(drag_loss, LOST, "lost to bearing drag since the start")                                       \
+  X(mount, STORED, "stored in springs and stops of mounts, less the work of their preload")        \
+  X(mount_loss, LOST, "lost in dampers, friction and stops of mounts since the start")             \
+  X(path_work, LOST, "work of the belt on axes that follow a path since the start")
 
 /* What is expanded for the rows that are works, and for no others. */
 #define BD_WORK_STORED(...)

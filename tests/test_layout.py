@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import attrs
 import drives
@@ -117,8 +119,16 @@ def test_bad_sides() -> None:
         pulley(0.0, 0.0, 0.1, "out")
     with pytest.raises(TypeError, match=r"pulley\.side must be one of inside, outside, got 1"):
         pulley(0.0, 0.0, 0.1, 1)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="at least one row"):
-        bd.route([])
+
+
+@pytest.mark.parametrize("use", [bd.route, bd.plot.layout])
+def test_what_is_no_pulleys(use: Callable[[Any], Any]) -> None:
+    with pytest.raises(TypeError, match=r"^pulleys must be a sequence of Pulley, got int"):
+        use(3)
+    with pytest.raises(TypeError, match=r"^pulleys\[1\] must be a Pulley, got float"):
+        use([A, 1.0])
+    with pytest.raises(ValueError, match=r"^pulleys must hold at least one Pulley"):
+        use([])
 
 
 # ----------------------------------------------------------------------- running

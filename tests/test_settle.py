@@ -293,7 +293,7 @@ def test_friction_while_settling_needs_a_friction_law() -> None:
     ("fields", "error", "message"),
     [
         ({"friction": 1}, TypeError, "friction must be a bool"),
-        ({"pulleys": "loose"}, ValueError, 'pulleys must be "held" or "free"'),
+        ({"pulleys": "loose"}, ValueError, "pulleys must be one of held, free"),
         ({"offset": 3}, TypeError, "offset must be a mapping"),
         ({"offset": {-1: (0, 0)}}, ValueError, "offset index must be an integer from 0 to 9999"),
         ({"offset": [(0, 0, 0)]}, TypeError, r"offset\[0\] must be a pair"),

@@ -326,7 +326,7 @@ def test_a_function_cannot_be_written() -> None:
         (
             "gravity = [0, -9.81]",
             "tensioning = {pulleys = []}",
-            'tensioning: pulleys must be "held"',
+            "tensioning: pulleys must be one of held, free",
         ),
         (
             "gravity = [0, -9.81]",

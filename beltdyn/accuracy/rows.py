@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import attrs
 
+from ..checks import one_of
 from .quantities import QUANTITIES
 from .settings import Setting
 
@@ -20,12 +21,7 @@ def quantity_of(name: object) -> str:
     Raises:
         TypeError, ValueError: It is none of :data:`QUANTITIES`.
     """
-    rule = f"quantity must be one of {', '.join(QUANTITIES)}, got {name!r}"
-    if not isinstance(name, str):
-        raise TypeError(rule)
-    if name not in QUANTITIES:
-        raise ValueError(rule)
-    return name
+    return one_of("quantity", name, QUANTITIES)
 
 
 @attrs.frozen(kw_only=True)

@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array, flag, integer, pair, real
+from ..checks import Array, flag, integer, one_of, pair, real
 from ..params import Params
 from ..run_warnings import distinct, issue
 from ..threads import Workers
@@ -119,9 +119,9 @@ def identify(
     options = _Options(
         confidence=confidence_of(confidence),
         limit=_above("limit", limit, 1.0),
-        central=_one_of("jac", jac, ("3-point", "2-point")) == "3-point",
+        central=one_of("jac", jac, ("3-point", "2-point")) == "3-point",
         step=_step(diff_step),
-        loss=_one_of("loss", loss, LOSSES),
+        loss=one_of("loss", loss, LOSSES),
         prior=_prior(parameters, prior),
     )
     tol = _above("tol", tol, 0.0)
@@ -402,12 +402,6 @@ def _step(value: object) -> float:
     if step >= 1.0:
         raise ValueError(f"diff_step must be < 1, got {step:g}")
     return step
-
-
-def _one_of(name: str, value: object, known: tuple[str, ...]) -> str:
-    if value not in known:
-        raise ValueError(f"{name} must be one of {', '.join(known)}, got {value!r}")
-    return str(value)
 
 
 def _prior(

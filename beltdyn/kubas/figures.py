@@ -19,6 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..checks import one_of
 from ..plot import (
     contact_forces,
     drive,
@@ -110,9 +111,7 @@ class PaperFigure:
         Raises:
             ValueError: ``size`` is none of these.
         """
-        if size not in SIZES:
-            raise ValueError(f"size must be one of {', '.join(SIZES)}, got {size!r}")
-        (width, height), font, line, dpi = SIZES[size]
+        (width, height), font, line, dpi = SIZES[one_of("size", size, tuple(SIZES))]
         count = len(self.panels)
         # For the time of the drawing: sizes of text are fixed when it is made.
         with matplotlib.rc_context({"font.size": font, "axes.linewidth": 0.6}):

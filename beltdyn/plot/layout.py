@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from ..params import Params
-from ..parts import Pulley
+from ..parts import Pulley, as_pulleys
 from ..route import route
 from . import style
 
@@ -29,9 +29,10 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         ax: Axes to draw into; None: those of a new figure.
 
     Raises:
+        TypeError: These are no pulleys.
         ValueError: The belt cannot run round these pulleys.
     """
-    pulleys = drive.pulleys if isinstance(drive, Params) else tuple(drive)
+    pulleys = drive.pulleys if isinstance(drive, Params) else as_pulleys(drive)
     way = route(pulleys)
     ax = style.axes(ax)
     for k, pulley in enumerate(pulleys):

@@ -4,7 +4,7 @@
  *
  * Layout. One flat, 64-byte aligned vector: LINK_FIELDS blocks of `stride` doubles, then a tail
  *
- *   | x | y | phi | vx | vy | vphi | mu (slots) | slip (slots) || theta | omega | work |
+ *   | x | y | phi | vx | vy | vphi | mu (slots) | slip (slots) || theta | omega | mounts | work |
  *
  * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
  * kept at rest.
@@ -43,6 +43,9 @@ typedef struct bd_layout {
   int n, n8, np, slots;
   int stride;             /* doubles per block */
   int theta, omega, work; /* offsets of the tail */
+  int nm;                 /* mounts, */
+  const int *mounted;     /* their pulleys, and the offsets of their three rows */
+  int travel, travel_speed, mount_friction;
   int n_work;
   size_t size; /* of the whole vector */
 } bd_layout;

@@ -3,6 +3,7 @@
  * What the parts of the extension module share: objects, the state record, errors, torque terms.
  *
  *   module.c      the module: tables, functions, errors
+ *   scene.c       the parts of a scene from the arguments of Model; the belt line
  *   model.c       Model, and states in and out
  *   output.c      the arrays a run fills
  *   torque.c      torque terms and motions, and calling Python from the core
@@ -39,6 +40,25 @@ int bd_core_set(PyObject *dict, const char *name, PyObject *value);
            : PyLong_FromLong, double                                                               \
            : PyFloat_FromDouble)(value)
 
+/* --- scene ----------------------------------------------------------------------------------- */
+
+/* A tuple of the parameters of one group, in their order, into its C struct; called `label` in
+ * messages, as the core calls it. */
+int bd_core_read_group(PyObject *object, const char *group, const char *label, void *record);
+/* A friction law, (name, tuple of its parameters); None: law 0. `label`: its name in messages. */
+int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction);
+int bd_core_read_gravity(PyObject *object, double gravity[2]);
+/* A mount, (kind, place, numbers); arrays that it points to stay in the list `keep`. */
+int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
+/* What pulleys may have of their own, an entry each, or None: in bd_pulley's words. */
+typedef struct {
+  PyObject *drag, *friction, *outside, *mounts;
+} bd_core_pulley_parts;
+/* The pulleys as a fresh block (PyMem_Free it), after them what they point to, but for arrays,
+ * which stay in the list `keep`; their number in *n. */
+bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
+                                const bd_core_pulley_parts *parts, PyObject *keep, int *n);
+
 /* --- model ----------------------------------------------------------------------------------- */
 
 typedef struct {
@@ -60,9 +80,6 @@ typedef struct {
   bd_state state;
   PyArrayObject *arrays[BD_CORE_N_STATE];
 } bd_core_state;
-
-/* A friction law, (name, tuple of its parameters); None: law 0. `label`: its name in messages. */
-int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction);
 
 /* From a mapping with "t" and every field, checked. The arrays may be the caller's own: the core
  * copies them before the GIL is released. */

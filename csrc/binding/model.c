@@ -5,13 +5,12 @@
  */
 #include "binding/binding.h"
 
-#include <limits.h>
 #include <stddef.h>
 #include <string.h>
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum { SIZE_LINKS, SIZE_SLOTS, SIZE_PULLEYS };
+enum { SIZE_LINKS, SIZE_SLOTS, SIZE_PULLEYS, SIZE_MOUNTS };
 
 /* The name, length kind and pointer of every state field, in the order of BD_STATE_FIELDS. */
 static const struct {
@@ -25,9 +24,10 @@ static const struct {
 };
 
 static npy_intp length_of(int size, const bd_info *info) {
-  return size == SIZE_LINKS   ? info->n_bodies
-         : size == SIZE_SLOTS ? (npy_intp)info->n_slots * info->n_bodies
-                              : info->n_pulleys;
+  return size == SIZE_LINKS    ? info->n_bodies
+         : size == SIZE_SLOTS  ? (npy_intp)info->n_slots * info->n_bodies
+         : size == SIZE_MOUNTS ? info->n_mounts
+                               : info->n_pulleys;
 }
 
 /* Hands an array (NULL: failed already) to the record, which then owns it. */
@@ -66,6 +66,10 @@ int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *inf
     char name[BD_NAME_SIZE];
     npy_intp length = length_of(state_fields[k].size, info);
     PyOS_snprintf(name, sizeof name, "state '%s'", state_fields[k].name);
+    if (length == 0 && !PyMapping_HasKeyString(mapping, state_fields[k].name)) {
+      failed = put_array(out, k, (PyArrayObject *)PyArray_ZEROS(1, &length, NPY_DOUBLE, 0));
+      continue;
+    }
     value = get_field(mapping, state_fields[k].name);
     failed = value ? put_array(out, k, bd_convert_array(value, name, 1, &length)) : -1;
     Py_XDECREF(value);
@@ -113,266 +117,34 @@ void bd_core_state_release(bd_core_state *state) {
   }
 }
 
-/* --- arguments of Model ---------------------------------------------------------------------- */
-
-/* The core checks the rule itself. */
-static int read_parameter(PyObject *value, const char *label, const bd_parameter *row,
-                          char *record) {
-  char name[BD_NAME_SIZE];
-  PyOS_snprintf(name, sizeof name, "%s.%s", label, row->name);
-  if (!row->is_integer) {
-    double number;
-    if (bd_convert_real(value, name, &number) < 0) {
-      return -1;
-    }
-    memcpy(record + row->offset, &number, sizeof number);
-    return 0;
-  }
-  long count;
-  if (bd_convert_long(value, name, &count) < 0) {
-    return -1;
-  }
-  if (count < INT_MIN || count > INT_MAX) {
-    PyErr_Format(PyExc_ValueError, "%s is too large: %ld", name, count);
-    return -1;
-  }
-  int integer = (int)count;
-  memcpy(record + row->offset, &integer, sizeof integer);
-  return 0;
-}
-
-/* A tuple of the parameters of one group, in their order, into its C struct; called `label` in
- * messages, as the core calls it. */
-static int read_group(PyObject *object, const char *group, const char *label, void *record) {
-  Py_ssize_t count = 0;
-  for (size_t k = 0; k < bd_n_parameters; k++) {
-    count += !strcmp(bd_parameters[k].group, group);
-  }
-  if (!PyTuple_Check(object)) {
-    PyErr_Format(PyExc_TypeError, "%s must be a tuple of %zd numbers, got %.100s", label, count,
-                 Py_TYPE(object)->tp_name);
-    return -1;
-  }
-  if (PyTuple_GET_SIZE(object) != count) {
-    PyErr_Format(PyExc_ValueError, "%s must have %zd numbers, got %zd", label, count,
-                 PyTuple_GET_SIZE(object));
-    return -1;
-  }
-  Py_ssize_t at = 0;
-  for (size_t k = 0; k < bd_n_parameters; k++) {
-    if (!strcmp(bd_parameters[k].group, group) &&
-        read_parameter(PyTuple_GET_ITEM(object, at++), label, &bd_parameters[k], record) < 0) {
-      return -1;
-    }
-  }
-  return 0;
-}
-
-static int read_gravity(PyObject *object, double gravity[2]) {
-  const npy_intp two = 2;
-  PyArrayObject *array = bd_convert_array(object, "gravity", 1, &two);
-  if (!array) {
-    return -1;
-  }
-  memcpy(gravity, PyArray_DATA(array), 2 * sizeof *gravity);
-  Py_DECREF(array);
-  return 0;
-}
-
-int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction) {
-  if (object == Py_None) {
-    return 0;
-  }
-  const char *name = PyTuple_Check(object) && PyTuple_GET_SIZE(object) == 2 &&
-                             PyUnicode_Check(PyTuple_GET_ITEM(object, 0))
-                         ? PyUnicode_AsUTF8(PyTuple_GET_ITEM(object, 0))
-                         : NULL;
-  if (!name) {
-    if (!PyErr_Occurred()) {
-      PyErr_Format(PyExc_TypeError, "%s must be a tuple (name of the law, its numbers), got %R",
-                   label, object);
-    }
-    return -1;
-  }
-  friction->law = bd_law_find(name);
-  if (friction->law < 0) {
-    PyErr_Format(PyExc_ValueError, "%s: there is no friction law '%s'", label, name);
-    return -1;
-  }
-  return read_group(PyTuple_GET_ITEM(object, 1), name, label, &friction->dahl);
-}
-
-/* What one pulley has of an argument that has an entry for each of them. */
-typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley,
-                          bd_friction *friction);
-
-static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, bd_friction *friction) {
-  (void)friction;
-  return read_group(entry, "drag", label, &pulley->drag);
-}
-
-static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley,
-                             bd_friction *friction) {
-  pulley->friction = friction;
-  return bd_core_read_friction(entry, label, friction);
-}
-
-static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley,
-                        bd_friction *friction) {
-  (void)friction;
-  return bd_convert_bool(entry, label, &pulley->outside);
-}
-
-/* One entry, or None, for each pulley; None: no pulley has any. */
-static int read_entries(PyObject *object, const char *name, read_entry read, npy_intp count,
-                        bd_pulley *pulleys, bd_friction *frictions) {
-  if (object == Py_None) {
-    return 0;
-  }
-  PyObject *rows = PySequence_Check(object) && !PyUnicode_Check(object)
-                       ? PySequence_Fast(object, "must be a sequence")
-                       : NULL;
-  if (!rows) {
-    if (!PyErr_Occurred()) {
-      PyErr_Format(PyExc_TypeError, "%s must be a sequence of tuples, got %.100s", name,
-                   Py_TYPE(object)->tp_name);
-    }
-    return -1;
-  }
-  int failed = 0;
-  if (PySequence_Fast_GET_SIZE(rows) != count) {
-    PyErr_Format(PyExc_ValueError, "%s must have one entry for each of %zd pulleys, got %zd", name,
-                 (Py_ssize_t)count, PySequence_Fast_GET_SIZE(rows));
-    failed = -1;
-  }
-  for (Py_ssize_t j = 0; !failed && j < count; j++) {
-    PyObject *row = PySequence_Fast_GET_ITEM(rows, j);
-    char label[BD_NAME_SIZE];
-    PyOS_snprintf(label, sizeof label, "pulleys[%d].%s", (int)j, name);
-    failed = row == Py_None ? 0 : read(row, label, &pulleys[j], &frictions[j]);
-  }
-  Py_DECREF(rows);
-  return failed;
-}
-
-/* The pulleys as a fresh block (PyMem_Free it), after them the friction laws that they point to;
- * their number in *n. */
-static bd_pulley *read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
-                               PyObject *drag, PyObject *friction, PyObject *outside, int *n) {
-  const npy_intp pairs[2] = {BD_ANY, 2};
-  bd_pulley *pulleys = NULL;
-  PyArrayObject *center = bd_convert_array(centers, "centers", 2, pairs), *radius = NULL,
-                *inertia = NULL;
-  if (!center) {
-    return NULL;
-  }
-  npy_intp count = PyArray_DIM(center, 0);
-  if (count > INT_MAX) {
-    PyErr_SetString(PyExc_ValueError, "centers has too many rows");
-    goto out;
-  }
-  radius = bd_convert_array(radii, "radii", 1, &count);
-  if (!radius) {
-    goto out;
-  }
-  inertia = bd_convert_array(inertias, "inertias", 1, &count);
-  if (!inertia) {
-    goto out;
-  }
-  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(bd_friction));
-  if (!pulleys) {
-    PyErr_NoMemory();
-    goto out;
-  }
-  const double *c = PyArray_DATA(center), *r = PyArray_DATA(radius), *i = PyArray_DATA(inertia);
-  for (npy_intp j = 0; j < count; j++) {
-    pulleys[j] = (bd_pulley){
-        .center = {c[2 * j], c[2 * j + 1]},
-        .radius = r[j],
-        .inertia = i[j],
-    };
-  }
-  bd_friction *frictions = (bd_friction *)(pulleys + count);
-  if (read_entries(drag, "drag", read_drag, count, pulleys, frictions) < 0 ||
-      read_entries(friction, "friction", read_own_friction, count, pulleys, frictions) < 0 ||
-      read_entries(outside, "outside", read_outside, count, pulleys, frictions) < 0) {
-    PyMem_Free(pulleys);
-    pulleys = NULL;
-  }
-  *n = (int)count;
-out:
-  Py_DECREF(center);
-  Py_XDECREF(radius);
-  Py_XDECREF(inertia);
-  return pulleys;
-}
-
-/* --- belt line ------------------------------------------------------------------------------- */
-
-PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *names[] = {"centers", "radii", "outside", NULL};
-  PyObject *centers, *radii, *outside = Py_None;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|O:belt_line", names, &centers, &radii,
-                                   &outside)) {
-    return NULL;
-  }
-  int n = 0, turns = 0;
-  double length = 0.0;
-  bd_pulley *pulleys = read_pulleys(centers, radii, radii, Py_None, Py_None, outside, &n);
-  if (!pulleys) {
-    return NULL;
-  }
-  PyObject *rows = NULL;
-  bd_error err = {0};
-  bd_wrap *wraps = PyMem_Calloc((size_t)n + 1, sizeof *wraps);
-  if (!wraps) {
-    PyErr_NoMemory();
-  } else if (n == 0) {
-    PyErr_SetString(PyExc_ValueError, "centers must have at least one row");
-  } else if (bd_belt_line(n, pulleys, wraps, &length, &turns, &err) < 0) {
-    bd_core_raise(err.code, &err);
-  } else {
-    rows = PyTuple_New(n);
-  }
-  for (int j = 0; rows && j < n; j++) {
-    const bd_wrap *wrap = &wraps[j];
-    PyObject *row = Py_BuildValue("(dddi)", wrap->arrive, wrap->wrap, wrap->span, wrap->sense);
-    if (row) {
-      PyTuple_SET_ITEM(rows, j, row);
-    } else {
-      Py_CLEAR(rows);
-    }
-  }
-  PyMem_Free(wraps);
-  PyMem_Free(pulleys);
-  return rows ? Py_BuildValue("(Ndi)", rows, length, turns) : NULL;
-}
-
 /* --- Model ----------------------------------------------------------------------------------- */
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                   "gravity", "drag",    "pulley_friction", "mesh",     "outside", NULL};
+  char *names[] = {"belt", "centers",         "radii", "inertias", "contact", "friction", "gravity",
+                   "drag", "pulley_friction", "mesh",  "outside",  "mounts",  NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  PyObject *drag = Py_None, *pulley_friction = Py_None, *outside = Py_None;
+  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsO:Model", names, &belt, &centers,
-                                   &radii, &inertias, &contact, &default_friction, &gravity, &drag,
-                                   &pulley_friction, &mesh, &outside)) {
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOO:Model", names, &belt, &centers,
+                                   &radii, &inertias, &contact, &default_friction, &gravity,
+                                   &parts.drag, &parts.friction, &mesh, &parts.outside,
+                                   &parts.mounts)) {
     return NULL;
   }
   bd_scene scene = {0};
   bd_friction friction = {0};
-  if (read_group(belt, "belt", "belt", &scene.belt) < 0 ||
-      read_group(contact, "contact", "contact", &scene.contact) < 0 ||
+  if (bd_core_read_group(belt, "belt", "belt", &scene.belt) < 0 ||
+      bd_core_read_group(contact, "contact", "contact", &scene.contact) < 0 ||
       bd_core_read_friction(default_friction, "friction", &friction) < 0 ||
-      read_gravity(gravity, scene.gravity) < 0) {
+      bd_core_read_gravity(gravity, scene.gravity) < 0) {
     return NULL;
   }
+  PyObject *keep = PyList_New(0);
   bd_pulley *pulleys =
-      read_pulleys(centers, radii, inertias, drag, pulley_friction, outside, &scene.n_pulleys);
+      keep ? bd_core_read_pulleys(centers, radii, inertias, &parts, keep, &scene.n_pulleys) : NULL;
   if (!pulleys) {
+    Py_XDECREF(keep);
     return NULL;
   }
   scene.pulleys = pulleys;
@@ -381,6 +153,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     PyErr_Format(PyExc_ValueError, "belt.mesh must be \"joint\" or \"paper\", got \"%.100s\"",
                  mesh);
     PyMem_Free(pulleys);
+    Py_DECREF(keep);
     return NULL;
   }
   scene.belt.mesh = is_joint ? BD_MESH_JOINT : BD_MESH_PAPER;
@@ -390,6 +163,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
   bd_model *model = NULL;
   int code = bd_model_create(&model, &scene, &err);
   PyMem_Free(pulleys);
+  Py_DECREF(keep);
   if (code < 0) {
     return bd_core_raise(code, &err);
   }
@@ -552,17 +326,44 @@ static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) 
   return all;
 }
 
+PyDoc_STRVAR(centers_doc, "centers($self, travel, /)\n--\n\n"
+                          "Axes of all pulleys (n_p, 2) [m] at travels of the mounts (n_m,).");
+
+static PyObject *model_centers(PyObject *object, PyObject *travel) {
+  bd_core_model *self = (bd_core_model *)object;
+  const npy_intp mounts = self->info.n_mounts, shape[2] = {self->info.n_pulleys, 2};
+  PyArrayObject *given = bd_convert_array(travel, "travel", 1, &mounts);
+  PyArrayObject *centers = given ? (PyArrayObject *)PyArray_SimpleNew(2, shape, NPY_DOUBLE) : NULL;
+  if (centers) {
+    bd_model_centers(self->model, PyArray_DATA(given), PyArray_DATA(centers));
+  }
+  Py_XDECREF(given);
+  return (PyObject *)centers;
+}
+
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
+    {"centers", model_centers, METH_O, centers_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
     {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
     {NULL, NULL, 0, NULL},
 };
 
+static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_model *self = (bd_core_model *)object;
+  const npy_intp mounts = self->info.n_mounts;
+  PyArrayObject *travel = (PyArrayObject *)PyArray_SimpleNew(1, &mounts, NPY_DOUBLE);
+  if (travel) {
+    bd_model_rest(self->model, PyArray_DATA(travel));
+  }
+  return (PyObject *)travel;
+}
+
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
+    {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
@@ -571,13 +372,14 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None, mounts=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
     "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
-    "back of the belt; None: all inside the loop.\n"
+    "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
+    "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

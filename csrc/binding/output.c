@@ -51,7 +51,7 @@ static void *add_output(PyObject *keep, PyObject *dict, const char *name, int ty
   return data;
 }
 
-enum { WIDTH_PULLEYS, WIDTH_LINKS, WIDTH_FRICTION, WIDTH_ENERGY };
+enum { WIDTH_PULLEYS, WIDTH_LINKS, WIDTH_FRICTION, WIDTH_MOUNTS, WIDTH_ENERGY };
 
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
                        int n_energy, npy_intp rows) {
@@ -59,6 +59,7 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
       [WIDTH_PULLEYS] = info->n_pulleys,
       [WIDTH_LINKS] = info->n_bodies,
       [WIDTH_FRICTION] = info->n_slots > 0 ? info->n_bodies : 0,
+      [WIDTH_MOUNTS] = info->n_mounts,
       [WIDTH_ENERGY] = n_energy,
   };
 #define X(name, group, size, unit, text)                                                           \

@@ -489,7 +489,8 @@ static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
 PyDoc_STRVAR(state_doc,
              "state($self, /)\n--\n\n"
              "The state now, a dict of new arrays: STATE_FIELDS by name, and \"t\" [s].\n\n"
-             "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,).\n"
+             "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,),\n"
+             "MOUNTS (n_m,).\n"
              "Raises RuntimeError while the simulation is running.");
 
 static PyObject *sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {

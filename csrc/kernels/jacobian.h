@@ -435,6 +435,7 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
 }
 
 #include "kernels/link_contact_jacobian.h"
+#include "kernels/link_mount.h"
 
 /* Without and with what only general laws of friction need. */
 #define GENERAL(general)                                                                           \
@@ -498,4 +499,8 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .add_turning = add_turning,
     .finish_joints = finish_joints,
     .ring_product = ring_product,
+    .move_links = move_links,
+    .mount_row = mount_row,
+    .finish_moved = finish_moved,
+    .sum_runs = sum_runs,
 };

@@ -89,6 +89,8 @@ typedef struct bd_kernels {
                          const bd_end_forces *forces, double *dy);
   void (*nearest_ends)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                        const bd_run *runs, const double *y, double *nearest);
+  /* Of the forces at links' ends and at joints in the runs, by axes. */
+  void (*sum_forces)(int n_runs, const bd_run *runs, const bd_end_forces *forces, double out[2]);
   /* After a step, the first block of BD_LANES links in [begin, end) with a contact event: a link
    * that has come to this pulley or left it, whose friction state is to be reset or is out of
    * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants
@@ -267,6 +269,19 @@ typedef struct bd_newton_kernels {
                         double *c);
   double (*ring_product)(const bd_layout *lay, const double *const row[3], const double *x,
                          const double *y, const double *p);
+  /* Pulleys whose axes move (link_mount.h). */
+  double (*move_links)(const bd_links *links, const bd_tangent *tangent,
+                       const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                       const bd_link_tangent *contact, const double move[4], double factor,
+                       double *fx, double *fy, double *x, double *y, double *p, double force[2]);
+  void (*mount_row)(const bd_links *links, const bd_tangent *tangent,
+                    const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                    const bd_link_tangent *contact, const bd_link_scratch *scratch, double g,
+                    const double a[2], double *row);
+  void (*finish_moved)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
+                       const bd_run *runs, const bd_link_tangent *contact, double g,
+                       const double move[4], double *c);
+  double (*sum_runs)(int n_runs, const bd_run *runs, const double *array);
 } bd_newton_kernels;
 
 extern const bd_newton_kernels bd_newton_baseline;

@@ -171,3 +171,15 @@ static void nearest_ends(const bd_links *links, const bd_contact_pulley *pulley,
   }
   close_runs(&nearest, 1, n_runs, runs, links->lay.n, INFINITY);
 }
+
+static void sum_forces(int n_runs, const bd_run *runs, const bd_end_forces *at, double out[2]) {
+  vec x = splat(0.0), y = splat(0.0);
+  for (int r = 0; r < n_runs; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
+      x += load(at->left_x + i) + load(at->right_x + i) + load(at->joint_x + i);
+      y += load(at->left_y + i) + load(at->right_y + i) + load(at->joint_y + i);
+    }
+  }
+  out[0] = sum(x);
+  out[1] = sum(y);
+}

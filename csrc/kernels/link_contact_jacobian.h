@@ -270,6 +270,20 @@ INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pull
   return spin_column * joint.rho;
 }
 
+/* A row by links from what stands with the joints before and behind them. */
+INLINE void gather_row(const bd_layout *lay, const double *link_mask,
+                       const bd_link_scratch *scratch, double *row) {
+  for (int k = 0; k < 3; ++k) {
+    double *before = scratch->row_before[k], *behind = scratch->row_behind[k];
+    double *to = row + (size_t)k * (size_t)lay->stride;
+    before[lay->n] = before[0];
+    for (int i = 0; i < lay->n8; i += WIDTH) {
+      const mask link = less(splat(0.0), load(link_mask + i));
+      store(to + i, where(link, load(behind + i) + load_unaligned(before + i + 1)));
+    }
+  }
+}
+
 static double add_links(const bd_links *links, const bd_tangent *tangent,
                         const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                         const bd_link_tangent *contact, double g, const bd_blocks *blocks,
@@ -286,14 +300,8 @@ static double add_links(const bd_links *links, const bd_tangent *tangent,
       }
     }
   }
-  for (int k = 0; friction && k < 3; ++k) {
-    double *before = scratch->row_before[k], *behind = scratch->row_behind[k];
-    double *to = row + (size_t)k * (size_t)lay->stride;
-    before[lay->n] = before[0];
-    for (int i = 0; i < lay->n8; i += WIDTH) {
-      const mask link = less(splat(0.0), load(links->link_mask + i));
-      store(to + i, where(link, load(behind + i) + load_unaligned(before + i + 1)));
-    }
+  if (friction) {
+    gather_row(lay, links->link_mask, scratch, row);
   }
   return sum(own);
 }

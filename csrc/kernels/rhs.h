@@ -510,6 +510,7 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
     .rub = {BD_LAWS(LAW)},
 #undef LAW
     .nearest_ends = nearest_ends,
+    .sum_forces = sum_forces,
     .directions = directions,
     .gather_points = gather_points,
     .scatter_forces = scatter_forces,

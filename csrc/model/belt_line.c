@@ -264,6 +264,12 @@ void bd_belt_line_point(const bd_route *route, const double *raised, double s, d
   }
 }
 
+void bd_belt_line_pull(const bd_wrap *wrap, double pull[2]) {
+  const double leave = wrap->arrive + wrap->sense * wrap->wrap;
+  pull[0] = wrap->sense * (sin(wrap->arrive) - sin(leave));
+  pull[1] = wrap->sense * (cos(leave) - cos(wrap->arrive));
+}
+
 /* Arcs as polygons of this many corners: none passes a pulley's centre on the wrong side. */
 enum { CORNERS = 16 };
 

@@ -52,6 +52,7 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
     snprintf(label, sizeof label, "pulleys[%d].friction", j);
     code =
         code == BD_OK && pulley->friction ? bd_friction_check(pulley->friction, label, err) : code;
+    code = code == BD_OK && pulley->mount ? bd_mount_check(scene, j, err) : code;
     if (code != BD_OK) {
       return code;
     }
@@ -96,20 +97,25 @@ static double contact_radius(const bd_model *model, int j) {
 /* Of links: along links a joint of two may gape, so half a link is added. */
 static const double JOINT_REACH = 2.5;
 
-/* Length of the tangent by which the belt goes from one pulley to the other; 0: they overlap. */
-static double tangent_between(const bd_model *model, int j, int k) {
-  const double apart = hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]);
+double bd_tangent_length(const bd_model *model, int j, int k, double apart) {
   const double r = model->contact_radius[j], other = model->contact_radius[k];
   const double apart_radii = model->side[j] == model->side[k] ? r - other : r + other;
   return apart < r + other ? 0.0 : sqrt(apart * apart - apart_radii * apart_radii);
 }
 
+static double tangent_between(const bd_model *model, int j, int k) {
+  return bd_tangent_length(model, j, k,
+                           hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]));
+}
+
+double bd_joint_reach(const bd_model *model) {
+  return model->along_links ? JOINT_REACH * model->belt.length / model->belt.n_bodies : 0.0;
+}
+
 /* Whether two pulleys can hold the same link at once, or along links the same joint of two. */
 static int share_links(const bd_model *model, int j, int k) {
-  const double reach =
-      model->along_links ? JOINT_REACH * model->belt.length / model->belt.n_bodies : 0.0;
   const double tangent = tangent_between(model, j, k);
-  return tangent == 0.0 || tangent < reach;
+  return tangent == 0.0 || tangent < bd_joint_reach(model);
 }
 
 /* These need slots of their own; all others share. Greedy colouring; one slot for every scene with
@@ -133,7 +139,7 @@ static int colour_pulleys(const bd_model *model) {
   return slots;
 }
 
-static void lay_out(bd_layout *lay, int n, int np, int slots, int drag) {
+static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots, int drag) {
   lay->n = n;
   lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
   lay->np = np;
@@ -141,12 +147,17 @@ static void lay_out(bd_layout *lay, int n, int np, int slots, int drag) {
   lay->stride = BD_HALO + (n + 1 + BD_LANES - 1) / BD_LANES * BD_LANES;
   lay->theta = (F_MU + 2 * slots) * lay->stride;
   lay->omega = lay->theta + np;
-  lay->work = lay->omega + np;
-  lay->n_work = drag ? MAX_WORK : W_drag_loss;
+  lay->mounted = mounted;
+  lay->travel = lay->omega + np;
+  lay->travel_speed = lay->travel + lay->nm;
+  lay->mount_friction = lay->travel_speed + lay->nm;
+  lay->work = lay->mount_friction + lay->nm;
+  lay->n_work = lay->nm > 0 ? MAX_WORK : drag ? W_drag_loss + 1 : W_drag_loss;
   lay->size = (size_t)(lay->work + lay->n_work + BD_LANES - 1) / BD_LANES * BD_LANES;
 }
 
-static void carve(bd_carver *carver, bd_model *model, int np, int drag) {
+static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int drag) {
+  const int np = scene->n_pulleys;
   BD_CARVE(carver, model->cx, np);
   BD_CARVE(carver, model->cy, np);
   BD_CARVE(carver, model->radius, np);
@@ -160,6 +171,7 @@ static void carve(bd_carver *carver, bd_model *model, int np, int drag) {
   BD_CARVE(carver, model->side, np);
   BD_CARVE(carver, model->winding, np);
   BD_CARVE(carver, model->wraps, np);
+  bd_model_carve_mounts(carver, model, scene);
 }
 
 static void derive(bd_model *model) {
@@ -234,16 +246,32 @@ static void check_compensation(bd_model *model) {
   }
 }
 
-static void check_line(bd_model *model) {
-  bd_info *info = &model->info;
-  bd_error *err = &model->geometry;
-  int np = model->lay.np;
-  bd_route route = {.np = np,
+static bd_route route_of(const bd_model *model) {
+  return (bd_route){.np = model->lay.np,
                     .cx = model->cx,
                     .cy = model->cy,
                     .radius = model->radius,
                     .side = model->side,
                     .wraps = model->wraps};
+}
+
+double bd_model_tension(bd_model *model, bd_error *err) {
+  bd_route route = route_of(model);
+  if (bd_belt_line_lay(&route, err) != BD_OK) {
+    return (double)NAN;
+  }
+  model->info.strain = route.length / model->belt.length - 1.0;
+  if (model->info.strain <= 0.0) {
+    return 0.0;
+  }
+  return model->belt.axial_stiffness * (model->info.strain - contact_strain(model));
+}
+
+static void check_line(bd_model *model) {
+  bd_info *info = &model->info;
+  bd_error *err = &model->geometry;
+  const int np = model->lay.np;
+  bd_route route = route_of(model);
   const int code = bd_belt_line_lay(&route, err);
   const double path = route.length;
   info->winding = route.turns;
@@ -348,7 +376,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   bd_model sizes;
   bd_carve(&carver, 1, sizeof *model);
   const int drag = has_drag(scene);
-  carve(&carver, &sizes, np, drag);
+  carve(&carver, &sizes, scene, drag);
   char *block = bd_block_new(carver.used);
   if (!block) {
     return bd_fail(err, BD_ERR_MEMORY, "model", "out of memory for a model of %zu bytes",
@@ -356,7 +384,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   carver = (bd_carver){.base = block};
   model = bd_carve(&carver, 1, sizeof *model);
-  carve(&carver, model, np, drag);
+  carve(&carver, model, scene, drag);
 
   model->belt = scene->belt;
   model->contact = scene->contact;
@@ -391,14 +419,19 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   model->shear = model->along_links ? 4.0 : 12.0;
   model->lay.np = np;
   derive(model);
-  check_line(model);
+  bd_model_fill_mounts(model, scene);
+  if (bd_mounts_rest(model) == BD_OK) {
+    check_line(model);
+  }
   for (int j = 0; j < np; ++j) {
     model->contact_radius[j] = contact_radius(model, j);
   }
   model->colours = colour_pulleys(model);
   check_room(model);
-  lay_out(&model->lay, scene->belt.n_bodies, np, model->has_friction ? model->colours : 0, drag);
+  lay_out(&model->lay, model->mounted, scene->belt.n_bodies, np,
+          model->has_friction ? model->colours : 0, drag);
   model->info.n_slots = model->lay.slots;
+  model->info.n_mounts = model->lay.nm;
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
   model->kernels = kernels;
   model->friction_scales_differ = bd_friction_scales_differ(model);

@@ -21,6 +21,28 @@ typedef struct bd_route {
   double length;
 } bd_route;
 
+/* A mount with all its numbers, places relative to the origin (MODEL section 5). Of a slider the
+ * hung weight is in inertia and preload; of a path only t, points and slopes have a meaning. */
+typedef struct bd_mounted {
+  int pulley, kind; /* BD_MOUNT_... */
+  double drawn[2];  /* place of the axis in the scene */
+  double pivot[2], direction[2];
+  double inertia, mass, stiffness, preload, damping;
+  double friction, adapts; /* F_m; kappa / F_m, 0 without friction */
+  int has_stops;
+  double lowest, highest, stop_stiffness, stop_damping;
+  size_t n_t;
+  double *t, *points, *slopes, *scratch; /* (n_t), (n_t, 2), (n_t, 2), (n_t) */
+  double fastest;                        /* of the axis on it, a bound */
+  double rest;                           /* travel in equilibrium with the belt */
+  double lever, held; /* there: |da/dq|, and the stiffness with which belt and spring hold it */
+} bd_mounted;
+
+/* Where a mount has its axis: c(q), a = dc/dq, da/dq. */
+typedef struct bd_place {
+  double c[2], a[2], bend[2];
+} bd_place;
+
 struct bd_model {
   bd_info info;
   bd_belt belt;
@@ -42,8 +64,11 @@ struct bd_model {
   int *winding; /* turns of the belt round the axis of each */
   bd_wrap *wraps;
   double longest_span;
-  bd_error geometry; /* what bd_model_check_geometry returns */
-  double far_away;   /* where the padding stands: on no pulley */
+  bd_error geometry;  /* what bd_model_check_geometry returns */
+  double far_away;    /* where the padding stands: on no pulley */
+  bd_mounted *mounts; /* lay.nm; NULL: none */
+  int *mounted;       /* their pulleys */
+  int *mount_of;      /* by pulley its mount, -1: none; NULL: there are no mounts */
   const bd_kernels *kernels;
 };
 
@@ -82,7 +107,40 @@ static inline double bd_contact_stiffness(double c1, double c2, double force) {
   return sqrt(c2 * c2 + 4.0 * c1 * force);
 }
 
+/* --- mount.c ---------------------------------------------------------------------------------- */
+
+int bd_mount_check(const bd_scene *scene, int pulley, bd_error *err);
+void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *scene);
+void bd_model_fill_mounts(bd_model *model, const bd_scene *scene);
+bd_place bd_mount_place(const bd_mounted *mount, double q);
+/* On an arm or slider: of the spring; of the stops, and the power they lose; of gravity. */
+double bd_mount_spring(const bd_mounted *mount, double q);
+double bd_mount_stop(const bd_mounted *mount, double q, double v, double *loss);
+double bd_mount_weight(const bd_model *model, const bd_mounted *mount, const bd_place *at);
+double bd_mount_stored(const bd_mounted *mount, double q);
+/* The arm on which pulley j stands, or NULL. */
+static inline const bd_mounted *bd_arm_of(const bd_model *model, int j) {
+  const int m = model->mount_of ? model->mount_of[j] : -1;
+  return m >= 0 && model->mounts[m].kind == BD_MOUNT_ARM ? &model->mounts[m] : NULL;
+}
+
+/* --- mount_rest.c ----------------------------------------------------------------------------- */
+
+/* Brings the pulleys on arms and sliders to where these are in equilibrium with the tension of the
+ * belt: cx, cy of the model, and `rest` of the mounts. Fails, into model->geometry, where there is
+ * none. */
+int bd_mounts_rest(bd_model *model);
+
 /* --- model.c ---------------------------------------------------------------------------------- */
+
+/* Length of the tangent by which the belt would go from one pulley to the other if their axes were
+ * so far apart, 0: they overlap; and below which two links, or along links the joint of two, could
+ * touch both. */
+double bd_tangent_length(const bd_model *model, int j, int k, double apart);
+double bd_joint_reach(const bd_model *model);
+/* Tension of the belt at rest round the pulleys as they stand in cx, cy, 0 if it is slack; NaN and
+ * the reason in `err` if it has no line. Sets wraps. */
+double bd_model_tension(bd_model *model, bd_error *err);
 
 /* What a joint's stretch at rest is worth as a speed [m/s]: over the time a wave needs round a belt
  * of 60 links. */
@@ -104,17 +162,21 @@ void bd_belt_line_point(const bd_route *route, const double *raised, double s, d
 int bd_belt_line_winding(const bd_route *route, int pulley);
 int bd_belt_line_overlap(int np, const double *cx, const double *cy, const double *radius, int *i,
                          int *j);
+/* Sum of the unit vectors along the two spans, away from the pulley: the force of the belt on it,
+ * over the tension. */
+void bd_belt_line_pull(const bd_wrap *wrap, double pull[2]);
 
 /* --- state.c --------------------------------------------------------------------------------- */
 
-enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_PULLEYS };
+enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_PULLEYS, BD_SIZE_MOUNTS };
 enum {
   BD_SCALE_NONE,
   BD_SCALE_STRETCH,
   BD_SCALE_TURN,
   BD_SCALE_SPEED,
   BD_SCALE_SPIN,
-  BD_SCALE_FRICTION
+  BD_SCALE_FRICTION,
+  BD_SCALE_GRIP
 };
 
 /* A row of BD_STATE_FIELDS. */

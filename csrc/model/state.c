@@ -28,10 +28,20 @@ int bd_field_pieces(const bd_layout *lay, int row) {
 }
 
 int bd_field_length(const bd_layout *lay, int row) {
-  return bd_state_fields[row].size == BD_SIZE_PULLEYS ? lay->np : lay->n;
+  switch (bd_state_fields[row].size) {
+  case BD_SIZE_PULLEYS:
+    return lay->np;
+  case BD_SIZE_MOUNTS:
+    return lay->nm;
+  default:
+    return lay->n;
+  }
 }
 
 size_t bd_field_offset(const bd_layout *lay, int row, int k) {
+  if (row >= F_TRAVEL) {
+    return (size_t)(lay->travel + (row - F_TRAVEL) * lay->nm);
+  }
   if (row >= F_THETA) {
     return (size_t)(lay->theta + (row - F_THETA) * lay->np);
   }
@@ -42,10 +52,16 @@ size_t bd_field_offset(const bd_layout *lay, int row, int k) {
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
   const int at = (int)entry, block = at / lay->stride, link = at % lay->stride - BD_HALO;
   *body = *pulley = -1;
+  if (at >= lay->work) {
+    return -1;
+  }
+  if (at >= lay->travel) {
+    *pulley = lay->mounted[(at - lay->travel) % lay->nm];
+    return F_TRAVEL + (at - lay->travel) / lay->nm;
+  }
   if (at >= lay->theta) {
-    const int row = F_THETA + (at - lay->theta) / lay->np;
-    *pulley = row < BD_N_FIELDS ? (at - lay->theta) % lay->np : -1;
-    return row < BD_N_FIELDS ? row : -1;
+    *pulley = (at - lay->theta) % lay->np;
+    return F_THETA + (at - lay->theta) / lay->np;
   }
   if (link < 0 || link >= lay->n) {
     return -1;
@@ -68,8 +84,9 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
     const int length = bd_field_length(lay, row), of_links = row < F_THETA;
     for (int i = 0; i < length * bd_field_pieces(lay, row); ++i) {
       if (!isfinite(v[i])) {
+        const int pulley = row >= F_TRAVEL ? lay->mounted[i] : i;
         return bd_fail_at(err, BD_ERR_STATE, bd_state_fields[row].name, (double)NAN,
-                          of_links ? i % length : -1, of_links ? -1 : i, v[i],
+                          of_links ? i % length : -1, of_links ? -1 : pulley, v[i],
                           "state %s[%d] must be finite, got %g", bd_state_fields[row].name, i,
                           v[i]);
       }
@@ -98,8 +115,13 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
  * be reset, the largest of the slot's. */
 static int touches(const bd_model *model, const bd_state *state, int i, int j) {
   const double half = model->along_links ? 0.5 * model->info.link_length : 0.0;
-  const double dx = state->x[i] - model->origin[0] - model->cx[j];
-  const double dy = state->y[i] - model->origin[1] - model->cy[j];
+  const int m = model->mount_of ? model->mount_of[j] : -1;
+  bd_place at = {.c = {model->cx[j], model->cy[j]}};
+  if (m >= 0) {
+    at = bd_mount_place(&model->mounts[m], state->travel[m]);
+  }
+  const double dx = state->x[i] - model->origin[0] - at.c[0];
+  const double dy = state->y[i] - model->origin[1] - at.c[1];
   const double ex = half * cos(state->phi[i]), ey = half * sin(state->phi[i]);
   return fmin(hypot(dx - ex, dy - ey), hypot(dx + ex, dy + ey)) < model->contact_radius[j];
 }
@@ -168,6 +190,14 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
       return bd_fail_at(err, BD_ERR_STATE, "theta", state->t, -1, j, state->theta[j],
                         "state theta[%d] must be within +-%g, got %g", j, LARGEST_ANGLE,
                         state->theta[j]);
+    }
+  }
+  for (int m = 0; m < lay->nm; ++m) {
+    if (fabs(state->mount_friction[m]) > 1.0 + 1e-12) {
+      return bd_fail_at(err, BD_ERR_STATE, "mount_friction", state->t, -1, lay->mounted[m],
+                        state->mount_friction[m],
+                        "state mount_friction[%d] must lie within +-1, got %g", m,
+                        state->mount_friction[m]);
     }
   }
   memset(y, 0, lay->size * sizeof *y);
@@ -243,9 +273,14 @@ double bd_state_scale(const bd_model *model, int row, int k) {
   const bd_field_row *field = &bd_state_fields[row];
   const double strain = model->geometry.code == BD_OK ? model->info.strain : 0.01;
   const double stretch = strain * model->info.link_length, speed = bd_speed_scale(model);
-  const double arm =
-      field->size == BD_SIZE_PULLEYS ? model->radius[k] : 0.5 * model->info.link_length;
+  const bd_mounted *mount = field->size == BD_SIZE_MOUNTS ? &model->mounts[k] : NULL;
+  const double arm = mount                            ? mount->lever
+                     : field->size == BD_SIZE_PULLEYS ? model->radius[k]
+                                                      : 0.5 * model->info.link_length;
   double least = INFINITY;
+  if (mount && mount->kind == BD_MOUNT_PATH) {
+    return INFINITY;
+  }
   switch (field->scale) {
   case BD_SCALE_STRETCH:
     return stretch;
@@ -262,6 +297,8 @@ double bd_state_scale(const bd_model *model, int row, int k) {
       }
     }
     return least;
+  case BD_SCALE_GRIP:
+    return model->belt.axial_stiffness * strain * arm / mount->friction;
   default:
     return INFINITY;
   }

@@ -34,6 +34,13 @@ double bd_drag_steepest(const bd_model *model, int j, double tension) {
   return drag->coulomb / turning_speed(model, j) + drag->viscous + 2.0 * drag->quadratic * fastest;
 }
 
+double bd_drag_torque_in(const bd_model *model, const double *y, int j) {
+  const bd_layout *lay = &model->lay;
+  const bd_mounted *arm = bd_arm_of(model, j);
+  const double turning = arm ? y[lay->travel_speed + model->mount_of[j]] : 0.0;
+  return bd_drag_torque(model, j, y[lay->omega + j] - turning);
+}
+
 /* --- the effect ------------------------------------------------------------------------------ */
 
 /* At rest there is none, and settling would only take longer. */
@@ -47,17 +54,26 @@ int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
   const bd_layout *lay = &model->lay;
   double loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    double omega = y[lay->omega + j], torque = bd_drag_torque(model, j, omega);
+    const double torque = bd_drag_torque_in(model, y, j);
+    const bd_mounted *arm = bd_arm_of(model, j);
     dy[lay->omega + j] -= torque / model->inertia[j];
-    loss += torque * omega;
+    loss += torque * y[lay->omega + j];
+    if (arm) {
+      const int m = model->mount_of[j];
+      dy[lay->travel_speed + m] += torque / arm->inertia;
+      loss -= torque * y[lay->travel_speed + m];
+    }
   }
   dy[lay->work + W_drag_loss] = loss;
   return BD_OK;
 }
 
 void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
-  for (int j = 0; j < plan->model->lay.np; ++j) {
-    out->pulley_damping[j] = slope(plan->model, j, y[plan->model->lay.omega + j]);
+  const bd_model *model = plan->model;
+  for (int j = 0; j < model->lay.np; ++j) {
+    const double turning =
+        bd_arm_of(model, j) ? y[model->lay.travel_speed + model->mount_of[j]] : 0.0;
+    out->pulley_damping[j] = slope(model, j, y[model->lay.omega + j] - turning);
   }
 }
 

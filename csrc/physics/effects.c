@@ -21,8 +21,8 @@ static int moves_centres(const bd_model *model, const bd_plan_options *options) 
 }
 
 static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)y, (void)dy, (void)err;
-  bd_plan_place(plan, t);
+  (void)dy, (void)err;
+  bd_plan_place(plan, t, y);
   return BD_OK;
 }
 
@@ -74,6 +74,14 @@ static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error
     ay[i] += gy;
   }
   return BD_OK;
+}
+
+/* --- mounts (mounts.c) ------------------------------------------------------------------------ */
+
+/* Samples may have been looked at since the last rate. */
+static void tangent_axes(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  (void)out;
+  bd_mounts_put(plan, y);
 }
 
 /* --- contact and friction --------------------------------------------------------------------- */
@@ -251,6 +259,9 @@ static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_
     ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
     aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
   }
+  for (int m = 0; m < lay->nm; ++m) {
+    dy[lay->travel_speed + m] -= mass_damping * y[lay->travel_speed + m];
+  }
   for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
     double round = plan->friction_on ? plan->model->wraps[j].sense / plan->model->radius[j] : 0.0;
     dy[lay->omega + j] -= mass_damping * y[lay->omega + j] - circulation_correction * round;
@@ -304,6 +315,14 @@ static const bd_effect table[] = {
         .after_step = motion_after_step,
     },
     {
+        .name = "axes on mounts",
+        .enabled = bd_mounts_enabled,
+        .rate = bd_mounts_place,
+        .tangent = tangent_axes,
+        .carve = bd_mounts_carve,
+        .after_step = bd_mounts_after_step,
+    },
+    {
         .name = "contact",
         .label = label_contact,
         .enabled = always,
@@ -333,6 +352,19 @@ static const bd_effect table[] = {
         .carve_tangent = bd_drag_carve_tangent,
         .n_works = 1,
         .works = {W_drag_loss},
+    },
+    {
+        .name = "mounts",
+        .label = bd_mounts_label,
+        .enabled = bd_mounts_enabled,
+        .rate = bd_mounts_rate,
+        .tangent = bd_mounts_tangent,
+        .carve_tangent = bd_mounts_carve_tangent,
+        .outputs = bd_mounts_outputs,
+        .energy = bd_mounts_energy,
+        .n_works = 2,
+        .works = {W_mount_loss, W_path_work},
+        .store = BD_ENERGY_mount,
     },
     {
         .name = "torques of prescribed motion",

@@ -53,10 +53,20 @@ void bd_link_contact_rate(bd_plan *plan, double *y, double *dy) {
     const int n_runs = plan->search.n_runs[j];
     const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     bd_sums sums;
+    const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
+    double before[2], after[2];
+    if (m >= 0) {
+      kernels->sum_forces(n_runs, runs, &plan->forces, before);
+    }
     kernels->press[power](links, pulley, n_runs, runs, &plan->pressure, &plan->forces, y, &sums);
     if (pulley->law != BD_LAW_NONE) {
       kernels->rub[pulley->law][power](links, pulley, n_runs, runs, &plan->points, &plan->pressure,
                                        &plan->forces, y, dy, &sums);
+    }
+    if (m >= 0) {
+      kernels->sum_forces(n_runs, runs, &plan->forces, after);
+      plan->hub[2 * m] = before[0] - after[0];
+      plan->hub[2 * m + 1] = before[1] - after[1];
     }
     plan->friction[j] = sums.torque;
     contact_loss += sums.contact_loss;

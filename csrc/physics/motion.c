@@ -254,9 +254,8 @@ void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, 
   const bd_motion_set *set = &plan->torques.motion;
   for (size_t m = 0; out->torque && m < set->n; ++m) {
     const int j = set->motions[m].pulley;
-    const double omega = y[model->lay.omega + j];
     out->torque[k * (size_t)model->lay.np + (size_t)j] =
-        model->inertia[j] * set->alpha[m] - bd_friction_torque(plan, y, j) +
-        (model->drag ? bd_drag_torque(model, j, omega) : 0.0);
+        model->inertia[j] * set->alpha[m] - bd_friction_torque(plan, y, j, NULL) +
+        (model->drag ? bd_drag_torque_in(model, y, j) : 0.0);
   }
 }

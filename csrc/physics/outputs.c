@@ -193,18 +193,41 @@ void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_
   }
 }
 
-double bd_friction_torque(const bd_plan *plan, const double *y, int j) {
+/* Of the links' normal forces, as last looked at, with `force` cleared before. */
+static void add_normals(const bd_plan *plan, int j, double force[2]) {
+  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
+      force[0] += plan->forces.left_x[i] + plan->forces.right_x[i];
+      force[1] += plan->forces.left_y[i] + plan->forces.right_y[i];
+    }
+  }
+}
+
+double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]) {
   const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
   double sum = 0.0;
   if (plan->model->along_links) {
     bd_link_contact_see(plan, y);
   }
+  if (force) { /* of pulleys with mounts, which are of contact along links */
+    bd_clear_end_forces(&plan->model->lay, &plan->forces);
+  }
   look_at(plan, y, j);
+  if (force) {
+    force[0] = force[1] = 0.0;
+    add_normals(plan, j, force);
+  }
   for (int r = 0; r < plan->search.n_runs[j]; ++r) {
     for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
       touch c;
       if (touching(plan, y, i, j, &c)) {
         sum += c.friction * c.rho;
+        if (force) {
+          const contact_point at = point_of(plan, y, i);
+          force[0] += c.friction * (at.y - plan->contact_pulleys[j].y) / c.rho;
+          force[1] -= c.friction * (at.x - plan->contact_pulleys[j].x) / c.rho;
+        }
       }
     }
   }
@@ -249,6 +272,7 @@ int bd_model_energy_terms(const bd_model *model, int *terms) {
   for (int c = 0; c < BD_N_ENERGY; ++c) {
     int has = c <= BD_ENERGY_residual;
     for (int e = 0; e < n_effects; ++e) {
+      has |= effects[e]->store > 0 && effects[e]->store == c;
       for (int k = 0; k < effects[e]->n_works; ++k) {
         has |= column_of[effects[e]->works[k]] == c;
       }
@@ -264,6 +288,7 @@ int bd_model_energy_terms(const bd_model *model, int *terms) {
 double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
   double stored = 0.0;
   memset(terms, 0, BD_N_ENERGY * sizeof *terms);
+  bd_mounts_put(plan, y);
   terms[BD_ENERGY_kinetic] = kinetic_energy(plan->model, y);
   for (int e = 0; e < plan->n_effects; ++e) {
     const bd_effect *effect = plan->effects[e];
@@ -354,6 +379,7 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
                 const bd_output *out, size_t k) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
+  bd_mounts_put(plan, y);
   put(out->theta, k, lay->np, y + lay->theta, 0.0);
   put(out->omega, k, lay->np, y + lay->omega, 0.0);
   put(out->torque, k, lay->np, torque, 0.0);

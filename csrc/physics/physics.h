@@ -100,6 +100,15 @@ typedef struct bd_plan_options {
   double move_time;
 } bd_plan_options;
 
+/* A mount as linearised: its speed; where it has the axis; stiffness and damping of all but the
+ * belt's contact, what turning the direction does to the force of the belt included; friction, and
+ * the rate of its share by speed and, of opposite sign, by the share. */
+typedef struct bd_mount_tangent {
+  double speed;
+  bd_place at;
+  double stiffness, damping, friction, gain, decay;
+} bd_mount_tangent;
+
 /* The effects' derivatives at a state, as the implicit methods keep them. */
 typedef struct bd_derivatives {
   bd_tangent joints;
@@ -110,6 +119,7 @@ typedef struct bd_derivatives {
   double mass_damping; /* [1/s] */
   double
       *pulley_damping; /* of torques on a pulley by its own speed, by pulley [N m s]; NULL: none */
+  bd_mount_tangent *mounts;
 } bd_derivatives;
 
 /* A row of the table in effects.c: another effect is another row, and the functions it names. */
@@ -135,6 +145,7 @@ typedef struct bd_effect {
   /* Adds the energy it stores at y to the terms; NULL: it stores none. */
   void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
   int n_works, works[2]; /* its work integrals in the state's tail: W_... */
+  int store;             /* column of the ledger of its own, BD_ENERGY_...; 0: none */
 } bd_effect;
 
 enum { BD_MAX_EFFECTS = 16 };
@@ -159,6 +170,30 @@ int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
 void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
 
+/* Torque of the drag on pulley j at a state, by its speed against the arm on which it may stand. */
+double bd_drag_torque_in(const bd_model *model, const double *y, int j);
+
+/* --- mounts.c -------------------------------------------------------------------------------- */
+
+/* The axes of pulleys on mounts where y has them. Before contact is asked of any other state than
+ * that of the last rate. */
+void bd_mounts_put(const bd_plan *plan, const double *y);
+/* Of mount m at y, in the sense of its travel: of the belt. */
+double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
+/* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
+int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err);
+int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options);
+const char *bd_mounts_label(const bd_plan *plan);
+int bd_mounts_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
+void bd_mounts_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
+void bd_mounts_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
+int bd_mounts_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                         bd_error *err);
+void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+void bd_mounts_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
 /* What one evaluation of the right-hand side needs: the effects in order, and their scratch. An
@@ -176,11 +211,14 @@ struct bd_plan {
   double *owner;    /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
-  double *torque;   /* M_d of the last evaluation */
-  double *friction; /* friction torque on each pulley */
-  double *best;     /* scratch of the output, per link */
+  double *torque;        /* M_d of the last evaluation */
+  double *friction;      /* friction torque on each pulley */
+  double *best;          /* scratch of the output, per link */
+  double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
+  double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
   double t_piece;
   int ledger, friction_on, bending_on;
+  int grip_on;                      /* friction of mounts */
   int no_power;                     /* power is never evaluated: settling, runs beside the run */
   int skip_power;                   /* nor now: stages that do not need it */
   int pulleys_locked;               /* settling: pulleys stand still */
@@ -199,8 +237,9 @@ struct bd_plan {
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-/* Centres at time t into the contact_pulleys (they stand still unless settling moves them). */
-void bd_plan_place(bd_plan *plan, double t);
+/* Centres at time t and in the state y into the contact_pulleys (they stand still unless they have
+ * mounts or settling moves them). */
+void bd_plan_place(bd_plan *plan, double t, const double *y);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
  * states of links on no pulley are reset. */
 void bd_plan_assign_contacts(bd_plan *plan, double *y);
@@ -249,8 +288,8 @@ void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
                 const bd_output *out, size_t k);
-/* Torque of friction on pulley j at a state. */
-double bd_friction_torque(const bd_plan *plan, const double *y, int j);
+/* Torque of friction on pulley j at a state; and the force of its contact on the belt. */
+double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);

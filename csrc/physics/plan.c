@@ -61,6 +61,10 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   plan->ledger = options->ledger != 0;
   plan->bending_on = model->has_bending;
   plan->friction_on = options->friction && model->has_friction;
+  plan->grip_on = options->friction;
+  for (int m = 0; m < model->lay.nm; ++m) {
+    plan->mount_inertia[m] = model->mounts[m].inertia;
+  }
   plan->mass_damping = options->mass_damping;
   plan->circulation_inertia_scale = 1.0;
   plan->pulleys_locked = options->hold_pulleys;
@@ -112,7 +116,8 @@ int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
 }
 
 /* Smooth (quintic) motion of the centres from their offset to their place. */
-void bd_plan_place(bd_plan *plan, double t) {
+void bd_plan_place(bd_plan *plan, double t, const double *y) {
+  bd_mounts_put(plan, y);
   double s = plan->move_time > 0.0 ? t / plan->move_time : 1.0;
   s = s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s;
   double left = 1.0 - s * s * s * (10.0 + s * (6.0 * s - 15.0));
@@ -120,6 +125,9 @@ void bd_plan_place(bd_plan *plan, double t) {
       plan->move_time > 0.0 ? -30.0 * s * s * (1.0 - s) * (1.0 - s) / plan->move_time : 0.0;
   for (int j = 0; plan->offset && j < plan->model->lay.np; ++j) {
     bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+    if (plan->model->mount_of && plan->model->mount_of[j] >= 0) {
+      continue;
+    }
     pulley->x = plan->model->cx[j] + left * plan->offset[2 * j];
     pulley->y = plan->model->cy[j] + left * plan->offset[2 * j + 1];
     pulley->vx = speed * plan->offset[2 * j];

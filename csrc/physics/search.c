@@ -19,6 +19,7 @@ static void list_links(bd_plan *plan, const double *y) {
   bd_search *search = &plan->search;
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  bd_mounts_put(plan, y);
   ++search->rebuilds;
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
@@ -50,6 +51,14 @@ void bd_search_ready(bd_plan *plan, const double *y, double h) {
   for (int j = 0; plan->offset && j < lay->np; ++j) {
     double reach = hypot(plan->offset[2 * j], plan->offset[2 * j + 1]);
     double speed = plan->move_time > 0.0 ? 1.875 * reach / plan->move_time : 0.0;
+    fastest = fmax(fastest, speed * speed);
+  }
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &plan->model->mounts[m];
+    const bd_place at = bd_mount_place(mount, y[lay->travel + m]);
+    double speed = y[lay->travel_speed + m] * hypot(at.a[0], at.a[1]);
+    /* a path may be at rest now and go on at once */
+    speed = fmax(speed, mount->kind == BD_MOUNT_PATH ? mount->fastest : 0.0);
     fastest = fmax(fastest, speed * speed);
   }
   /* Twice for what a link can gain on the speed at the step's start, twice for what link and

@@ -147,6 +147,9 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   if (code == BD_OK) {
     code = bd_sim_begin_motion(*out, err);
   }
+  if (code == BD_OK) {
+    code = bd_mounts_begin(&(*out)->stepper.plan, initial->t, (*out)->stepper.y, err);
+  }
   if (code != BD_OK) {
     bd_sim_free(*out);
     *out = NULL;

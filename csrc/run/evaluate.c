@@ -22,7 +22,7 @@ static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *sta
   int code = bd_sim_anywhere(out, model, state, &given, later, &options, err);
   if (code == BD_OK) {
     bd_sim *sim = *out;
-    bd_plan_place(&sim->stepper.plan, sim->stepper.t);
+    bd_plan_place(&sim->stepper.plan, sim->stepper.t, sim->stepper.y);
     sim->stepper.plan.search.travelled = INFINITY;
     bd_search_ready(&sim->stepper.plan, sim->stepper.y, 0.0);
     code = bd_plan_rate(&sim->stepper.plan, sim->stepper.t, sim->stepper.y, sim->stepper.stage[0],

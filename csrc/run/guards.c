@@ -41,6 +41,7 @@ static int winding(const bd_layout *lay, const double *y, double cx, double cy) 
 
 int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double t) {
   const bd_model *model = plan->model;
+  bd_mounts_put(plan, y);
   for (int j = 0; j < model->lay.np; ++j) {
     int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
     if (turns != model->winding[j]) {
@@ -107,6 +108,7 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   const double *co = plan->links.cos, *si = plan->links.sin, half = plan->links.half;
   const double m = model->info.link_mass, gx = model->gravity[0], gy = model->gravity[1];
   double axial = 0.0, bending = 0.0, moving = 0.0, spin = 0.0, height = 0.0, widest = 0.0;
+  bd_mounts_put(plan, sim->stepper.y);
   *link = 0;
   for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
     double dx = x[i] - x[l] - half * (co[i] + co[l]), dy = y[i] - y[l] - half * (si[i] + si[l]);
@@ -132,6 +134,9 @@ static double survey(bd_sim *sim, double *gap, int *link) {
       sim->guard.touched[j] = sim->stepper.t;
     }
   }
+  double terms[BD_N_ENERGY] = {0.0};
+  bd_mounts_energy(plan, sim->stepper.y, terms);
+  energy += terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_mount] + terms[BD_ENERGY_gravity];
   *gap = sqrt(widest) / model->info.link_length;
   return energy;
 }

@@ -117,6 +117,7 @@ static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
   MANY(v, plan->owner, lay->n8 * lay->slots);
   MANY(v, plan->torque, lay->np);
   MANY(v, plan->friction, lay->np);
+  MANY(v, plan->hub, 2 * lay->nm);
   MANY(v, plan->links.cos - BD_HALO, lay->stride);
   MANY(v, plan->links.sin - BD_HALO, lay->stride);
   ONE(v, plan->t_piece);
@@ -276,6 +277,18 @@ static uint64_t scene_of(const bd_sim *sim) {
   if (model->drag) {
     sum = hash(sum, model->drag, np * sizeof *model->drag);
   }
+  for (int m = 0; m < model->lay.nm; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    ADD(mount->pulley);
+    ADD(mount->kind);
+    sum = hash(sum, mount->drawn, offsetof(bd_mounted, has_stops) - offsetof(bd_mounted, drawn));
+    ADD(mount->lowest);
+    ADD(mount->highest);
+    ADD(mount->stop_stiffness);
+    ADD(mount->stop_damping);
+    sum = hash(sum, mount->t, mount->n_t * sizeof *mount->t);
+    sum = hash(sum, mount->points, 2 * mount->n_t * sizeof *mount->points);
+  }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
     ADD(term->kind);
@@ -385,7 +398,7 @@ int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
   }
   sim->status = sim->started ? BD_MORE : BD_OK;
   sim->stepper.jacobian_known = 0;
-  bd_plan_place(&sim->stepper.plan, sim->stepper.t);
+  bd_plan_place(&sim->stepper.plan, sim->stepper.t, sim->stepper.y);
   bd_sim *const all[] = {sim, sim->twin.sim, sim->twin.still};
   for (int k = 0; k < 3; ++k) {
     if (all[k]) {

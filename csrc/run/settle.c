@@ -21,6 +21,7 @@ struct bd_settling {
   bd_settle_options options;
   double *start, *offset, *centers; /* state and displacement at the start; scratch of the laying */
   double *scratch;                  /* the belt as laid, and zeros */
+  double *travel;                   /* of mounts, as laid */
   bd_wrap *wraps;
   double start_turns;
   int tries, at_rest, status;
@@ -161,6 +162,9 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
     return code;
   }
   double *zero = laid + 3 * n;
+  for (int m = 0; m < model->lay.nm; ++m) {
+    settling->travel[m] = model->mounts[m].rest;
+  }
   bd_state state = {.x = laid,
                     .y = laid + n,
                     .phi = laid + 2 * n,
@@ -170,7 +174,10 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
                     .mu = zero,
                     .slip = zero,
                     .theta = zero,
-                    .omega = zero};
+                    .omega = zero,
+                    .travel = settling->travel,
+                    .travel_speed = zero,
+                    .mount_friction = zero};
   place_on_line(settling, &line, &state);
   return bd_state_import(model, &state, sim->stepper.y, &sim->stepper.turns, err);
 }
@@ -194,6 +201,13 @@ static int check_options(const bd_model *model, const bd_settle_options *options
     return bd_fail(err, BD_ERR_OPTION, "shift",
                    "shift must be at most the belt's length, %g m, got %g", model->belt.length,
                    options->shift);
+  }
+  for (int m = 0; options->offset && m < model->lay.nm; ++m) {
+    const int j = model->lay.mounted[m];
+    if (options->offset[2 * j] != 0.0 || options->offset[2 * j + 1] != 0.0) {
+      return bd_fail_at(err, BD_ERR_OPTION, "offset", (double)NAN, -1, j, options->offset[2 * j],
+                        "offset[%d] must be 0: the pulley stands on a mount, which moves it", j);
+    }
   }
   for (int k = 0; options->offset && k < 2 * model->lay.np; ++k) {
     if (!isfinite(options->offset[k])) {
@@ -225,6 +239,11 @@ static void set_up(bd_settling *settling, double step) {
                                   .move_time = move_time});
   if (!sim->stepper.method->implicit) {
     sim->stepper.plan.links.damping = easiest_damping(model);
+  }
+  /* critical for mounts as well: no inertia has a say in an equilibrium */
+  for (int m = 0; m < model->lay.nm; ++m) {
+    sim->stepper.plan.mount_inertia[m] =
+        4.0 * model->mounts[m].held / (mass_damping * mass_damping);
   }
   bd_options_default(&sim->options);
   sim->options.method = sim->stepper.method->name;
@@ -272,6 +291,11 @@ static double stop(const bd_sim *sim, double *y) {
   for (int j = 0; j < lay->np; ++j) {
     fastest = fmax(fastest, sim->stepper.model->radius[j] * fabs(y[lay->omega + j]));
     y[lay->omega + j] = 0.0;
+  }
+  for (int m = 0; m < lay->nm; ++m) {
+    const double v = y[lay->travel_speed + m] * sim->stepper.model->mounts[m].lever;
+    fastest = fmax(fastest, fabs(v));
+    y[lay->travel_speed + m] = 0.0;
   }
   return fastest;
 }
@@ -332,6 +356,10 @@ static int check_rest(bd_settling *settling) {
   }
   for (int j = 0; j < lay->np; ++j) {
     worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
+  }
+  for (int m = 0; m < lay->nm; ++m) {
+    const double force = sim->stepper.plan.mount_inertia[m] * dy[lay->travel_speed + m];
+    worst = fmax(worst, fabs(force) / model->mounts[m].lever);
   }
   sim->stats.residual = worst / info->mean_tension;
   if (!(sim->stats.residual > 0.9 * settling->best)) {
@@ -441,6 +469,7 @@ static void carve(bd_carver *carver, bd_settling *settling, const bd_layout *lay
   BD_CARVE(carver, settling->offset, 2 * lay->np);
   BD_CARVE(carver, settling->centers, 2 * lay->np);
   BD_CARVE(carver, settling->wraps, lay->np);
+  BD_CARVE(carver, settling->travel, lay->nm);
 }
 
 static bd_settling *new_settling(const bd_model *model, const bd_method *method) {

@@ -13,8 +13,9 @@
  * column a shaft: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
  * link is that of its end, half its length times phi, so that all blocks are masses.
  *
- * A shaft is a body of one degree of freedom; at present every shaft is a pulley. One whose motion
- * is prescribed has k_v = b_v for its row, and acts on the rest by its column as any other.
+ * Bodies of one degree of freedom are the shafts, one of each pulley, and after them the mounts
+ * (mount_border.c). One whose motion is prescribed has k_v = b_v for its row, and acts on the rest
+ * by its column as any other.
  *
  * Joint on the left of link i, e = (cos, sin) of its direction, e' across it, S = [1, -e'] at its
  * left and R = [1, e'] at its right end (MODEL section 2): g df = D^S_i k_i - D^R_l k_l with
@@ -145,13 +146,15 @@ static void carve_link_scratch(bd_carver *carver, const bd_layout *lay, bd_newto
     bd_carve_links(carver, lay, &b->back[k]);
     bd_carve_links(carver, lay, &b->forward[k]);
   }
-  BD_CARVE(carver, system->rows, 3 * lay->np * lay->stride);
+  BD_CARVE(carver, system->rows, 3 * (lay->np + lay->nm) * lay->stride);
+  BD_CARVE(carver, system->mounts, lay->nm);
 }
 
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
   const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
+  const int bodies = np + lay->nm;
   bd_blocks *b = &system->blocks;
   bd_effects_carve_tangents(carver, &system->at, model);
   double **by_link[] = {&b->xx, &b->xy, &b->yx, &b->yy, &b->pp, &system->x, &system->y, &system->p};
@@ -179,11 +182,11 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   double *scratch;
   BD_CARVE(carver, scratch, 3 * width * rows);
   system->ring.scratch = scratch;
-  BD_CARVE(carver, system->border, 3 * np * lay->stride);
+  BD_CARVE(carver, system->border, 3 * bodies * lay->stride);
   BD_CARVE(carver, system->own, np);
-  BD_CARVE(carver, system->rhs, np);
-  BD_CARVE(carver, system->matrix, np * np);
-  BD_CARVE(carver, system->pivots, np);
+  BD_CARVE(carver, system->rhs, bodies);
+  BD_CARVE(carver, system->matrix, bodies * bodies);
+  BD_CARVE(carver, system->pivots, bodies);
   BD_CARVE(carver, system->by_theta, np * np);
   BD_CARVE(carver, system->by_omega, np * np);
   BD_CARVE(carver, system->by_time, np);
@@ -216,6 +219,10 @@ static int along_links(const bd_plan *plan) {
   return plan->model->along_links;
 }
 
+static int mount_of(const bd_plan *plan, int j) {
+  return plan->model->mount_of ? plan->model->mount_of[j] : -1;
+}
+
 void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double *y, double h) {
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const bd_links *links = &plan->links;
@@ -238,7 +245,7 @@ void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double
   }
 }
 
-static void clear(const bd_layout *lay, double *const *blocks, size_t n) {
+void bd_newton_clear(const bd_layout *lay, double *const *blocks, size_t n) {
   for (size_t k = 0; k < n; ++k) {
     memset(blocks[k] - BD_HALO, 0, (size_t)lay->stride * sizeof **blocks);
   }
@@ -255,14 +262,24 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
   }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j];
+    const int n_runs = system->at.n_runs[j], m = mount_of(plan, j);
     const bd_run *runs = runs_of(system, j);
+    double before[2], after[2];
+    if (m >= 0) {
+      plan->kernels->sum_forces(n_runs, runs, out, before);
+    }
     double torque =
         along_links(plan)
             ? kernels->add_link_correction(links, pulley, n_runs, runs, &system->along[j], out, c)
             : kernels->add_normal_correction[bd_law_is_general(pulley->law)](
                   links, pulley, n_runs, runs, &system->contact[j], c);
     c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
+    if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
+      const double *a = system->at.mounts[m].at.a;
+      plan->kernels->sum_forces(n_runs, runs, out, after);
+      c[lay->travel_speed + m] -=
+          (a[0] * (after[0] - before[0]) + a[1] * (after[1] - before[1])) / plan->mount_inertia[m];
+    }
   }
   if (along_links(plan)) {
     plan->kernels->scatter_forces(links, system->at.joints.cos, system->at.joints.sin, out, c);
@@ -289,12 +306,15 @@ void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const do
 
 /* --- the border ------------------------------------------------------------------------------ */
 
-static int shafts(const bd_plan *plan) {
-  return plan->pulleys_locked ? 0 : plan->model->lay.np;
+/* Bodies are counted from the first that may move: shafts that are locked have no equation. */
+static int first_body(const bd_plan *plan) {
+  return plan->pulleys_locked ? plan->model->lay.np : 0;
 }
 
-static int is_prescribed(const bd_plan *plan, int shaft) {
-  return bd_is_moved(&plan->torques, shaft);
+static int is_prescribed(const bd_plan *plan, int body) {
+  const int np = plan->model->lay.np;
+  return body < np ? bd_is_moved(&plan->torques, body)
+                   : plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
 }
 
 /* A shaft's inertia, and what its own acceleration does to the forces on it. */
@@ -308,22 +328,33 @@ static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan,
   return inertia;
 }
 
-/* A shaft's row times the velocities of the links. */
-static double shaft_row(const bd_newton_system *system, const bd_plan *plan, int shaft,
-                        const double *x, const double *y, const double *p) {
+/* A body's row times the velocities of the links. */
+static double body_row(const bd_newton_system *system, const bd_plan *plan, int body,
+                       const double *x, const double *y, const double *p) {
   const bd_layout *lay = &plan->model->lay;
   if (along_links(plan)) {
-    const double *row = system->rows + (size_t)(3 * shaft) * (size_t)lay->stride + BD_HALO;
+    const double *row = system->rows + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
     const double *const parts[3] = {row, row + lay->stride, row + 2 * lay->stride};
     return plan->kernels->newton->ring_product(lay, parts, x, y, p);
   }
-  return plan->kernels->newton->border_row(system->at.n_runs[shaft], runs_of(system, shaft),
-                                           &system->contact[shaft], x, y);
+  return plan->kernels->newton->border_row(system->at.n_runs[body], runs_of(system, body),
+                                           &system->contact[body], x, y);
 }
 
-/* The part of a shaft's column that the ring takes: T^-1 B, three blocks. */
-static double *border_of(const bd_newton_system *system, const bd_layout *lay, int shaft) {
-  return system->border + (size_t)(3 * shaft) * (size_t)lay->stride + BD_HALO;
+/* The part of a body's column that the ring takes: T^-1 B, three blocks. */
+static double *border_of(const bd_newton_system *system, const bd_layout *lay, int body) {
+  return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
+}
+
+/* Of the small matrix of the bodies, but for what the links do. */
+static double body_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j,
+                         double g) {
+  const int np = plan->model->lay.np;
+  if (i >= np || j >= np) {
+    return bd_mount_entry(system, plan, i, j, g);
+  }
+  const double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
+  return (i == j ? shaft_inertia(system, plan, i, g) : 0.0) - g * torque;
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -378,21 +409,25 @@ static void add_along_links(bd_newton_system *system, const bd_plan *plan, doubl
   const bd_tangent *joints = &system->at.joints;
   const bd_link_scratch *scratch = &system->scratch;
   const bd_blocks *b = &system->blocks;
-  clear(lay, (double *const[]){b->xp, b->yp, b->px, b->py}, 4);
-  clear(lay, scratch->before, 6);
-  clear(lay, scratch->behind, 6);
+  bd_newton_clear(lay, (double *const[]){b->xp, b->yp, b->px, b->py}, 4);
+  bd_newton_clear(lay, scratch->before, 6);
+  bd_newton_clear(lay, scratch->behind, 6);
   bd_clear_end_forces(lay, &scratch->forces);
   for (int j = 0; j < lay->np; ++j) {
     double *z = border_of(system, lay, j);
     double *row = system->rows + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
-    clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
-    clear(lay, scratch->row_before, 3);
-    clear(lay, scratch->row_behind, 3);
+    bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
+    bd_newton_clear(lay, scratch->row_before, 3);
+    bd_newton_clear(lay, scratch->row_behind, 3);
     system->own[j] = kernels->add_links(links, joints, &system->at.contact_pulleys[j],
                                         system->at.n_runs[j], runs_of(system, j), &system->along[j],
                                         g, b, scratch, system->joint_x, system->joint_y, row);
     kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, z, z + lay->stride,
                              z + 2 * lay->stride);
+    if (mount_of(plan, j) >= 0) {
+      const int m = mount_of(plan, j);
+      bd_mount_border_add(system, plan, m, g, border_of(system, lay, lay->np + m));
+    }
   }
   kernels->assemble(links, joints, g, scratch, b);
 }
@@ -411,8 +446,8 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   kernels->diagonal(links, &system->at.joints, &system->stage, b);
-  for (int j = 0; j < lay->np; ++j) {
-    memset(border_of(system, lay, j), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
+  for (int body = 0; body < lay->np + lay->nm; ++body) {
+    memset(border_of(system, lay, body), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
   const int along = along_links(plan);
   if (along) {
@@ -426,21 +461,19 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
         z + lay->stride);
   }
   system->ring_kernels->factor[along](&system->ring, b);
-  const int n = shafts(plan);
+  const int first = first_body(plan), n = lay->np + lay->nm - first;
   for (int j = 0; j < n; ++j) {
-    double *z = border_of(system, lay, j);
+    double *z = border_of(system, lay, first + j);
     system->ring_kernels->solve[along](&system->ring, b->k, z, z + lay->stride,
                                        z + 2 * lay->stride);
     for (int i = 0; i < n; ++i) {
-      if (is_prescribed(plan, i)) {
+      if (is_prescribed(plan, first + i)) {
         system->matrix[i * n + j] = i == j;
         continue;
       }
-      double inertia = i == j ? shaft_inertia(system, plan, i, g) : 0.0;
-      double torque = system->by_omega[i * n + j] + g * system->by_theta[i * n + j];
       system->matrix[i * n + j] =
-          inertia - g * torque -
-          shaft_row(system, plan, i, z, z + lay->stride, z + 2 * lay->stride);
+          body_entry(system, plan, first + i, first + j, g) -
+          body_row(system, plan, first + i, z, z + lay->stride, z + 2 * lay->stride);
     }
   }
   decompose(n, system->matrix, system->pivots);
@@ -448,48 +481,76 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
 
 /* --- solve ----------------------------------------------------------------------------------- */
 
+/* Of the right-hand side near a pulley, on links and at joints. */
+static void sum_of(const bd_newton_system *system, const bd_plan *plan, int j, double sum[2]) {
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const int n_runs = system->at.n_runs[j];
+  const bd_run *runs = runs_of(system, j);
+  sum[0] =
+      kernels->sum_runs(n_runs, runs, system->x) + kernels->sum_runs(n_runs, runs, system->joint_x);
+  sum[1] =
+      kernels->sum_runs(n_runs, runs, system->y) + kernels->sum_runs(n_runs, runs, system->joint_y);
+}
+
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const double g = system->stage.g;
-  const int n = shafts(plan);
+  const int first = first_body(plan), n = lay->np + lay->nm - first;
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   const bd_tangent *joints = &system->at.joints;
   const int along = along_links(plan);
   if (along) {
-    clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
+    bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
     bd_close_links(lay, c);
   }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j];
+    const int n_runs = system->at.n_runs[j], m = mount_of(plan, j);
     const bd_run *runs = runs_of(system, j);
+    double before[2], given[2];
+    if (m >= 0) {
+      sum_of(system, plan, j, before);
+    }
     rhs[j] = along ? kernels->link_product(links, joints, pulley, n_runs, runs, &system->along[j],
                                            g, c, system->joint_x, system->joint_y, x, y, p)
                    : kernels->contact_product(lay, pulley, n_runs, runs, &system->contact[j],
                                               pulley->law != BD_LAW_NONE, c, x, y);
+    if (m >= 0) {
+      sum_of(system, plan, j, given);
+      given[0] -= before[0];
+      given[1] -= before[1];
+      bd_mount_product(system, plan, m, c, given, &rhs[j]);
+    }
   }
   if (along) {
     kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, x, y, p);
     kernels->add_turning(lay, system->scratch.turning, g, c, p);
   }
   system->ring_kernels->solve[along](&system->ring, system->blocks.k, x, y, p);
-  for (int j = 0; j < n; ++j) {
-    if (is_prescribed(plan, j)) {
-      rhs[j] = g * c[lay->omega + j];
+  for (int body = first; body < first + n; ++body) {
+    const int j = body < lay->np ? body : -1;
+    if (is_prescribed(plan, body)) {
+      rhs[body] = g * (j >= 0 ? c[lay->omega + j] : c[lay->travel_speed + body - lay->np]);
       continue;
     }
-    rhs[j] += g * model->inertia[j] * c[lay->omega + j];
-    for (int k = 0; k < n; ++k) {
-      rhs[j] += g * g * system->by_theta[j * n + k] * c[lay->theta + k];
+    if (j >= 0) {
+      rhs[j] += g * model->inertia[j] * c[lay->omega + j];
     }
-    rhs[j] -= shaft_row(system, plan, j, x, y, p);
+    for (int k = 0; j >= 0 && k < lay->np; ++k) {
+      rhs[j] += g * g * system->by_theta[j * lay->np + k] * c[lay->theta + k];
+    }
+    rhs[body] -= body_row(system, plan, body, x, y, p);
   }
-  substitute(n, system->matrix, system->pivots, rhs);
-  kernels->finish_links(links, &system->stage, n, border_of(system, lay, 0), rhs, x, y, p, c);
+  substitute(n, system->matrix, system->pivots, rhs + first);
+  kernels->finish_links(links, &system->stage, n, border_of(system, lay, first), rhs + first, x, y,
+                        p, c);
+  for (int m = 0; m < lay->nm; ++m) {
+    bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
+  }
   if (along) {
     bd_close_links(lay, c);
   }
@@ -505,6 +566,9 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     if (along) {
       kernels->finish_joints(links, joints, pulley, n_runs, runs_of(system, j), &system->along[j],
                              g, angular_acceleration, c);
+      if (mount_of(plan, j) >= 0) {
+        bd_mount_finish_joints(system, plan, mount_of(plan, j), c);
+      }
     } else {
       kernels->finish_contact[bd_law_is_general(pulley->law)](
           lay, pulley, n_runs, runs_of(system, j), &system->contact[j], g, angular_acceleration, c);

@@ -9,6 +9,13 @@
 
 /* --- newton_system.c ------------------------------------------------------------------------- */
 
+/* What a mount adds to the small matrix for one g, beside its inertia, spring, damper and friction:
+ * the torque of its contact on the pulley by its speed, the force on itself by the pulley's and by
+ * its own. */
+typedef struct bd_mount_border {
+  double torque, by_spin, own;
+} bd_mount_border;
+
 typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
   bd_ring ring;
@@ -21,8 +28,9 @@ typedef struct bd_newton_system {
   bd_points points;  /* contact along links: the joints where linearised, */
   bd_link_scratch scratch;
   double *joint_x, *joint_y; /* forces or a column there, */
-  double *rows;              /* per pulley: its row, by link */
-  double *border;            /* per pulley: its column, solved by the ring */
+  double *rows;              /* per shaft, then per mount: its row, by link */
+  double *border;            /* the same: its column, solved by the ring */
+  bd_mount_border *mounts;
   double *own, *rhs, *matrix;
   int *pivots;
   double *by_theta, *by_omega, *by_time; /* of the set torques */
@@ -44,6 +52,28 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
                                      double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
+
+/* Zeros in blocks of links. */
+void bd_newton_clear(const bd_layout *lay, double *const *blocks, size_t n);
+
+/* --- mount_border.c -------------------------------------------------------------------------- */
+
+/* After the column of its pulley stands in joint_x, joint_y: the mount's own, not yet solved, into
+ * `column`, its row, and its part of the small matrix. */
+void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, double g,
+                         double *column);
+/* Entry of the small matrix of which a mount is row or column, but for what the links do; bodies
+ * are counted shafts first. */
+double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
+                      double g);
+/* What c says of a mount, added to the right-hand side of links and joints, to the torque of its
+ * pulley, and as its own; given: the force that the rest of c makes on the links at its pulley. */
+void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
+                      const double given[2], double *torque);
+/* From its acceleration to all its unknowns; then what it does to friction at its pulley. */
+void bd_mount_finish(const bd_newton_system *system, const bd_plan *plan, int m, double pace,
+                     double *c);
+void bd_mount_finish_joints(const bd_newton_system *system, const bd_plan *plan, int m, double *c);
 
 typedef struct bd_stepper bd_stepper;
 

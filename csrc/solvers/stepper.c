@@ -122,7 +122,7 @@ void bd_stepper_advance(bd_stepper *stepper, double h, double t_new, int rate_ho
 
 void bd_stepper_reset(bd_stepper *stepper) {
   stepper->rate_known = stepper->jacobian_known = 0;
-  bd_plan_place(&stepper->plan, stepper->t);
+  bd_plan_place(&stepper->plan, stepper->t, stepper->y);
   stepper->plan.search.margin = 0.0;
   stepper->plan.search.travelled = INFINITY;
   bd_stepper_weigh_friction(stepper);

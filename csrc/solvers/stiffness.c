@@ -72,5 +72,25 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     stiff.bound = fmax(stiff.bound, fmax(friction.adapts, lambda(link_k, link_d)));
     stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[3].d + parts[4].d + parts[5].d));
   }
+  for (int k = 0; k < model->lay.nm; ++k) {
+    const bd_mounted *mount = &model->mounts[k];
+    if (mount->kind == BD_MOUNT_PATH) {
+      continue;
+    }
+    const int j = mount->pulley;
+    const double r = model->radius[j], square = mount->lever * mount->lever;
+    const double links =
+        model->geometry.code == BD_OK ? model->wraps[j].wrap * r / info->link_length : 0.0;
+    const double contact = bd_contact_stiffness(info->contact_quadratic, info->contact_linear,
+                                                tension * info->link_length / r);
+    const double stiffness = mount->stiffness + mount->stop_stiffness * mount->has_stops +
+                             mount->friction * mount->adapts + links * contact * square;
+    const double damping = mount->damping + mount->stop_damping * mount->has_stops +
+                           links * info->contact_damping * square;
+    const double own = lambda(stiffness / mount->inertia, damping / mount->inertia);
+    if (own > stiff.bound) {
+      stiff = (bd_stiffness){.bound = own, .what = "a mount of very small inertia", .pulley = j};
+    }
+  }
   return stiff;
 }

@@ -302,6 +302,7 @@ def test_what_the_run_gives_must_fit_what_was_measured(
         ({"confidence": 95.0}, ValueError, "confidence must be between 0 and 1"),
         ({"limit": 1.0}, ValueError, "limit must be > 1"),
         ({"jac": "5-point"}, ValueError, "jac must be one of"),
+        ({"jac": 2}, TypeError, "jac must be one of"),
         ({"loss": "l1"}, ValueError, "loss must be one of"),
         ({"diff_step": 0.0}, ValueError, "diff_step must be > 0"),
         ({"max_nfev": 0}, ValueError, "max_nfev must be an integer >= 1"),

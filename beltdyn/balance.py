@@ -1,0 +1,74 @@
+"""The tension that mounts hold: what decides the preload of a belt whose length is not given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .checks import Array
+from .mounts import Arm, Mount, Slider
+from .parts import Pulley
+from .route import route
+
+__all__ = ["tension_held"]
+
+#: Standard gravity on a hung weight [N/kg], as in ``csrc/model/mount.c``.
+_GRAVITY = 9.80665
+#: To which several mounts must ask for the same tension.
+_AGREE = 1e-3
+
+
+def _direction(mount: Mount, center: Array) -> Array:
+    """Give how the axis moves with the travel, a of MODEL section 5, in the place of the drive."""
+    if isinstance(mount, Arm):
+        x, y = center - np.array(mount.pivot)
+        return np.array([-y, x])
+    assert isinstance(mount, Slider)
+    along = np.array(mount.direction)
+    return np.asarray(along / np.hypot(*along))
+
+
+def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> float | None:
+    """Give the tension at which springs and weights are in balance in the places of the drive.
+
+    Args:
+        pulleys: The pulleys of a drive.
+        gravity: Acceleration (x, y) [m/s^2].
+
+    Returns:
+        Tension [N]; None if no arm and no slider is there to hold one.
+
+    Raises:
+        ValueError: A mount pushes its pulley away from the belt, or several ask for different
+            tensions; as :func:`route`.
+    """
+    way = route(pulleys)
+    held: dict[int, float] = {}
+    for k, pulley in enumerate(pulleys):
+        mount = pulley.mount
+        if not isinstance(mount, (Arm, Slider)):
+            continue
+        along = _direction(mount, np.array(pulley.center))
+        spans = np.array(
+            [way.arrive[(k + 1) % len(pulleys)] - way.leave[k], way.leave[k - 1] - way.arrive[k]]
+        )
+        pull = np.sum(spans / np.linalg.norm(spans, axis=1)[:, None], axis=0)
+        hung = _GRAVITY * mount.weight if isinstance(mount, Slider) else 0.0
+        force = mount.spring_force + hung + mount.mass * float(along @ np.array(gravity))
+        resisted = -float(along @ pull)
+        if resisted == 0.0 or force / resisted <= 0.0:
+            raise ValueError(
+                f"pulleys[{k}].mount holds no tension in its place ({force:.4g} N m or N of "
+                "spring and weight, in the sense of the travel, press it away from the belt or "
+                "not at all): look at the sign of preload, or give belt.length or belt.preload"
+            )
+        held[k] = force / resisted
+    if not held:
+        return None
+    least, most = min(held.values()), max(held.values())
+    if most - least > _AGREE * most:
+        tensions = ", ".join(f"{tension:.5g} N by pulleys[{k}]" for k, tension in held.items())
+        raise ValueError(
+            f"the mounts ask for different tensions in their places, {tensions}: give belt.length "
+            "or belt.preload, and they find a balance"
+        )
+    return sum(held.values()) / len(held)

@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Mounts as an effect (MODEL section 5): two passes of the rate, one that puts the axes where the
+ * travels have them, before contact, one that moves arms and sliders by what acts on them, after
+ * it.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "physics/physics.h"
+
+int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options) {
+  (void)options;
+  return model->lay.nm > 0;
+}
+
+void bd_mounts_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  BD_CARVE(carver, plan->hub, 2 * model->lay.nm);
+  BD_CARVE(carver, plan->mount_inertia, model->lay.nm);
+}
+
+void bd_mounts_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  BD_CARVE(carver, out->mounts, model->lay.nm);
+}
+
+static int is_path(const bd_mounted *mount) {
+  return mount->kind == BD_MOUNT_PATH;
+}
+
+const char *bd_mounts_label(const bd_plan *plan) {
+  int has[3] = {0};
+  static const char *const texts[8] = {"",
+                                       "mounts: arms",
+                                       "mounts: sliders",
+                                       "mounts: arms and sliders",
+                                       "mounts: paths",
+                                       "mounts: arms and paths",
+                                       "mounts: sliders and paths",
+                                       "mounts: arms, sliders and paths"};
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    has[plan->model->mounts[m].kind] = 1;
+  }
+  return texts[has[BD_MOUNT_ARM] + 2 * has[BD_MOUNT_SLIDER] + 4 * has[BD_MOUNT_PATH]];
+}
+
+/* --- where the axes are ----------------------------------------------------------------------- */
+
+void bd_mounts_put(const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_place at = bd_mount_place(&plan->model->mounts[m], y[lay->travel + m]);
+    const double v = y[lay->travel_speed + m];
+    bd_contact_pulley *pulley = &plan->contact_pulleys[lay->mounted[m]];
+    pulley->x = at.c[0];
+    pulley->y = at.c[1];
+    pulley->vx = v * at.a[0];
+    pulley->vy = v * at.a[1];
+  }
+}
+
+int bd_mounts_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_layout *lay = &plan->model->lay;
+  bd_mounts_put(plan, y);
+  for (int m = 0; m < lay->nm; ++m) { /* drag adds to it */
+    dy[lay->travel_speed + m] = 0.0;
+  }
+  return BD_OK;
+}
+
+/* Where a path has its axis at t, as far as it can be told from the travel that y has. */
+int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    if (!is_path(mount)) {
+      continue;
+    }
+    const bd_place is = bd_mount_place(mount, y[lay->travel + m]), due = bd_mount_place(mount, t);
+    const double apart = hypot(is.c[0] - due.c[0], is.c[1] - due.c[1]);
+    if (apart > 1e-9 * model->belt.length) {
+      return bd_fail_at(err, BD_ERR_STATE, "travel", t, -1, mount->pulley, apart,
+                        "the axis of pulley %d is %.3g m off its path at t = %g s: begin where "
+                        "the path does, or from a state of a run at that time",
+                        mount->pulley, apart, t);
+    }
+    y[lay->travel + m] = t;
+    y[lay->travel_speed + m] = 1.0;
+  }
+  return BD_OK;
+}
+
+/* --- rate ------------------------------------------------------------------------------------- */
+
+static double sliding(const bd_mounted *mount, double v, double share) {
+  return mount->adapts * (v - fabs(v) * share);
+}
+
+int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  double lost = 0.0, given = 0.0;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
+    const bd_place at = bd_mount_place(mount, q);
+    const double belt = plan->hub[2 * m] * at.a[0] + plan->hub[2 * m + 1] * at.a[1];
+    dy[lay->travel + m] = v;
+    if (is_path(mount)) {
+      dy[lay->travel_speed + m] = dy[lay->mount_friction + m] = 0.0;
+      given += belt * v;
+      continue;
+    }
+    const double share = plan->grip_on ? y[lay->mount_friction + m] : 0.0;
+    const double held = mount->damping * v + mount->friction * share;
+    const double force = belt + bd_mount_spring(mount, q) - held +
+                         bd_mount_stop(mount, q, v, &lost) + bd_mount_weight(model, mount, &at);
+    dy[lay->travel_speed + m] += force / plan->mount_inertia[m];
+    dy[lay->mount_friction + m] = plan->grip_on ? sliding(mount, v, share) : 0.0;
+    lost += held * v;
+  }
+  dy[lay->work + W_mount_loss] = lost;
+  dy[lay->work + W_path_work] = given;
+  return BD_OK;
+}
+
+/* --- derivatives ------------------------------------------------------------------------------ */
+
+void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    bd_mount_tangent *to = &out->mounts[m];
+    const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
+    *to = (bd_mount_tangent){.speed = v, .at = bd_mount_place(mount, q)};
+    if (is_path(mount)) {
+      continue;
+    }
+    const double fx = plan->hub[2 * m] + mount->mass * model->gravity[0];
+    const double fy = plan->hub[2 * m + 1] + mount->mass * model->gravity[1];
+    to->stiffness = mount->stiffness - fx * to->at.bend[0] - fy * to->at.bend[1];
+    to->damping = mount->damping;
+    double lost = 0.0;
+    if (bd_mount_stop(mount, q, v, &lost) != 0.0) {
+      to->stiffness += mount->stop_stiffness;
+      to->damping += mount->stop_damping;
+    }
+    if (plan->grip_on && mount->friction > 0.0) {
+      to->friction = mount->friction;
+      to->gain = mount->adapts * (1.0 - (v < 0.0 ? -1.0 : 1.0) * y[lay->mount_friction + m]);
+      to->decay = mount->adapts * fabs(v);
+    }
+  }
+}
+
+/* --- after a step ----------------------------------------------------------------------------- */
+
+/* Contact of two pulleys is told apart by room that the scene has (model.c); a pulley that moves
+ * must leave it. */
+static int check_room(const bd_plan *plan, double t, int m, bd_error *err) {
+  const bd_model *model = plan->model;
+  const int j = model->mounts[m].pulley;
+  const bd_contact_pulley *moved = &plan->contact_pulleys[j];
+  for (int k = 0; k < model->lay.np; ++k) {
+    const bd_contact_pulley *other = &plan->contact_pulleys[k];
+    if (k == j) {
+      continue;
+    }
+    const double apart = hypot(moved->x - other->x, moved->y - other->y);
+    const double span = bd_tangent_length(model, j, k, apart);
+    if (span == 0.0 || (plan->friction_on && span < bd_joint_reach(model))) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "mount", t, -1, j, apart,
+                        "pulley %d on its mount has come within %.3g m of pulley %d at t = %.9g s, "
+                        "%s: stops would hold it",
+                        j, fmax(0.0, apart - moved->radius - other->radius), k, t,
+                        span == 0.0 ? "they overlap"
+                                    : "so near that two links could touch both at once");
+    }
+  }
+  return BD_OK;
+}
+
+int bd_mounts_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                         bd_error *err) {
+  const bd_layout *lay = &plan->model->lay;
+  int code = BD_OK;
+  for (int m = 0; m < lay->nm; ++m) {
+    double *share = &y[lay->mount_friction + m];
+    if (is_path(&plan->model->mounts[m])) { /* as exact as the time */
+      y[lay->travel + m] = y[lay->travel_speed + m] != 0.0 ? t : y[lay->travel + m];
+    } else if (fabs(*share) > 1.0) {
+      *changed |= fabs(*share) > 1.0 + tolerance;
+      *share = copysign(1.0, *share);
+    }
+  }
+  bd_mounts_put(plan, y);
+  for (int m = 0; code == BD_OK && m < lay->nm; ++m) {
+    code = check_room(plan, t, m, err);
+  }
+  return code;
+}
+
+/* --- energy and outputs ----------------------------------------------------------------------- */
+
+void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
+    if (is_path(mount)) {
+      continue;
+    }
+    const bd_place at = bd_mount_place(mount, q);
+    terms[BD_ENERGY_kinetic] += 0.5 * mount->inertia * v * v;
+    terms[BD_ENERGY_mount] += bd_mount_stored(mount, q);
+    terms[BD_ENERGY_gravity] -= mount->mass * (model->gravity[0] * (at.c[0] + model->origin[0]) +
+                                               model->gravity[1] * (at.c[1] + model->origin[1]));
+  }
+}
+
+double bd_mount_belt_force(const bd_plan *plan, const double *y, int m) {
+  const bd_mounted *mount = &plan->model->mounts[m];
+  const bd_place at = bd_mount_place(mount, y[plan->model->lay.travel + m]);
+  double force[2];
+  bd_friction_torque(plan, y, mount->pulley, force);
+  return -(force[0] * at.a[0] + force[1] * at.a[1]);
+}
+
+void bd_mounts_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &plan->model->mounts[m];
+    const size_t at = k * (size_t)lay->nm + (size_t)m;
+    const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
+    double lost = 0.0;
+    const struct {
+      double *to, value;
+    } columns[] = {
+        {out->travel, q},
+        {out->travel_speed, v},
+        {out->spring_force, is_path(mount) ? 0.0 : bd_mount_spring(mount, q)},
+        {out->damper_force, is_path(mount) ? 0.0 : -mount->damping * v},
+        {out->friction_force, is_path(mount) ? 0.0 : -mount->friction * y[lay->mount_friction + m]},
+        {out->stop_force, is_path(mount) ? 0.0 : bd_mount_stop(mount, q, v, &lost)},
+        {out->belt_force, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0},
+    };
+    for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {
+      if (columns[c].to) {
+        columns[c].to[at] = columns[c].value;
+      }
+    }
+  }
+}
