@@ -54,7 +54,7 @@ from .route import Route, route
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scenes import Scene
 from .simulation import METHODS, settle, simulate
-from .state import State
+from .state import State, Tensions
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 
@@ -95,6 +95,7 @@ __all__ = [
     "Stats",
     "Target",
     "Tensioning",
+    "Tensions",
     "Torque",
     "TorqueSum",
     "Viscous",

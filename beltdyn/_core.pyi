@@ -22,7 +22,10 @@ MAX_STRAIN: float
 MAX_LINKS: int
 
 def belt_line(
-    centers: ArrayLike, radii: ArrayLike, outside: Sequence[bool] | None = None
+    centers: ArrayLike,
+    radii: ArrayLike,
+    outside: Sequence[bool] | None = None,
+    names: Sequence[str | None] | None = None,
 ) -> tuple[tuple[tuple[float, float, float, int], ...], float, int]: ...
 def kernel_level() -> str: ...
 def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
@@ -60,6 +63,7 @@ class Model:
         pulley_friction: Sequence[FrictionLaw | None] | None = None,
         mesh: str = "paper",
         outside: Sequence[bool] | None = None,
+        names: Sequence[str | None] | None = None,
         mounts: Sequence[MountTerm | None] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
@@ -73,6 +77,7 @@ class Model:
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
+    def observe(self, state: StateDict, /) -> dict[str, NDArray[Any]]: ...  # OUTPUTS, one row
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 
 class Simulation:

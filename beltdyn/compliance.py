@@ -11,11 +11,11 @@ EA / L times that off the tension between fixed axes; and because a belt sticks 
 arrives, a difference of p / R between two pulleys adds to the creep between them. A compensated
 contact begins outside of R by the p of the preload, so that only the differences from that remain.
 
-All this is of first order in p / R. Left out are the ends of a wrap: the belt sinks in over a
-length of sqrt(T / c2') = R sqrt(p / R), in which friction acts further out, so that ratios change
-by less than is said here, by a fifth at p / R = 0.5 %. Under load a belt whose bristles give does
-not stick where it arrives but uses the whole wrap: creep then grows by less, and what is said of it
-here is a bound.
+All this is of first order in p / R. Left out are the ends of a wrap (MODEL section 6, "Tension at
+rest", has them): the belt sinks in over a length of sqrt(T / c2') = R sqrt(p / R), in which
+friction acts further out, so that ratios change by less than is said here, by a fifth at p / R =
+0.5 %. Under load a belt whose bristles give does not stick where it arrives but uses the whole
+wrap: creep then grows by less, and what is said of it here is a bound.
 
 The ratio of p / R to the strain T / EA is EA / (c2' R^2), the same at any tension: with 0.01 the
 belt gives 100 times less in the contact than along itself, and tension and creep are right to 1 %.
@@ -70,6 +70,9 @@ class Drive(Protocol):
     @property
     def route(self) -> Route:
         """The way of the belt."""
+
+    def label(self, pulley: int) -> str:
+        """Give what texts call a pulley."""
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -165,7 +168,7 @@ def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0
         ValueError: Not one tension per pulley, or one that is negative or not finite.
     """
     belt, info, radii = params.belt, params.info, _radii(params)
-    rest = np.full((radii.size, 2), float(info["mean_tension"]))
+    rest = np.full((radii.size, 2), float(info["strain_tension"]))
     if tension is None:
         pulls = (1.0 - info["contact_strain"] / info["strain"]) * rest
     else:
@@ -181,7 +184,7 @@ def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0
     raised = _depth(params, rest, 0.0) if compensated else np.zeros_like(depth)
     smaller = depth - raised
     shorter = float(np.sum(params.route.wraps * smaller.mean(axis=1)))
-    change = -belt.axial_stiffness * shorter / belt.length
+    change = -belt.axial_stiffness * shorter / info["length"]
     arrives = (1.0 - smaller / radii[:, None])[:, 0 if speed >= 0.0 else 1]
     c1, c2 = _numbers(params)
     stiffness = c2 + 2.0 * c1 * depth
@@ -254,6 +257,7 @@ def describe(params: Drive) -> str:
         if ratio > 0.0:
             effect += f" and changes the speed ratio by up to {100 * ratio:.1g} %"
     return (
-        f"sinking into the pulleys: {1e3 * depth:.2g} mm on pulley {worst} ({100 * share:.2g} % of "
-        f"its radius){effect}; adds some {100 * found.creep_share:.2g} % to creep"
+        f"sinking into the pulleys: {1e3 * depth:.2g} mm on {params.label(worst)} "
+        f"({100 * share:.2g} % of its radius){effect}; adds some {100 * found.creep_share:.2g} % "
+        "to creep"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from .params import Params
 from .result import Result
 from .run_warnings import RunWarning
 
@@ -37,6 +38,7 @@ class SimulationError(RuntimeError):
         t: Time of the failure [s].
         body: Index of the link concerned, or -1.
         pulley: Index of the pulley concerned, or -1.
+        pulley_name: Its name, "pulley 3" if it has none, or "".
         value: The offending value, or NaN.
         field: The quantity concerned, or "".
         result: Everything computed before the failure, or None while settling.
@@ -58,6 +60,7 @@ class SimulationError(RuntimeError):
         self.t = t
         self.body = body
         self.pulley = pulley
+        self.pulley_name = ""
         self.value = value
         self.field = field
         self.result: Result | None = None
@@ -71,7 +74,9 @@ class Interrupted(KeyboardInterrupt):
         self.result = result
 
 
-def annotate(error: SimulationError, noticed: Iterable[RunWarning]) -> None:
-    """Add warnings, which may name the cause, to an error as notes: a traceback shows them."""
+def annotate(error: SimulationError, params: Params, noticed: Iterable[RunWarning]) -> None:
+    """Add the pulley's name, and warnings, which may name the cause, as notes of a traceback."""
+    if error.pulley >= 0:
+        error.pulley_name = params.pulley_names[error.pulley]
     for one in noticed:
         error.add_note(f"warning before this error: {one}")

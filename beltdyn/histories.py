@@ -37,13 +37,14 @@ class Group:
     __slots__ = ()
 
     @classmethod
-    def names(cls) -> list[str]:
+    def array_names(cls) -> list[str]:
         """Give the names of the arrays."""
-        return [field.name for field in attrs.fields(cls)]  # type: ignore[arg-type]
+        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
+        return [field.name for field in fields if field.metadata.get("array", True)]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Give the arrays by name; not those that the drive does not have."""
-        arrays = {name: getattr(self, name) for name in self.names()}
+        arrays = {name: getattr(self, name) for name in self.array_names()}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def __repr__(self) -> str:
@@ -61,11 +62,13 @@ class PulleyHistory(Group):
         omega: Angular velocity [rad/s].
         torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
             that it needs.
+        names: Names of the pulleys, "pulley 3" of one that has none (n_p,).
     """
 
     theta: Array
     omega: Array
     torque: Array
+    names: tuple[str, ...] = attrs.field(default=(), metadata={"array": False})
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -135,13 +138,13 @@ class MountHistory(Group):
     travel, the time, and the force of the belt alone.
 
     Attributes:
-        travel: From the place of the drive [rad] or [m].
-        travel_speed: Its rate [rad/s] or [m/s].
-        spring_force: Of the spring, preload and hung weight included.
-        damper_force: Of the damper.
-        friction_force: Of the friction in pivot or guide.
-        stop_force: Of the stops.
-        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5.
+        travel: From the place of the drive [rad or m].
+        travel_speed: Its rate [rad/s or m/s].
+        spring_force: Of the spring, preload and hung weight included [N m or N].
+        damper_force: Of the damper [N m or N].
+        friction_force: Of the friction in pivot or guide [N m or N].
+        stop_force: Of the stops [N m or N].
+        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5 [N m or N].
     """
 
     travel: Array

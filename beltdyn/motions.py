@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import attrs
 import numpy as np
 
 from . import _core
-from .checks import integer, real, shown
+from .checks import real, shown
+from .naming import ByPulley, by_index, key, label
 from .torques import PiecewiseLinear, Torque
 
 __all__ = ["Motion", "MotionLike", "as_motions", "first_speeds", "motion_terms"]
@@ -78,8 +79,8 @@ class Motion:
             raise TypeError(f"Motion.angle must be a function f(t), got {shown(self.angle)}")
 
 
-def as_motions(motion: Mapping[int, MotionLike] | None, n_pulleys: int) -> dict[int, Motion]:
-    """Check the motions of a run.
+def as_motions(motion: ByPulley[MotionLike] | None, names: Sequence[str]) -> dict[int, Motion]:
+    """Check the motions of a run, of pulleys with these names; give them by index.
 
     Raises:
         TypeError: Not a mapping from pulleys to motions.
@@ -89,13 +90,13 @@ def as_motions(motion: Mapping[int, MotionLike] | None, n_pulleys: int) -> dict[
         return {}
     if not isinstance(motion, Mapping):
         raise TypeError(
-            f"motion must be a mapping from a pulley's index to its motion, got {shown(motion)}"
+            "motion must be a mapping from a pulley's index or name to its motion, "
+            f"got {shown(motion)}"
         )
     found = {}
-    for key, value in motion.items():
-        index = integer("motion index", key, 0, n_pulleys - 1)
+    for index, value in by_index("motion", motion, names).items():
         if not isinstance(value, Motion):
-            _check_speed(f"motion[{index}]", value)
+            _check_speed(f"motion[{key(index, names)}]", value)
         found[index] = value if isinstance(value, Motion) else Motion(speed=value)
     return found
 
@@ -113,12 +114,14 @@ def motion_terms(motions: Mapping[int, Motion]) -> list[_core.MotionTerm]:
     return [term(pulley, motion) for pulley, motion in motions.items()]
 
 
-def first_speeds(motions: Mapping[int, Motion], t: float, until: float) -> dict[int, float]:
+def first_speeds(
+    motions: Mapping[int, Motion], t: float, until: float, names: Sequence[str]
+) -> dict[int, float]:
     """Give the speeds at the start of a run whose functions are smooth up to a time."""
     step = min(_STEP, (until - t) / (_FORWARD.size - 1))
 
     def call(pulley: int, function: Callable[[float], float], time: float) -> float:
-        return real(f"what the motion of pulley {pulley} returns", function(time))
+        return real(f"what the motion of {label(pulley, names)} returns", function(time))
 
     def speed(pulley: int, motion: Motion) -> float:
         if isinstance(motion.speed, PiecewiseLinear):

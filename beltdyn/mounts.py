@@ -127,12 +127,13 @@ class Arm(_Sprung):
         free_angle: Angle from there at which the spring is unloaded [rad], in place of ``preload``.
         damping: Of a damper beside the spring [N m s/rad], >= 0.
         friction: Torque of Dahl friction in the pivot, in full sliding [N m], >= 0.
-        friction_stiffness: Of that friction before it slides [N m/rad]; None: so that it develops
-            within 0.01 rad.
+        friction_stiffness: Of that friction before it slides [N m/rad], >= 0; None or 0: so that it
+            develops within 0.01 rad.
         stops: Angles between which it can turn, (lowest, highest) [rad]; None: no stops.
-        stop_stiffness: Of a stop [N m/rad]; None: 50 times what the belt holds the arm with.
-        stop_damping: Of a stop [N m s/rad]; None: half of critical for a stiffness that is chosen,
-            else 0.
+        stop_stiffness: Of a stop [N m/rad], >= 0; None or 0: 50 times what the belt holds the arm
+            with.
+        stop_damping: Of a stop [N m s/rad], >= 0; None or 0: half of critical for a stiffness that
+            is chosen, else 0.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -192,12 +193,13 @@ class Slider(_Sprung):
         free_travel: Travel from there at which the spring is unloaded [m], in place of ``preload``.
         damping: Of a damper beside the spring [N s/m], >= 0.
         friction: Force of Dahl friction in the guide, in full sliding [N], >= 0.
-        friction_stiffness: Of that friction before it slides [N/m]; None: so that it develops
-            within a hundredth of the pulley's radius.
+        friction_stiffness: Of that friction before it slides [N/m], >= 0; None or 0: so that it
+            develops within a hundredth of the pulley's radius.
         stops: Travels between which it can move, (lowest, highest) [m]; None: no stops.
-        stop_stiffness: Of a stop [N/m]; None: 50 times what the belt holds the carriage with.
-        stop_damping: Of a stop [N s/m]; None: half of critical for a stiffness that is chosen, else
-            0.
+        stop_stiffness: Of a stop [N/m], >= 0; None or 0: 50 times what the belt holds the carriage
+            with.
+        stop_damping: Of a stop [N s/m], >= 0; None or 0: half of critical for a stiffness that is
+            chosen, else 0.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -290,7 +292,8 @@ class Path(Printable):
         return [("path", f"{self.t.size} points, {span}", "prescribed path of the axis")]
 
     def _to_core(self) -> tuple[Any, ...]:
-        return "path", self.t, self.displacement
+        # Hashable: settled tensions are kept by the arguments of the core.
+        return "path", tuple(self.t.tolist()), tuple(map(tuple, self.displacement.tolist()))
 
 
 Mount: TypeAlias = Arm | Slider | Path

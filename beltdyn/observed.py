@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from .checks import Array
 from .friction import Friction
+from .naming import span_name
+from .params import Params
 from .result import Result
 from .run_warnings import RunWarning
 from .sanity import units
@@ -58,10 +60,11 @@ def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         if fed[first, driven] > 0.0:
             yield RunWarning(
                 code="no_friction",
-                text=f"pulley {driven} is driven, with up to {np.nanmax(fed[:, driven]):.3g} W, "
-                "but friction is off, so the belt transmits nothing: set Params.friction",
+                text=f"{params.label(int(driven))} is driven, with up to "
+                f"{np.nanmax(fed[:, driven]):.3g} W, but friction is off, so the belt "
+                "transmits nothing: set Params.friction",
                 t=float(result.t[first]),
-                where=f"pulley {driven}",
+                where=params.label(int(driven)),
             )
     info = params.info
     tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
@@ -74,9 +77,9 @@ def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     if over[worst] > TORQUE:
         most = size[:, worst].max()
         yield units(
-            f"a torque of {most:.3g} N m acts on pulley {worst}, but a belt of {tension:.3g} N "
-            f"transmits at most {carried[worst]:.3g} N m: is it in N mm?",
-            f"pulley {worst}",
+            f"a torque of {most:.3g} N m acts on {params.label(worst)}, but a belt of "
+            f"{tension:.3g} N transmits at most {carried[worst]:.3g} N m: is it in N mm?",
+            params.label(worst),
             t=float(result.t[np.argmax(size[:, worst] > TORQUE * carried[worst])]),
         )
 
@@ -95,7 +98,7 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         held = None if law is None else _in_slip(law, float(kinetic[k]), contact.velocity)
         if held is not None:
             most[:, k] = _per_pulley(held * contact.normal, bins, n_p)[:, k]
-    tension = params.info["mean_tension"]
+    tension = params.info["strain_tension"]
     saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
     rows = np.flatnonzero(saturated.any(axis=1))
     if rows.size == 0:
@@ -120,14 +123,20 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         )
         yield RunWarning(
             code="full_slip",
-            text=f"pulley {k} slips over its whole wrap, by {slip:.2g} m, {whole} between "
+            text=f"{params.label(k)} slips over its whole wrap, by {slip:.2g} m, {whole} between "
             f"t = {first:.4g} and {last:.4g} s, which dissipates "
             f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction transmits "
-            f"{carried:.3g} N m at most{of_set}; raise the preload (a shorter belt.length) or "
-            "lower the torque",
+            f"{carried:.3g} N m at most{of_set}; {_tighter(params)} or lower the torque",
             t=first,
-            where=f"pulley {k}",
+            where=params.label(k),
         )
+
+
+def _tighter(params: Params) -> str:
+    """Say how the belt gets more tension."""
+    if params.belt.preload is not None:
+        return "raise belt.preload"
+    return "raise the preload (a shorter belt.length)"
 
 
 def _in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
@@ -151,7 +160,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
     rows = np.flatnonzero(result.joints.force.min(axis=1) <= 0.0)
     if rows.size == 0:
         return
-    n_p = len(result.params.pulleys)
+    params, n_p = result.params, len(result.params.pulleys)
     tension = result._span_tension(rows)
     lasts = _durations(result.t)
     for k in range(n_p):
@@ -162,12 +171,13 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
         first, last, whole = _when(result.t, lasts, slack)
         yield RunWarning(
             code="slack_span",
-            text=f"span {k}, from pulley {k} to pulley {(k + 1) % n_p}, is slack, down to "
-            f"{np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and {last:.4g} s; "
-            "raise the preload (a shorter belt.length) or lower the torque; how a slack span "
-            "becomes tight again may depend on very small differences, so the error is unknown",
+            text=f"span {k}, from {params.label(k)} to {params.label((k + 1) % n_p)}, is slack, "
+            f"down to {np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and "
+            f"{last:.4g} s; {_tighter(params)} or lower the torque; "
+            "how a slack span becomes tight again may depend on very small differences, so "
+            "the error is unknown",
             t=first,
-            where=f"span {k}",
+            where=f"span {span_name(k, params.pulley_names, unnamed=str(k))}",
             accuracy=True,
         )
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Any
 
 import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, sanity, toml
+from . import _core, balance, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
 from .parts import Belt, Contact, Pulley, as_pulleys
-from .route import Route, route_at
+from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .tensioning import Tensioning
 
@@ -55,7 +54,7 @@ class Params:
     Raises:
         TypeError: A field is of the wrong kind.
         ValueError: The belt cannot run on the pulleys: they overlap, one is not reached, the belt
-            is slack or stretched too far.
+            is slack or stretched too far; neither its length nor its preload is given.
     """
 
     belt: Belt = attrs.field(validator=instance_of("belt", Belt))
@@ -66,38 +65,92 @@ class Params:
     tensioning: Tensioning = attrs.field(
         factory=Tensioning, validator=instance_of("tensioning", Tensioning)
     )
-    _model: _core.Model = attrs.field(init=False, repr=False, eq=False)
+    _scene: preload.Scene = attrs.field(init=False, repr=False, eq=False)
 
     def __attrs_post_init__(self) -> None:
         def numbers(group: str, source: object) -> Any:
             values = (getattr(source, name) for name in rules_of(group))
             return tuple(int(value) if isinstance(value, bool) else value for value in values)
 
-        model = _core.Model(
-            numbers("belt", self.belt),
-            [pulley.center for pulley in self.pulleys],
-            [pulley.radius for pulley in self.pulleys],
-            [pulley.inertia for pulley in self.pulleys],
+        _, *belt = numbers("belt", self.belt)
+        scene = (
+            tuple(belt),
+            tuple(pulley.center for pulley in self.pulleys),
+            tuple(pulley.radius for pulley in self.pulleys),
+            tuple(pulley.inertia for pulley in self.pulleys),
             numbers("contact", self.effective_contact),
             None if self.friction is None else self.friction._to_core(),
             self.gravity,
-            [
+            tuple(
                 None if pulley.drag is None else numbers("drag", pulley.drag)
                 for pulley in self.pulleys
-            ],
-            [
+            ),
+            tuple(
                 None if pulley.friction is None else pulley.friction._to_core()
                 for pulley in self.pulleys
-            ],
+            ),
             self.belt.mesh,
-            [pulley.side == "outside" for pulley in self.pulleys],
-            [None if pulley.mount is None else pulley.mount._to_core() for pulley in self.pulleys]
+            tuple(pulley.side == "outside" for pulley in self.pulleys),
+            tuple(pulley.name for pulley in self.pulleys),
+            tuple(
+                None if pulley.mount is None else pulley.mount._to_core() for pulley in self.pulleys
+            )
             if self.mounted
             else None,
         )
-        model.check_geometry()
-        self.tensioning.check_fits(len(self.pulleys))
-        object.__setattr__(self, "_model", model)
+        object.__setattr__(self, "_scene", scene)
+        # Whatever is wrong is said now; a length that takes settling is found when it is needed.
+        preload.model_of(scene, self._first_length).check_geometry()
+        object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
+
+    @property
+    def _first_length(self) -> float:
+        """The length given, or for a preload the one that the closed form finds [m]."""
+        if self.belt.length is not None:
+            return self.belt.length
+        return preload.first_length(*self._in_place, self._preload).length
+
+    @functools.cached_property
+    def _preload(self) -> float:
+        """The preload given, or the tension that the mounts hold in their places [N]."""
+        held = balance.tension_held(self.pulleys, self.gravity)
+        if held is None:
+            if self.belt.preload is None:
+                raise ValueError(
+                    "belt.length or belt.preload must be given: nothing else decides the tension"
+                )
+            return self.belt.preload
+        if self.belt.preload is not None:
+            raise ValueError(
+                f"belt.preload must be left out: the springs and weights of the mounts decide the "
+                f"tension, {held:.5g} N in their places; change them, or give belt.length"
+            )
+        return held
+
+    @property
+    def _in_place(self) -> tuple[preload.Scene, float]:
+        """The drive with its pulleys fixed in their places, and the belt line round them [m]."""
+        return (*self._scene[:-1], None), route(self.pulleys).length
+
+    @functools.cached_property
+    def _model(self) -> _core.Model:
+        """The core's model of the drive; with a preload, that with the length found for it."""
+        length = self.belt.length
+        if length is None and self.belt.preload is None:
+            line = self._in_place[1]
+            length = preload.find_length_in_place(self._scene, line, self._preload, self.tensioning)
+        elif length is None:
+            length = preload.find_length(*self._in_place, self._preload, self.tensioning).length
+        return preload.model_of(self._scene, length)
+
+    @functools.cached_property
+    def _rest_tension(self) -> float:
+        """Mean tension of the settled belt, or of the closed form where it does not settle [N]."""
+        length = float(self._model.info["length"])
+        try:
+            return preload.rest_tension(self._scene, length, self.tensioning)
+        except RuntimeError:
+            return float(self._model.info["mean_tension"])
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The C model is derived from the rest: rebuilt, not pickled.
@@ -108,11 +161,26 @@ class Params:
     def info(self) -> Mapping[str, float | int]:
         """Quantities derived from the parameters (MODEL section 6), SI units.
 
-        Among others ``link_length`` [m], ``path_length`` of the belt line [m], ``strain`` of the
-        belt on it, ``mean_tension`` [N], ``mesh_strain`` and ``contact_strain``, which the mesh
-        adds and the contact takes off, and ``spectral_bound``, the highest joint frequency [1/s].
+        Among others ``length`` of the belt [m], as given or as found for its preload,
+        ``link_length`` [m], ``path_length`` of the belt line [m], ``strain`` of the belt on it and
+        ``strain_tension`` [N], EA times that, the scale of forces; ``mesh_strain`` and
+        ``contact_strain``, which the mesh adds and the contact takes off; ``spectral_bound``, the
+        highest joint frequency [1/s]; and ``mean_tension`` [N], that of the settled belt. The belt
+        is settled for it when it is first asked for, as ``tensioning`` says; if it does not come to
+        rest, the closed form stands there.
         """
-        return MappingProxyType(self._model.info)
+        return preload.Info(self._model.info, lambda: self._rest_tension)
+
+    @property
+    def effective_belt(self) -> Belt:
+        """The belt with its length: the one given, or the one found for its preload.
+
+        Found anew for every mesh, as the mesh is part of what makes the tension. The belt is
+        settled for it two or three times, when it is first needed.
+        """
+        if self.belt.length is not None:
+            return self.belt
+        return attrs.evolve(self.belt, length=self.info["length"], preload=None)
 
     @property
     def effective_contact(self) -> Contact:
@@ -128,12 +196,30 @@ class Params:
         return sinking.compliance(self)
 
     @functools.cached_property
+    def pulley_names(self) -> tuple[str, ...]:
+        """The name of each pulley, "pulley 3" of one that has none."""
+        return naming.names_of(pulley.name for pulley in self.pulleys)
+
+    def pulley_index(self, pulley: int | str) -> int:
+        """Find a pulley by its name or its index.
+
+        Raises:
+            TypeError: Neither a name nor an index.
+            ValueError: There is no such pulley; of a name, the message lists those there are.
+        """
+        return naming.index_of("pulley", pulley, self.pulley_names)
+
+    def label(self, pulley: int) -> str:
+        """Give what texts call a pulley: ``pulley "crank"``, or ``pulley 3`` without a name."""
+        return naming.label(pulley, self.pulley_names)
+
+    @functools.cached_property
     def route(self) -> Route:
         """The way of the belt round the pulleys: tangent points, wraps, spans, length.
 
         Pulleys on mounts are where these rest, in equilibrium with the belt.
         """
-        return route_at(self.pulleys, self.centers())
+        return route_at(self.pulleys, self.centers()) if self.mounted else route(self.pulleys)
 
     def centers(self, travel: ArrayLike | None = None) -> Array:
         """Give where the axes of the pulleys are.
@@ -173,7 +259,7 @@ class Params:
 
     def __str__(self) -> str:
         parts: list[tuple[str, Printable]] = [
-            ("belt", self.belt),
+            ("belt", self.effective_belt),
             *((f"pulleys[{k}]", pulley) for k, pulley in enumerate(self.pulleys)),
             ("contact", self.effective_contact),
         ]
@@ -189,14 +275,16 @@ class Params:
         if not self.has_friction:
             rows.append(("friction", "none", ""))
         rows.append(("gravity", _GRAVITY.quantity(self.gravity), _GRAVITY.text))
-        info = self.info
+        info, asked = self.info, self.belt.preload
+        found = f"  preload {asked:g} N: length {info['length']:.6g} m" if asked else ""
         return "\n".join(
             [
                 f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
                 *lines(rows, indent="  "),
-                f"  tensioned {self.tensioning}",
+                *([found] if found else []),
+                f"  tensioned {self.tensioning.describe(self.pulley_names)}",
                 f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
-                f"tension {info['mean_tension']:.4g} N",
+                f"tension at rest {info['mean_tension']:.4g} N",
                 f"  error of the mesh: {sanity.describe_mesh(self)}",
                 f"  error of the contact: {sinking.describe(self)}",
                 "  error in time: as rtol asks of a run; simulate(..., verify=True) measures all "
@@ -243,6 +331,7 @@ class Params:
         document["contact"] = {k: v for k, v in document["contact"].items() if v is not None}
         if self.contact == Contact():
             del document["contact"]
+        document["belt"] = {k: v for k, v in document["belt"].items() if v is not None}
         document["pulleys"] = [
             {
                 name: value

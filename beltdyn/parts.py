@@ -15,22 +15,31 @@ import attrs
 
 from .friction import Friction, law_or_none
 from .mounts import Mount, mount_or_none
+from .naming import as_name, names_of
 from .rules import Printable, Rule, from_table, instance_of, with_choice
 
 __all__ = ["Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
 
+_PRELOAD = Rule("belt", "preload", "POSITIVE", "N", "mean tension of the belt at rest")
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
 MESHES = ("joint", "paper")
 SIDES = ("inside", "outside")
 
 
-@attrs.frozen(kw_only=True, field_transformer=from_table("belt"))
+@attrs.frozen(kw_only=True, field_transformer=from_table("belt", _PRELOAD))
 class Belt(Printable):
     """A closed belt, per metre of its stress-free length.
 
+    Its length is given, or its preload, from which ``params.effective_belt`` finds the length; or
+    neither where the springs and weights of mounts decide: the belt is then as long as puts their
+    pulleys into the places that they have in the drive.
+    ``notebooks/8-choosing-parameters.ipynb`` goes from data sheets to these numbers, with ranges.
+
     Attributes:
-        length: Stress-free length of the closed belt, L [m], > 0.
+        length: Stress-free length of the closed belt, L [m], > 0; None: found for the preload.
+        preload: Mean tension of the belt at rest [N], > 0: that of the settled belt to 0.1 %,
+            whatever mesh, contact and friction make of it; None: as length or mounts make it.
         n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
             L / n_b are joined by the springs and dampers of (2.2).
         linear_density: Mass per length, rho A [kg/m], > 0.
@@ -44,10 +53,11 @@ class Belt(Printable):
             centres, the paper's own, which takes eight to sixteen times as many links.
 
     Raises:
-        TypeError, ValueError: A field breaks its rule.
+        TypeError, ValueError: A field breaks its rule, or both length and preload are given.
     """
 
-    length: float
+    length: float | None = None
+    preload: float | None = None
     n_bodies: int
     linear_density: float
     axial_stiffness: float
@@ -55,6 +65,17 @@ class Belt(Printable):
     bending_stiffness: float = 0.0
     bending_damping: float = 0.0
     mesh: str = attrs.field(default="joint", validator=with_choice("belt.mesh", MESHES))
+
+    def __attrs_post_init__(self) -> None:
+        if self.length is not None and self.preload is not None:
+            raise ValueError(
+                "belt.preload must not be given together with belt.length, which decides the "
+                f"tension: got {self.length:.10g} m and {self.preload:.10g} N"
+            )
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        given = super()._rows()
+        return [row for row in given if getattr(self, row[0]) is not None]
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("drag"))
@@ -96,6 +117,9 @@ class Pulley(Printable):
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
             ``Params.friction``.
+        name: What messages and figures call it, and how it can be named wherever a pulley is named
+            by its index; None: "pulley 3" and the like. 1 to 31 bytes of UTF-8, printable, no
+            number, without spaces at its ends, other than those of the drive's other pulleys.
         mount: What lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None: it is
             fixed. Needs ``Belt(mesh="joint")``.
 
@@ -111,6 +135,7 @@ class Pulley(Printable):
         default=None, validator=attrs.validators.optional(instance_of("pulley.drag", Drag))
     )
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
+    name: str | None = attrs.field(default=None, converter=as_name)
     mount: Mount | None = attrs.field(default=None, validator=mount_or_none)
 
 
@@ -119,7 +144,7 @@ def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
 
     Raises:
         TypeError: Not a sequence of :class:`Pulley`.
-        ValueError: There is none.
+        ValueError: There is none, or two have the same name.
     """
     try:
         pulleys = tuple(value)
@@ -132,6 +157,7 @@ def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
     for k, pulley in enumerate(pulleys):
         if not isinstance(pulley, Pulley):
             raise TypeError(f"pulleys[{k}] must be a Pulley, got {type(pulley).__name__}")
+    names_of(pulley.name for pulley in pulleys)
     return pulleys
 
 
@@ -146,6 +172,7 @@ class Contact(Printable):
     what the belt stretches: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and
     creep are those of rigid pulleys to 1 %, ``damping`` half of critical, compensated;
     ``params.effective_contact`` has the numbers. Choose your own where they are data of the belt.
+    ``notebooks/8-choosing-parameters.ipynb`` has them from hardness and thickness of the rubber.
 
     Attributes:
         quadratic: c1' [N/m^3], >= 0.

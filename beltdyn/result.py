@@ -24,8 +24,10 @@ from .histories import (
     Stats,
     histories,
 )
+from .naming import span_name, with_names
 from .params import Params
 from .run_warnings import RunWarning
+from .spans import span_tension
 from .state import State
 
 __all__ = ["Result"]
@@ -93,6 +95,10 @@ class Result:
     warnings: tuple[RunWarning, ...] = ()
     accuracy: Accuracy = attrs.field()
 
+    def __attrs_post_init__(self) -> None:
+        names = self.params.pulley_names
+        object.__setattr__(self, "pulleys", attrs.evolve(self.pulleys, names=names))
+
     @accuracy.default
     def _known(self) -> Accuracy:
         return known(self.params, self.stats)
@@ -122,21 +128,7 @@ class Result:
     def _span_tension(self, rows: Any) -> Array:
         """Compute :attr:`span_tension` at some of the samples."""
         touched, force = self.contact.pulley[rows], self.joints.force[rows]
-        n_t, n_p = touched.shape[0], len(self.params.pulleys)
-        before = _last_touched(touched)
-        after = _last_touched(touched[:, ::-1])[:, ::-1]
-        free = touched < 0
-        in_span = free & np.roll(free, 1, axis=1) & (before >= 0)
-        if n_p > 1:
-            # A link lifted off within a wrap is not in a span.
-            in_span &= before != after
-        tension = np.full((n_t, n_p), np.nan)
-        for k in range(n_p):
-            here = in_span & (before == k)
-            count = here.sum(axis=1)
-            total = np.where(here, force, 0.0).sum(axis=1)
-            np.divide(total, count, out=tension[:, k], where=count > 0)
-        return tension
+        return span_tension(touched, force, len(self.params.pulleys))
 
     @cached_property
     def slip(self) -> Array:
@@ -179,9 +171,13 @@ class Result:
         Args:
             verbose: Whether to add what the integrator did.
         """
+        names = self.params.pulley_names
+        spans = [span_name(k, names, unnamed="") for k in range(len(names))]
+        named = any(spans)
 
-        def per_pulley(values: Array, form: str, unit: str) -> str:
-            return ", ".join("-" if v != v else f"{v:{form}}" for v in values) + unit
+        def listed(values: Array, form: str, of: Sequence[str], unit: str) -> str:
+            texts = ["-" if v != v else f"{v:{form}}" for v in values]
+            return (with_names(texts, of) if named else ", ".join(texts)) + unit
 
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
@@ -193,12 +189,13 @@ class Result:
             slip = self._slip(speeds[None])[0, 1:]
             rows += [
                 ("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"),
-                ("  pulley speeds", per_pulley(speeds, ".5g", " rad/s")),
-                ("  span tensions", per_pulley(_mean(self.span_tension[late]), ".5g", " N")),
+                ("  pulley speeds", listed(speeds, ".5g", names, " rad/s")),
+                ("  span tensions", listed(_mean(self.span_tension[late]), ".5g", spans, " N")),
             ]
             # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
-                rows.append(("  creep against pulley 0", per_pulley(100 * slip, ".3g", " %")))
+                against = f"  creep against {names[0]}"
+                rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
         rows += self.accuracy.summary()
         if self.t.size and self.energy is not None:
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
@@ -249,12 +246,3 @@ def _named(warnings: tuple[RunWarning, ...]) -> list[str]:
         f"{one.code} ({one.where})" if codes.count(one.code) > 1 and one.where else one.code
         for one in warnings
     ]
-
-
-def _last_touched(touched: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Give the pulley touched by each link, or else by the nearest one before it; -1: none."""
-    n_b = touched.shape[1]
-    twice = np.concatenate([touched, touched], axis=1)
-    index = np.where(twice >= 0, np.arange(2 * n_b), 0)
-    nearest = np.maximum.accumulate(index, axis=1)[:, n_b:]
-    return np.take_along_axis(twice, nearest, axis=1)

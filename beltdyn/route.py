@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _core
 from .checks import Array
+from .naming import label, names_of
 from .parts import Pulley, as_pulleys
 
 __all__ = ["Route", "route"]
@@ -30,6 +31,7 @@ class Route:
             has the angular velocity ``sense v / radius``.
         length: Of the whole line [m]. A belt is shorter by its strain.
         turns: Turns of the belt round its own loop: -1 clockwise, +1 counter-clockwise, 0 crossed.
+        names: The names of the pulleys, "pulley 3" of one that has none (n_p).
     """
 
     arrive: Array
@@ -39,6 +41,7 @@ class Route:
     senses: Array
     length: float
     turns: int
+    names: tuple[str, ...]
 
     def __str__(self) -> str:
         crossed = ", crossed" if self.turns == 0 else ""
@@ -46,7 +49,7 @@ class Route:
         for k, (wrap, span) in enumerate(zip(self.wraps, self.spans, strict=True)):
             sense = "counter-clockwise" if self.senses[k] > 0 else "clockwise"
             rows.append(
-                f"  pulley {k}: wrap {np.degrees(wrap):5.1f} deg, {sense}; "
+                f"  {label(k, self.names)}: wrap {np.degrees(wrap):5.1f} deg, {sense}; "
                 f"then a span of {1e3 * span:.1f} mm"
             )
         return "\n".join(rows)
@@ -76,7 +79,8 @@ def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
     """
     radii = np.array([pulley.radius for pulley in given], dtype=float)
     outside = [pulley.side == "outside" for pulley in given]
-    rows, length, turns = _core.belt_line(centers, radii, outside)
+    names = [pulley.name for pulley in given]
+    rows, length, turns = _core.belt_line(centers, radii, outside, names)
     arrive, wraps, spans, senses = np.array(rows).T
 
     def on_rims(angle: Array) -> Array:
@@ -91,4 +95,5 @@ def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
         senses=senses,
         length=length,
         turns=turns,
+        names=names_of(names),
     )

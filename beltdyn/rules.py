@@ -17,10 +17,12 @@ __all__ = ["Printable", "Rule", "from_table", "instance_of", "lines", "rules_of"
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
+#: Group and name of those that the core knows and checks itself.
+_OF_CORE = {(row[0], row[1]) for row in _core.PARAMETERS}
 
 
 class Rule(NamedTuple):
-    """The rule of a field: a row of ``_core.PARAMETERS``, or a PAIR of finite numbers."""
+    """The rule of a field: a row of ``_core.PARAMETERS``, or of a number the core does not know."""
 
     group: str
     name: str
@@ -43,6 +45,8 @@ class Rule(NamedTuple):
             return checks.integer(label, value, int(least), int(most))
         if self.rule == "FLAG":
             return checks.flag(label, value)
+        if (self.group, self.name) not in _OF_CORE:
+            return checks.positive(label, value, self.unit)
         number = checks.real(label, value, self.unit)
         _core.check_parameter(self.group, self.name, self.group, number)
         return number
@@ -92,7 +96,7 @@ def with_choice(
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Give every field of a class its rule; one without must be a part with a validator.
+    """Give every field of a class its rule; one without must have a validator or a converter.
 
     A field whose default is None may be left open.
     """
@@ -106,10 +110,8 @@ def from_table(
         return field.evolve(converter=check, metadata={"rule": rule})
 
     def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-        checked = [field.validator is not None or field.converter is not None for field in fields]
         return [
-            field if known else with_rule(field)
-            for field, known in zip(fields, checked, strict=True)
+            field if field.validator or field.converter else with_rule(field) for field in fields
         ]
 
     return transform

@@ -118,7 +118,7 @@ def mesh_error(params: Drive) -> dict[str, float]:
     info = params.info
     radii = np.array([pulley.radius for pulley in params.pulleys])
     polygon = (
-        info["link_length"] ** 2 / (12.0 * params.belt.length) * np.sum(params.route.wraps / radii)
+        info["link_length"] ** 2 / (12.0 * info["length"]) * np.sum(params.route.wraps / radii)
     )
     share = float(polygon / info["strain"])
     return {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
@@ -144,7 +144,7 @@ def _stiff_enough(params: Drive, allowed: Array) -> float:
     """Give the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
     radii = np.array([pulley.radius for pulley in params.pulleys])
     info = params.info
-    pull = info["mean_tension"] * (1.0 + info["strain"])
+    pull = info["strain_tension"] * (1.0 + info["strain"])
     low, high = 0.0, float(np.max(pull / (radii * allowed)))
     for _ in range(20):  # to 1e-6
         middle = 0.5 * (low + high)
@@ -182,17 +182,23 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
     strain = info["strain"]
     if strain > STRAIN:
         path = info["path_length"]
+        asked = (
+            f"belt.preload = {belt.preload:.4g} N right? With {STRAIN * belt.axial_stiffness:.3g} N"
+            if belt.preload is not None
+            else f"belt.length = {info['length']:.4g} m right? The belt line is {path:.4g} m long; "
+            f"belt.length = {_up(path / (1.0 + STRAIN), 4):.4g}"
+        )
+        gives = "it would be" if belt.preload is not None else "gives"
         yield RunWarning(
             code="strain",
             text=f"the belt is stretched by {_percent(strain)} at rest, to "
-            f"{info['mean_tension']:.3g} N, with EA taken as constant: is belt.length = "
-            f"{belt.length:.4g} m right? The belt line is {path:.4g} m long; belt.length = "
-            f"{_up(path / (1.0 + STRAIN), 4):.4g} gives {_percent(STRAIN)}",
+            f"{info['strain_tension']:.3g} N, with EA taken as constant: is {asked} {gives} "
+            f"{_percent(STRAIN)}",
         )
 
 
 def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
-    belt, info = params.belt, params.info
+    info = params.info
     radii = np.array([pulley.radius for pulley in params.pulleys])
     sunk = compliance.compliance(params)
     depth = sunk.depth[:, 0]
@@ -207,21 +213,23 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
         )
         yield RunWarning(
             code="compliance",
-            text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into pulley {worst}, "
-            f"{_percent(depth[worst] / radii[worst])} of its radius, {effect}; contact.linear = "
-            f"{_up(needed, 2):.2g} keeps the depth below {_percent(COMPLIANCE)}",
-            where=f"pulley {worst}",
+            text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into "
+            f"{params.label(worst)}, {_percent(depth[worst] / radii[worst])} of its radius, "
+            f"{effect}; contact.linear = {_up(needed, 2):.2g} keeps the depth below "
+            f"{_percent(COMPLIANCE)}",
+            where=params.label(worst),
             accuracy=True,
         )
     small = int(np.argmin(radii))
     if info["link_length"] > LONG_LINK * radii[small]:
         yield RunWarning(
             code="long_links",
-            text=f"links of {1e3 * info['link_length']:.3g} mm are long for pulley {small}, whose "
-            f"radius is {1e3 * radii[small]:.3g} mm: the belt may run over it as over a polygon, "
-            "or hook on it, by more than the estimated error of the mesh; "
-            f"{_links(belt.length / (LONG_LINK * radii[small]))} makes them short enough",
-            where=f"pulley {small}",
+            text=f"links of {1e3 * info['link_length']:.3g} mm are long for "
+            f"{params.label(small)}, whose radius is {1e3 * radii[small]:.3g} mm: "
+            "the belt may run over it as over a polygon, or hook on it, by more than the "
+            "estimated error of the mesh; "
+            f"{_links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
+            where=params.label(small),
             accuracy=True,
         )
 
@@ -237,19 +245,21 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
     pulley = params.pulleys[light]
     if radius > RADIUS:
         yield units(
-            f"pulley {large} has a radius of {radius:.4g} m: are lengths in mm?", f"pulley {large}"
+            f"{params.label(large)} has a radius of {radius:.4g} m: are lengths in mm?",
+            params.label(large),
         )
     elif pulley.inertia < DISC * pulley.radius**4:
         thickness = pulley.inertia / (DISC * pulley.radius**4)
         yield units(
-            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m pulley {light} "
-            f"is as light as a disc of water {thickness:.2g} um thick: are lengths in mm?",
-            f"pulley {light}",
+            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m "
+            f"{params.label(light)} is as light as a disc of water {thickness:.2g} um thick: "
+            "are lengths in mm?",
+            params.label(light),
         )
-    wave = math.sqrt(info["mean_tension"] / belt.linear_density)
+    wave = math.sqrt(info["strain_tension"] / belt.linear_density)
     if wave < WAVE_LOW:
         yield units(
-            f"a preload of {info['mean_tension']:.3g} N is little for a belt of "
+            f"a preload of {info['strain_tension']:.3g} N is little for a belt of "
             f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
             "kN, or linear_density in g/m or kg/m^3 (density times cross-section is needed)?",
             "belt",
@@ -278,7 +288,7 @@ def _of_friction(params: Drive) -> Iterator[RunWarning]:
         if friction is None or friction in seen:
             continue
         seen.append(friction)
-        where = "friction" if pulley.friction is None else f"pulley {k}"
+        where = "friction" if pulley.friction is None else params.label(k)
         if PERCENT[0] <= kinetic[k] <= PERCENT[1]:
             yield units(
                 f"a friction coefficient of {_coefficient(friction)} = {kinetic[k]:.4g} is far "

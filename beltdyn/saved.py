@@ -44,7 +44,7 @@ _ALL = {
     "meta.json",
     "params.toml",
     *_FINAL,
-    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.names()),
+    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.array_names()),
 }
 
 
@@ -227,7 +227,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         shapes = {"pulleys": (t.size, n_p), "mounts": (t.size, n_m), "energy": (t.size,)}
         shape = shapes.get(group, (t.size, n_b))
         arrays = {}
-        for field in GROUPS[group].names():
+        for field in GROUPS[group].array_names():
             name = f"{group}.{field}"
             if name in absent:
                 continue

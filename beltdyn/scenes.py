@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from . import toml
 from .checks import integer, positive, shown
 from .friction import Dahl
 from .motions import Motion, MotionLike, as_motions
+from .naming import ByPulley, label
 from .params import Params
 from .parts import Belt, Contact, Pulley
 from .tensioning import Tensioning
@@ -40,23 +41,24 @@ class Scene(NamedTuple):
         params: The drive.
         torque_fn: The set torques, as :func:`beltdyn.simulate` takes them.
         t_end: End of the run [s].
-        motion: The prescribed motions by pulley, as :func:`beltdyn.simulate` takes them, or None.
+        motion: The prescribed motions by pulley, its index or name, as :func:`beltdyn.simulate`
+            takes them, or None.
     """
 
     params: Params
     torque_fn: TorqueLike
     t_end: float
-    motion: Mapping[int, MotionLike] | None = None
+    motion: ByPulley[MotionLike] | None = None
 
     def check(self) -> None:
         """Raise TypeError or ValueError unless they fit together."""
         positive("t_end", self.t_end, "s")
         as_terms(self.torque_fn, len(self.params.pulleys))
-        as_motions(self.motion, len(self.params.pulleys))
+        as_motions(self.motion, self.params.pulley_names)
 
     def __str__(self) -> str:
         motions = "".join(
-            f"\n  motion of pulley {pulley}: {motion}"
+            f"\n  motion of {label(pulley, self.params.pulley_names)}: {motion}"
             for pulley, motion in (self.motion or {}).items()
         )
         return f"{self.params}\n  torque {self.torque_fn}{motions}\n  t_end  {self.t_end:g} s"
@@ -67,7 +69,8 @@ class Scene(NamedTuple):
 
         A complete one; ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a
         row for each time and a torque for each pulley in it. ``motion = [{ pulley = 0, kind =
-        "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a speed::
+        "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a speed; there and
+        in ``offset`` a pulley that has a ``name`` may be called by it::
 
             t_end = 1.0
             gravity = [0.0, -9.81]
@@ -146,21 +149,21 @@ class Scene(NamedTuple):
         }
 
 
-def _motion_table(pulley: int, motion: MotionLike) -> dict[str, Any]:
+def _motion_table(pulley: int | str, motion: MotionLike) -> dict[str, Any]:
     speed = motion.speed if isinstance(motion, Motion) else motion
     if not isinstance(speed, PiecewiseLinear):
         raise TypeError(
-            f"motion[{pulley}] must be a speed that is a PiecewiseLinear to be written as TOML, "
+            f"motion[{pulley!r}] must be a speed that is a PiecewiseLinear to be written as TOML, "
             f"got {motion!r}"
         )
     values = speed.values[:, 0].tolist()
     return {"pulley": pulley, **toml.unstructure(speed), "values": values}
 
 
-def _motion_of(tables: object) -> dict[int, MotionLike] | None:
+def _motion_of(tables: object) -> dict[int | str, MotionLike] | None:
     if not isinstance(tables, list):
         raise ValueError("motion: must be an array of tables, [[motion]]")
-    found: dict[int, MotionLike] = {}
+    found: dict[int | str, MotionLike] = {}
     for k, table in enumerate(tables):
         path = f"motion[{k}]"
         if not isinstance(table, dict):
@@ -168,9 +171,11 @@ def _motion_of(tables: object) -> dict[int, MotionLike] | None:
         if "pulley" not in table:
             raise ValueError(f"{path}.pulley: missing")
         fields = dict(table)
-        pulley = integer(f"{path}.pulley", fields.pop("pulley"), 0)
+        pulley = fields.pop("pulley")
+        if not isinstance(pulley, str):
+            pulley = integer(f"{path}.pulley", pulley, 0)
         if pulley in found:
-            raise ValueError(f"{path}.pulley: pulley {pulley} has a motion already")
+            raise ValueError(f"{path}.pulley: {label(pulley, ())} has a motion already")
         found[pulley] = toml.structure(fields, Torque, path)
     return found or None
 

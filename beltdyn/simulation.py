@@ -20,6 +20,7 @@ from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
 from .histories import Stats
 from .motions import Motion, MotionLike, as_motions, first_speeds, motion_terms
+from .naming import ByPulley
 from .params import Params
 from .result import Result
 from .run_warnings import RunWarning, issue
@@ -45,7 +46,7 @@ def simulate(
     params: Params,
     torque_fn: TorqueLike,
     t_end: float,
-    motion: Mapping[int, MotionLike] | None = None,
+    motion: ByPulley[MotionLike] | None = None,
     *,
     t_eval: ArrayLike | None = None,
     method: str = "auto",
@@ -95,8 +96,8 @@ def simulate(
             makes a run take twice as long if it computes with plain floats, six times as long if
             it uses NumPy.
         t_end: End of the run [s], after ``initial.t``.
-        motion: Prescribed motions by pulley, ``{0: PiecewiseLinear(t, omega)}``: a
-            :class:`PiecewiseLinear` of one value per time, or a function of time, gives the speed
+        motion: Prescribed motions by pulley, its index or name, ``{0: PiecewiseLinear(t, omega)}``:
+            a :class:`PiecewiseLinear` of one value per time, or a function of time, gives the speed
             [rad/s], a :class:`beltdyn.Motion` the speed or the angle. Speeds must not jump. The
             torque that a motion needs is in ``result.pulleys.torque``, its work in
             ``energy.drive``; torques set on such a pulley have no effect. While a motion is given
@@ -229,7 +230,7 @@ def _simulate(
     params: Params,
     torque_fn: TorqueLike,
     t_end: float,
-    motion: Mapping[int, MotionLike] | None = None,
+    motion: ByPulley[MotionLike] | None = None,
     *,
     t_eval: ArrayLike | None,
     method: str,
@@ -266,7 +267,7 @@ def _simulate(
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
     terms = as_terms(torque_fn, len(params.pulleys))
-    motions = as_motions(motion, len(params.pulleys))
+    motions = as_motions(motion, params.pulley_names)
     needed = memory.check_samples(
         times.size,
         params.belt.n_bodies,
@@ -285,7 +286,7 @@ def _simulate(
         state = _set_going(params, state, motions, _first_after(start, options, end))
     settle_time = time.perf_counter() - settle_start if initial is None else 0.0
 
-    with _nothing_computed():
+    with _nothing_computed(params):
         sim = _core.Simulation(
             params._model,
             state._to_core(params.has_friction),
@@ -356,7 +357,7 @@ def _simulate(
         finished = result("finished", message)
     except SimulationError as error:
         error.result = result("failed", str(error))
-        annotate(error, error.result.warnings)
+        annotate(error, params, error.result.warnings)
         raise
     except (KeyboardInterrupt, Exception) as error:
         raised = escaped.error or error
@@ -385,7 +386,7 @@ def settle(
     initial: State | None = None,
     friction: bool | None = None,
     pulleys: str | None = None,
-    offset: Mapping[int, Sequence[float]] | ArrayLike | None = None,
+    offset: ByPulley[Sequence[float]] | ArrayLike | None = None,
     move_time: float | None = None,
     shift: float | None = None,
     tolerance: float | None = None,
@@ -403,8 +404,8 @@ def settle(
         initial: State to start from; None: the belt line round the pulleys.
         friction: Whether friction acts while settling; its state is then kept.
         pulleys: "held": the pulleys do not turn; "free": they may.
-        offset: Where the centres start, relative to their places: {index: (dx, dy)} or one
-            (dx, dy) per pulley [m].
+        offset: Where the centres start, relative to their places: {pulley: (dx, dy)}, by index or
+            name, or one (dx, dy) per pulley [m].
         move_time: Duration of the motion from there [s].
         shift: How far all links are moved along the belt line [m].
         tolerance: The belt is at rest when the largest unbalanced force is below this times the
@@ -430,9 +431,8 @@ def settle(
         "shift": shift,
     }
     changes = {name: value for name, value in given.items() if value is not None}
-    tensioning = attrs.evolve(params.tensioning, **changes)
+    tensioning = attrs.evolve(params.tensioning, **changes).fitted(params.pulley_names)
     n_pulleys, has_friction = len(params.pulleys), params.has_friction
-    tensioning.check_fits(n_pulleys)
     options = tensioning._options(n_pulleys, has_friction)
     options["max_time"] = _positive("max_time", max_time, "s")
     if tolerance is not None:
@@ -444,7 +444,7 @@ def settle(
             while not sim.advance(_CHUNK):
                 show(sim.time)
     except SimulationError as error:
-        annotate(error, sanity.check(params))
+        annotate(error, params, sanity.check(params))
         raise
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error
@@ -460,17 +460,19 @@ def _first_after(start: float, options: Mapping[str, Any], end: float) -> float:
 
 def _set_going(params: Params, rest: State, motions: Mapping[int, Motion], until: float) -> State:
     """Give the state from which motions begin that may not begin at rest."""
-    with _nothing_computed():
-        speeds = first_speeds(motions, rest.t, until)
+    with _nothing_computed(params):
+        speeds = first_speeds(motions, rest.t, until, params.pulley_names)
     return rest.at_speed(params, speeds) if any(speeds.values()) else rest
 
 
 @contextmanager
-def _nothing_computed() -> Iterator[None]:
+def _nothing_computed(params: Params) -> Iterator[None]:
     """Give exceptions from here an empty ``result``."""
     try:
         yield
     except Exception as error:
+        if isinstance(error, SimulationError):
+            annotate(error, params, ())
         _keep_result(error, None)
         raise
 

@@ -11,10 +11,12 @@ import attrs
 import numpy as np
 
 from . import _core, npz
-from .checks import Array, integer, real, real_array
+from .checks import Array, real, real_array
+from .naming import ByPulley, by_index, key, labels
 from .params import Params
+from .spans import span_tension
 
-__all__ = ["State"]
+__all__ = ["State", "Tensions"]
 
 _SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
@@ -55,6 +57,26 @@ _MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self
 _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
 
 
+@attrs.frozen(kw_only=True, eq=False)
+class Tensions:
+    """The tensions of a belt at one moment.
+
+    Attributes:
+        joints: Force in the joint on the left of each link (n_b,) [N], tension positive.
+        spans: Mean of these over the free span that follows each pulley (n_p,) [N]; NaN where no
+            joint is free.
+        mean: Mean over all joints [N].
+    """
+
+    joints: Array
+    spans: Array
+    mean: float
+
+    def __str__(self) -> str:
+        spans = ", ".join(f"{tension:.5g}" for tension in self.spans)
+        return f"mean tension {self.mean:.5g} N; spans {spans} N"
+
+
 @attrs.frozen(kw_only=True, repr=False, field_transformer=_checked)
 class State:
     """Positions, velocities and friction of every link, angle and speed of every pulley.
@@ -76,9 +98,9 @@ class State:
         slip: Slip displacements since contact began (n_b,) [m].
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
-        travel: Travels of the mounts (n_m,), of an arm [rad], of a slider [m], of a path the time
-            [s]; empty without mounts.
-        travel_speed: Their rates (n_m,).
+        travel: Travels of the mounts (n_m,) [rad or m]: of an arm its angle, of a slider its
+            way, of a path the time [s]; empty without mounts.
+        travel_speed: Their rates (n_m,) [rad/s or m/s].
         mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
         t: Time [s].
         residual: After settling, the largest unbalanced force over the mean tension; else None.
@@ -131,7 +153,22 @@ class State:
             if shape != expected:
                 raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
 
-    def at_speed(self, params: Params, omega: Mapping[int, float]) -> State:
+    def tension(self, params: Params) -> Tensions:
+        """Give the tensions of the belt, as a run reports them (``result.span_tension``).
+
+        Args:
+            params: The drive.
+
+        Raises:
+            ValueError: The state is not one of this drive.
+        """
+        self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+        seen = params._model.observe(self._to_core(params.has_friction))
+        spans = span_tension(seen["pulley"], seen["force"], len(params.pulleys))
+        joints = seen["force"][0]
+        return Tensions(joints=joints, spans=spans[0], mean=float(joints.mean()))
+
+    def at_speed(self, params: Params, omega: ByPulley[float]) -> State:
         """Give the same state with the belt running, and all pulleys turning with it.
 
         The belt circulates along itself at the speed of the rims of the pulleys named, and the
@@ -141,12 +178,12 @@ class State:
 
         Args:
             params: The drive.
-            omega: Speeds of one or several pulleys, by index [rad/s]; of several, the speeds of
-                their rims must agree to 1e-9.
+            omega: Speeds of one or several pulleys, by index or name [rad/s]; of several, the
+                speeds of their rims must agree to 1e-9.
 
         Raises:
-            TypeError: Not a mapping from indices to numbers.
-            ValueError: No pulley is named, or none of that index exists; the rims' speeds differ.
+            TypeError: Not a mapping from pulleys to numbers.
+            ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
         """
         self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
         if not isinstance(omega, Mapping):
@@ -154,17 +191,17 @@ class State:
         if not omega:
             raise ValueError("omega must name at least one pulley")
         winding = params.info["winding"]
+        names = params.pulley_names
         radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
         rims = {
-            integer("omega index", index, 0, len(radii) - 1): float(radii[index])
-            * real(f"omega[{index}]", value, "rad/s")
-            for index, value in omega.items()
+            index: float(radii[index]) * real(f"omega[{key(index, names)}]", value, "rad/s")
+            for index, value in by_index("omega", omega, names).items()
         }
         slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
         v = rims[fastest]
         if v - rims[slowest] > 1e-9 * max(map(abs, rims.values())):
             raise ValueError(
-                f"the rims of pulleys {slowest} and {fastest} must run at one speed, got "
+                f"the rims of {labels(slowest, fastest, names)} must run at one speed, got "
                 f"{rims[slowest]:.10g} and {v:.10g} m/s along the belt: name one of them, or make "
                 "a state with these speeds yourself"
             )

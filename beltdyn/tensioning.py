@@ -2,33 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias, cast
 
 import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from . import naming
 from .checks import flag, integer, one_of, pair, positive, real, shown
 
 __all__ = ["Offsets", "Tensioning"]
 
-Offsets = tuple[tuple[float, float], ...]
+Pair: TypeAlias = tuple[float, float]
+#: By index; or (pulley, offset), until the drive is known whose pulleys are named.
+Offsets: TypeAlias = tuple[Pair, ...] | tuple[tuple[int | str, Pair], ...]
 
 
-def _index(value: object) -> int:
+def _key(value: object) -> int | str:
     # The keys of a TOML table are texts; Python refuses to read very long numbers.
-    is_number = isinstance(value, str) and value.isdecimal() and len(value) < 20
+    if isinstance(value, str) and not value.isdecimal():
+        return str(value)
+    is_number = isinstance(value, str) and len(value) < 20
     number = int(str(value)) if is_number else value
     return integer("offset index", number, 0, 9999)
 
 
-def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
+def _is_named(rows: Iterable[object]) -> bool:
+    """Whether these are pairs of a pulley and its offset, some pulleys by name."""
+    pairs = [row for row in rows if isinstance(row, tuple) and isinstance(row[-1], tuple)]
+    return any(isinstance(row[0], str) for row in pairs)
+
+
+def _offset(value: naming.ByPulley[Sequence[float]] | ArrayLike | None) -> Offsets:
     """Give one (dx, dy) for each pulley up to the last one that moves."""
     if value is None:
         return ()
+    if isinstance(value, tuple) and _is_named(value):
+        value = dict(value)
     if isinstance(value, Mapping):
-        places = {_index(index): shift for index, shift in value.items()}
+        places: dict[Any, Any] = {_key(key): shift for key, shift in value.items()}
+        if any(isinstance(key, str) for key in places):
+            return tuple(
+                (key, pair(f"offset[{key!r}]", shift, "m")) for key, shift in places.items()
+            )
         rows: list[Any] = [
             places.get(index, (0.0, 0.0)) for index in range(max(places, default=-1) + 1)
         ]
@@ -36,7 +53,7 @@ def _offset(value: Mapping[int, Sequence[float]] | ArrayLike | None) -> Offsets:
         rows = list(value)
     else:
         raise TypeError(
-            "offset must be a mapping {index: (dx, dy)} or one (dx, dy) per pulley, "
+            "offset must be a mapping {pulley: (dx, dy)} or one (dx, dy) per pulley, "
             f"got {shown(value)}"
         )
     return tuple(pair(f"offset[{index}]", row, "m") for index, row in enumerate(rows))
@@ -74,9 +91,10 @@ class Tensioning:
     Attributes:
         friction: Whether friction acts; its state is then kept.
         pulleys: "held": the pulleys do not turn; "free": they may.
-        offset: Where the pulley centres start, relative to their places: {index: (dx, dy)} or one
-            (dx, dy) per pulley from pulley 0 on [m]; pulleys left out, None or (): in their
-            places. Kept as a tuple of pairs.
+        offset: Where the pulley centres start, relative to their places: {pulley: (dx, dy)}, by
+            index or name, or one (dx, dy) per pulley from pulley 0 on [m]; pulleys left out, None
+            or (): in their places. Kept as a tuple of pairs, in which ``Params`` puts those that
+            are named at their places.
         move_time: Duration of the motion from there [s]; None: chosen.
         shift: How far all links are moved along the belt line [m], at most the belt's length either
             way; unmoved, link 0 begins where the belt leaves pulley 0. Without friction the belt
@@ -92,22 +110,36 @@ class Tensioning:
     move_time: float | None = attrs.field(default=None, converter=_move_time)
     shift: float = attrs.field(default=0.0, converter=_shift)
 
-    def check_fits(self, n_pulleys: int) -> None:
-        """Raise ValueError if there are more offsets than pulleys."""
-        if len(self.offset) > n_pulleys:
+    def fitted(self, names: Sequence[str]) -> Tensioning:
+        """Give the same for a drive with these pulleys, those that are named by their index.
+
+        Raises:
+            ValueError: There is no such pulley.
+        """
+        if _is_named(self.offset):
+            named = cast(Any, dict(self.offset))
+            fitted: Tensioning = attrs.evolve(self, offset=naming.by_index("offset", named, names))
+            return fitted
+        if len(self.offset) > len(names):
             raise ValueError(
-                f"offset index must be that of one of the {n_pulleys} pulley(s), "
+                f"offset index must be that of one of the {len(names)} pulley(s), "
                 f"got {len(self.offset) - 1}"
             )
+        return self
 
     def __str__(self) -> str:
+        return self.describe(())
+
+    def describe(self, names: Sequence[str]) -> str:
+        """Say it with the names of the pulleys, as far as they are known."""
+        places: Any = self.offset if _is_named(self.offset) else enumerate(self.offset)
         words = [
             "with friction" if self.friction else "without friction",
             "pulleys free to turn" if self.pulleys == "free" else "pulleys held",
         ]
         words += [
-            f"pulley {index} moved to its place from an offset of ({dx:g}, {dy:g}) m"
-            for index, (dx, dy) in enumerate(self.offset)
+            f"{naming.label(key, names)} moved to its place from an offset of ({dx:g}, {dy:g}) m"
+            for key, (dx, dy) in places
             if (dx, dy) != (0.0, 0.0)
         ]
         if self.shift:
@@ -117,7 +149,7 @@ class Tensioning:
     def _options(self, n_pulleys: int, has_friction: bool) -> dict[str, Any]:
         """Give what the core takes."""
         table = np.zeros((n_pulleys, 2))
-        for index, shift in enumerate(self.offset):
+        for index, shift in enumerate(cast("tuple[Pair, ...]", self.offset)):
             table[index] = shift
         return {
             "friction": self.friction and has_friction,

@@ -46,7 +46,7 @@ typedef struct bd_error {
   int pulley;   /* pulley index, -1 if none */
   double value; /* the offending value, NaN if none */
   char field[64];
-  char message[384]; /* one sentence: the field, the rule, the value; for runs what to try */
+  char message[512]; /* one sentence: the field, the rule, the value; for runs what to try */
 } bd_error;
 
 const char *bd_error_symbol(int code);
@@ -67,7 +67,7 @@ typedef struct bd_warning {
   double t;   /* when it was seen first [s], NaN: it holds for the whole run */
   int body;   /* link index, -1 if none */
   int pulley; /* pulley index, -1 if none */
-  char message[384];
+  char message[512];
 } bd_warning;
 
 const char *bd_warning_code(int code);
@@ -152,6 +152,7 @@ typedef struct bd_pulley {
   bd_drag drag;
   const bd_friction *friction; /* NULL: that of the scene */
   int outside;                 /* of the loop, on the back of the belt */
+  const char *name;            /* in messages; NULL: none; at most BD_MAX_NAME bytes of UTF-8 */
   const bd_mount *mount;       /* NULL: the axis is fixed */
 } bd_pulley;
 #undef X
@@ -172,6 +173,7 @@ typedef struct bd_scene {
 /* Sizes up to which all counting stays within an int. */
 #define BD_MAX_LINKS 1000000
 #define BD_MAX_PULLEYS 1000
+#define BD_MAX_NAME 31
 
 /* --- model ----------------------------------------------------------------------------------- */
 
@@ -194,9 +196,17 @@ typedef struct bd_info {
 
 void bd_model_info(const bd_model *model, bd_info *info);
 /* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
- * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels. */
+ * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels.
+ */
 void bd_model_rest(const bd_model *model, double *travel);
 void bd_model_centers(const bd_model *model, const double *travel, double *centers);
+
+/* What messages call a pulley: pulley "crank", or pulley 3 if it has no name. */
+typedef struct bd_label {
+  char text[96];
+} bd_label;
+
+bd_label bd_pulley_label(const bd_model *model, int pulley);
 
 /* The tight belt line at one pulley: the angle seen from its axis at which the belt arrives, and
  * that over which it lies, > 0, so that it leaves at arrive + sense wrap [rad]; the sense in which
@@ -413,6 +423,11 @@ const char *bd_sim_pass(const bd_sim *sim, int k);
  * and for other integrators. torque: one value per pulley. */
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
                   bd_state *rate, bd_error *err);
+
+/* The outputs of a state without torques: one row into the arrays that are not NULL. Energies are
+ * those stored; works are 0. */
+int bd_model_observe(const bd_model *model, const bd_state *state, const bd_output *output,
+                     bd_error *err);
 
 /* The same state's Jacobian J, by what it solves: (1 - g J) k = g c, c and k laid out as a bd_state
  * (times are not looked at). The torque is constant. g > 0 [s]. Contact and friction are taken on

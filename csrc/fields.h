@@ -111,6 +111,7 @@
   X(int, n_mounts, "pulleys with a mount")                                                         \
   X(int, n_slots, "friction slots per link: 1 unless pulleys overlap; 0 without friction")         \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
+  X(double, length, "stress-free length of the belt, L [m]")                                       \
   X(double, link_length, "stress-free length of a link, l0 [m]")                                   \
   X(double, link_mass, "m [kg]")                                                                   \
   X(double, link_inertia, "I_z [kg m^2]")                                                          \
@@ -123,7 +124,8 @@
   X(double, contact_damping, "b of a link [N s/m]")                                                \
   X(double, path_length, "of the belt line round the pulleys [m]")                                 \
   X(double, strain, "path_length / length - 1")                                                    \
-  X(double, mean_tension, "axial_stiffness * strain, the scale of forces [N]")                     \
+  X(double, strain_tension, "axial_stiffness * strain, the scale of forces [N]")                   \
+  X(double, mean_tension, "of the belt at rest, in closed form: on fine links, laid freely [N]")   \
   X(double, mesh_strain, "what tangent links, longer than the arcs they span, add to the strain")  \
   X(double, contact_strain, "what its sinking into the pulleys takes off the strain at rest")      \
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \

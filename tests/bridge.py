@@ -20,7 +20,7 @@ def oracle_of(params: bd.Params) -> reference.Reference:
     """The same drive as the oracle wants it, built from the user's numbers alone."""
     belt, contact = params.belt, params.effective_contact
     return reference.Reference(
-        length=belt.length,
+        length=params.effective_belt.length,
         n_bodies=belt.n_bodies,
         linear_density=belt.linear_density,
         axial_stiffness=belt.axial_stiffness,
@@ -89,7 +89,9 @@ def winding_of(params: bd.Params) -> int:
     centers = [pulley.center for pulley in params.pulleys]
     radii = [pulley.radius for pulley in params.pulleys]
     belt = params.belt
-    return reference.belt_line(centers, radii, belt.length, belt.n_bodies, sides_of(params))[3]
+    return reference.belt_line(
+        centers, radii, params.effective_belt.length, belt.n_bodies, sides_of(params)
+    )[3]
 
 
 def fields(state: bd.State) -> dict[str, Any]:

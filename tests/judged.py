@@ -68,7 +68,7 @@ def options_of(seed: int, kind: str, params: bd.Params, t_end: float) -> dict[st
 def rates(params: bd.Params) -> tuple[float, float]:
     """Fastest vibration of joints and contact, and the fastest decay in either [1/s]."""
     belt, contact, info = params.belt, params.contact, params.info
-    sunk = info["mean_tension"] / (min(p.radius for p in params.pulleys) * contact.linear)
+    sunk = info["strain_tension"] / (min(p.radius for p in params.pulleys) * contact.linear)
     stiff = contact.linear + 2.0 * contact.quadratic * sunk
     joints = 2.0 / info["link_length"] * math.sqrt(belt.axial_stiffness / belt.linear_density)
     vibration = max(joints, math.sqrt(stiff / belt.linear_density))

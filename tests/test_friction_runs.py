@@ -235,7 +235,7 @@ def test_methods_agree(pair: str, method: str) -> None:
     """
     exact = tight(pair)
     result = run(pair, method)
-    rest_tension = exact.params.info["mean_tension"]
+    rest_tension = exact.params.info["strain_tension"]
     error = np.sqrt(np.mean((result.joints.force - exact.joints.force) ** 2)) / rest_tension
     claim = result.stats.error
     assert method == "rk4" or claim is not None
@@ -266,7 +266,7 @@ def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch, pair: str) -> None
             ]
         )
         assert runs[-1][0].stats.kernels == level
-    acceleration = params.info["mean_tension"] / params.info["link_mass"]
+    acceleration = params.info["strain_tension"] / params.info["link_mass"]
     for rate, pair_of_runs in zip(rates[1:], runs[1:], strict=True):
         for name, expected in rates[0].items():
             scale = {"vx": acceleration, "vy": acceleration}.get(name, np.max(np.abs(expected)))
@@ -497,15 +497,15 @@ def test_settling_with_friction(pair: str, pulleys: str) -> None:
     rate = oracle.rhs(0.0, oracle.pack(core), lambda t, theta, omega: 0 * omega)
     acceleration = oracle.links(rate)[1]
     force = oracle.mass * np.hypot(acceleration[0], acceleration[1])
-    assert force.max() <= 1.1e-9 * params.info["mean_tension"]
+    assert force.max() <= 1.1e-9 * params.info["strain_tension"]
     if pulleys == "free":
         contacts = oracle.contacts(oracle.pack(core))
         torque = np.sum(contacts.friction * contacts.distance, axis=1)
-        assert np.max(np.abs(torque)) <= 1e-8 * params.info["mean_tension"]
+        assert np.max(np.abs(torque)) <= 1e-8 * params.info["strain_tension"]
     # it stays at rest when it is let go
     result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 2e-3, initial=state, rtol=1e-6)
     moved = np.max(np.abs(result.joints.force - result.joints.force[0]))
-    assert moved <= 1e-6 * params.info["mean_tension"] or pulleys == "held"
+    assert moved <= 1e-6 * params.info["strain_tension"] or pulleys == "held"
 
 
 # -------------------------------------------------------------------- warnings

@@ -65,7 +65,7 @@ def test_levels_agree(monkeypatch: pytest.MonkeyPatch, n_bodies: int, mesh: str)
         runs.append(bd.simulate(params, base.torque_fn, 0.032, initial=start, t_eval=times))
         assert runs[-1].stats.kernels == level
     info = params.info
-    acceleration, half = info["mean_tension"] / info["link_mass"], info["link_length"] / 2
+    acceleration, half = info["strain_tension"] / info["link_mass"], info["link_length"] / 2
     for rate, run in zip(rates[1:], runs[1:], strict=True):
         for name, expected in rates[0].items():
             # of what the forces in a link's joints could do alone: they all but cancel

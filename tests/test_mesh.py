@@ -85,7 +85,7 @@ def test_constants_of_the_links() -> None:
         bound = math.sqrt(k) if d * d <= 4 * k else (d + math.sqrt(d * d - 4 * k)) / 2
         assert joint["spectral_bound"] == pytest.approx(bound, rel=1e-13)
         assert joint["mesh_strain"] == 0.0 and paper["mesh_strain"] > 0.0
-        same = ("strain", "mean_tension", "link_mass", "link_length", "wave_speed")
+        same = ("strain", "strain_tension", "link_mass", "link_length", "wave_speed")
         assert [joint[name] for name in same if name in joint] == [
             paper[name] for name in same if name in paper
         ]
@@ -298,7 +298,7 @@ def test_the_ledger_closes_with_every_method(law: str) -> None:
         work = np.abs(result.energy.drive).max()
         assert np.abs(result.energy.residual).max() <= 3.0 * rtol * work, method
         off = np.abs(result.joints.force - exact.joints.force).max()
-        assert off <= rtol * params.info["mean_tension"], method
+        assert off <= rtol * params.info["strain_tension"], method
 
 
 # -------------------------------------------------------------------- accuracy in space

@@ -121,6 +121,7 @@ def test_signatures_can_be_read():
         "pulley_friction",
         "mesh",
         "outside",
+        "names",
     ]
     keyword = [
         name

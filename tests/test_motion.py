@@ -79,7 +79,7 @@ def run(params: bd.Params, start: bd.State, motion: Any, **options: Any) -> bd.R
 
 
 def tension(params: bd.Params) -> float:
-    return float(params.info["mean_tension"])
+    return float(params.info["strain_tension"])
 
 
 def grip(result: bd.Result, pulley: int) -> np.ndarray:
@@ -456,7 +456,7 @@ def test_bad_speeds_of_a_state(
 @pytest.mark.parametrize(
     ("motion", "error", "message"),
     [
-        ([RAMP], TypeError, "motion must be a mapping from a pulley's index to its motion"),
+        ([RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
         ({2: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got 2"),
         ({-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
         ({"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),

@@ -340,7 +340,7 @@ def test_just_below_full_slip() -> None:
     # Centres are fixed, so the stretch of spans and arcs is what it was at rest:
     # span (T_t + T_s) + 2 R (T_t - T_s)/mu = path T, with T_t = T_s exp(mu pi), mu = 1. The mesh
     # adds 1.6 % to T and the contact takes 4 % off.
-    path, tension = params.info["path_length"], params.info["mean_tension"]
+    path, tension = params.info["path_length"], params.info["strain_tension"]
     slack = path * tension / (span * (ratio + 1.0) + 2.0 * radius * (ratio - 1.0))
     most = (ratio - 1.0) * slack * radius
     below = run(params, steady(-0.9 * most, 0.9 * most), 0.1)

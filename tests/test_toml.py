@@ -146,7 +146,7 @@ def test_text_is_readable() -> None:
         ("sigma = 1e4", "sigma = 1e4\nfoo = 1", "friction.foo: unknown field"),
         ("t_end = 0.5", "t_end = 0.5\nspeed = 1", "speed: unknown field"),
         ("coefficients", "t = [0]\ncoefficients", "torque[1].t: unknown field"),
-        ("length = 1.2\n", "", "belt.length: missing"),
+        ("length = 1.2\n", "", "belt.length or belt.preload must be given"),
         (SCENE[SCENE.index("[belt]") : SCENE.index("[contact]")], "", "belt: missing"),
         ("[contact]", "[contat]", "contat: unknown field (did you mean 'contact'?)"),
         ("linear = 2.5e7", "compensate = 1", "contact.compensate must be a bool, got 1"),

@@ -48,7 +48,7 @@ class Setting:
 def fewest(params: Params) -> int:
     """Give the least number of links that still lie round every pulley."""
     radius = min(pulley.radius for pulley in params.pulleys)
-    return max(8, math.ceil(_ROUND * params.belt.length / (2.0 * math.pi * radius)))
+    return max(8, math.ceil(_ROUND * params.info["length"] / (2.0 * math.pi * radius)))
 
 
 def meshes(params: Params) -> tuple[int, ...]:

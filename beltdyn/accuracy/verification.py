@@ -16,6 +16,7 @@ from ..accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, 
 from ..compliance import compliance_error
 from ..errors import Interrupted
 from ..motions import Motion, MotionLike
+from ..naming import ByPulley
 from ..params import Params
 from ..result import Result
 from ..run_warnings import silenced
@@ -82,7 +83,7 @@ class Verification:
         params: Params,
         torque_fn: TorqueLike,
         t_end: float,
-        motion: Mapping[int, MotionLike] | None,
+        motion: ByPulley[MotionLike] | None,
         initial: State | None,
         options: Mapping[str, Any],
     ) -> None:

@@ -39,7 +39,7 @@ def _keywords(function: Callable[..., Any], *others: str) -> set[str]:
 _SETTLING = _keywords(settle, "initial", "progress")
 _OPTIONS = _keywords(simulate, "t_eval", "initial", "progress")
 _QUANTITIES = [
-    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in names.fields(kind)),
+    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.array_names()),
     *(f"energy.{name}" for name, kind in vars(EnergyLedger).items() if isinstance(kind, property)),
     "span_tension",
     "slip",

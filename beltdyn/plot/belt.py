@@ -50,7 +50,7 @@ def force_along_belt(
     n_b = result.params.belt.n_bodies
     ax = style.axes(ax)
     if wraps:
-        _shade_wraps(ax, result.contact.pulley[row], first)
+        _shade_wraps(ax, result, row, first)
     look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9}
     look |= style.line_style(style.unused(ax, len(style.COLOURS) - 1)) | {"linestyle": "-"}
     short = {"marker": "", "markersize": "ms", "linewidth": "lw", "color": "c", "linestyle": "ls"}
@@ -71,10 +71,10 @@ def force_along_belt(
     return ax
 
 
-def _shade_wraps(ax: Axes, touched: NDArray[np.int32], first: int) -> None:
+def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
     """Shade each wrap and label its longest part."""
     longest: dict[int, tuple[int, int]] = {}
-    for begin, end, pulley in _runs(touched):
+    for begin, end, pulley in _runs(result.contact.pulley[row]):
         if pulley < 0:
             continue
         ax.axvspan(
@@ -86,7 +86,7 @@ def _shade_wraps(ax: Axes, touched: NDArray[np.int32], first: int) -> None:
         ax.text(
             first + (begin + end - 1) / 2.0,
             0.985,
-            f"pulley {pulley}",
+            style.plain(result.pulleys.names[pulley]),
             transform=ax.get_xaxis_transform(),
             ha="center",
             va="top",
@@ -115,7 +115,7 @@ def drive(
 ) -> Axes:
     """Draw the drive to scale at one time, as Fig. 5 of the paper.
 
-    Pulleys carry their number, a mark that turns with them and, while they turn, an arrow.
+    Pulleys carry their name or number, a mark that turns with them and, while they turn, an arrow.
 
     Args:
         result: A run with at least one sample.

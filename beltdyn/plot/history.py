@@ -8,9 +8,10 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from ..checks import Array
+from ..naming import span_name
 from ..result import Result
 from . import style
-from .select import Indices, indices, with_samples
+from .select import Indices, Pulleys, indices, pulley_indices, with_samples
 
 __all__ = ["joint_deformation", "joint_force", "lines", "span_tensions", "speeds", "torques"]
 
@@ -62,26 +63,25 @@ def _over_time(
 
 def _pulleys(
     result: Result,
-    pulleys: Indices | None,
+    pulleys: Pulleys | None,
     values: Array,
     ylabel: str,
     ax: Axes | None,
     given: dict[str, Any],
 ) -> Axes:
-    count = len(result.params.pulleys)
-    which = list(range(count)) if pulleys is None else indices("pulleys", pulleys, count)
-    names = [f"pulley {k}" for k in which]
+    which = pulley_indices(pulleys, result.pulleys.names)
+    names = [style.plain(result.pulleys.names[k]) for k in which]
     return _over_time(result, which, values, names, ylabel, ax, given)
 
 
 def speeds(
-    result: Result, *, pulleys: Indices | None = None, ax: Axes | None = None, **line: Any
+    result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
     """Draw the angular velocities of the pulleys over time: Figs 7, 14 and 19 of the paper.
 
     Args:
         result: A run with at least one sample.
-        pulleys: Index or indices of pulleys; None: all.
+        pulleys: A pulley or several, by index or name; None: all.
         ax: Axes to draw into; None: those of a new figure.
         **line: For matplotlib's ``plot``. A ``label`` stands before the name of the pulley when
             there are several.
@@ -95,13 +95,13 @@ def speeds(
 
 
 def torques(
-    result: Result, *, pulleys: Indices | None = None, ax: Axes | None = None, **line: Any
+    result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
     """Draw the set torques M_d of (2.12) over time: Figs 6 and 13 of the paper.
 
     Args:
         result: A run with at least one sample.
-        pulleys: Index or indices of pulleys; None: all.
+        pulleys: A pulley or several, by index or name; None: all.
         ax: Axes to draw into; None: those of a new figure.
         **line: For matplotlib's ``plot``, as in :func:`speeds`.
 
@@ -124,9 +124,12 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    count = len(result.params.pulleys)
-    names = [f"span {k} to {(k + 1) % count}" for k in range(count)]
+    pulleys, count = result.pulleys.names, len(result.pulleys.names)
     columns = list(range(count))
+    names = [
+        style.plain(span_name(k, pulleys, unnamed=f"span {k} to {(k + 1) % count}"))
+        for k in columns
+    ]
     return _over_time(result, columns, result.span_tension, names, "span tension [N]", ax, line)
 
 

@@ -42,7 +42,7 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         angle = begins + way.senses[k] * np.linspace(0.0, way.wraps[k], _ARC)
         arc = center[:, None] + pulley.radius * np.array([np.cos(angle), np.sin(angle)])
         ax.plot(*arc, color=style.COLOURS[0], lw=2.2, solid_capstyle="round")
-        wrap = f"{k}\n{np.degrees(way.wraps[k]):.0f}°"
+        wrap = f"{style.title(k, pulley)}\n{np.degrees(way.wraps[k]):.0f}°"
         ax.annotate(wrap, pulley.center, ha="center", va="center", fontsize="small")
         if len(pulleys) > 1:
             begin, end = way.leave[k], way.arrive[(k + 1) % len(pulleys)]

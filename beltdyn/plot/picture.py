@@ -100,7 +100,9 @@ class DrivePicture:
             self._spokes.append(
                 ax.plot([], [], color="0.35", lw=2.2, solid_capstyle="butt", zorder=1.5)[0]
             )
-            ax.annotate(f"{k}", pulley.center, ha="center", va="center", zorder=2)
+            title = style.title(k, pulley)
+            size = "medium" if pulley.name is None else "small"
+            ax.annotate(title, pulley.center, ha="center", va="center", fontsize=size, zorder=3.5)
             self._arrows.append([self._arrow(ax, k, sense) for sense in (1, -1)])
         self._arcs = [
             LineCollection([], colors=colour, linestyles=[dashes], linewidths=3.2, zorder=2)

@@ -8,11 +8,22 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ..checks import integer, real
+from ..naming import index_of
 from ..result import Result
 
-__all__ = ["Indices", "choice", "indices", "named_links", "sample", "with_samples"]
+__all__ = [
+    "Indices",
+    "Pulleys",
+    "choice",
+    "indices",
+    "named_links",
+    "pulley_indices",
+    "sample",
+    "with_samples",
+]
 
 Indices = int | Sequence[int]
+Pulleys = int | str | Sequence[int | str]
 
 
 def with_samples(result: object) -> Result:
@@ -61,6 +72,26 @@ def indices(name: str, value: object, count: int) -> list[int]:
     if not found:
         raise ValueError(f"{name} must hold at least one index, got none")
     return found
+
+
+def pulley_indices(value: object, names: Sequence[str]) -> list[int]:
+    """Check one pulley or a sequence of them, by name or index; all for None.
+
+    Raises:
+        TypeError: Neither names nor integers.
+        ValueError: There is no such pulley, or none at all.
+    """
+    if value is None:
+        return list(range(len(names)))
+
+    def index(name: str, one: object) -> object:
+        is_name = isinstance(one, str) and not one.isdecimal()
+        return index_of(name, one, names) if is_name else one
+
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        return indices("pulleys", index("pulleys", value), len(names))
+    found = [index(f"pulleys[{k}]", one) for k, one in enumerate(value)]
+    return indices("pulleys", found, len(names))
 
 
 def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[str, int]:

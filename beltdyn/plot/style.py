@@ -15,6 +15,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
 from matplotlib.transforms import BboxBase, ScaledTranslation
 
+from ..parts import Pulley
+
 __all__ = [
     "COLOURS",
     "FREE",
@@ -29,9 +31,11 @@ __all__ = [
     "legend_below",
     "line_style",
     "new_figure",
+    "plain",
     "room_below",
     "settle_layout",
     "tint",
+    "title",
     "unused",
 ]
 
@@ -70,6 +74,17 @@ class OwnFigure(Figure):
 def new_figure(width: float = 6.4, height: float = 4.0, dpi: float | None = None) -> OwnFigure:
     """Make a figure without pyplot [inch]."""
     return OwnFigure(figsize=(width, height), dpi=dpi, layout="constrained")
+
+
+def plain(name: str) -> str:
+    """Give a name as matplotlib shows it: no formula, nor left out of legends."""
+    shown = name.replace("$", r"\$")
+    return f"pulley {shown}" if shown.startswith("_") else shown
+
+
+def title(k: int, pulley: Pulley) -> str:
+    """Give what stands on a pulley in a picture: its name, or its number."""
+    return str(k) if pulley.name is None else plain(pulley.name)
 
 
 def axes(ax: Axes | None) -> Axes:

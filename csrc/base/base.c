@@ -56,6 +56,19 @@ void bd_block_free(void *block) {
   }
 }
 
+/* A message that has been cut off must not end inside a character of UTF-8. */
+static void write_message(char *message, size_t size, const char *format, va_list args) {
+  const int length = vsnprintf(message, size, format, args);
+  if (length < (int)size) {
+    return;
+  }
+  size_t end = size - 1;
+  while (end > 0 && ((unsigned char)message[end - 1] & 0xC0) == 0x80) {
+    --end;
+  }
+  message[end > 0 && (unsigned char)message[end - 1] >= 0xC0 ? end - 1 : size - 1] = '\0';
+}
+
 static int fail(bd_error *err, int code, const char *field, double t, int body, int pulley,
                 double value, const char *format, va_list args) {
   if (err) {
@@ -66,7 +79,7 @@ static int fail(bd_error *err, int code, const char *field, double t, int body, 
     err->pulley = pulley;
     err->value = value;
     snprintf(err->field, sizeof err->field, "%s", field);
-    vsnprintf(err->message, sizeof err->message, format, args);
+    write_message(err->message, sizeof err->message, format, args);
   }
   return code;
 }
@@ -96,7 +109,7 @@ void bd_warn(bd_report *report, int code, double t, int body, int pulley, const 
   *w = (bd_warning){.code = code, .t = t, .body = body, .pulley = pulley};
   va_list args;
   va_start(args, format);
-  vsnprintf(w->message, sizeof w->message, format, args);
+  write_message(w->message, sizeof w->message, format, args);
   va_end(args);
 }
 

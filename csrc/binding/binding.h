@@ -52,10 +52,10 @@ int bd_core_read_gravity(PyObject *object, double gravity[2]);
 int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
 /* What pulleys may have of their own, an entry each, or None: in bd_pulley's words. */
 typedef struct {
-  PyObject *drag, *friction, *outside, *mounts;
+  PyObject *drag, *friction, *outside, *names, *mounts;
 } bd_core_pulley_parts;
-/* The pulleys as a fresh block (PyMem_Free it), after them what they point to, but for arrays,
- * which stay in the list `keep`; their number in *n. */
+/* The pulleys as a fresh block (PyMem_Free it), after them what they point to, friction laws and
+ * names, but for arrays, which stay in the list `keep`; their number in *n. */
 bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *inertias,
                                 const bd_core_pulley_parts *parts, PyObject *keep, int *n);
 
@@ -102,7 +102,7 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
 /* One Python callable among torque terms and motions; the core gets its address as `user`. */
 typedef struct {
   PyObject *callable;
-  int pulley;                   /* of a motion */
+  bd_label pulley;              /* of a motion, in messages */
   PyArrayObject *theta, *omega; /* given to the callable, and again if it has kept neither */
   npy_intp n_pulleys;
   const volatile int *stop; /* the simulation's flag: looked at before each call */
@@ -121,7 +121,7 @@ typedef struct {
  * checked, and the flag by which the simulation is stopped. Release it in either case; set `calls`
  * NULL first where a simulation has taken them over. */
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        PyObject *motions, npy_intp n_pulleys, const volatile int *stop);
+                        PyObject *motions, const bd_model *model, const volatile int *stop);
 /* -1 with KeyboardInterrupt if the flag is set. */
 int bd_core_check_stop(const volatile int *stop);
 void bd_core_torque_release(bd_core_torque *torque);

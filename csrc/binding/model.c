@@ -121,15 +121,16 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"belt", "centers",         "radii", "inertias", "contact", "friction", "gravity",
-                   "drag", "pulley_friction", "mesh",  "outside",  "mounts",  NULL};
+  char *arguments[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
+                       "gravity", "drag",    "pulley_friction", "mesh",     "outside", "names",
+                       "mounts",  NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None};
+  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOO:Model", names, &belt, &centers,
-                                   &radii, &inertias, &contact, &default_friction, &gravity,
-                                   &parts.drag, &parts.friction, &mesh, &parts.outside,
-                                   &parts.mounts)) {
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOO:Model", arguments, &belt,
+                                   &centers, &radii, &inertias, &contact, &default_friction,
+                                   &gravity, &parts.drag, &parts.friction, &mesh, &parts.outside,
+                                   &parts.names, &parts.mounts)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -235,6 +236,38 @@ static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords
   bd_core_state_release(&state);
   bd_core_state_release(&rate);
   return result;
+}
+
+PyDoc_STRVAR(observe_doc,
+             "observe($self, /, state)\n--\n\n"
+             "What a run would sample at a state, without torques.\n\n"
+             "state: mapping of STATE_FIELDS by name and \"t\". Returns a dict of arrays of one\n"
+             "row: OUTPUTS by name but energy, and \"pulley\". Raises TypeError or ValueError\n"
+             "naming the argument.");
+
+static PyObject *model_observe(PyObject *object, PyObject *mapping) {
+  bd_core_model *self = (bd_core_model *)object;
+  bd_core_state state;
+  if (bd_core_state_read(&state, mapping, &self->info) < 0) {
+    return NULL;
+  }
+  bd_output output = {0};
+  PyObject *keep = PyList_New(0), *dict = PyDict_New();
+  int done = keep && dict && bd_core_output_new(&output, keep, dict, &self->info, 0, 1) == 0;
+  if (done) {
+    bd_error err = {0};
+    int code = bd_model_observe(self->model, &state.state, &output, &err);
+    if (code < 0) {
+      bd_core_raise(code, &err);
+      done = 0;
+    }
+  }
+  Py_XDECREF(keep);
+  bd_core_state_release(&state);
+  if (!done) {
+    Py_CLEAR(dict);
+  }
+  return dict;
 }
 
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
@@ -345,6 +378,7 @@ static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"centers", model_centers, METH_O, centers_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
+    {"observe", model_observe, METH_O, observe_doc},
     {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
     {NULL, NULL, 0, NULL},
 };
@@ -372,7 +406,7 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None, mounts=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
@@ -380,6 +414,7 @@ PyDoc_STRVAR(
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
     "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
     "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
+    "names: a name or None for each, for messages.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

@@ -260,7 +260,7 @@ static PyObject *dahl_path(PyObject *Py_UNUSED(module), PyObject *args, PyObject
 
 PyDoc_STRVAR(
     belt_line_doc,
-    "belt_line(centers, radii, outside=None)\n--\n\n"
+    "belt_line(centers, radii, outside=None, names=None)\n--\n\n"
     "The tight belt line round pulleys: for each the angle at which the belt arrives, the\n"
     "angle over which it lies, the length of the span that follows and the sense of the\n"
     "turn; the length of the line, and its turns. Raises ValueError where there is none.");

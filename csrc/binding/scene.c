@@ -95,40 +95,60 @@ int bd_core_read_friction(PyObject *object, const char *label, bd_friction *fric
   return bd_core_read_group(PyTuple_GET_ITEM(object, 1), name, label, &friction->dahl);
 }
 
-/* What a pulley points to. */
+/* What a pulley points to; of a name that is too long, enough for the core to refuse it. */
 typedef struct {
   bd_friction friction;
+  char name[BD_MAX_NAME + 2];
   bd_mount mount;
   PyObject *keep; /* borrowed */
-} pointed_to;
+} owned;
 
 /* What one pulley has of an argument that has an entry for each of them. */
-typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own);
+typedef int (*read_entry)(PyObject *entry, const char *label, bd_pulley *pulley, owned *own);
 
-static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own) {
+static int read_drag(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
   (void)own;
   return bd_core_read_group(entry, "drag", label, &pulley->drag);
 }
 
-static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley,
-                             pointed_to *own) {
+static int read_own_friction(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
   pulley->friction = &own->friction;
   return bd_core_read_friction(entry, label, &own->friction);
 }
 
-static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own) {
+static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
   (void)own;
   return bd_convert_bool(entry, label, &pulley->outside);
 }
 
-static int read_mount(PyObject *entry, const char *label, bd_pulley *pulley, pointed_to *own) {
+static int read_name(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
+  Py_ssize_t length = 0;
+  const char *text = NULL;
+  if (!PyUnicode_Check(entry)) {
+    PyErr_Format(PyExc_TypeError, "%s must be a str, got %.100s", label, Py_TYPE(entry)->tp_name);
+  } else {
+    text = PyUnicode_AsUTF8AndSize(entry, &length);
+  }
+  if (!text) {
+    return -1;
+  }
+  if (memchr(text, '\0', (size_t)length)) {
+    PyErr_Format(PyExc_ValueError, "%s must be printable, got %R", label, entry);
+    return -1;
+  }
+  PyOS_snprintf(own->name, sizeof own->name, "%s", text);
+  pulley->name = own->name;
+  return 0;
+}
+
+static int read_mount(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
   pulley->mount = &own->mount;
   return bd_core_read_mount(entry, label, &own->mount, own->keep);
 }
 
 /* One entry, or None, for each pulley; None: no pulley has any. */
 static int read_entries(PyObject *object, const char *name, read_entry read, npy_intp count,
-                        bd_pulley *pulleys, pointed_to *own) {
+                        bd_pulley *pulleys, owned *own) {
   if (object == Py_None) {
     return 0;
   }
@@ -180,7 +200,7 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
   if (!inertia) {
     goto out;
   }
-  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(pointed_to));
+  pulleys = PyMem_Calloc((size_t)count, sizeof *pulleys + sizeof(owned));
   if (!pulleys) {
     PyErr_NoMemory();
     goto out;
@@ -193,13 +213,14 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
         .inertia = i[j],
     };
   }
-  pointed_to *own = (pointed_to *)(pulleys + count);
+  owned *own = (owned *)(pulleys + count);
   for (npy_intp j = 0; j < count; j++) {
     own[j].keep = keep;
   }
   if (read_entries(parts->drag, "drag", read_drag, count, pulleys, own) < 0 ||
       read_entries(parts->friction, "friction", read_own_friction, count, pulleys, own) < 0 ||
       read_entries(parts->outside, "outside", read_outside, count, pulleys, own) < 0 ||
+      read_entries(parts->names, "name", read_name, count, pulleys, own) < 0 ||
       read_entries(parts->mounts, "mount", read_mount, count, pulleys, own) < 0) {
     PyMem_Free(pulleys);
     pulleys = NULL;
@@ -215,15 +236,15 @@ out:
 /* --- belt line ------------------------------------------------------------------------------- */
 
 PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *names[] = {"centers", "radii", "outside", NULL};
-  PyObject *centers, *radii, *outside = Py_None;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|O:belt_line", names, &centers, &radii,
-                                   &outside)) {
+  char *arguments[] = {"centers", "radii", "outside", "names", NULL};
+  PyObject *centers, *radii, *outside = Py_None, *names = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|OO:belt_line", arguments, &centers, &radii,
+                                   &outside, &names)) {
     return NULL;
   }
   int n = 0, turns = 0;
   double length = 0.0;
-  const bd_core_pulley_parts parts = {Py_None, Py_None, outside, Py_None};
+  const bd_core_pulley_parts parts = {Py_None, Py_None, outside, names, Py_None};
   bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, radii, &parts, NULL, &n);
   if (!pulleys) {
     return NULL;

@@ -178,8 +178,7 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     return NULL;
   }
   volatile int *stop = new_stop();
-  if (!stop ||
-      bd_core_torque_read(&torque, terms, breakpoints, motions, model->info.n_pulleys, stop) < 0) {
+  if (!stop || bd_core_torque_read(&torque, terms, breakpoints, motions, model->model, stop) < 0) {
     PyMem_Free((void *)stop);
     goto out;
   }
@@ -643,15 +642,16 @@ static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
   return PyUnicode_FromString(text);
 }
 
-static PyObject *warning_dict(const bd_warning *w) {
-  char where[32] = "";
-  if (w->pulley >= 0 || w->body >= 0) {
-    PyOS_snprintf(where, sizeof where, "%s %d", w->pulley >= 0 ? "pulley" : "link",
-                  w->pulley >= 0 ? w->pulley : w->body);
+static PyObject *warning_dict(const bd_warning *w, const bd_model *model) {
+  bd_label where = {""};
+  if (w->pulley >= 0) {
+    where = bd_pulley_label(model, w->pulley);
+  } else if (w->body >= 0) {
+    PyOS_snprintf(where.text, sizeof where.text, "link %d", w->body);
   }
   PyObject *t = isnan(w->t) ? Py_NewRef(Py_None) : PyFloat_FromDouble(w->t);
   return t ? Py_BuildValue("{s:s, s:s, s:N, s:s, s:O}", "code", bd_warning_code(w->code), "text",
-                           w->message, "t", t, "where", where, "accuracy",
+                           w->message, "t", t, "where", where.text, "accuracy",
                            bd_warning_accuracy(w->code) ? Py_True : Py_False)
            : NULL;
 }
@@ -664,7 +664,7 @@ static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
   PyObject *list = PyList_New(0);
   bd_warning w;
   for (size_t k = 0; list && bd_sim_warning(self->sim, k, &w); k++) {
-    PyObject *dict = warning_dict(&w);
+    PyObject *dict = warning_dict(&w, self->model->model);
     if (!dict || PyList_Append(list, dict) < 0) {
       Py_CLEAR(list);
     }

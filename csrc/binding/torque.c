@@ -177,7 +177,7 @@ static int call_python_motion(double t, double *value, void *user) {
     *value = PyFloat_AS_DOUBLE(result);
   } else {
     char name[BD_NAME_SIZE];
-    PyOS_snprintf(name, sizeof name, "what the motion of pulley %d returns", call->pulley);
+    PyOS_snprintf(name, sizeof name, "what the motion of %s returns", call->pulley.text);
     failed = bd_convert_real(result, name, value);
   }
   Py_DECREF(result);
@@ -318,7 +318,8 @@ static int read_term(reader *in) {
 }
 
 /* (pulley, "piecewise", t, values), (pulley, "speed", call) or (pulley, "angle", call). */
-static int read_motion(bd_core_torque *out, PyObject *tuple, Py_ssize_t index) {
+static int read_motion(bd_core_torque *out, PyObject *tuple, Py_ssize_t index,
+                       const bd_model *model) {
   static const char *const kinds[] = {"piecewise", "speed", "angle"};
   bd_motion *motion = &out->motions[index];
   const Py_ssize_t got = PyTuple_Check(tuple) ? PyTuple_GET_SIZE(tuple) : 0;
@@ -355,7 +356,7 @@ static int read_motion(bd_core_torque *out, PyObject *tuple, Py_ssize_t index) {
   if (!call) {
     return -1;
   }
-  call->pulley = motion->pulley;
+  call->pulley = bd_pulley_label(model, motion->pulley);
   motion->call = call_python_motion;
   motion->user = call;
   return 0;
@@ -384,7 +385,9 @@ static PyObject *own_tuple(PyObject *sequence, const char *rule) {
 }
 
 int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoints,
-                        PyObject *motions, npy_intp n_pulleys, const volatile int *stop) {
+                        PyObject *motions, const bd_model *model, const volatile int *stop) {
+  bd_info info;
+  bd_model_info(model, &info);
   *out = (bd_core_torque){.torque.stop = stop};
   int failed = -1;
   PyObject *items = own_tuple(terms, "torque must be a sequence of terms");
@@ -408,7 +411,7 @@ int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoi
     goto out;
   }
   for (Py_ssize_t i = 0; i < n; i++) {
-    reader in = {out, &out->terms[i], PyTuple_GET_ITEM(items, i), i, n_pulleys};
+    reader in = {out, &out->terms[i], PyTuple_GET_ITEM(items, i), i, info.n_pulleys};
     if (read_term(&in) < 0) {
       goto out;
     }
@@ -416,7 +419,7 @@ int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoi
   out->torque.terms = out->terms;
   out->torque.n_terms = (size_t)n;
   for (Py_ssize_t i = 0; i < n_motions; i++) {
-    if (read_motion(out, PyTuple_GET_ITEM(moves, i), i) < 0) {
+    if (read_motion(out, PyTuple_GET_ITEM(moves, i), i, model) < 0) {
       goto out;
     }
   }

@@ -14,6 +14,7 @@
  * pass through a pulley.
  */
 #include <math.h>
+#include <stdio.h>
 
 #include "model/model.h"
 
@@ -145,11 +146,21 @@ static int all_inside(const bd_route *route) {
   return inside == route->np;
 }
 
-static int refuse(bd_error *err, int pulley, const char *why) {
+/* What messages call a pulley: its name, or its place among the parameters. */
+static bd_label entry(const bd_route *route, int pulley) {
+  bd_label label;
+  if (route->name && route->name[pulley].text[0]) {
+    snprintf(label.text, sizeof label.text, "pulley \"%s\"", route->name[pulley].text);
+  } else {
+    snprintf(label.text, sizeof label.text, "pulleys[%d]", pulley);
+  }
+  return label;
+}
+
+static int refuse(bd_error *err, const bd_route *route, int pulley, const char *why) {
   return bd_fail_at(err, BD_ERR_GEOMETRY, "pulleys", (double)NAN, -1, pulley, (double)NAN,
-                    "pulleys[%d] cannot be reached by the belt: visiting the pulleys in the order "
-                    "given, %s",
-                    pulley, why);
+                    "%s cannot be reached by the belt: visiting the pulleys in the order given, %s",
+                    entry(route, pulley).text, why);
 }
 
 static int turns_once(const bd_route *route, double total) {
@@ -184,14 +195,14 @@ int bd_belt_line_lay(bd_route *route, bd_error *err) {
   int a, b;
   if (bd_belt_line_overlap(np, route->cx, route->cy, route->radius, &a, &b)) {
     return bd_fail(err, BD_ERR_GEOMETRY, "pulleys",
-                   "pulleys[%d] and pulleys[%d] overlap: their centres are %g m apart, their radii "
-                   "add up to %g m",
-                   a, b, hypot(route->cx[b] - route->cx[a], route->cy[b] - route->cy[a]),
+                   "%s and %s overlap: their centres are %g m apart, their radii add up to %g m",
+                   entry(route, a).text, entry(route, b).text,
+                   hypot(route->cx[b] - route->cx[a], route->cy[b] - route->cy[a]),
                    route->radius[a] + route->radius[b]);
   }
   if (route->side[0] < 0) {
     return bd_fail(err, BD_ERR_GEOMETRY, "pulleys",
-                   "pulleys[0] must be inside the loop, where counting begins");
+                   "%s must be inside the loop, where counting begins", entry(route, 0).text);
   }
   if (np == 1) {
     route->wraps[0] = (bd_wrap){.arrive = 0.5 * BD_PI, .wrap = 2.0 * BD_PI, .sense = -1};
@@ -207,25 +218,25 @@ int bd_belt_line_lay(bd_route *route, bd_error *err) {
   }
   if (all_inside(route)) {
     if (fabs(total) > 3.0 * BD_PI || route->wraps[narrowest].wrap < 1e-9) {
-      return refuse(err, fabs(total) > 3.0 * BD_PI ? widest : narrowest,
+      return refuse(err, route, fabs(total) > 3.0 * BD_PI ? widest : narrowest,
                     "all inside the loop, the belt passes it by or crosses itself");
     }
     return BD_OK;
   }
   int span, pulley;
   if (passes_through(route, &span, &pulley)) {
-    return bd_fail_at(err, BD_ERR_GEOMETRY, "pulleys", (double)NAN, -1, pulley, (double)NAN,
-                      "the belt from pulleys[%d] to pulleys[%d] would pass through pulleys[%d]: "
-                      "another order, or another side",
-                      span, (span + 1) % np, pulley);
+    return bd_fail_at(
+        err, BD_ERR_GEOMETRY, "pulleys", (double)NAN, -1, pulley, (double)NAN,
+        "the belt from %s to %s would pass through %s: another order, or another side",
+        entry(route, span).text, entry(route, (span + 1) % np).text, entry(route, pulley).text);
   }
   if (route->wraps[narrowest].wrap < 1e-9) {
-    return refuse(err, narrowest, "on the sides given, the belt passes it by");
+    return refuse(err, route, narrowest, "on the sides given, the belt passes it by");
   }
   const int crossed = crossings(route);
   if (!(crossed == 0 && route->turns == route->direction) &&
       !(crossed % 2 == 1 && route->turns == 0)) {
-    return refuse(err, widest,
+    return refuse(err, route, widest,
                   "on the sides given, the belt winds round it in a loop of its own: is it, or one "
                   "next to it, on the other side of the belt?");
   }
@@ -295,20 +306,28 @@ int bd_belt_line_winding(const bd_route *route, int pulley) {
 
 int bd_belt_line(int n_pulleys, const bd_pulley *pulleys, bd_wrap *wraps, double *length,
                  int *turns, bd_error *err) {
-  double *numbers = bd_block_new((size_t)n_pulleys * (3 * sizeof(double) + sizeof(int)));
+  const size_t each = 3 * sizeof(double) + sizeof(int) + sizeof(bd_name);
+  double *numbers = bd_block_new((size_t)n_pulleys * each);
   if (!numbers) {
     return bd_fail(err, BD_ERR_MEMORY, "pulleys", "out of memory for %d pulleys", n_pulleys);
   }
   double *cx = numbers, *cy = cx + n_pulleys, *radius = cy + n_pulleys;
   int *side = (int *)(radius + n_pulleys);
+  bd_name *name = (bd_name *)(side + n_pulleys);
+  bd_names_copy(name, n_pulleys, pulleys);
   for (int j = 0; j < n_pulleys; ++j) {
     cx[j] = pulleys[j].center[0];
     cy[j] = pulleys[j].center[1];
     radius[j] = pulleys[j].radius;
     side[j] = pulleys[j].outside ? -1 : 1;
   }
-  bd_route route = {
-      .np = n_pulleys, .cx = cx, .cy = cy, .radius = radius, .side = side, .wraps = wraps};
+  bd_route route = {.np = n_pulleys,
+                    .cx = cx,
+                    .cy = cy,
+                    .radius = radius,
+                    .side = side,
+                    .name = name,
+                    .wraps = wraps};
   const int code = bd_belt_line_lay(&route, err);
   *length = route.length;
   *turns = route.turns;

@@ -57,6 +57,9 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
       return code;
     }
   }
+  if (bd_names_check(scene, err) != BD_OK) {
+    return BD_ERR_PARAMETER;
+  }
   if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
     return bd_fail(
         err, BD_ERR_PARAMETER, "contact.linear",
@@ -75,13 +78,12 @@ static double spectral_bound(const bd_info *info, double shear) {
 }
 
 /* How far a belt under this tension sinks into a pulley: the root p of c1' p^2 + c2' p = T lambda /
- * R, in the form that is exact for c1' = 0 and for c2' = 0. lambda = 1 + T / EA, because c1' and
- * c2' are per metre of the stress-free belt, of which a metre of arc holds less. */
+ * R. lambda = 1 + T / EA, because c1' and c2' are per metre of the stress-free belt, of which a
+ * metre of arc holds less. */
 static double contact_depth(const bd_model *model, int j, double tension) {
-  const double c1 = model->contact.quadratic, c2 = model->contact.linear,
-               stretched = 1.0 + tension / model->belt.axial_stiffness,
-               pressure = tension * stretched / model->radius[j];
-  return 2.0 * pressure / (c2 + bd_contact_stiffness(c1, c2, pressure));
+  const double stretched = 1.0 + tension / model->belt.axial_stiffness;
+  return bd_contact_depth(model->contact.quadratic, model->contact.linear,
+                          tension * stretched / model->radius[j]);
 }
 
 /* Links whose ends lie on the circle of R a / sin a, a half the angle of a link, have the length of
@@ -91,7 +93,7 @@ static double contact_radius(const bd_model *model, int j) {
   const double radius = model->radius[j], a = 0.5 * model->info.link_length / radius;
   const int sinks = model->contact.compensate && model->geometry.code == BD_OK;
   return (model->along_links && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
-         (sinks ? contact_depth(model, j, model->info.mean_tension) : 0.0);
+         (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
 
 /* Of links: along links a joint of two may gape, so half a link is added. */
@@ -170,6 +172,7 @@ static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int
   BD_CARVE(carver, model->slot, np);
   BD_CARVE(carver, model->side, np);
   BD_CARVE(carver, model->winding, np);
+  BD_CARVE(carver, model->name, np);
   BD_CARVE(carver, model->wraps, np);
   bd_model_carve_mounts(carver, model, scene);
 }
@@ -180,6 +183,7 @@ static void derive(bd_model *model) {
   double l0 = belt->length / belt->n_bodies;
   info->n_bodies = belt->n_bodies;
   info->n_pulleys = model->lay.np;
+  info->length = belt->length;
   info->link_length = l0;
   info->link_mass = belt->linear_density * l0;
   info->link_inertia = info->link_mass * l0 * l0 / model->shear;
@@ -235,12 +239,12 @@ static const double MOST_RAISED = 0.1;
 
 static void check_compensation(bd_model *model) {
   for (int j = 0; model->contact.compensate && j < model->lay.np; ++j) {
-    const double depth = contact_depth(model, j, model->info.mean_tension);
+    const double depth = contact_depth(model, j, model->info.strain_tension);
     if (!(depth <= MOST_RAISED * model->radius[j])) {
       bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "contact.compensate", (double)NAN, -1, j, depth,
-                 "contact.compensate: at the preload of %.3g N the belt sinks %.3g m into pulley "
-                 "%d, at most %g of its radius can be compensated: contact.linear is too small",
-                 model->info.mean_tension, depth, j, MOST_RAISED);
+                 "contact.compensate: at the preload of %.3g N the belt sinks %.3g m into %s, at "
+                 "most %g of its radius can be compensated: contact.linear is too small",
+                 model->info.strain_tension, depth, bd_pulley_label(model, j).text, MOST_RAISED);
       return;
     }
   }
@@ -252,6 +256,7 @@ static bd_route route_of(const bd_model *model) {
                     .cy = model->cy,
                     .radius = model->radius,
                     .side = model->side,
+                    .name = model->name,
                     .wraps = model->wraps};
 }
 
@@ -261,10 +266,8 @@ double bd_model_tension(bd_model *model, bd_error *err) {
     return (double)NAN;
   }
   model->info.strain = route.length / model->belt.length - 1.0;
-  if (model->info.strain <= 0.0) {
-    return 0.0;
-  }
-  return model->belt.axial_stiffness * (model->info.strain - contact_strain(model));
+  model->info.strain_tension = model->belt.axial_stiffness * model->info.strain;
+  return model->info.strain > 0.0 ? bd_rest_tension(model, 0.0) : 0.0;
 }
 
 static void check_line(bd_model *model) {
@@ -277,7 +280,7 @@ static void check_line(bd_model *model) {
   info->winding = route.turns;
   info->path_length = code == BD_OK ? path : (double)NAN;
   info->strain = info->path_length / model->belt.length - 1.0;
-  info->mean_tension = model->belt.axial_stiffness * info->strain;
+  info->strain_tension = model->belt.axial_stiffness * info->strain;
   model->longest_span = 0.0;
   for (int k = 0; k < np; ++k) {
     model->longest_span = fmax(model->longest_span, model->wraps[k].span);
@@ -285,6 +288,7 @@ static void check_line(bd_model *model) {
   for (int k = 0; k < np; ++k) {
     model->winding[k] = code == BD_OK ? bd_belt_line_winding(&route, k) : route.direction;
   }
+  info->mean_tension = info->strain_tension;
   if (code != BD_OK) {
     return;
   }
@@ -308,6 +312,9 @@ static void check_line(bd_model *model) {
   } else {
     check_compensation(model);
   }
+  if (err->code == BD_OK) {
+    info->mean_tension = bd_rest_tension(model, 0.0);
+  }
 }
 
 /* A link's state has one place for the friction of each pulley that it touches. */
@@ -328,8 +335,8 @@ static void check_room(bd_model *model) {
   bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first,
              info->n_bodies,
              "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
-             "pulleys %d and %d at once; belt.n_bodies >= %.0f are short enough",
-             info->n_bodies, info->link_length, first, second,
+             "%s at once; belt.n_bodies >= %.0f are short enough",
+             info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
              ceil(JOINT_REACH * model->belt.length / tangent_between(model, first, second)));
 }
 
@@ -388,6 +395,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
 
   model->belt = scene->belt;
   model->contact = scene->contact;
+  bd_names_copy(model->name, np, scene->pulleys);
   model->has_bending = scene->belt.bending_stiffness > 0.0 || scene->belt.bending_damping > 0.0;
   model->has_gravity = scene->gravity[0] != 0.0 || scene->gravity[1] != 0.0;
   for (int k = 0; k < 2; ++k) {

@@ -10,11 +10,17 @@
 
 #include "kernels/kernels.h"
 
+/* Of a pulley; empty: none. */
+typedef struct bd_name {
+  char text[BD_MAX_NAME + 1];
+} bd_name;
+
 /* The belt line of a drive: what it lies on, and what follows. */
 typedef struct bd_route {
   int np;
   const double *cx, *cy, *radius;
-  const int *side; /* +1: inside the loop, -1: outside */
+  const int *side;     /* +1: inside the loop, -1: outside */
+  const bd_name *name; /* NULL: none has any */
   bd_wrap *wraps;
   int direction; /* of turning on pulleys inside: +1 counter-clockwise, -1 clockwise */
   int turns;     /* all in all: the direction, or 0 of a crossed belt */
@@ -62,6 +68,7 @@ struct bd_model {
   int colours;
   int *side;    /* +1: inside the loop, -1: outside */
   int *winding; /* turns of the belt round the axis of each */
+  bd_name *name;
   bd_wrap *wraps;
   double longest_span;
   bd_error geometry;  /* what bd_model_check_geometry returns */
@@ -77,6 +84,13 @@ struct bd_model {
 double bd_parameter_value(const bd_parameter *row, const void *group);
 /* All of a group against their rules; `label` is what messages call it. */
 int bd_parameters_check(const char *group, const char *label, const void *record, bd_error *err);
+
+/* --- names.c ---------------------------------------------------------------------------------- */
+
+int bd_names_check(const bd_scene *scene, bd_error *err);
+void bd_names_copy(bd_name *names, int np, const bd_pulley *pulleys);
+/* Two of them: pulleys 0 and 3, or pulley "crank" and pulley 3. */
+bd_label bd_pulleys_label(const bd_model *model, int j, int k);
 
 /* --- friction.c ------------------------------------------------------------------------------- */
 
@@ -130,6 +144,17 @@ static inline const bd_mounted *bd_arm_of(const bd_model *model, int j) {
  * belt: cx, cy of the model, and `rest` of the mounts. Fails, into model->geometry, where there is
  * none. */
 int bd_mounts_rest(bd_model *model);
+/* Depth of a contact c1 p^2 + c2 p under a force, in the form that is exact for c1 = 0 and c2 = 0.
+ */
+static inline double bd_contact_depth(double c1, double c2, double force) {
+  return 2.0 * force / (c2 + bd_contact_stiffness(c1, c2, force));
+}
+
+/* --- rest.c ----------------------------------------------------------------------------------- */
+
+/* Mean tension of the belt between its fixed axes, without load, that runs along itself at a speed
+ * [m/s], 0: at rest [N]. */
+double bd_rest_tension(const bd_model *model, double speed);
 
 /* --- model.c ---------------------------------------------------------------------------------- */
 

@@ -141,17 +141,19 @@ static void weigh(double s, double weights[NODES][N_DERIVATIVES]) {
   }
 }
 
-static int call(const bd_motion *motion, double t, double *value, bd_error *err) {
+static int call(const bd_torque_set *set, const bd_motion *motion, double t, double *value,
+                bd_error *err) {
   int code = motion->call(t, value, motion->user);
   if (code != 0) {
     return bd_fail_at(err, BD_ERR_CALLBACK, "motion", t, -1, motion->pulley, (double)code,
-                      "the motion of pulley %d asked to stop at t = %.9g s", motion->pulley, t);
+                      "the motion of %s asked to stop at t = %.9g s",
+                      bd_pulley_label(set->model, motion->pulley).text, t);
   }
   if (!isfinite(*value)) {
     return bd_fail_at(err, BD_ERR_TORQUE_VALUE, "motion", t, -1, motion->pulley, *value,
-                      "the prescribed %s of pulley %d is %g at t = %.9g s: it must be finite",
-                      motion->kind == BD_MOTION_ANGLE ? "angle" : "speed", motion->pulley, *value,
-                      t);
+                      "the prescribed %s of %s is %g at t = %.9g s: it must be finite",
+                      motion->kind == BD_MOTION_ANGLE ? "angle" : "speed",
+                      bd_pulley_label(set->model, motion->pulley).text, *value, t);
   }
   return BD_OK;
 }
@@ -166,10 +168,10 @@ static int differentiate(const bd_torque_set *set, const bd_motion *motion, doub
   double weights[NODES][N_DERIVATIVES], scale = 1.0;
   weigh((t - first) / step, weights);
   memset(derivatives, 0, N_DERIVATIVES * sizeof *derivatives);
-  int code = call(motion, t, &derivatives[0], err);
+  int code = call(set, motion, t, &derivatives[0], err);
   for (int i = 0; code == BD_OK && i < NODES; ++i) {
     double value;
-    code = call(motion, fmin(most, first + i * step), &value, err);
+    code = call(set, motion, fmin(most, first + i * step), &value, err);
     for (int d = 1; d < N_DERIVATIVES; ++d) {
       derivatives[d] += weights[i][d] * (value - derivatives[0]);
     }
@@ -240,10 +242,10 @@ int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_e
     set->offset[k] = y[lay->theta + j] - set->theta[k];
     if (fabs(given - there) > share * fmax(scale, fmax(fabs(given), fabs(there)))) {
       return bd_fail_at(err, BD_ERR_STATE, "motion", t, -1, j, given,
-                        "the prescribed motion of pulley %d begins with %.10g rad/s at t = %g s, "
+                        "the prescribed motion of %s begins with %.10g rad/s at t = %g s, "
                         "but in the initial state it turns at %.10g rad/s: begin with that speed, "
                         "or start from a state that has the other (State.at_speed)",
-                        j, given, t, there);
+                        bd_pulley_label(plan->model, j).text, given, t, there);
     }
   }
   return code;

@@ -82,9 +82,9 @@ int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err) {
     const double apart = hypot(is.c[0] - due.c[0], is.c[1] - due.c[1]);
     if (apart > 1e-9 * model->belt.length) {
       return bd_fail_at(err, BD_ERR_STATE, "travel", t, -1, mount->pulley, apart,
-                        "the axis of pulley %d is %.3g m off its path at t = %g s: begin where "
+                        "the axis of %s is %.3g m off its path at t = %g s: begin where "
                         "the path does, or from a state of a run at that time",
-                        mount->pulley, apart, t);
+                        bd_pulley_label(model, mount->pulley).text, apart, t);
     }
     y[lay->travel + m] = t;
     y[lay->travel_speed + m] = 1.0;
@@ -173,12 +173,13 @@ static int check_room(const bd_plan *plan, double t, int m, bd_error *err) {
     const double apart = hypot(moved->x - other->x, moved->y - other->y);
     const double span = bd_tangent_length(model, j, k, apart);
     if (span == 0.0 || (plan->friction_on && span < bd_joint_reach(model))) {
-      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "mount", t, -1, j, apart,
-                        "pulley %d on its mount has come within %.3g m of pulley %d at t = %.9g s, "
-                        "%s: stops would hold it",
-                        j, fmax(0.0, apart - moved->radius - other->radius), k, t,
-                        span == 0.0 ? "they overlap"
-                                    : "so near that two links could touch both at once");
+      return bd_fail_at(
+          err, BD_ERR_OFF_PULLEY, "mount", t, -1, j, apart,
+          "%s on its mount has come within %.3g m of %s at t = %.9g s, %s: stops "
+          "would hold it",
+          bd_pulley_label(model, j).text, fmax(0.0, apart - moved->radius - other->radius),
+          bd_pulley_label(model, k).text, t,
+          span == 0.0 ? "they overlap" : "so near that two links could touch both at once");
     }
   }
   return BD_OK;

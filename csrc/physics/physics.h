@@ -27,6 +27,7 @@ typedef struct bd_motion_set {
 
 typedef struct bd_torque_set {
   int np;
+  const bd_model *model; /* for the names of its pulleys */
   size_t n_terms, n_breaks;
   bd_torque_term *terms;
   double *breaks;       /* sorted, distinct */
@@ -40,7 +41,8 @@ typedef struct bd_torque_set {
   bd_motion_set motion;
 } bd_torque_set;
 
-void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque);
+void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *model,
+                         const bd_torque *torque);
 int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *err);
 /* t_piece: a time inside the present piece, which decides the side at a jump. BD_OK,
  * BD_ERR_CALLBACK or BD_ERR_TORQUE_VALUE. 0 for pulleys with a prescribed motion. */

@@ -9,7 +9,9 @@
 
 #include "physics/physics.h"
 
-void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd_torque *torque) {
+void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *model,
+                         const bd_torque *torque) {
+  const int np = model->lay.np;
   size_t n_terms = torque ? torque->n_terms : 0, n_breaks = torque ? torque->n_breakpoints : 0;
   BD_CARVE(carver, set->terms, n_terms);
   BD_CARVE(carver, set->part, np);
@@ -44,6 +46,7 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, int np, const bd
   BD_CARVE(carver, set->breaks, n_breaks);
   bd_motion_set_carve(carver, &set->motion, np, torque);
   set->np = np;
+  set->model = model;
   set->n_terms = n_terms;
 }
 
@@ -224,9 +227,9 @@ int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const doubl
   for (int j = 0; j < np; ++j) {
     if (!isfinite(torque[j])) {
       return bd_fail_at(err, BD_ERR_TORQUE_VALUE, "torque", t, -1, j, torque[j],
-                        "the torque on pulley %d is %g at t = %.9g s: the torque function must "
+                        "the torque on %s is %g at t = %.9g s: the torque function must "
                         "return finite values",
-                        j, torque[j], t);
+                        bd_pulley_label(set->model, j).text, torque[j], t);
     }
     if (set->watched) {
       set->low[j] = fmin(set->low[j], torque[j]);

@@ -54,9 +54,9 @@ static void warn_of_ignored_torque(bd_stepper *stepper, double t) {
   const bd_motion_set *motion = &stepper->plan.torques.motion;
   if (motion->ignored > 0) {
     bd_warn(&stepper->report, BD_WARN_torque_ignored, t, -1, motion->ignored - 1,
-            "the torque set on pulley %d, %.4g N m by t = %.6g s, has no effect, for the motion of "
+            "the torque set on %s, %.4g N m by t = %.6g s, has no effect, for the motion of "
             "this pulley is prescribed: set 0, or leave the motion out",
-            motion->ignored - 1, motion->ignored_torque, t);
+            bd_pulley_label(stepper->model, motion->ignored - 1).text, motion->ignored_torque, t);
   }
 }
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The model at one state, without a run: its rate, and its Jacobian by the systems it solves.
+ * The model at one state, without a run: its rate, its outputs, and its Jacobian by the systems it
+ * solves.
  */
 #include <math.h>
 
@@ -45,6 +46,18 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
   if (code == BD_OK) {
     out->t = 1.0;
     export_rate(model, sim->stepper.stage[0], out);
+  }
+  bd_sim_free(sim);
+  return code;
+}
+
+int bd_model_observe(const bd_model *model, const bd_state *state, const bd_output *output,
+                     bd_error *err) {
+  bd_sim *sim = NULL;
+  int code = sim_at_state(&sim, model, state, NULL, "tsit5", err);
+  if (code == BD_OK) {
+    bd_stepper *stepper = &sim->stepper;
+    bd_observe(&stepper->plan, stepper->y, stepper->turns, stepper->plan.torque, 0.0, output, 0);
   }
   bd_sim_free(sim);
   return code;

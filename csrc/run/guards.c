@@ -46,7 +46,8 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
     int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
     if (turns != model->winding[j]) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "contact", t, -1, j, turns,
-                        "the belt no longer runs round pulley %d at t = %.9g s: %s", j, t,
+                        "the belt no longer runs round %s at t = %.9g s: %s",
+                        bd_pulley_label(model, j).text, t,
                         2.0 * model->info.link_length > model->radius[j]
                             ? "its links are too long for this radius, raise belt.n_bodies"
                             : "it has come off, for want of tension, or pushed through by more "
@@ -88,8 +89,8 @@ int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double
     return bd_fail_at(
         err, BD_ERR_STATE, "initial", t, -1, off.pulley, off.value,
         "the initial state does not belong to this drive: its belt does not run round "
-        "pulley %d in the direction of its links",
-        off.pulley);
+        "%s in the direction of its links",
+        bd_pulley_label(plan->model, off.pulley).text);
   }
   return BD_OK;
 }
@@ -213,9 +214,9 @@ static void check_contact(bd_sim *sim) {
     double since = sim->stepper.t - sim->guard.touched[j];
     if (since > 10.0 * bd_round_time(sim->stepper.model)) {
       bd_warn(&sim->stepper.report, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
-              "no link touches pulley %d from t = %.6g s to %.6g s: the belt is slack there, or "
+              "no link touches %s from t = %.6g s to %.6g s: the belt is slack there, or "
               "its links are too long for that pulley (raise belt.n_bodies)",
-              j, sim->guard.touched[j], sim->stepper.t);
+              bd_pulley_label(sim->stepper.model, j).text, sim->guard.touched[j], sim->stepper.t);
     }
   }
 }
@@ -281,7 +282,7 @@ static void check_contact_damping(bd_sim *sim) {
   for (int j = 1; j < model->lay.np; ++j) {
     smallest = fmin(smallest, model->radius[j]);
   }
-  const double pressure = fmax(0.0, model->info.mean_tension) / smallest;
+  const double pressure = fmax(0.0, model->info.strain_tension) / smallest;
   const double stiffness = bd_contact_stiffness(contact->quadratic, contact->linear, pressure);
   const double density = model->belt.linear_density, critical = 2.0 * sqrt(stiffness * density);
   if (!model->along_links || !sim->stepper.method->implicit ||
@@ -359,10 +360,10 @@ static void explain_short_steps(const bd_sim *sim, double mean_step, char *text,
   } else if (*pulley >= 0) {
     snprintf(
         text, size,
-        "the torque function of pulley %d jumps from step to step (a switch, a relay, noise); "
+        "the torque function of %s jumps from step to step (a switch, a relay, noise); "
         "let it change over a range of time or speed, name its jumps in breakpoints, or loosen "
         "rtol",
-        *pulley);
+        bd_pulley_label(sim->stepper.model, *pulley).text);
   } else if (stiff.bound > 3.0 * joints) {
     *pulley = stiff.pulley;
     what = stiff.what;
@@ -408,7 +409,7 @@ int bd_guard_progress(bd_sim *sim) {
   if (sim->options.max_steps > 0 || untried || !(slow || endless)) {
     return BD_OK;
   }
-  char text[256];
+  char text[320];
   int pulley;
   explain_short_steps(sim, gone / (double)since, text, sizeof text, &pulley);
   return bd_fail_at(

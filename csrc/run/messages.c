@@ -7,6 +7,15 @@
 
 #include "run/run.h"
 
+static bd_label place(const bd_sim *sim, int body, int pulley) {
+  if (pulley >= 0) {
+    return bd_pulley_label(sim->stepper.model, pulley);
+  }
+  bd_label link;
+  snprintf(link.text, sizeof link.text, "link %d", body);
+  return link;
+}
+
 /* A fixed step beyond the stability limit shows as links that sank into a pulley or as numbers that
  * are not finite. */
 int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
@@ -17,10 +26,9 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
     name = bd_state_bad(&sim->stepper.model->lay, sim->stepper.y_new, &body, &pulley);
     name = name ? name : "rate";
   }
-  char where[32] = "";
+  char where[128] = "";
   if (body >= 0 || pulley >= 0) {
-    snprintf(where, sizeof where, " of %s %d", body >= 0 ? "link" : "pulley",
-             body >= 0 ? body : pulley);
+    snprintf(where, sizeof where, " of %s", place(sim, body, body >= 0 ? -1 : pulley).text);
   }
   if (sim->settling) {
     return bd_fail_at(&sim->stepper.report.failure, code, name, sim->stepper.t, body, pulley, h,
@@ -50,13 +58,13 @@ int bd_sim_fail_floor(bd_sim *sim, double h) {
   int body = -1, pulley = -1;
   const char *name =
       sim->stepper.now->implicit ? "the state" : bd_erk_worst(&sim->stepper, h, &body, &pulley);
-  char where[48] = "", asked[48] = "";
+  char where[160] = "", asked[48] = "";
   if (!sim->stepper.fixed) {
     snprintf(asked, sizeof asked, " without meeting rtol = %g", sim->stepper.rtol);
   }
   if (!sim->stepper.now->implicit) {
-    snprintf(where, sizeof where, "; the largest error is in %s of %s %d", name,
-             pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body);
+    snprintf(where, sizeof where, "; the largest error is in %s of %s", name,
+             place(sim, body, pulley).text);
   }
   return bd_fail_at(&sim->stepper.report.failure, BD_ERR_STEP_FLOOR, name, sim->stepper.t, body,
                     pulley, h, "the step reached its lower limit, %.3g s, at t = %.9g s%s%s: %s", h,
@@ -74,8 +82,8 @@ int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {
   return bd_fail_at(
       &sim->stepper.report.failure, BD_ERR_FIXED_STEP, name, sim->stepper.t, body, pulley, h,
       "the step of %.3g s after t = %.9g s has an error of %.3g times the stretch of a joint, "
-      "most in %s of %s %d: take a shorter step than %.3g s or an adaptive method",
-      h, sim->stepper.t, error, name, pulley >= 0 ? "pulley" : "link", pulley >= 0 ? pulley : body,
+      "most in %s of %s: take a shorter step than %.3g s or an adaptive method",
+      h, sim->stepper.t, error, name, place(sim, body, pulley).text,
       fmin(0.5 * h, 0.75 * sim->stepper.now->stability /
                         bd_stiffness_of(sim->stepper.model, &sim->stepper.plan.torques).bound));
 }

@@ -39,7 +39,7 @@ void bd_settle_options_default(bd_settle_options *options) {
 /* Critical for the lowest transverse mode of the longest span [1/s]; and that mode's frequency. */
 static double critical_mass_damping(const bd_model *model, double *lowest) {
   double span = fmax(model->longest_span, 0.25 * model->belt.length);
-  *lowest = BD_PI * sqrt(model->info.mean_tension / model->belt.linear_density) / span;
+  *lowest = BD_PI * sqrt(model->info.strain_tension / model->belt.linear_density) / span;
   return 2.0 * *lowest;
 }
 
@@ -153,6 +153,7 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
                    .cy = cy,
                    .radius = model->radius,
                    .side = model->side,
+                   .name = model->name,
                    .wraps = settling->wraps};
   int code = bd_belt_line_lay(&line, err);
   if (code != BD_OK) {
@@ -310,9 +311,9 @@ static int check_laid(bd_sim *sim, bd_error *err) {
     if (!bd_add_contact_energy(&sim->stepper.plan, sim->stepper.y, j, &stored)) {
       return bd_fail_at(
           err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j, model->info.link_length,
-          "no link touches pulley %d: the belt bends round it between two links of "
+          "no link touches %s: the belt bends round it between two links of "
           "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
-          j, model->info.link_length,
+          bd_pulley_label(model, j).text, model->info.link_length,
           ceil(model->belt.length / (model->wraps[j].wrap * model->contact_radius[j])));
     }
   }
@@ -361,7 +362,7 @@ static int check_rest(bd_settling *settling) {
     const double force = sim->stepper.plan.mount_inertia[m] * dy[lay->travel_speed + m];
     worst = fmax(worst, fabs(force) / model->mounts[m].lever);
   }
-  sim->stats.residual = worst / info->mean_tension;
+  sim->stats.residual = worst / info->strain_tension;
   if (!(sim->stats.residual > 0.9 * settling->best)) {
     settling->best = sim->stats.residual;
     settling->best_time = sim->stepper.t;
@@ -369,7 +370,7 @@ static int check_rest(bd_settling *settling) {
   int still = sim->stats.residual <= settling->options.tolerance &&
               fastest <= settling->options.tolerance * info->strain * wave &&
               sim->stepper.t >= sim->stepper.plan.move_time;
-  if (still && !(bd_mean_force(&sim->stepper.plan, y) > 1e-6 * info->mean_tension)) {
+  if (still && !(bd_mean_force(&sim->stepper.plan, y) > 1e-6 * info->strain_tension)) {
     return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, -1, -1,
                       sim->stats.residual,
                       "the belt came to rest without tension: it has slipped off its pulleys, or "

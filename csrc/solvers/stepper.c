@@ -32,7 +32,7 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   }
   bd_plan_carve(carver, &stepper->plan, model);
   bd_torque_functions_carve(carver, &stepper->functions, lay->np);
-  bd_torque_set_carve(carver, &stepper->plan.torques, lay->np, torque);
+  bd_torque_set_carve(carver, &stepper->plan.torques, model, torque);
   stepper->model = model;
   stepper->method = stepper->now = method;
 }

@@ -262,11 +262,12 @@ static void count_jump(bd_stepper *stepper, int j, double change) {
   functions->t_owed = functions->rough_until = stepper->t + functions->rough_for;
   functions->owed = NEARLY * OWED;
   bd_warn(&stepper->report, BD_WARN_rough_torque, stepper->t, -1, j,
-          "the torque function of pulley %d jumps all the time (noise, a relay, a staircase), by "
+          "the torque function of %s jumps all the time (noise, a relay, a staircase), by "
           "%.3g N m round t = %.6g s: steps are not made shorter than %.2g s, worth %.2g rad/s "
           "each; let it change over a range of time or speed, or name its jumps in "
           "breakpoints",
-          j, fabs(change), stepper->t, least, fabs(change) * least / stepper->model->inertia[j]);
+          bd_pulley_label(stepper->model, j).text, fabs(change), stepper->t, least,
+          fabs(change) * least / stepper->model->inertia[j]);
 }
 
 /* The torques of a try into the range of the present stretch, as long as the shortest step; a
@@ -398,10 +399,10 @@ void bd_torque_functions_check_sample(bd_stepper *stepper, double t, double h) {
     double scale = fmax(fabs(stepper->y[lay->omega + j]), 1.0 / stepper->weights[lay->omega + j]);
     if (beyond * h / stepper->model->inertia[j] > 0.02 * scale) {
       bd_warn(&stepper->report, BD_WARN_torque, t, -1, j,
-              "the torque function gives %.4g N m on pulley %d at t = %.9g s, where the step "
+              "the torque function gives %.4g N m on %s at t = %.9g s, where the step "
               "round it saw %.4g to %.4g N m: it changes faster than steps of %.3g s follow; "
               "name the times of its jumps in breakpoints, or take a smaller max_step",
-              torque, j, t, low, high, h);
+              torque, bd_pulley_label(stepper->model, j).text, t, low, high, h);
     }
   }
 }

@@ -4,6 +4,7 @@
  */
 #include <stdlib.h>
 
+#include "base/base.h"
 #include "check.h"
 #include "scene.h"
 
@@ -19,8 +20,8 @@ static void errors_have_names(void) {
   CHECK(strcmp(bd_error_symbol(12345), "unknown") == 0);
 }
 
-static const bd_pulley overlapping_pulleys[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
-                                                {{0.1, 0}, 0.1, 1, {0, 0, 0}, NULL, 0}};
+static const bd_pulley overlapping_pulleys[] = {{.center = {0, 0}, .radius = 0.1, .inertia = 1},
+                                                {.center = {0.1, 0}, .radius = 0.1, .inertia = 1}};
 
 static void refused(const bd_scene *scene, const char *field, int line) {
   bd_model *model = NULL;
@@ -92,9 +93,9 @@ static void bad_scenes_are_refused(void) {
   scene.n_pulleys = 2;
   scene.pulleys = overlapping_pulleys;
   refused(&scene, "pulleys", __LINE__);
-  const bd_pulley inside[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
-                              {{0.5, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
-                              {{0.25, -0.02}, 0.05, 1, {0, 0, 0}, NULL, 0}};
+  const bd_pulley inside[] = {{.center = {0, 0}, .radius = 0.1, .inertia = 1},
+                              {.center = {0.5, 0}, .radius = 0.1, .inertia = 1},
+                              {.center = {0.25, -0.02}, .radius = 0.05, .inertia = 1}};
   scene.n_pulleys = 3;
   scene.pulleys = inside;
   refused(&scene, "pulleys", __LINE__);
@@ -174,6 +175,51 @@ static void each_pulley_has_its_friction(void) {
   }
 }
 
+static void pulleys_have_names(void) {
+  char long_name[BD_MAX_NAME + 2] = {0}, own[] = "idler";
+  bd_pulley pulleys[NP];
+  bd_scene scene = test_scene();
+  bd_model *model;
+  bd_error err;
+  memcpy(pulleys, test_pulleys, sizeof pulleys);
+  memset(long_name, 'x', sizeof long_name - 1);
+  scene.pulleys = pulleys;
+  const char *const bad[] = {"", "a\nb", "a\177", long_name};
+  for (int k = 0; k < 4; ++k) {
+    pulleys[1].name = bad[k];
+    refused(&scene, "pulleys[1].name", __LINE__);
+  }
+  long_name[BD_MAX_NAME] = 0;
+  pulleys[0].name = pulleys[1].name = long_name;
+  refused(&scene, "pulleys[1].name", __LINE__);
+  pulleys[1].name = own;
+  CHECK(bd_model_create(&model, &scene, &err) == BD_OK);
+  own[0] = 'X'; /* names are copied */
+  CHECK(strncmp(bd_pulley_label(model, 0).text, "pulley \"xxx", 11) == 0);
+  CHECK(strlen(bd_pulley_label(model, 0).text) == BD_MAX_NAME + 9);
+  CHECK(strcmp(bd_pulley_label(model, 1).text, "pulley \"idler\"") == 0);
+  CHECK(strcmp(bd_pulley_label(model, 2).text, "pulley 2") == 0);
+  CHECK(strcmp(bd_pulley_label(model, NP).text, "pulley 3") == 0);
+  CHECK(strcmp(bd_pulley_label(model, -1).text, "pulley -1") == 0);
+  bd_model_free(model);
+}
+
+/* What does not fit into a message is cut off between two characters of UTF-8. */
+static void messages_are_cut_between_characters(void) {
+  bd_error err;
+  char text[2 * sizeof err.message];
+  for (size_t k = 0; k < 4; ++k) {
+    memset(text, 'x', k);
+    for (size_t n = k; n + 3 < sizeof text; n += 3) {
+      memcpy(text + n, "\xe3\x83\x9d", 4);
+    }
+    bd_fail(&err, BD_ERR_OPTION, "text", "%s", text);
+    const size_t length = strlen(err.message);
+    CHECK(length % 3 == k % 3 && length > sizeof err.message - 7);
+    CHECK(strncmp(err.message, text, length) == 0);
+  }
+}
+
 static void laws_are_evaluated(void) {
   bd_law_point p;
   bd_error err;
@@ -192,10 +238,10 @@ static void laws_are_evaluated(void) {
 }
 
 static void belt_lines_have_their_lengths(void) {
-  const bd_pulley equal[] = {{{0, 0}, 0.1, 1, {0, 0, 0}, NULL, 0},
-                             {{0.29, 0}, 0.1, 1, {0, 0, 0}, NULL, 0}};
-  const bd_pulley unequal[] = {{{0, 0}, 0.06, 1, {0, 0, 0}, NULL, 0},
-                               {{0.35, 0}, 0.12, 1, {0, 0, 0}, NULL, 0}};
+  const bd_pulley equal[] = {{.center = {0, 0}, .radius = 0.1, .inertia = 1},
+                             {.center = {0.29, 0}, .radius = 0.1, .inertia = 1}};
+  const bd_pulley unequal[] = {{.center = {0, 0}, .radius = 0.06, .inertia = 1},
+                               {.center = {0.35, 0}, .radius = 0.12, .inertia = 1}};
   bd_scene scene = test_scene();
   bd_model *model = NULL;
   bd_info info;
@@ -215,8 +261,8 @@ static void belt_lines_have_their_lengths(void) {
   CHECK(fabs(info.path_length - exact) < 1e-14);
   bd_model_free(model);
   const double apart = hypot(0.35, 0.05), lean = asin((0.06 + 0.1) / apart);
-  const bd_pulley crossed[] = {{{0, 0}, 0.06, 1, {0, 0, 0}, NULL, 0},
-                               {{0.35, 0.05}, 0.1, 1, {0, 0, 0}, NULL, 1}};
+  const bd_pulley crossed[] = {{.center = {0, 0}, .radius = 0.06, .inertia = 1},
+                               {.center = {0.35, 0.05}, .radius = 0.1, .inertia = 1, .outside = 1}};
   bd_wrap wraps[2];
   double length;
   int turns;
@@ -226,7 +272,7 @@ static void belt_lines_have_their_lengths(void) {
   CHECK(fabs(wraps[1].wrap - acos(-1.0) - 2 * lean) < 1e-14);
   CHECK(fabs(wraps[0].span - apart * cos(lean)) < 1e-14);
   CHECK(bd_belt_line(2, overlapping_pulleys, wraps, &length, &turns, NULL) == BD_ERR_GEOMETRY);
-  const bd_pulley single[] = {{{3, 4}, 0.1, 1, {0, 0, 0}, NULL, 0}};
+  const bd_pulley single[] = {{.center = {3, 4}, .radius = 0.1, .inertia = 1}};
   scene.pulleys = single;
   scene.n_pulleys = 1;
   CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
@@ -254,7 +300,7 @@ static void settles_and_runs(void) {
   const bd_torque torque = {.n_terms = 2, .terms = terms, .n_breakpoints = 1, .breakpoints = more};
   enum { SAMPLES = 7 };
   double times[SAMPLES] = {0, 0.3e-3, 0.5e-3, 1e-3, 1e-3, 2.5e-3, 3e-3};
-  static double rows[17][SAMPLES * N];
+  static double rows[24][SAMPLES * N];
   static double energy[SAMPLES * BD_N_ENERGY];
   static int32_t touched[SAMPLES * N];
   bd_output out = {.pulley = touched};
@@ -524,6 +570,7 @@ static const test tests[] = {
     T(settles_and_runs),           T(bad_runs_are_refused),
     T(torque_functions_are_heard), T(rates_leave_no_trace),
     T(prescribed_motions),         T(dahl_in_closed_form),
+    T(pulleys_have_names),         T(messages_are_cut_between_characters),
 };
 
 int main(int argc, char **argv) {

@@ -3,6 +3,7 @@
  * The tables of effects and methods, seen from inside the core: what is off is not there, an effect
  * without derivatives is refused by implicit methods, and methods fit into a stepper.
  */
+#include <math.h>
 #include <stdlib.h>
 
 #include "check.h"
@@ -55,7 +56,7 @@ static void what_is_off_is_not_there(void) {
   CHECK(on->stepper.plan.n_effects == off->stepper.plan.n_effects + 1);
   CHECK(with->drag && on->stepper.newton.at.pulley_damping);
   CHECK(!without->drag && !off->stepper.newton.at.pulley_damping);
-  CHECK(with->lay.n_work == MAX_WORK && without->lay.n_work == W_drag_loss);
+  CHECK(with->lay.n_work == W_drag_loss + 1 && without->lay.n_work == W_drag_loss);
   CHECK(without->lay.work + without->lay.n_work <= (int)without->lay.size);
   CHECK(bytes(without) < bytes(with));
   int terms[BD_N_ENERGY];
@@ -113,6 +114,58 @@ static void friction_costs_what_it_needs(void) {
   }
 }
 
+/* A drive without mounts has no travel in its state, no pass, no scratch and no column of the
+ * ledger for them; contact of the links' centres knows none. */
+static void mounts_cost_what_they_need(void) {
+  static room r;
+  const bd_mount slider = {
+      .kind = BD_MOUNT_SLIDER,
+      .slider = {.mass = 2.0, .stiffness = 4e5, .preload = 200.0, .friction = 10.0},
+      .direction = {1.0, -0.3}};
+  bd_pulley pulleys[NP];
+  memcpy(pulleys, test_pulleys, sizeof pulleys);
+  pulleys[2].mount = &slider;
+  bd_scene scene = test_scene();
+  bd_model *without = NULL, *with = NULL;
+  bd_error err;
+  CHECK(bd_model_create(&without, &scene, NULL) == BD_OK);
+  scene.pulleys = pulleys;
+  const int code = bd_model_create(&with, &scene, &err);
+  if (TEST_MESH != BD_MESH_JOINT) {
+    CHECK(code == BD_ERR_PARAMETER && strcmp(err.field, "pulleys[2].mount") == 0);
+    bd_model_free(without);
+    return;
+  }
+  CHECK(code == BD_OK && bd_model_check_geometry(with, &err) == BD_OK);
+  CHECK(!without->mounts && !without->mount_of && without->lay.nm == 0 && with->lay.nm == 1);
+  CHECK(without->lay.work == without->lay.omega + NP);
+  CHECK(with->lay.work == with->lay.omega + NP + 3 && with->lay.n_work == MAX_WORK);
+  CHECK(bytes(without) < bytes(with));
+  const int own = bd_model_energy_terms(with, NULL) - bd_model_energy_terms(without, NULL);
+  CHECK(own == 3);
+  bd_state state = state_in(&r);
+  double travel[1] = {0.0}, speed[1] = {0.0}, share[1] = {0.0}, rest[1];
+  state.travel = travel;
+  state.travel_speed = speed;
+  state.mount_friction = share;
+  CHECK(settle_into(with, &state, &err) == BD_OK);
+  bd_model_rest(with, rest);
+  CHECK(fabs(rest[0] - travel[0]) < 0.03 * with->info.link_length && speed[0] == 0.0 &&
+        fabs(share[0]) < 1.0);
+  bd_sim *sim = NULL;
+  bd_options options;
+  bd_options_default(&options);
+  options.method = "rodas4";
+  CHECK(bd_sim_create(&sim, with, &state, NULL, 2e-3, &options, &err) == BD_OK);
+  CHECK(has(sim, "axes on mounts") == 1 && has(sim, "mounts: sliders") == 1);
+  CHECK(sim->stepper.plan.hub && sim->stepper.newton.at.mounts);
+  CHECK(bd_sim_advance(sim, 100000, &err) == BD_OK && bd_sim_state(sim, &state) == BD_OK);
+  CHECK(fabs(travel[0] - rest[0]) < 1e-3);
+  bd_sim_free(sim);
+  bd_model_free(with);
+  bd_model_free(without);
+}
+
 static void without_derivatives_refused(void) {
   bd_pulley pulleys[NP];
   bd_model *model = NULL;
@@ -146,6 +199,7 @@ static void methods_have_room(void) {
 static const test tests[] = {
     {"what_is_off_is_not_there", what_is_off_is_not_there},
     {"friction_costs_what_it_needs", friction_costs_what_it_needs},
+    {"mounts_cost_what_they_need", mounts_cost_what_they_need},
     {"without_derivatives_refused", without_derivatives_refused},
     {"methods_have_room", methods_have_room},
 };

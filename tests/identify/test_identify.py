@@ -258,7 +258,7 @@ def test_contact_that_hardly_bends_says_nothing_of_its_curvature(
     share = changed(rig, {"contact.quadratic": 5e10, "contact.linear": 3e6})
     at_rest = bd.Experiment(TORQUE, T_END, options={"ledger": False})
     number = at_rest.number(
-        lambda r: r.span_tension[0].mean(), share.info["mean_tension"], t=[0.0], sigma=1.0
+        lambda r: r.span_tension[0].mean(), share.info["strain_tension"], t=[0.0], sigma=1.0
     )
     found = bd.identify(share, ["contact.linear", "contact.quadratic"], [number])
     [pair] = found.indistinguishable

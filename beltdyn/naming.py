@@ -1,0 +1,158 @@
+"""Names of pulleys: their rule, how they are looked up, and what texts and figures call a pulley.
+
+All here goes by the names of a drive, :attr:`beltdyn.Params.pulley_names`: the name of each pulley,
+or "pulley 3" of one that has none. No pulley can be given such a name, so they all differ.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias, TypeVar
+
+from .checks import close_to, integer, shown
+
+__all__ = [
+    "LONGEST",
+    "ByPulley",
+    "as_name",
+    "by_index",
+    "index_of",
+    "key",
+    "label",
+    "labels",
+    "names_of",
+    "span_name",
+    "with_names",
+]
+
+_T = TypeVar("_T")
+#: Something by pulley, each called by its index or its name.
+ByPulley: TypeAlias = Mapping[int, _T] | Mapping[str, _T] | Mapping[int | str, _T]
+
+#: Of a name [bytes of UTF-8].
+LONGEST = 31
+#: What pulleys are called that have no name, and keys of TOML tables.
+_RESERVED = re.compile(r"(pulley )?[0-9]+")
+
+
+def as_name(value: object) -> str | None:
+    """Check the name of a pulley; None for none.
+
+    Raises:
+        TypeError: Not a str.
+        ValueError: It breaks the rule.
+    """
+    if value is None:
+        return None
+    rule = f"pulley.name must be a printable text of 1 to {LONGEST} bytes of UTF-8"
+    if not isinstance(value, str):
+        raise TypeError(f"{rule}, got {shown(value)}")
+    if not value.isprintable() or not 1 <= len(value.encode()) <= LONGEST:
+        raise ValueError(f"{rule}, got {shown(str(value))}")
+    if value != value.strip():
+        raise ValueError(f"pulley.name must not begin or end with a space, got {value!r}")
+    if _RESERVED.fullmatch(value):
+        raise ValueError(
+            "pulley.name must not be a number, alone or after the word pulley, which stands for "
+            f"pulleys without a name, got {value!r}"
+        )
+    return str(value)
+
+
+def names_of(names: Iterable[str | None]) -> tuple[str, ...]:
+    """Give the names of a drive's pulleys, "pulley 3" of one that has none.
+
+    Raises:
+        ValueError: Two have the same name.
+    """
+    found: list[str] = []
+    for k, name in enumerate(names):
+        if name in found:
+            raise ValueError(
+                f"pulleys[{found.index(name)}].name and pulleys[{k}].name must differ, both are "
+                f'"{name}"'
+            )
+        found.append(_unnamed(k) if name is None else name)
+    return tuple(found)
+
+
+def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
+    """Find a pulley by its name or its index.
+
+    Args:
+        field: What the argument is called in messages.
+        pulley: The name, or the index.
+        names: Of the drive's pulleys.
+
+    Raises:
+        TypeError: Neither a name nor an index.
+        ValueError: There is no such pulley.
+    """
+    if not isinstance(pulley, str) or pulley.isdecimal():
+        return integer(f"{field} index", pulley, 0, len(names) - 1)
+    if pulley not in names:
+        raise ValueError(
+            f"{field}: no pulley is called {shown(str(pulley))}{close_to(pulley, names)}; there "
+            f"are {', '.join(names)}"
+        )
+    return names.index(pulley)
+
+
+def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int, _T]:
+    """Give by index what was given by names or indices of pulleys.
+
+    Raises:
+        TypeError: A key is neither a name nor an index.
+        ValueError: There is no such pulley, or one is there twice.
+    """
+    found: dict[int, _T] = {}
+    for key, value in values.items():
+        index = index_of(field, key, names)
+        if index in found:
+            raise ValueError(f"{field} has {label(index, names)} twice, by name and by index")
+        found[index] = value
+    return found
+
+
+def label(pulley: int | str, names: Sequence[str]) -> str:
+    """Give what texts call a pulley: pulley "crank", or pulley 3 if it has no name.
+
+    It may be given by its name; of an index without a name in ``names`` the name is not known.
+    """
+    if not isinstance(pulley, str):
+        pulley = names[pulley] if 0 <= pulley < len(names) else _unnamed(pulley)
+    return pulley if _RESERVED.fullmatch(pulley) else f'pulley "{pulley}"'
+
+
+def key(pulley: int, names: Sequence[str]) -> str:
+    """Give what a pulley is called in the path of an argument, omega['crank'] or omega[3]."""
+    return repr(names[pulley]) if _is_named(pulley, names) else str(pulley)
+
+
+def labels(one: int, other: int, names: Sequence[str]) -> str:
+    """Give what texts call two pulleys: pulleys 0 and 3, or pulley "crank" and pulley 3."""
+    if _is_named(one, names) or _is_named(other, names):
+        return f"{label(one, names)} and {label(other, names)}"
+    return f"pulleys {one} and {other}"
+
+
+def span_name(span: int, names: Sequence[str], unnamed: str) -> str:
+    """Give what a span is called: "crank to pulley 3", or ``unnamed`` between such pulleys."""
+    after = (span + 1) % len(names)
+    if _is_named(span, names) or _is_named(after, names):
+        return f"{names[span]} to {names[after]}"
+    return unnamed
+
+
+def with_names(values: Iterable[str], names: Iterable[str]) -> str:
+    """List values, each after the name of its pulley."""
+    return ", ".join(f"{name}: {value}" for name, value in zip(names, values, strict=True))
+
+
+def _unnamed(pulley: int) -> str:
+    return f"pulley {pulley}"
+
+
+def _is_named(pulley: int, names: Sequence[str]) -> bool:
+    return names[pulley] != _unnamed(pulley)

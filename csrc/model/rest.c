@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The tension of a belt without load between its fixed axes, at rest or running along itself: that
+ * of the strain of its path (MODEL section 6, "Tension at rest"). The path is the belt line, but
+ * for the depth by which the belt sinks into its pulleys, what a compensated contact begins further
+ * out, and the ends of the wraps, where it neither lies on the circle nor is straight.
+ */
+#include <math.h>
+
+#include "model/model.h"
+
+/* By how much the path is shorter at one end of a wrap than if the belt lay on its circle up to
+ * there, at the depth p under the pull T: a beam of stiffness EI under T, on a foundation c that
+ * only presses, from the wrap, of curvature 1 / R, to the straight span. With x the distance from
+ * where contact begins,
+ *
+ *   in the wrap   p(x) - p: the solution of u'' + S u' + P u = 0, P = sqrt(c / EI),
+ *                 S^2 = T / EI + 2 P, with u(0) = -p and u'(0) = b;
+ *   in the span   the curvature K exp(x / m), m = sqrt(EI / T),
+ *
+ * curvature and shear continuous at x = 0. The belt line leaves its circle at x = R (b - K m). For
+ * EI = 0: 5 / 12 p sqrt(p / R) longer. */
+static double shorter_at_end(double pull, double bending, double radius, double depth) {
+  const double p = depth, R = radius;
+  if (!(bending > 0.0)) {
+    return -5.0 / 12.0 * p * sqrt(p / R);
+  }
+  const double foundation = pull / (R * p), tau = pull / bending, m = 1.0 / sqrt(tau);
+  const double P = sqrt(foundation / bending), S = sqrt(tau + 2.0 * P);
+  const double b = (S * tau / P + (tau / P + 1.0) / m) / (R * (tau + P + S / m));
+  const double K = 1.0 / R + P * p - S * b, leaves = R * (b - K * m);
+  const double first = (b - S * p) / P, squared = 0.5 * (b * b + P * p * p) / S;
+  return (first + p * leaves - leaves * leaves * leaves / (6.0 * R)) / R -
+         0.25 * K * K * m * m * m - 0.5 * squared;
+}
+
+/* How much shorter than the belt line the path is under a tension at a speed. */
+static double shorter(const bd_model *model, double tension, double speed) {
+  const double c1 = model->contact.quadratic, c2 = model->contact.linear;
+  const double EA = model->belt.axial_stiffness, preload = model->info.strain_tension;
+  const double pull =
+      fmax(0.0, tension * (1.0 + tension / EA) - model->belt.linear_density * speed * speed);
+  double sum = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    const double radius = model->radius[j], depth = bd_contact_depth(c1, c2, pull / radius);
+    const double raised = model->contact.compensate
+                              ? bd_contact_depth(c1, c2, preload * (1.0 + preload / EA) / radius)
+                              : 0.0;
+    sum += model->wraps[j].wrap * (depth - raised);
+    if (depth > 0.0) {
+      /* both ends of a wrap must find room on it: bends of a stiffer belt are not described */
+      const double half = 0.5 * model->wraps[j].wrap * radius;
+      const double bending = fmin(model->belt.bending_stiffness, pull * half * half);
+      sum += 2.0 * shorter_at_end(pull, bending, radius, depth);
+    }
+  }
+  return sum;
+}
+
+/* The more tension, the shorter the path: by bisection, from 0 to what twice the strain gives. The
+ * belt is never lifted by more than it would have sunk in. */
+double bd_rest_tension(const bd_model *model, double speed) {
+  const double EA = model->belt.axial_stiffness;
+  const double strain = model->info.strain + model->info.mesh_strain;
+  double low = 0.0, high = EA * strain;
+  while (high < EA * (strain - shorter(model, high, speed) / model->belt.length)) {
+    high *= 2.0;
+  }
+  for (int k = 0; k < 60; ++k) {
+    const double middle = 0.5 * (low + high);
+    if (middle > EA * (strain - shorter(model, middle, speed) / model->belt.length)) {
+      high = middle;
+    } else {
+      low = middle;
+    }
+  }
+  return 0.5 * (low + high);
+}
