@@ -45,7 +45,8 @@ from .identification import (
     Target,
     identify,
 )
-from .motions import Motion
+from .loads import Harmonics, Load, Ramp, SpeedTable, Step
+from .motions import CrankMotion, Motion
 from .mounts import Arm, Path, Slider
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
@@ -69,15 +70,18 @@ __all__ = [
     "Belt",
     "BeltdynWarning",
     "Contact",
+    "CrankMotion",
     "Dahl",
     "Drag",
     "ElasticPlastic",
     "Experiment",
     "Free",
     "Friction",
+    "Harmonics",
     "Identification",
     "IdentificationInterrupted",
     "Interrupted",
+    "Load",
     "LuGre",
     "Motion",
     "Params",
@@ -85,14 +89,17 @@ __all__ = [
     "PiecewiseLinear",
     "Pulley",
     "QuantityError",
+    "Ramp",
     "Result",
     "Route",
     "RunWarning",
     "Scene",
     "SimulationError",
     "Slider",
+    "SpeedTable",
     "State",
     "Stats",
+    "Step",
     "Target",
     "Tensioning",
     "Tensions",

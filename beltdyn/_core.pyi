@@ -36,9 +36,12 @@ def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[
 def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
-#: | ("call", callable)
+#: | ("call", callable) | ("load", pulley, (coulomb, viscous, quadratic), factor)
+#: | ("table", pulley, omega, torque, factor)
+#: | ("harmonics", pulley, of, orders, amplitudes, phases, factor); factor: None or (t, factors)
 TorqueTerm = tuple[Any, ...]
 #: (pulley, "piecewise", t, values) | (pulley, "speed", callable) | (pulley, "angle", callable)
+#: | (pulley, "crank", t, values, orders, amplitudes, phases, (fade_begin, fade_end))
 MotionTerm = tuple[Any, ...]
 #: name of a row of LAWS, its numbers
 FrictionLaw = tuple[str, tuple[float, ...]]

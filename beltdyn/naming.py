@@ -6,16 +6,21 @@ or "pulley 3" of one that has none. No pulley can be given such a name, so they 
 
 from __future__ import annotations
 
+import numbers
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias, TypeVar
+
+import numpy as np
 
 from .checks import close_to, integer, shown
 
 __all__ = [
     "LONGEST",
     "ByPulley",
+    "PulleyLike",
     "as_name",
+    "as_pulley",
     "by_index",
     "index_of",
     "key",
@@ -27,6 +32,8 @@ __all__ = [
 ]
 
 _T = TypeVar("_T")
+#: A pulley, called by its index or its name.
+PulleyLike: TypeAlias = int | str
 #: Something by pulley, each called by its index or its name.
 ByPulley: TypeAlias = Mapping[int, _T] | Mapping[str, _T] | Mapping[int | str, _T]
 
@@ -97,6 +104,20 @@ def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
             f"are {', '.join(names)}"
         )
     return names.index(pulley)
+
+
+def as_pulley(field: str, value: object) -> PulleyLike:
+    """Check what calls a pulley, before its drive is known: an index >= 0, or a name.
+
+    Raises:
+        TypeError: Neither an integer nor a str.
+        ValueError: A negative index.
+    """
+    if isinstance(value, str) and not value.isdecimal():
+        return str(value)
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"{field} must be a pulley's index or its name, got {shown(value)}")
+    return integer(field, value, 0)
 
 
 def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int, _T]:

@@ -102,6 +102,11 @@ class Params:
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
         preload.model_of(scene, self._first_length).check_geometry()
         object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
+        for k, offset in enumerate(self.tensioning.offset):
+            if k in self.mounted and offset != (0.0, 0.0):
+                raise ValueError(
+                    f"tensioning.offset of {self.label(k)} must be (0, 0): its mount moves it"
+                )
 
     @property
     def _first_length(self) -> float:

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from . import toml
-from .checks import integer, positive, shown
+from .checks import positive, shown
 from .friction import Dahl
-from .motions import Motion, MotionLike, as_motions
-from .naming import ByPulley, label
+from .motions import CrankMotion, Motion, MotionLike, as_motions
+from .naming import ByPulley, as_pulley, label
 from .params import Params
 from .parts import Belt, Contact, Pulley
 from .tensioning import Tensioning
@@ -53,7 +53,7 @@ class Scene(NamedTuple):
     def check(self) -> None:
         """Raise TypeError or ValueError unless they fit together."""
         positive("t_end", self.t_end, "s")
-        as_terms(self.torque_fn, len(self.params.pulleys))
+        as_terms(self.torque_fn, self.params.pulley_names)
         as_motions(self.motion, self.params.pulley_names)
 
     def __str__(self) -> str:
@@ -68,9 +68,13 @@ class Scene(NamedTuple):
         """Read a scene: what :meth:`beltdyn.Params.to_toml` gives, t_end, [[torque]], [[motion]].
 
         A complete one; ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a
-        row for each time and a torque for each pulley in it. ``motion = [{ pulley = 0, kind =
-        "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a speed; there and
-        in ``offset`` a pulley that has a ``name`` may be called by it::
+        row for each time and a torque for each pulley in it; with ``pulley``, a number for each
+        time. The other kinds of torque, "speed_table", "load", "harmonics", "step" and "ramp", have
+        the fields of their classes, and a factor over time is a table: ``{ kind = "load", pulley =
+        1, quadratic = 2e-4, factor = { t = [0.2, 0.25], values = [0, 1] } }``. ``motion = [{ pulley
+        = 0, kind = "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a
+        speed, kind "crank" the motion of a :class:`CrankMotion`. In all these and in ``offset`` a
+        pulley that has a ``name`` may be called by it::
 
             t_end = 1.0
             gravity = [0.0, -9.81]
@@ -108,7 +112,7 @@ class Scene(NamedTuple):
 
         Raises:
             TypeError: The torque or a motion is a function; only torque objects can be written, and
-                speeds that are :class:`PiecewiseLinear`.
+                motions that are :class:`CrankMotion` or have a :class:`PiecewiseLinear` speed.
             ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
             OSError: The file cannot be written; a file that was there before is unchanged.
         """
@@ -125,6 +129,9 @@ class Scene(NamedTuple):
         parts = toml.structure(torque, tuple[Torque, ...], "torque")
         params = toml.structure(document, Params)
         scene = cls(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end, motion)
+        for k, part in enumerate(parts):
+            if part.n_pulleys is None:
+                as_terms(part, params.pulley_names, f"torque[{k}]")
         scene.check()
         return scene
 
@@ -151,13 +158,12 @@ class Scene(NamedTuple):
 
 def _motion_table(pulley: int | str, motion: MotionLike) -> dict[str, Any]:
     speed = motion.speed if isinstance(motion, Motion) else motion
-    if not isinstance(speed, PiecewiseLinear):
+    if not isinstance(speed, (PiecewiseLinear, CrankMotion)):
         raise TypeError(
-            f"motion[{pulley!r}] must be a speed that is a PiecewiseLinear to be written as TOML, "
-            f"got {motion!r}"
+            f"motion[{pulley!r}] must be a speed that is a PiecewiseLinear, or a CrankMotion, "
+            f"to be written as TOML, got {motion!r}"
         )
-    values = speed.values[:, 0].tolist()
-    return {"pulley": pulley, **toml.unstructure(speed), "values": values}
+    return {"pulley": pulley, **toml.unstructure(speed)}
 
 
 def _motion_of(tables: object) -> dict[int | str, MotionLike] | None:
@@ -171,12 +177,10 @@ def _motion_of(tables: object) -> dict[int | str, MotionLike] | None:
         if "pulley" not in table:
             raise ValueError(f"{path}.pulley: missing")
         fields = dict(table)
-        pulley = fields.pop("pulley")
-        if not isinstance(pulley, str):
-            pulley = integer(f"{path}.pulley", pulley, 0)
+        pulley = as_pulley(f"{path}.pulley", fields.pop("pulley"))
         if pulley in found:
             raise ValueError(f"{path}.pulley: {label(pulley, ())} has a motion already")
-        found[pulley] = toml.structure(fields, Torque, path)
+        found[pulley] = toml.structure(fields, toml.FileMotion, path)
     return found or None
 
 

@@ -19,7 +19,7 @@ from .checks import Array, flag, integer, one_of, positive, real, real_array, sa
 from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
 from .histories import Stats
-from .motions import Motion, MotionLike, as_motions, first_speeds, motion_terms
+from .motions import CrankMotion, Motion, MotionLike, as_motions, first_speeds, motion_terms
 from .naming import ByPulley
 from .params import Params
 from .result import Result
@@ -90,7 +90,9 @@ def simulate(
         params: The drive.
         torque_fn: The set torques M_d of (2.12), one per pulley [N m], counter-clockwise positive:
             a Python callable ``f(t, theta, omega)`` that returns n_p values, torque objects
-            (:class:`PiecewiseLinear`, :class:`Viscous`, sums), or a compiled function
+            (:class:`PiecewiseLinear` and :class:`Viscous` for all pulleys; for single ones
+            :class:`SpeedTable`, :class:`Load`, :class:`Harmonics`, :class:`Step`, :class:`Ramp`;
+            their sums), or a compiled function
             ``void f(double t, const double *theta, const double *omega, double *torque, void *)``
             from Numba's ``cfunc``, ctypes, cffi or SciPy's ``LowLevelCallable``. A Python function
             makes a run take twice as long if it computes with plain floats, six times as long if
@@ -98,7 +100,8 @@ def simulate(
         t_end: End of the run [s], after ``initial.t``.
         motion: Prescribed motions by pulley, its index or name, ``{0: PiecewiseLinear(t, omega)}``:
             a :class:`PiecewiseLinear` of one value per time, or a function of time, gives the speed
-            [rad/s], a :class:`beltdyn.Motion` the speed or the angle. Speeds must not jump. The
+            [rad/s], a :class:`beltdyn.Motion` the speed or the angle, a :class:`CrankMotion` a
+            mean speed with harmonics. Speeds must not jump. The
             torque that a motion needs is in ``result.pulleys.torque``, its work in
             ``energy.drive``; torques set on such a pulley have no effect. While a motion is given
             by a function, steps are no longer than ``torque_interval``.
@@ -266,7 +269,7 @@ def _simulate(
         "torque_interval": positive("torque_interval", torque_interval, "s"),
         "breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1)),
     }
-    terms = as_terms(torque_fn, len(params.pulleys))
+    terms = as_terms(torque_fn, params.pulley_names)
     motions = as_motions(motion, params.pulley_names)
     needed = memory.check_samples(
         times.size,
@@ -458,7 +461,9 @@ def _first_after(start: float, options: Mapping[str, Any], end: float) -> float:
     return min(end, float(later[0])) if later.size else end
 
 
-def _set_going(params: Params, rest: State, motions: Mapping[int, Motion], until: float) -> State:
+def _set_going(
+    params: Params, rest: State, motions: Mapping[int, Motion | CrankMotion], until: float
+) -> State:
     """Give the state from which motions begin that may not begin at rest."""
     with _nothing_computed(params):
         speeds = first_speeds(motions, rest.t, until, params.pulley_names)

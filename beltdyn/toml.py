@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast, get_args, get_origin
+from typing import Any, TypeAlias, TypeVar, cast, get_args, get_origin
 
 import attrs
 import numpy as np
@@ -21,22 +21,51 @@ import numpy as np
 from . import files
 from .checks import Array, close_to, shown
 from .friction import LAWS, Friction
+from .loads import Harmonics, Load, Ramp, SpeedTable, Step
+from .motions import CrankMotion
 from .mounts import Arm, Mount, Slider, Stops
 from .mounts import Path as AxisPath
+from .naming import PulleyLike
 from .tensioning import Offsets
 from .torques import PiecewiseLinear, Torque, Viscous
 
-__all__ = ["SCENE_ONLY", "read", "structure", "unstructure", "write"]
+__all__ = ["SCENE_ONLY", "FileMotion", "read", "structure", "unstructure", "write"]
 
 _T = TypeVar("_T")
 
-_TORQUES: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "viscous": Viscous}
+_TORQUES: dict[str, type] = {
+    "piecewise_linear": PiecewiseLinear,
+    "viscous": Viscous,
+    "load": Load,
+    "speed_table": SpeedTable,
+    "harmonics": Harmonics,
+    "step": Step,
+    "ramp": Ramp,
+}
+_MOTIONS: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "crank": CrankMotion}
 _MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
-_KIND_OF = {cls: kind for kinds in (LAWS, _TORQUES, _MOUNTS) for kind, cls in kinds.items()}
+_KIND_OF = {
+    cls: kind for kinds in (LAWS, _TORQUES, _MOTIONS, _MOUNTS) for kind, cls in kinds.items()
+}
+#: What a motion can be in a file.
+FileMotion: TypeAlias = PiecewiseLinear | CrankMotion
 #: Fields of a scene besides the tables of its drive.
 SCENE_ONLY = ("t_end", "torque")
 
 Source = str | os.PathLike[str]
+
+
+_PLAIN = (
+    Array,
+    tuple[float, float],
+    tuple[float, float] | None,
+    Offsets,
+    Stops,
+    float | None,
+    bool | None,
+    PulleyLike,
+    PulleyLike | None,
+)
 
 
 def _table(value: Any) -> dict[str, Any]:
@@ -82,9 +111,7 @@ def _converter() -> Any:
     for kind in (bool, float, int, str):
         converter.register_structure_hook(kind, lambda value, _kind: value)
     converter.register_structure_hook_func(
-        lambda kind: (
-            kind in (Array, tuple[float, float], Offsets, Stops, float | None, bool | None)
-        ),
+        lambda kind: kind in _PLAIN,
         lambda value, _kind: value,
     )
     converter.register_structure_hook_factory(attrs.has, table_of)
@@ -96,8 +123,23 @@ def _converter() -> Any:
         lambda kind: kind == (Mount | None), by_kind(_MOUNTS, None)
     )
     converter.register_structure_hook_func(lambda kind: kind is Torque, by_kind(_TORQUES, None))
+    converter.register_structure_hook_func(lambda kind: kind == FileMotion, by_kind(_MOTIONS, None))
+    # Also a field of others, which may take a number in its place, or refuse it.
+    of_table = table_of(PiecewiseLinear)
+    converter.register_structure_hook_func(
+        lambda kind: kind is PiecewiseLinear,
+        lambda value, kind: of_table(value, kind) if isinstance(value, dict) else value,
+    )
     converter.register_unstructure_hook_func(lambda kind: kind == Array, np.ndarray.tolist)
+    converter.register_unstructure_hook(PiecewiseLinear, _history_table)
     return converter
+
+
+def _history_table(value: PiecewiseLinear) -> dict[str, Any]:
+    one = value.values.shape[1] == 1
+    pulley = {} if value.pulley is None else {"pulley": value.pulley}
+    values = value.values[:, 0] if one else value.values
+    return {"t": value.t.tolist(), "values": values.tolist(), **pulley}
 
 
 def _join(path: str, field: str) -> str:
@@ -186,10 +228,12 @@ def read(source: Source, build: Callable[[dict[str, Any]], _T]) -> _T:
 
 
 def unstructure(value: Any) -> Any:
-    """Turn an object of these classes into plain tables; a torque with its kind."""
+    """Turn an object of these classes into plain tables; a torque or motion with its kind."""
     document = _converter().unstructure(value)
     kind = _KIND_OF.get(type(value))
-    return document if kind is None else {"kind": kind, **document}
+    if kind is None:
+        return document
+    return {"kind": kind, **{name: item for name, item in document.items() if item is not None}}
 
 
 def write(document: dict[str, Any], path: Source | None) -> str:

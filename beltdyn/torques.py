@@ -16,8 +16,18 @@ from numpy.typing import ArrayLike
 
 from . import _core
 from .checks import Array, real_array, refuse_masked
+from .naming import PulleyLike, as_pulley, index_of, label, names_of
 
-__all__ = ["PiecewiseLinear", "Torque", "TorqueLike", "TorqueSum", "Viscous", "as_terms"]
+__all__ = [
+    "PiecewiseLinear",
+    "Torque",
+    "TorqueLike",
+    "TorqueSum",
+    "Viscous",
+    "as_terms",
+    "index_alone",
+    "on_pulley",
+]
 
 #: A torque object, ``f(t, theta, omega) -> n_p values``, or a compiled C function.
 TorqueLike: TypeAlias = "Torque | Callable[[float, Array, Array], ArrayLike] | Any"
@@ -29,18 +39,44 @@ _SIGNATURE = "void f(double t, double *theta, double *omega, double *torque, voi
 class Torque:
     """Base class of the torques that the C core evaluates itself; ``+`` adds them.
 
-    They can also be called like any torque function, and then give the numbers of the core.
+    They can also be called like any torque function, and then give the numbers of the core; loads,
+    whose sign turns smoothly with the speed in the core, but for speeds round 0.
     """
 
     __slots__ = ()
 
     @property
-    def n_pulleys(self) -> int:
-        """Number of pulleys it acts on, n_p."""
+    def n_pulleys(self) -> int | None:
+        """Number of pulleys it is for, n_p; None: it acts on a pulley that it names."""
         raise NotImplementedError
 
-    def terms(self) -> list[_core.TorqueTerm]:
-        """Give the terms the C core evaluates."""
+    def terms(self, pulleys: Sequence[str] | None = None) -> list[_core.TorqueTerm]:
+        """Give the terms the C core evaluates.
+
+        Args:
+            pulleys: ``Params.pulley_names`` of the drive. May be left out if ``n_pulleys`` is
+                known; none of the pulleys has a name then.
+
+        Raises:
+            TypeError: They are needed.
+            ValueError: The torque is for another number of pulleys, or names one that is not there.
+        """
+        if pulleys is None:
+            if self.n_pulleys is None:
+                raise TypeError("terms() needs the pulleys' names where n_pulleys is None")
+            pulleys = names_of([None] * self.n_pulleys)
+        return self._terms(pulleys, "torque_fn")
+
+    def _terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        """Give the terms; messages call the torque ``path``."""
+        if self.n_pulleys is not None and self.n_pulleys != len(pulleys):
+            raise ValueError(
+                f"{path} must give one torque for each of the {len(pulleys)} pulley(s), "
+                f"got a torque for {self.n_pulleys}"
+            )
+        return self._core_terms(pulleys, path)
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         raise NotImplementedError
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
@@ -85,19 +121,46 @@ def _values(value: ArrayLike) -> Array:
     return real_array("PiecewiseLinear.values", value, ndim=1)[:, None]
 
 
+def _pulley_or_none(value: object) -> PulleyLike | None:
+    return None if value is None else as_pulley("PiecewiseLinear.pulley", value)
+
+
+def index_alone(name: str, pulley: object, n_pulleys: int) -> int:
+    """Give the index of a pulley where there is no drive to look for a name in.
+
+    Raises:
+        ValueError: It is given by name, or is not there.
+    """
+    if isinstance(pulley, str):
+        raise ValueError(
+            f"{name} is the name {pulley!r}: give an index to evaluate the torque without a drive"
+        )
+    return index_of(name, pulley, names_of([None] * n_pulleys))
+
+
+def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
+    """Give a torque on one pulley as torques on all, (..., n_p)."""
+    out = np.zeros((*np.shape(torque), n_pulleys))
+    out[..., index] = torque
+    return out
+
+
 @attrs.frozen(repr=False)
 class PiecewiseLinear(Torque):
     """Values given at times, linear between them, constant before the first and after the last.
 
-    Torques, or, for one pulley, the speed of a prescribed motion (:func:`beltdyn.simulate`).
+    Torques; or, for one pulley, the speed of a prescribed motion (:func:`beltdyn.simulate`), or the
+    factor over time of a load.
 
     The paper's driving torque of case 1 on two pulleys: ``PiecewiseLinear([0, 0.3],
-    [[0, 0], [-100, 0]])``.
+    [[0, 0], [-100, 0]])``, or ``PiecewiseLinear([0, 0.3], [0, -100], pulley=0)``.
 
     Attributes:
         t: Times (n_t,) [s], non-decreasing; a time given twice is a jump.
-        values: Torques (n_t, n_p) [N m], or speeds (n_t, 1) [rad/s]. For one pulley they may be
-            given as (n_t,).
+        values: Torques (n_t, n_p) [N m], or speeds (n_t, 1) [rad/s], or factors (n_t, 1). Of one
+            column they may be given as (n_t,).
+        pulley: Index or name of the pulley that ``values``, then of one column, are for; None: they
+            are for all pulleys of the drive.
 
     Raises:
         TypeError: Not real numbers.
@@ -106,6 +169,7 @@ class PiecewiseLinear(Torque):
 
     t: Array = attrs.field(converter=_times, eq=_EQUAL)
     values: Array = attrs.field(converter=_values, eq=_EQUAL)
+    pulley: PulleyLike | None = attrs.field(default=None, converter=_pulley_or_none)
 
     @values.validator
     def _check_values(self, _field: attrs.Attribute[Array], values: Array) -> None:
@@ -115,17 +179,37 @@ class PiecewiseLinear(Torque):
                 f"({self.t.size}, n_p), got {values.shape}"
             )
 
-    @property
-    def n_pulleys(self) -> int:
-        """Number of pulleys, the columns of ``values``."""
-        return int(self.values.shape[1])
+    @pulley.validator
+    def _check_pulley(
+        self, _field: attrs.Attribute[PulleyLike | None], pulley: PulleyLike | None
+    ) -> None:
+        if pulley is not None and self.values.shape[1] != 1:
+            raise ValueError(
+                "PiecewiseLinear.values must have one column where the pulley is given, "
+                f"got shape {self.values.shape}"
+            )
 
-    def terms(self) -> list[_core.TorqueTerm]:
-        """Give its one term."""
-        return [("piecewise", self.t, self.values)]
+    @property
+    def n_pulleys(self) -> int | None:
+        """Number of pulleys, the columns of ``values``; None: it acts on ``pulley``."""
+        return int(self.values.shape[1]) if self.pulley is None else None
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        if self.pulley is None:
+            return [("piecewise", self.t, self.values)]
+        index = index_of(f"{path}.pulley", self.pulley, pulleys)
+        return [("piecewise", self.t, on_pulley(index, self.values[:, 0], len(pulleys)))]
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
         """Interpolate; at a jump the value after it."""
+        value = self.at(t)
+        if self.pulley is None:
+            return value
+        n = np.size(omega)
+        return on_pulley(index_alone("PiecewiseLinear.pulley", self.pulley, n), value[0], n)
+
+    def at(self, t: float) -> Array:
+        """Interpolate the rows of ``values``; at a jump the row after it."""
         k = int(np.searchsorted(self.t, t, side="right"))
         if k == 0 or k == self.t.size:
             return np.array(self.values[max(k - 1, 0)])
@@ -134,15 +218,17 @@ class PiecewiseLinear(Torque):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that a copy is checked and immutable as well.
-        return type(self), (self.t, self.values)
+        return type(self), (self.t, self.values, self.pulley)
 
     def __repr__(self) -> str:
-        return f"PiecewiseLinear(t={self.t.tolist()}, values={self.values.tolist()})"
+        pulley = "" if self.pulley is None else f", pulley={self.pulley!r}"
+        return f"PiecewiseLinear(t={self.t.tolist()}, values={self.values.tolist()}{pulley})"
 
     def __str__(self) -> str:
+        where = f"{self.n_pulleys} pulley(s)" if self.pulley is None else label(self.pulley, ())
         return (
             f"piecewise linear, {self.t.size} time(s) from {self.t[0]:g} to {self.t[-1]:g} s, "
-            f"{self.n_pulleys} pulley(s), {self.values.min():g} to {self.values.max():g} N m"
+            f"{where}, {self.values.min():g} to {self.values.max():g} N m"
         )
 
 
@@ -172,8 +258,7 @@ class Viscous(Torque):
         """Number of pulleys, the length of ``coefficients``."""
         return self.coefficients.size
 
-    def terms(self) -> list[_core.TorqueTerm]:
-        """Give its one term."""
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         return [("viscous", self.coefficients)]
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
@@ -199,12 +284,17 @@ def _summands(value: Sequence[Torque]) -> tuple[Torque, ...]:
     for k, part in enumerate(parts):
         if not isinstance(part, Torque):
             raise TypeError(f"torque[{k}] must be a torque object, got {part!r}")
-        if part.n_pulleys != parts[0].n_pulleys:
+        first = _number_of(parts[:k])
+        if first is not None and part.n_pulleys not in (None, first):
             raise ValueError(
-                f"torque[{k}] must be for {parts[0].n_pulleys} pulley(s) like the first, "
+                f"torque[{k}] must be for {first} pulley(s) like the first, "
                 f"got one for {part.n_pulleys}"
             )
     return parts
+
+
+def _number_of(parts: Sequence[Torque]) -> int | None:
+    return next((part.n_pulleys for part in parts if part.n_pulleys is not None), None)
 
 
 @attrs.frozen(repr=False)
@@ -212,7 +302,7 @@ class TorqueSum(Torque):
     """A sum of torque objects, as ``+`` makes it.
 
     Attributes:
-        parts: The summands, all for the same number of pulleys.
+        parts: The summands; those that are not for single pulleys are for the same number of them.
 
     Raises:
         TypeError, ValueError: A summand is not a torque object, or has another number of pulleys.
@@ -221,13 +311,16 @@ class TorqueSum(Torque):
     parts: tuple[Torque, ...] = attrs.field(converter=_summands)
 
     @property
-    def n_pulleys(self) -> int:
-        """Number of pulleys of every part."""
-        return self.parts[0].n_pulleys
+    def n_pulleys(self) -> int | None:
+        """Number of pulleys of the parts that are for all; None: all name single pulleys."""
+        return _number_of(self.parts)
 
-    def terms(self) -> list[_core.TorqueTerm]:
-        """Give the terms of all parts."""
-        return [term for part in self.parts for term in part.terms()]
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        return [
+            term
+            for k, part in enumerate(self.parts)
+            for term in part._terms(pulleys, f"{path}[{k}]")
+        ]
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
         """Add up the parts."""
@@ -240,7 +333,9 @@ class TorqueSum(Torque):
         return "\n+ ".join(map(str, self.parts))
 
 
-def as_terms(torque_fn: TorqueLike, n_pulleys: int) -> list[_core.TorqueTerm]:
+def as_terms(
+    torque_fn: TorqueLike, pulleys: Sequence[str], path: str = "torque_fn"
+) -> list[_core.TorqueTerm]:
     """Turn anything a user may pass as torque into terms for the C core.
 
     Compiled functions are passed as addresses: the caller must keep ``torque_fn`` alive.
@@ -250,19 +345,15 @@ def as_terms(torque_fn: TorqueLike, n_pulleys: int) -> list[_core.TorqueTerm]:
             ``LowLevelCallable``) ``void f(double t, const double *theta, const double *omega,
             double *torque, void *user)``; or a Python callable ``f(t, theta, omega)`` returning
             n_p values.
-        n_pulleys: Number of pulleys, n_p.
+        pulleys: ``Params.pulley_names`` of the drive, n_p of them.
+        path: What messages call a torque object.
 
     Raises:
         TypeError: None of these, or a compiled function with another signature.
-        ValueError: A torque object for another number of pulleys.
+        ValueError: A torque object for another number of pulleys, or on one that is not there.
     """
     if isinstance(torque_fn, Torque):
-        if torque_fn.n_pulleys != n_pulleys:
-            raise ValueError(
-                f"torque_fn must give one torque for each of the {n_pulleys} pulley(s), "
-                f"got a torque for {torque_fn.n_pulleys}"
-            )
-        return torque_fn.terms()
+        return torque_fn._terms(pulleys, path)
     compiled = _compiled(torque_fn)
     if compiled is not None:
         return [("function", *compiled)]

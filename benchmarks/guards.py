@@ -25,7 +25,7 @@ SETTINGS = (("auto", 1e-4), ("rodas4", 1e-3), ("lbdf2", 1e-2))
 
 
 def core_seconds(scene: bd.Scene, state: Any, t_end: float, **options: Any) -> tuple[float, Any]:
-    terms = as_terms(scene.torque_fn, len(scene.params.pulleys))
+    terms = as_terms(scene.torque_fn, scene.params.pulley_names)
     run = _core.Simulation(scene.params._model, state, terms, t_end, **options)
     run.sample(np.linspace(0.0, t_end, 1001))
     begun = time.thread_time()

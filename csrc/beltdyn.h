@@ -258,11 +258,32 @@ typedef void (*bd_torque_function)(double t, const double *theta, const double *
 typedef int (*bd_torque_call)(double t, const double *theta, const double *omega, double *torque,
                               void *user);
 
-enum { BD_TORQUE_PIECEWISE, BD_TORQUE_VISCOUS, BD_TORQUE_FUNCTION, BD_TORQUE_CALL };
+/* The sum of amplitudes[k] cos(orders[k] angle + phases[k]), n of them; orders > 0. */
+typedef struct bd_harmonics {
+  size_t n;
+  const double *orders, *amplitudes, *phases;
+} bd_harmonics;
+
+enum {
+  BD_TORQUE_PIECEWISE,
+  BD_TORQUE_VISCOUS,
+  BD_TORQUE_FUNCTION,
+  BD_TORQUE_CALL,
+  BD_TORQUE_LOAD,
+  BD_TORQUE_TABLE,
+  BD_TORQUE_HARMONICS
+};
 
 /* One term; terms add up. PIECEWISE: linear between the times t (n_t, non-decreasing; a time given
  * twice is a jump), values (n_t, n_p) row-major, constant outside. VISCOUS: -coefficients[j] *
- * omega[j]. Arrays are copied when the simulation is made. */
+ * omega[j].
+ *
+ * The others are torques on one pulley, times a factor over time, `values` (n_t) at t as above, or
+ * 1 if n_t is 0. LOAD: `against` its rotation. TABLE: against its rotation too, `torque` over the
+ * magnitude `omega` of its speed (n_points, increasing, >= 0), linear between its points, constant
+ * outside. HARMONICS: over the angle of pulley `of`. Signs of speeds are smooth (MODEL section 5).
+ *
+ * Arrays are copied when the simulation is made. */
 typedef struct bd_torque_term {
   int kind;
   size_t n_t;
@@ -271,6 +292,11 @@ typedef struct bd_torque_term {
   bd_torque_function function;
   bd_torque_call call;
   void *user;
+  int pulley, of;
+  bd_drag against;
+  size_t n_points;
+  const double *omega, *torque; /* [rad/s], [N m], both >= 0 */
+  bd_harmonics harmonics;       /* amplitudes [N m] */
 } bd_torque_term;
 
 /* Value of a motion at a time; non-zero stops the run: BD_ERR_CALLBACK. A function of time alone:
@@ -283,11 +309,17 @@ enum { BD_MOTION_PIECEWISE, BD_MOTION_SPEED, BD_MOTION_ANGLE };
 /* Prescribed motion of a pulley, at most one each (MODEL section 5). PIECEWISE: its speed, linear
  * between the times t (n_t, increasing), constant outside. SPEED, ANGLE: its speed, or its angle
  * but for a constant, by calls. A speed must be continuous, and at the start that of the initial
- * state. Where a function kinks is to be named in the breakpoints. */
+ * state. Where a function kinks is to be named in the breakpoints.
+ *
+ * With harmonics, the speed of PIECEWISE is the mean one, and the angle that follows from it, 0 at
+ * t[0], fluctuates by them; they fade in between the times fade[0] and fade[1], and are there from
+ * the beginning if these are the same. */
 typedef struct bd_motion {
   int pulley, kind;
   size_t n_t;
   const double *t, *values; /* [s], [rad/s]; copied */
+  bd_harmonics harmonics;   /* amplitudes [rad]; copied */
+  double fade[2];           /* [s] */
   bd_motion_call call;
   void *user;
 } bd_motion;

@@ -232,7 +232,7 @@ def test_settling_has_an_end() -> None:
         ({"method": "lbdf2", "step": 1e-12}, "step = 1e-12 s"),
         (
             {"method": "tsit5", "torque_fn": bd.Viscous([0.0, 1e7])},
-            "a load with a very large viscous coefficient",
+            "a load whose torque rises very steeply with its speed",
         ),
     ],
 )

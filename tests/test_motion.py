@@ -461,6 +461,7 @@ def test_bad_speeds_of_a_state(
         ({-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
         ({"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),
         ({True: RAMP}, TypeError, "motion index must be an integer"),
+        ({0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
         ({0: None}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
         ({0: -50.0}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
         ({0: FREE}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
@@ -506,8 +507,19 @@ def test_one_value_per_time_is_for_one_pulley(params: bd.Params) -> None:
     ("motion", "error", "message"),
     [
         (3, TypeError, "motion must be a sequence of tuples, got int"),
-        ([3], ValueError, r"motion[0] must be (pulley, 'piecewise', t, values), (pulley, 'speed', "
-         "call) or (pulley, 'angle', call), got 3"),
+        ([3], ValueError,
+         "motion[0] must be (pulley, 'piecewise', t, values), (pulley, 'crank', t, values, orders, "
+         "amplitudes, phases, fade), (pulley, 'speed', call) or (pulley, 'angle', call), got 3"),
+        ([(0, "crank", [0.0], [1.0])], ValueError,
+         "motion[0] must be (pulley, 'piecewise', t, values), (pulley, 'crank', t, values, orders, "
+         "amplitudes, phases, fade), (pulley, 'speed', call) or (pulley, 'angle', call), got "
+         "(0, 'crank', [0.0], [1.0])"),
+        ([(0, "crank", [0.0], [0.0], [1.0, 2.0], [0.1], [0.0, 0.0], (0, 0))], ValueError,
+         "motion[0] amplitudes must have shape (2,), got (1,)"),
+        ([(0, "crank", [0.0], [0.0], [-1.0], [0.1], [0.0], (0, 0))], ValueError,
+         "motion 0: orders must be finite and > 0, orders[0] is -1"),
+        ([(0, "crank", [0.0], [0.0], [1.0], [0.1], [0.0], (1, 0))], ValueError,
+         "motion 0: fade must be two finite times, the end not before the beginning; got 1 and 0"),
         ([(0, "speed", 3)], TypeError, "motion[0] must hold a callable, got int"),
         ([("a", "speed", wave)], TypeError, "motion[0] pulley must be an integer, got str"),
         ([(2, "speed", wave)], ValueError,
@@ -591,6 +603,9 @@ MOTIONS: dict[str, list[tuple[Any, ...]]] = {
     "piecewise": [(0, "piecewise", [0.0, 0.004, 0.012], [0.0, -4.0, -20.0])],
     "speed": [(0, "speed", wave)],
     "angle and speed": [(1, "angle", wave_angle), (0, "speed", wave)],
+    "crank": [
+        (0, "crank", [0.0, 0.015], [0.0, -20.0], [2.0, 3.5], [0.01, 2e-3], [0.3, 1.0], (2e-3, 9e-3))
+    ],
 }
 
 
@@ -626,6 +641,15 @@ def test_a_run_goes_on_from_its_record(kind: str, method: str, model: Any, rest:
     )  # fmt: skip
     with pytest.raises(ValueError, match="the record is of another run"):
         other.import_record(stopped.export_record())
+    if kind == "crank":
+        crank = MOTIONS[kind][0]
+        for at, value in ((4, [2.0, 3.6]), (5, [0.01, 3e-3]), (6, [0.3, 1.1]), (7, (2e-3, 8e-3))):
+            changed = (*crank[:at], value, *crank[at + 1 :])
+            other = _core.Simulation(
+                model, rest, [("viscous", [0.0, 1.0])], T_END, method=method, motion=[changed]
+            )
+            with pytest.raises(ValueError, match="the record is of another run"):
+                other.import_record(stopped.export_record())
 
 
 def test_a_twin_follows_the_motion(model: Any) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,13 @@ def relay(_t: float, _theta: Any, omega: Any) -> list[float]:
 
 
 FUNCTIONS = {"driven": driven, "relay": relay}
+#: One of each load, with factors that jump and that change.
+LOADS: list[tuple[Any, ...]] = [
+    TORQUE[0],
+    ("load", 1, [0.5, 0.02, 1e-3], ([0.0, 0.01], [0.5, 1.0])),
+    ("table", 1, [1.0, 3.0, 30.0], [0.5, 2.0, 3.0], ([0.005, 0.005], [0.0, 1.0])),
+    ("harmonics", 0, 1, [2.0, 3.5], [3.0, 1.0], [0.0, 0.7], None),
+]
 MIXED = [EXAMPLES[name]._to_core() for name in ("lugre", "elastic_plastic")]
 #: Changes of the model, kind of torque, t_end: lightly damped, so that a twin runs from early on;
 #: two pulleys that stick; torque functions.
@@ -57,9 +65,22 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     "joints": ({"mesh": "joint"}, "terms", 0.02),
     "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1)}, "terms", 0.02),
     "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
+    "loads": ({}, "loads", 0.02),
     "function": ({}, "driven", 0.012),
     "relay": ({}, "relay", 0.006),
 }
+
+
+def changed_loads() -> Iterator[list[tuple[Any, ...]]]:
+    """The loads with one number changed, in every field."""
+    for at, place, value in [
+        (1, 1, 0), (1, 2, [0.5, 0.02, 2e-3]), (1, 3, ([0.0, 0.01], [0.5, 0.9])),
+        (2, 2, [1.0, 3.0, 31.0]), (2, 3, [0.5, 2.0, 3.1]), (3, 2, 0), (3, 4, [3.0, 1.1]),
+        (3, 5, [0.0, 0.8]),
+    ]:  # fmt: skip
+        term = list(LOADS[at])
+        term[place] = value
+        yield [*LOADS[:at], tuple(term), *LOADS[at + 1 :]]
 
 
 def fnv(data: bytes | bytearray) -> int:
@@ -76,7 +97,7 @@ def model_of(drive: str) -> Any:
 
 def make(drive: str, state: dict[str, Any], options: dict[str, Any]) -> tuple[Any, Any]:
     _, kind, t_end = DRIVES[drive]
-    torque = TORQUE if kind == "terms" else [("call", FUNCTIONS[kind])]
+    torque = {"terms": TORQUE, "loads": LOADS}.get(kind) or [("call", FUNCTIONS[kind])]
     simulation = _core.Simulation(model_of(drive), state, torque, t_end, **options)
     return simulation, simulation.sample(np.linspace(0.0, t_end, N_T))
 
@@ -158,6 +179,11 @@ def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None
         drags[1].import_record(drags[0].export_record())
     fresh = new()
     untouched = pickle.dumps(fresh.state())
+    for other_loads in changed_loads():
+        simulations = [_core.Simulation(model_of("loads"), state, terms, 0.02)
+                       for terms in (LOADS, other_loads)]  # fmt: skip
+        with refused(ValueError, other + "made with"):
+            simulations[1].import_record(simulations[0].export_record())
     others = (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag"), new("joints"),
               new("compensated"))  # fmt: skip
     for one in others:

@@ -152,7 +152,7 @@ def test_text_is_readable() -> None:
         ("linear = 2.5e7", "compensate = 1", "contact.compensate must be a bool, got 1"),
         ("t_end = 0.5\n", "", "t_end: missing"),
         ("coefficients = [0, 16]", "", "torque[1].coefficients: missing"),
-        ('kind = "viscous"\n', "", "torque[1].kind must be one of piecewise_linear, viscous, got"),
+        ('kind = "viscous"\n', "", "torque[1].kind must be one of piecewise_linear, viscous, "),
         (
             "mu_k = 1",
             'kind = "coulomb"',

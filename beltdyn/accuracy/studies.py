@@ -13,7 +13,7 @@ import numpy as np
 from .. import _core
 from ..checks import flag, integer, positive, real
 from ..errors import SimulationError
-from ..motions import Motion
+from ..motions import in_core
 from ..params import Params
 from ..progress import counted
 from ..scenes import Scene
@@ -112,10 +112,8 @@ def study(
 
 def _in_core(scene: Scene) -> bool:
     """Whether torques and motions are objects, which the core evaluates by itself."""
-    speeds = [
-        one.speed if isinstance(one, Motion) else one for one in (scene.motion or {}).values()
-    ]
-    return isinstance(scene.torque_fn, Torque) and all(isinstance(one, Torque) for one in speeds)
+    motions = (scene.motion or {}).values()
+    return isinstance(scene.torque_fn, Torque) and all(in_core(one) for one in motions)
 
 
 def _names(methods: Sequence[str]) -> list[str]:

@@ -15,14 +15,14 @@ from .. import _core
 from ..accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, known
 from ..compliance import compliance_error
 from ..errors import Interrupted
-from ..motions import Motion, MotionLike
+from ..motions import MotionLike, in_core
 from ..naming import ByPulley
 from ..params import Params
 from ..result import Result
 from ..run_warnings import silenced
 from ..state import State
 from ..stopping import Stopper
-from ..torques import PiecewiseLinear, Torque, TorqueLike
+from ..torques import Torque, TorqueLike
 from .quantities import HISTORIES, QUANTITIES, Observed, differences, observe, with_links
 from .runs import Reached
 from .space import space_error
@@ -102,10 +102,7 @@ class Verification:
         self._meshes: dict[float, Future[_Check | str]] = {}
         self._in_time: tuple[str, Future[_Check | str]] | None = None
         motions = motion.values() if isinstance(motion, Mapping) else ()
-        self._parallel = isinstance(torque_fn, Torque) and all(
-            isinstance(one.speed if isinstance(one, Motion) else one, PiecewiseLinear)
-            for one in motions
-        )
+        self._parallel = isinstance(torque_fn, Torque) and all(in_core(one) for one in motions)
 
     def __enter__(self) -> Verification:
         if self._parallel:

@@ -3,7 +3,7 @@
 Each function draws one panel::
 
     over time    speeds, torques, span_tensions, joint_force, joint_deformation, contact_forces,
-                 friction_coefficient (also over slip), relative_velocity, energy
+                 friction_coefficient (also over slip), relative_velocity, energy, travel of mounts
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
     before a run layout: the way of the belt round its pulleys
@@ -36,6 +36,7 @@ from .friction import contact_forces, friction_coefficient, relative_velocity
 from .history import joint_deformation, joint_force, span_tensions, speeds, torques
 from .layout import layout
 from .ledger import energy
+from .mounting import travel
 
 __all__ = [
     "Animation",
@@ -53,4 +54,5 @@ __all__ = [
     "span_tensions",
     "speeds",
     "torques",
+    "travel",
 ]

@@ -12,6 +12,7 @@ from ..params import Params
 from ..parts import Pulley, as_pulleys
 from ..route import route
 from . import style
+from .mounting import MountPicture
 
 __all__ = ["layout"]
 
@@ -23,6 +24,8 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
     """Draw the belt line round the pulleys to scale, with wrap angles and lengths of the spans.
 
     Arrows point along the belt as its links and spans are numbered; span k follows pulley k.
+    Pulleys on arms and sliders of a drive are drawn where they rest, with the arm, or the guide of
+    the slider; those given alone in their places.
 
     Args:
         drive: A drive, or its pulleys alone, in the order in which the belt visits them.
@@ -32,18 +35,22 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         TypeError: These are no pulleys.
         ValueError: The belt cannot run round these pulleys.
     """
-    pulleys = drive.pulleys if isinstance(drive, Params) else as_pulleys(drive)
-    way = route(pulleys)
+    if isinstance(drive, Params):
+        pulleys, way, centers = drive.pulleys, drive.route, drive.centers()
+    else:
+        pulleys = as_pulleys(drive)
+        way, centers = route(pulleys), np.array([pulley.center for pulley in pulleys])
     ax = style.axes(ax)
+    MountPicture(ax, pulleys).move(centers)
     for k, pulley in enumerate(pulleys):
-        center = np.array(pulley.center)
-        ax.add_patch(Circle(pulley.center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8))
+        center = centers[k]
+        ax.add_patch(Circle(center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8))
         begins = np.arctan2(*(way.arrive[k] - center)[::-1])
         angle = begins + way.senses[k] * np.linspace(0.0, way.wraps[k], _ARC)
         arc = center[:, None] + pulley.radius * np.array([np.cos(angle), np.sin(angle)])
         ax.plot(*arc, color=style.COLOURS[0], lw=2.2, solid_capstyle="round")
         wrap = f"{style.title(k, pulley)}\n{np.degrees(way.wraps[k]):.0f}°"
-        ax.annotate(wrap, pulley.center, ha="center", va="center", fontsize="small")
+        ax.annotate(wrap, center, ha="center", va="center", fontsize="small")
         if len(pulleys) > 1:
             begin, end = way.leave[k], way.arrive[(k + 1) % len(pulleys)]
             ax.plot(*np.array([begin, end]).T, color=style.COLOURS[0], lw=2.2)

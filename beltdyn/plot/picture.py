@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..checks import Array, pair, real
 from ..result import Result
 from . import style
+from .mounting import MountPicture
 from .select import choice
 
 __all__ = ["DrivePicture"]
@@ -74,6 +75,7 @@ class DrivePicture:
         self._kinetic, _ = result.params._slip_limits
         self._slip_from = slip_from
         self._arcs_on = bool(arcs) and has_friction
+        self._moves = result.mounts is not None
         self._limits = self._scale(limits)
 
     def _scale(self, limits: object) -> tuple[float, float]:
@@ -93,16 +95,19 @@ class DrivePicture:
     def draw(self, ax: Axes) -> None:
         """Add all artists to the axes; :meth:`move` then places them."""
         params = self._result.params
-        self._spokes, self._arrows = [], []
+        self._spokes, self._arrows, self._rims, self._titles = [], [], [], []
+        self._mounts = MountPicture(ax, params.pulleys)
         for k, pulley in enumerate(params.pulleys):
             rim = Circle(pulley.center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8, zorder=1)
             ax.add_patch(rim)
+            self._rims.append(rim)
             self._spokes.append(
                 ax.plot([], [], color="0.35", lw=2.2, solid_capstyle="butt", zorder=1.5)[0]
             )
             title = style.title(k, pulley)
             size = "medium" if pulley.name is None else "small"
-            ax.annotate(title, pulley.center, ha="center", va="center", fontsize=size, zorder=3.5)
+            look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size}
+            self._titles.append(ax.text(*pulley.center, title, zorder=3.5, **look))
             self._arrows.append([self._arrow(ax, k, sense) for sense in (1, -1)])
         self._arcs = [
             LineCollection([], colors=colour, linestyles=[dashes], linewidths=3.2, zorder=2)
@@ -139,14 +144,8 @@ class DrivePicture:
 
     def _arrow(self, ax: Axes, k: int, sense: int) -> FancyArrowPatch:
         """Round the axis, anticlockwise for +1."""
-        pulley = self._result.params.pulleys[k]
-        ends = np.deg2rad([-35.0, 35.0]) * sense - np.pi / 2.0
-        at = np.array(pulley.center)[:, None] + _ARROW_AT * pulley.radius * np.array(
-            [np.cos(ends), np.sin(ends)]
-        )
         arrow = FancyArrowPatch(
-            tuple(at[:, 0]),
-            tuple(at[:, 1]),
+            *self._arrow_ends(k, sense, np.array(self._result.params.pulleys[k].center)),
             connectionstyle=f"arc3,rad={0.32 * sense}",
             arrowstyle="-|>",
             mutation_scale=9,
@@ -159,6 +158,17 @@ class DrivePicture:
         ax.add_patch(arrow)
         return arrow
 
+    def _arrow_ends(self, k: int, sense: int, center: Array) -> tuple[Any, Any]:
+        ends = np.deg2rad([-35.0, 35.0]) * sense - np.pi / 2.0
+        reach = _ARROW_AT * self._result.params.pulleys[k].radius
+        at = center[:, None] + reach * np.array([np.cos(ends), np.sin(ends)])
+        return tuple(at[:, 0]), tuple(at[:, 1])
+
+    def _centers(self, row: int) -> Array:
+        """Axes of the pulleys at a sample (n_p, 2) [m]."""
+        params, mounts = self._result.params, self._result.mounts
+        return params.centers(None if mounts is None else mounts.travel[row])
+
     @property
     def wide(self) -> bool:
         """Whether the drive is wider than it is high."""
@@ -170,10 +180,17 @@ class DrivePicture:
         """Ranges of x and y that hold pulleys and belt at all samples [m]."""
         belt, pulleys = self._result.belt, self._result.params.pulleys
 
-        def extent(axis: int, centres: Array) -> tuple[float, float]:
-            low = min(centres.min(), *(p.center[axis] - p.radius for p in pulleys))
-            high = max(centres.max(), *(p.center[axis] + p.radius for p in pulleys))
-            return float(low), float(high)
+        pivots, rows = MountPicture.reach(pulleys), range(len(self._result.t))[self._rows]
+        radii = np.array([pulley.radius for pulley in pulleys])
+        # of axes that move, at some twenty of the samples: the belt is looked at in all
+        some = rows[:: max(1, len(rows) // 20)] if self._moves else rows[:1]
+        centers = np.array([self._centers(row) for row in some])
+
+        def extent(axis: int, belt: Array) -> tuple[float, float]:
+            at = centers[..., axis]
+            places = [belt, at - radii, at + radii, pivots[:, axis]]
+            there = np.concatenate([place.ravel() for place in places])
+            return float(there.min()), float(there.max())
 
         return extent(0, belt.x[self._rows]), extent(1, belt.y[self._rows])
 
@@ -206,15 +223,21 @@ class DrivePicture:
             on = result.contact.pulley[row] >= 0
             self._belt.set_array(np.ma.masked_where(~on, result.contact.mu[row]))
         speeds = np.abs(result.pulleys.omega)
+        centers = self._centers(row)
         for k, pulley in enumerate(result.params.pulleys):
             angle = result.pulleys.theta[row, k]
             along = pulley.radius * np.array([np.cos(angle), np.sin(angle)])
-            inner, outer = (np.array(pulley.center) + share * along for share in _SPOKE)
+            inner, outer = (centers[k] + share * along for share in _SPOKE)
             self._spokes[k].set_data([inner[0], outer[0]], [inner[1], outer[1]])
             omega = result.pulleys.omega[row, k]
             turns = abs(omega) > _TURNS * speeds.max()
             for arrow, sense in zip(self._arrows[k], (1, -1), strict=True):
                 arrow.set_visible(bool(turns and sense * omega > 0))
+                if self._moves:
+                    arrow.set_positions(*self._arrow_ends(k, sense, centers[k]))
+            if self._moves:
+                self._rims[k].set_center(tuple(centers[k]))
+                self._titles[k].set_position(tuple(centers[k]))
         if self._arcs:
             on, slips = self._states(row)
             for collection, chosen in zip(self._arcs, (on & ~slips, slips), strict=True):
@@ -222,6 +245,8 @@ class DrivePicture:
         for mark, link in zip(self._marks, self._links.values(), strict=True):
             mark.set_data([result.belt.x[row, link]], [result.belt.y[row, link]])
         return [
+            *(self._rims + self._titles if self._moves else []),
+            *self._mounts.move(centers),
             self._belt,
             self._edge,
             *self._spokes,
@@ -247,12 +272,12 @@ class DrivePicture:
     def _rim_arcs(self, row: int, chosen: NDArray[np.bool_]) -> list[Array]:
         """One polyline per run of links of the same state on the same pulley."""
         touched = np.where(chosen, self._result.contact.pulley[row], -1)
-        ends = self._ends(row)
+        ends, centers = self._ends(row), self._centers(row)
         arcs: list[Array] = []
         last = -1
         for k in np.flatnonzero(touched >= 0):
             pulley = self._result.params.pulleys[touched[k]]
-            centre = np.array(pulley.center)
+            centre = centers[touched[k]]
             off = ends[k] - centre
             angles = np.arctan2(off[:, 1], off[:, 0])
             turn = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi

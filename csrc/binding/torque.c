@@ -233,6 +233,100 @@ static int read_viscous(const reader *in) {
   return in->term->coefficients ? 0 : -1;
 }
 
+/* The pulley of a term or motion; of one out of range the core says so. */
+static int read_pulley(PyObject *object, const char *name, int *out) {
+  long pulley;
+  if (bd_convert_long(object, name, &pulley) < 0) {
+    return -1;
+  }
+  *out = pulley >= 0 && pulley < BD_MAX_PULLEYS ? (int)pulley : -1;
+  return 0;
+}
+
+static int term_pulley(const reader *in, Py_ssize_t at, const char *what, int *out) {
+  char name[BD_NAME_SIZE];
+  PyOS_snprintf(name, sizeof name, "torque[%zd] %s", in->index, what);
+  return read_pulley(PyTuple_GET_ITEM(in->tuple, at), name, out);
+}
+
+/* One of the arrays (n,) of a term; n BD_ANY: as long as it is. */
+static const double *term_array(const reader *in, PyObject *object, const char *what, npy_intp *n) {
+  char name[BD_NAME_SIZE];
+  PyOS_snprintf(name, sizeof name, "torque[%zd] %s", in->index, what);
+  return keep_array(in->out, object, name, 1, n, n);
+}
+
+/* None, or (times, factors). */
+static int read_factor(const reader *in, Py_ssize_t at) {
+  PyObject *factor = PyTuple_GET_ITEM(in->tuple, at);
+  npy_intp n_t = BD_ANY;
+  if (factor == Py_None) {
+    return 0;
+  }
+  if (!PyTuple_Check(factor) || PyTuple_GET_SIZE(factor) != 2) {
+    PyErr_Format(PyExc_TypeError, "torque[%zd] factor must be None or (times, factors), got %R",
+                 in->index, factor);
+    return -1;
+  }
+  in->term->t = term_array(in, PyTuple_GET_ITEM(factor, 0), "times", &n_t);
+  in->term->values =
+      in->term->t ? term_array(in, PyTuple_GET_ITEM(factor, 1), "factors", &n_t) : NULL;
+  in->term->n_t = (size_t)n_t;
+  return in->term->values ? 0 : -1;
+}
+
+static int read_load(const reader *in) {
+  PyObject *against = PyTuple_GET_ITEM(in->tuple, 2);
+  const npy_intp n = 3;
+  char name[BD_NAME_SIZE];
+  PyOS_snprintf(name, sizeof name, "torque[%zd] coefficients", in->index);
+  const double *values = keep_array(in->out, against, name, 1, &n, NULL);
+  if (!values) {
+    return -1;
+  }
+  in->term->against = (bd_drag){values[0], values[1], values[2]};
+  return term_pulley(in, 1, "pulley", &in->term->pulley) < 0 ? -1 : read_factor(in, 3);
+}
+
+static int read_table(const reader *in) {
+  npy_intp n = BD_ANY;
+  in->term->omega = term_array(in, PyTuple_GET_ITEM(in->tuple, 2), "speeds", &n);
+  in->term->torque =
+      in->term->omega ? term_array(in, PyTuple_GET_ITEM(in->tuple, 3), "torques", &n) : NULL;
+  in->term->n_points = (size_t)n;
+  return !in->term->torque || term_pulley(in, 1, "pulley", &in->term->pulley) < 0
+             ? -1
+             : read_factor(in, 4);
+}
+
+/* Orders, amplitudes and phases, from the place `at` of a tuple on; `whose`: for messages. */
+static int read_harmonics(bd_core_torque *out, PyObject *tuple, Py_ssize_t at, const char *whose,
+                          bd_harmonics *harmonics) {
+  static const char *const names[] = {"orders", "amplitudes", "phases"};
+  const double *arrays[3];
+  npy_intp n = BD_ANY;
+  for (int k = 0; k < 3; k++) {
+    char name[BD_NAME_SIZE];
+    PyOS_snprintf(name, sizeof name, "%.40s %s", whose, names[k]);
+    arrays[k] = keep_array(out, PyTuple_GET_ITEM(tuple, at + k), name, 1, &n, &n);
+    if (!arrays[k]) {
+      return -1;
+    }
+  }
+  *harmonics = (bd_harmonics){(size_t)n, arrays[0], arrays[1], arrays[2]};
+  return 0;
+}
+
+static int read_harmonic_torque(const reader *in) {
+  char whose[BD_NAME_SIZE];
+  PyOS_snprintf(whose, sizeof whose, "torque[%zd]", in->index);
+  return term_pulley(in, 1, "pulley", &in->term->pulley) < 0 ||
+                 term_pulley(in, 2, "of", &in->term->of) < 0 ||
+                 read_harmonics(in->out, in->tuple, 3, whose, &in->term->harmonics) < 0
+             ? -1
+             : read_factor(in, 6);
+}
+
 static int read_function(const reader *in) {
   char name[BD_NAME_SIZE];
   uintptr_t function, user;
@@ -289,6 +383,9 @@ static int read_term(reader *in) {
       {"viscous", BD_TORQUE_VISCOUS, 1, read_viscous},
       {"function", BD_TORQUE_FUNCTION, 2, read_function},
       {"call", BD_TORQUE_CALL, 1, read_call},
+      {"load", BD_TORQUE_LOAD, 3, read_load},
+      {"table", BD_TORQUE_TABLE, 4, read_table},
+      {"harmonics", BD_TORQUE_HARMONICS, 6, read_harmonic_torque},
   };
   if (!PyTuple_Check(in->tuple) || !PyTuple_GET_SIZE(in->tuple) ||
       !PyUnicode_Check(PyTuple_GET_ITEM(in->tuple, 0))) {
@@ -312,45 +409,71 @@ static int read_term(reader *in) {
     return kinds[k].read(in);
   }
   PyErr_Format(PyExc_ValueError,
-               "torque[%zd] must be of kind 'piecewise', 'viscous', 'function' or 'call', got %R",
+               "torque[%zd] must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', "
+               "'table' or 'harmonics', got %R",
                in->index, kind);
   return -1;
 }
 
-/* (pulley, "piecewise", t, values), (pulley, "speed", call) or (pulley, "angle", call). */
+/* Mean speed (t, values), and where there are more: orders, amplitudes, phases, fade. */
+static int read_mean_speed(bd_core_torque *out, PyObject *tuple, const char *name,
+                           bd_motion *motion) {
+  npy_intp n_t = BD_ANY;
+  motion->t = keep_array(out, PyTuple_GET_ITEM(tuple, 2), name, 1, &n_t, &n_t);
+  motion->values =
+      motion->t ? keep_array(out, PyTuple_GET_ITEM(tuple, 3), name, 1, &n_t, NULL) : NULL;
+  motion->n_t = (size_t)n_t;
+  if (!motion->values || PyTuple_GET_SIZE(tuple) == 4) {
+    return motion->values ? 0 : -1;
+  }
+  const npy_intp two = 2;
+  char whose[BD_NAME_SIZE];
+  PyOS_snprintf(whose, sizeof whose, "%.40s fade", name);
+  const double *fade = keep_array(out, PyTuple_GET_ITEM(tuple, 7), whose, 1, &two, NULL);
+  if (!fade) {
+    return -1;
+  }
+  memcpy(motion->fade, fade, sizeof motion->fade);
+  return read_harmonics(out, tuple, 4, name, &motion->harmonics);
+}
+
+/* One of the tuples in `forms`. */
 static int read_motion(bd_core_torque *out, PyObject *tuple, Py_ssize_t index,
                        const bd_model *model) {
-  static const char *const kinds[] = {"piecewise", "speed", "angle"};
+  static const struct {
+    const char *name;
+    int kind;
+    Py_ssize_t size;
+  } forms[] = {{"piecewise", BD_MOTION_PIECEWISE, 4},
+               {"crank", BD_MOTION_PIECEWISE, 8},
+               {"speed", BD_MOTION_SPEED, 3},
+               {"angle", BD_MOTION_ANGLE, 3}};
+  enum { N_FORMS = sizeof forms / sizeof forms[0] };
   bd_motion *motion = &out->motions[index];
   const Py_ssize_t got = PyTuple_Check(tuple) ? PyTuple_GET_SIZE(tuple) : 0;
+  PyObject *kind = got >= 3 ? PyTuple_GET_ITEM(tuple, 1) : NULL;
   char name[BD_NAME_SIZE];
-  long pulley;
-  motion->kind = BD_MOTION_PIECEWISE;
-  while (got >= 3 && motion->kind <= BD_MOTION_ANGLE &&
-         (!PyUnicode_Check(PyTuple_GET_ITEM(tuple, 1)) ||
-          PyUnicode_CompareWithASCIIString(PyTuple_GET_ITEM(tuple, 1), kinds[motion->kind]))) {
-    ++motion->kind;
+  size_t form = 0;
+  while (form < N_FORMS && (!kind || !PyUnicode_Check(kind) || got != forms[form].size ||
+                            PyUnicode_CompareWithASCIIString(kind, forms[form].name))) {
+    ++form;
   }
-  if (motion->kind > BD_MOTION_ANGLE || got != (motion->kind == BD_MOTION_PIECEWISE ? 4 : 3)) {
+  if (form == N_FORMS) {
     PyErr_Format(PyExc_ValueError,
-                 "motion[%zd] must be (pulley, 'piecewise', t, values), (pulley, 'speed', call) or "
+                 "motion[%zd] must be (pulley, 'piecewise', t, values), (pulley, 'crank', t, "
+                 "values, orders, amplitudes, phases, fade), (pulley, 'speed', call) or "
                  "(pulley, 'angle', call), got %R",
                  index, tuple);
     return -1;
   }
+  motion->kind = forms[form].kind;
   PyOS_snprintf(name, sizeof name, "motion[%zd] pulley", index);
-  if (bd_convert_long(PyTuple_GET_ITEM(tuple, 0), name, &pulley) < 0) {
+  if (read_pulley(PyTuple_GET_ITEM(tuple, 0), name, &motion->pulley) < 0) {
     return -1;
   }
-  motion->pulley = pulley >= 0 && pulley < BD_MAX_PULLEYS ? (int)pulley : -1; /* the core refuses */
   PyOS_snprintf(name, sizeof name, "motion[%zd]", index);
   if (motion->kind == BD_MOTION_PIECEWISE) {
-    npy_intp n_t = BD_ANY;
-    motion->t = keep_array(out, PyTuple_GET_ITEM(tuple, 2), name, 1, &n_t, &n_t);
-    motion->values =
-        motion->t ? keep_array(out, PyTuple_GET_ITEM(tuple, 3), name, 1, &n_t, NULL) : NULL;
-    motion->n_t = (size_t)n_t;
-    return motion->values ? 0 : -1;
+    return read_mean_speed(out, tuple, name, motion);
   }
   bd_core_call *call = keep_callable(out, PyTuple_GET_ITEM(tuple, 2), name);
   if (!call) {

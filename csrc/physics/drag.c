@@ -8,30 +8,34 @@
 
 #include "physics/physics.h"
 
-static double turning_speed(const bd_model *model, int j) {
+double bd_turning_speed(const bd_model *model, int j) {
   return model->info.drag_speed / model->radius[j];
 }
 
-double bd_drag_torque(const bd_model *model, int j, double omega) {
-  const bd_drag *drag = &model->drag[j];
-  double w0 = turning_speed(model, j), sign = omega / sqrt(omega * omega + w0 * w0);
-  return drag->coulomb * sign + (drag->viscous + drag->quadratic * fabs(omega)) * omega;
+bd_resisting bd_coulomb(double size, double omega, double w0) {
+  double w2 = omega * omega + w0 * w0;
+  return (bd_resisting){.torque = size * (omega / sqrt(w2)),
+                        .slope = size * (w0 / w2) * (w0 / sqrt(w2))};
 }
 
-static double slope(const bd_model *model, int j, double omega) {
-  const bd_drag *drag = &model->drag[j];
-  double w0 = turning_speed(model, j), w2 = omega * omega + w0 * w0;
-  return drag->coulomb * (w0 / w2) * (w0 / sqrt(w2)) + drag->viscous +
-         2.0 * drag->quadratic * fabs(omega);
+bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0) {
+  const bd_resisting coulomb = bd_coulomb(drag->coulomb, omega, w0);
+  return (bd_resisting){
+      .torque = coulomb.torque + (drag->viscous + drag->quadratic * fabs(omega)) * omega,
+      .slope = coulomb.slope + drag->viscous + 2.0 * drag->quadratic * fabs(omega)};
 }
 
 /* The Coulomb term is steepest at rest. Quadratic drag has no bound of its own; a belt runs at most
  * as fast as transverse waves do on it, sqrt(T / rho A): centrifugal force then takes all pressure
  * off the pulleys. */
-double bd_drag_steepest(const bd_model *model, int j, double tension) {
-  const bd_drag *drag = &model->drag[j];
+double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension) {
   double fastest = sqrt(tension / model->belt.linear_density) / model->radius[j];
-  return drag->coulomb / turning_speed(model, j) + drag->viscous + 2.0 * drag->quadratic * fastest;
+  return drag->coulomb / bd_turning_speed(model, j) + drag->viscous +
+         2.0 * drag->quadratic * fastest;
+}
+
+double bd_drag_torque(const bd_model *model, int j, double omega) {
+  return bd_resistance(&model->drag[j], omega, bd_turning_speed(model, j)).torque;
 }
 
 double bd_drag_torque_in(const bd_model *model, const double *y, int j) {
@@ -73,7 +77,9 @@ void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) 
   for (int j = 0; j < model->lay.np; ++j) {
     const double turning =
         bd_arm_of(model, j) ? y[model->lay.travel_speed + model->mount_of[j]] : 0.0;
-    out->pulley_damping[j] = slope(model, j, y[model->lay.omega + j] - turning);
+    const double omega = y[model->lay.omega + j] - turning;
+    out->pulley_damping[j] =
+        bd_resistance(&model->drag[j], omega, bd_turning_speed(model, j)).slope;
   }
 }
 

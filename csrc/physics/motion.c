@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Prescribed motions (MODEL section 5): speeds and angles of pulleys as functions of time, with
- * their derivatives. Of a speed that is linear between times they are known, and so is the angle.
+ * their derivatives. Of a speed that is linear between times they are known, and so are its angle
+ * and those of harmonics over that angle.
  *
  * Those of a call are of the polynomial of order 6 through NODES values of it, STEP apart: round t,
  * or to one side where the piece between two breaks, or the run, begins or ends, so that a kink
@@ -49,6 +50,7 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
         data[2 * n_t + i] = data[2 * n_t + i - 1] + mean * (given->t[i] - given->t[i - 1]);
       }
     }
+    bd_harmonics_carve(carver, carver->base ? &set->motions[k].harmonics : NULL, &given->harmonics);
   }
 }
 
@@ -69,7 +71,14 @@ static int check_data(const bd_motion *motion, size_t k, bd_error *err) {
                      motion->values[i]);
     }
   }
-  return BD_OK;
+  const double *fade = motion->fade;
+  if (!isfinite(fade[0]) || !isfinite(fade[1]) || fade[1] < fade[0]) {
+    return bd_fail(err, BD_ERR_TORQUE_DATA, "motion",
+                   "motion %zu: fade must be two finite times, the end not before the beginning; "
+                   "got %g and %g",
+                   k, fade[0], fade[1]);
+  }
+  return bd_harmonics_check(&motion->harmonics, "motion", "motion", k, err);
 }
 
 int bd_motion_set_check(bd_motion_set *set, int np, bd_error *err) {
@@ -89,6 +98,10 @@ int bd_motion_set_check(bd_motion_set *set, int np, bd_error *err) {
                  ? BD_ERR_TORQUE_DATA
                  : bd_fail(err, BD_ERR_TORQUE_DATA, "motion", "motion %zu: the call is NULL", k);
     }
+    if (kind != BD_MOTION_PIECEWISE && motion->harmonics.n > 0) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, "motion",
+                     "motion %zu: harmonics are for a mean speed that is given by data", k);
+    }
     set->of_pulley[motion->pulley] = 1;
     set->called |= kind != BD_MOTION_PIECEWISE;
   }
@@ -99,6 +112,45 @@ int bd_motion_set_check(bd_motion_set *set, int np, bd_error *err) {
 }
 
 /* --- at a time ------------------------------------------------------------------------------- */
+
+/* From 0 to 1 between two times, with its derivatives; those of first and second order are
+ * continuous, so that speed and acceleration are. */
+static void fade_in(const double fade[2], double t, double t_piece, double factor[N_DERIVATIVES]) {
+  const double over = fade[1] - fade[0];
+  const int before = t_piece < fade[0], within = !before && t_piece < fade[1];
+  memset(factor, 0, N_DERIVATIVES * sizeof *factor);
+  factor[0] = !before;
+  if (over > 0.0 && within) {
+    const double s = (t - fade[0]) / over;
+    factor[0] = s * s * s * (10.0 + s * (6.0 * s - 15.0));
+    factor[1] = 30.0 * s * s * (1.0 - s) * (1.0 - s) / over;
+    factor[2] = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (over * over);
+    factor[3] = 60.0 * (1.0 + s * (6.0 * s - 6.0)) / (over * over * over);
+  }
+}
+
+/* Adds the harmonics of the mean angle, faded in, to the mean motion. */
+static void fluctuate(bd_motion_set *set, size_t k, double t, double t_piece) {
+  const bd_motion *motion = &set->motions[k];
+  const double w = set->omega[k], a = set->alpha[k];
+  double by_angle[N_DERIVATIVES], f[N_DERIVATIVES];
+  bd_harmonics_at(&motion->harmonics, set->theta[k], by_angle);
+  const double g[N_DERIVATIVES] = {
+      by_angle[0],
+      by_angle[1] * w,
+      by_angle[2] * w * w + by_angle[1] * a,
+      by_angle[3] * w * w * w + 3.0 * by_angle[2] * w * a,
+  }; /* over time; the mean acceleration is constant */
+  if (motion->fade[1] > motion->fade[0]) {
+    fade_in(motion->fade, t, t_piece, f);
+  } else {
+    memcpy(f, (const double[N_DERIVATIVES]){1.0}, sizeof f);
+  }
+  set->theta[k] += f[0] * g[0];
+  set->omega[k] += f[1] * g[0] + f[0] * g[1];
+  set->alpha[k] += f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2];
+  set->jerk[k] += f[3] * g[0] + 3.0 * f[2] * g[1] + 3.0 * f[1] * g[2] + f[0] * g[3];
+}
 
 static void piecewise(bd_motion_set *set, size_t k, double t, double t_piece) {
   const bd_motion *motion = &set->motions[k];
@@ -114,6 +166,9 @@ static void piecewise(bd_motion_set *set, size_t k, double t, double t_piece) {
   set->alpha[k] = slope;
   set->jerk[k] = 0.0;
   set->theta[k] = angle[from] + 0.5 * (speed[from] + set->omega[k]) * since;
+  if (motion->harmonics.n > 0) {
+    fluctuate(set, k, t, t_piece);
+  }
 }
 
 /* Weights of values at 0, 1, ... NODES - 1 in the derivatives at s (B. Fornberg, "Generation of

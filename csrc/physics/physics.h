@@ -8,6 +8,17 @@
 
 #include "model/model.h"
 
+/* --- harmonics.c ----------------------------------------------------------------------------- */
+
+/* A copy, whose arrays are carved. */
+void bd_harmonics_carve(bd_carver *carver, bd_harmonics *copy, const bd_harmonics *given);
+/* whose: of which of the torque terms or motions, for the message. */
+int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
+                       size_t k, bd_error *err);
+/* The sum at an angle, and its derivatives to it of order 1 to 3. */
+void bd_harmonics_at(const bd_harmonics *harmonics, double angle, double sum[4]);
+double bd_harmonics_highest(const bd_harmonics *harmonics); /* order */
+
 /* --- torque.c -------------------------------------------------------------------------------- */
 
 /* Prescribed motions, by motion; and, by pulley, whether it has one. */
@@ -27,7 +38,7 @@ typedef struct bd_motion_set {
 
 typedef struct bd_torque_set {
   int np;
-  const bd_model *model; /* for the names of its pulleys */
+  const bd_model *model; /* for the names of its pulleys, and the speeds within which they turn */
   size_t n_terms, n_breaks;
   bd_torque_term *terms;
   double *breaks;       /* sorted, distinct */
@@ -56,8 +67,42 @@ int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piec
                           const double *theta, const double *omega, const double *torque,
                           double *slope, bd_error *err);
 
+/* Upper bounds of what the known terms add to the stiffness and to the damping of pulley j, for the
+ * speeds at which a belt under this tension can run [N m], [N m s]. */
+void bd_torque_set_steepest(const bd_torque_set *set, int j, double tension, double *stiffness,
+                            double *damping);
+/* The longest step that still sees every harmonic turn, at these speeds: two values a period, for
+ * fewer could as well be of a slower one. */
+double bd_torque_set_longest(const bd_torque_set *set, const double *omega);
+
 /* First of n ascending times above t; n if there is none. */
 size_t bd_first_above(const double *times, size_t n, double t);
+/* Between rows of `width` values at n times, a time given twice a jump, constant outside: adds them
+ * to `out`; t_piece as above. */
+void bd_add_interpolated(const double *times, const double *values, size_t n, size_t width,
+                         double t, double t_piece, double *out);
+
+/* --- loads.c --------------------------------------------------------------------------------- */
+
+/* What LOAD, TABLE and HARMONICS give on the term's pulley, before its factor over time: the torque
+ * and its derivatives to the pulley's speed, and to the angle of the pulley `of`. */
+typedef struct bd_load_value {
+  double torque, by_omega, by_theta;
+} bd_load_value;
+
+int bd_is_load(const bd_torque_term *term);
+/* The term's data, into arrays that are carved; into `copy`, of `given`. */
+void bd_load_carve(bd_carver *carver, bd_torque_term *copy, const bd_torque_term *given);
+int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err);
+bd_load_value bd_load_at(const bd_torque_set *set, const bd_torque_term *term, const double *theta,
+                         const double *omega);
+double bd_load_factor(const bd_torque_term *term, double t, double t_piece);
+void bd_load_steepest(const bd_torque_term *term, const bd_model *model, double tension,
+                      double *stiffness, double *damping);
+/* A term whose table ends below the speed of its pulley, by more than a hundredth, while its factor
+ * is not 0; NULL: none. */
+const bd_torque_term *bd_load_beyond_table(const bd_torque_set *set, double t, double t_piece,
+                                           const double *omega);
 
 /* --- motion.c -------------------------------------------------------------------------------- */
 
@@ -163,10 +208,21 @@ double bd_plan_circulation(const bd_plan *plan, const double *y);
 
 /* --- drag.c ---------------------------------------------------------------------------------- */
 
-/* Torque of the drag on pulley j, against omega > 0; a bound of its derivative for the speeds at
- * which a belt under this tension can run. For models with drag. */
+/* omega_0 of pulley j, within which the smooth sign of its speed turns. */
+double bd_turning_speed(const bd_model *model, int j);
+/* A torque against rotation with omega > 0, and its derivative to omega. */
+typedef struct bd_resisting {
+  double torque, slope;
+} bd_resisting;
+
+/* `size` times the smooth sign, omega / sqrt(omega^2 + w0^2). */
+bd_resisting bd_coulomb(double size, double omega, double w0);
+/* All that a bd_drag says, of bearings or of a load; and a bound of its derivative for the speeds
+ * at which a belt under this tension can run. */
+bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);
+double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension);
+/* Torque of the drag on pulley j, in models with drag. */
 double bd_drag_torque(const bd_model *model, int j, double omega);
-double bd_drag_steepest(const bd_model *model, int j, double tension);
 int bd_drag_enabled(const bd_model *model, const bd_plan_options *options);
 int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Set torques M_d of (2.12): a sum of terms that the core evaluates itself, compiled functions or
- * callbacks, and the times at which they kink, where steps end exactly.
+ * Set torques M_d of (2.12): a sum of terms that the core evaluates itself (those of single
+ * pulleys: loads.c), compiled functions or callbacks, and the times at which they kink, where steps
+ * end exactly.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -21,6 +22,11 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *
   for (size_t k = 0; k < n_terms; ++k) {
     const bd_torque_term *term = &torque->terms[k];
     double *piece = NULL;
+    if (bd_is_load(term)) {
+      n_breaks += term->n_t;
+      bd_load_carve(carver, carver->base ? &set->terms[k] : NULL, term);
+      continue;
+    }
     if (term->kind == BD_TORQUE_PIECEWISE) {
       n_breaks += term->n_t;
       BD_CARVE(carver, piece, term->n_t * (size_t)(np + 1));
@@ -41,7 +47,7 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *
     }
   }
   for (size_t k = 0; torque && k < torque->n_motions; ++k) {
-    n_breaks += torque->motions[k].n_t;
+    n_breaks += torque->motions[k].n_t + 2;
   }
   BD_CARVE(carver, set->breaks, n_breaks);
   bd_motion_set_carve(carver, &set->motion, np, torque);
@@ -50,20 +56,25 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *
   set->n_terms = n_terms;
 }
 
+/* Times of a torque, or of a factor. */
+static int check_times(const bd_torque_term *term, size_t k, bd_error *err) {
+  for (size_t i = 0; i < term->n_t; ++i) {
+    if (!isfinite(term->t[i]) || (i > 0 && term->t[i] < term->t[i - 1]) ||
+        (i > 1 && term->t[i] <= term->t[i - 2])) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
+                     "torque term %zu: t must be finite and non-decreasing, a time given at most "
+                     "twice (a jump); t[%zu] is %g",
+                     k, i, term->t[i]);
+    }
+  }
+  return BD_OK;
+}
+
 static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *err) {
   switch (term->kind) {
   case BD_TORQUE_PIECEWISE:
     if (term->n_t < 1) {
       return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: t must not be empty", k);
-    }
-    for (size_t i = 0; i < term->n_t; ++i) {
-      if (!isfinite(term->t[i]) || (i > 0 && term->t[i] < term->t[i - 1]) ||
-          (i > 1 && term->t[i] <= term->t[i - 2])) {
-        return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                       "torque term %zu: t must be finite and non-decreasing, a time given at most "
-                       "twice (a jump); t[%zu] is %g",
-                       k, i, term->t[i]);
-      }
     }
     for (size_t i = 0; i < term->n_t * (size_t)np; ++i) {
       if (!isfinite(term->values[i])) {
@@ -72,7 +83,7 @@ static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *er
                        i / (size_t)np, i % (size_t)np, term->values[i]);
       }
     }
-    return BD_OK;
+    return check_times(term, k, err);
   case BD_TORQUE_VISCOUS:
     for (int j = 0; j < np; ++j) {
       if (!isfinite(term->coefficients[j])) {
@@ -88,6 +99,11 @@ static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *er
       return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: the function is NULL", k);
     }
     return BD_OK;
+  case BD_TORQUE_LOAD:
+  case BD_TORQUE_TABLE:
+  case BD_TORQUE_HARMONICS:
+    return bd_load_check(term, k, np, err) == BD_OK ? check_times(term, k, err)
+                                                    : BD_ERR_TORQUE_DATA;
   default:
     return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: unknown kind %d", k,
                    term->kind);
@@ -105,11 +121,11 @@ int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *er
   set->stop = torque ? torque->stop : NULL;
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
-    set->smooth &= term->kind == BD_TORQUE_PIECEWISE || term->kind == BD_TORQUE_VISCOUS;
+    set->smooth &= term->kind != BD_TORQUE_FUNCTION && term->kind != BD_TORQUE_CALL;
     if (check_term(term, k, set->np, err) != BD_OK) {
       return BD_ERR_TORQUE_DATA;
     }
-    if (term->kind == BD_TORQUE_PIECEWISE) {
+    if ((term->kind == BD_TORQUE_PIECEWISE || bd_is_load(term)) && term->n_t > 0) {
       memcpy(set->breaks + n, term->t, term->n_t * sizeof *term->t);
       n += term->n_t;
     }
@@ -126,8 +142,12 @@ int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *er
     return BD_ERR_TORQUE_DATA;
   }
   for (size_t k = 0; k < set->motion.n; ++k) {
-    for (size_t i = 0; i < set->motion.motions[k].n_t; ++i) {
-      set->breaks[n++] = set->motion.motions[k].t[i];
+    const bd_motion *motion = &set->motion.motions[k];
+    for (size_t i = 0; i < motion->n_t; ++i) {
+      set->breaks[n++] = motion->t[i];
+    }
+    for (int i = 0; motion->harmonics.n > 0 && i < 2; ++i) {
+      set->breaks[n++] = motion->fade[i];
     }
   }
   qsort(set->breaks, n, sizeof *set->breaks, ascending);
@@ -155,16 +175,15 @@ size_t bd_first_above(const double *times, size_t n, double t) {
   return low;
 }
 
-static void piecewise(const bd_torque_term *term, int np, double t, double t_piece,
-                      double *torque) {
-  const double *times = term->t;
-  size_t n = term->n_t, low = bd_first_above(times, n, t_piece);
-  const double *after = term->values + (low < n ? low : n - 1) * (size_t)np;
-  const double *before = low > 0 ? after - (low < n ? np : 0) : after;
-  double width = low > 0 && low < n ? times[low] - times[low - 1] : 0.0;
-  double part = width > 0.0 ? (t - times[low - 1]) / width : 0.0;
-  for (int j = 0; j < np; ++j) {
-    torque[j] += before[j] + part * (after[j] - before[j]);
+void bd_add_interpolated(const double *times, const double *values, size_t n, size_t width,
+                         double t, double t_piece, double *out) {
+  const size_t low = bd_first_above(times, n, t_piece);
+  const double *after = values + (low < n ? low : n - 1) * width;
+  const double *before = low > 0 ? after - (low < n ? width : 0) : after;
+  double apart = low > 0 && low < n ? times[low] - times[low - 1] : 0.0;
+  double part = apart > 0.0 ? (t - times[low - 1]) / apart : 0.0;
+  for (size_t j = 0; j < width; ++j) {
+    out[j] += before[j] + part * (after[j] - before[j]);
   }
 }
 
@@ -191,12 +210,18 @@ int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const doubl
     int code = 0;
     switch (term->kind) {
     case BD_TORQUE_PIECEWISE:
-      piecewise(term, np, t, t_piece, torque);
+      bd_add_interpolated(term->t, term->values, term->n_t, (size_t)np, t, t_piece, torque);
       continue;
     case BD_TORQUE_VISCOUS:
       for (int j = 0; j < np; ++j) {
         torque[j] -= term->coefficients[j] * omega[j];
       }
+      continue;
+    case BD_TORQUE_LOAD:
+    case BD_TORQUE_TABLE:
+    case BD_TORQUE_HARMONICS:
+      torque[term->pulley] +=
+          bd_load_factor(term, t, t_piece) * bd_load_at(set, term, theta, omega).torque;
       continue;
     case BD_TORQUE_FUNCTION:
       memset(set->part, 0, (size_t)np * sizeof *set->part);
@@ -260,8 +285,15 @@ int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *t
   memset(by_omega, 0, (size_t)(np * np) * sizeof *by_omega);
   if (set->smooth) {
     for (size_t k = 0; k < set->n_terms; ++k) {
-      for (int j = 0; set->terms[k].kind == BD_TORQUE_VISCOUS && j < np; ++j) {
-        by_omega[j * np + j] -= set->terms[k].coefficients[j];
+      const bd_torque_term *term = &set->terms[k];
+      for (int j = 0; term->kind == BD_TORQUE_VISCOUS && j < np; ++j) {
+        by_omega[j * np + j] -= term->coefficients[j];
+      }
+      if (bd_is_load(term)) {
+        const double factor = bd_load_factor(term, t, t_piece);
+        const bd_load_value load = bd_load_at(set, term, theta, omega);
+        by_omega[term->pulley * np + term->pulley] += factor * load.by_omega;
+        by_theta[term->pulley * np + term->of] += factor * load.by_theta;
       }
     }
     return BD_OK;
@@ -286,4 +318,34 @@ int bd_torque_set_by_time(bd_torque_set *set, double t, double dt, double t_piec
     slope[j] = (set->moved[j] - torque[j]) / dt;
   }
   return code;
+}
+
+/* --- bounds ---------------------------------------------------------------------------------- */
+
+void bd_torque_set_steepest(const bd_torque_set *set, int j, double tension, double *stiffness,
+                            double *damping) {
+  *stiffness = *damping = 0.0;
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    if (term->kind == BD_TORQUE_VISCOUS) {
+      *damping += fabs(term->coefficients[j]);
+    } else if (bd_is_load(term) && term->pulley == j) {
+      bd_load_steepest(term, set->model, tension, stiffness, damping);
+    }
+  }
+}
+
+double bd_torque_set_longest(const bd_torque_set *set, const double *omega) {
+  double fastest = 0.0; /* [rad/s] */
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    if (term->kind == BD_TORQUE_HARMONICS) {
+      fastest = fmax(fastest, bd_harmonics_highest(&term->harmonics) * fabs(omega[term->of]));
+    }
+  }
+  for (size_t k = 0; k < set->motion.n; ++k) {
+    const bd_motion *motion = &set->motion.motions[k];
+    fastest = fmax(fastest, bd_harmonics_highest(&motion->harmonics) * fabs(omega[motion->pulley]));
+  }
+  return fastest > 0.0 ? BD_PI / fastest : (double)INFINITY;
 }

@@ -60,6 +60,20 @@ static void warn_of_ignored_torque(bd_stepper *stepper, double t) {
   }
 }
 
+static void warn_of_table(bd_stepper *stepper, double t) {
+  const double *omega = stepper->y + stepper->model->lay.omega;
+  const bd_torque_term *term =
+      bd_load_beyond_table(&stepper->plan.torques, t, stepper->plan.t_piece, omega);
+  if (term) {
+    bd_warn(&stepper->report, BD_WARN_beyond_table, t, -1, term->pulley,
+            "%s turns at %.6g rad/s at t = %.6g s, faster than the table of its load "
+            "reaches, %.6g rad/s: beyond it the torque stays %.4g N m; give the table up to this "
+            "speed",
+            bd_pulley_label(stepper->model, term->pulley).text, omega[term->pulley], t,
+            term->omega[term->n_points - 1], term->torque[term->n_points - 1]);
+  }
+}
+
 /* Adopts y_new at t_new. */
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
@@ -82,6 +96,7 @@ static int accept(bd_sim *sim, double h, double t_new) {
     bd_stepper_weigh_friction(&sim->stepper);
   }
   warn_of_ignored_torque(&sim->stepper, t_new);
+  warn_of_table(&sim->stepper, t_new);
   ++sim->stats.steps;
   sim->stats.largest_step = fmax(sim->stats.largest_step, h);
   sim->stats.smallest_step = sim->stats.steps == 1 ? h : fmin(sim->stats.smallest_step, h);

@@ -297,6 +297,13 @@ static uint64_t scene_of(const bd_sim *sim) {
       sum = hash(sum, term->values, term->n_t * np * sizeof(double));
     } else if (term->kind == BD_TORQUE_VISCOUS) {
       sum = hash(sum, term->coefficients, np * sizeof(double));
+    } else if (bd_is_load(term)) {
+      ADD(term->pulley);
+      ADD(term->of);
+      ADD(term->against);
+      sum = hash(sum, term->t, 2 * term->n_t * sizeof(double)); /* the factors follow the times */
+      sum = hash(sum, term->omega, 2 * term->n_points * sizeof(double));
+      sum = hash(sum, term->harmonics.orders, 3 * term->harmonics.n * sizeof(double));
     }
   }
   for (size_t k = 0; k < set->motion.n; ++k) {
@@ -304,6 +311,8 @@ static uint64_t scene_of(const bd_sim *sim) {
     ADD(motion->pulley);
     ADD(motion->kind);
     sum = hash(sum, motion->t, 2 * motion->n_t * sizeof(double)); /* the values follow the times */
+    sum = hash(sum, motion->harmonics.orders, 3 * motion->harmonics.n * sizeof(double));
+    ADD(motion->fade);
   }
   sum = hash(sum, set->breaks, set->n_breaks * sizeof(double));
   const char *method = sim->choice.method[0] ? "auto" : sim->stepper.method->name;

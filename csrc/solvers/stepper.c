@@ -105,6 +105,10 @@ double bd_stepper_longest(const bd_stepper *stepper, double h) {
   if (stepper->plan.torques.motion.called && !stepper->fixed) {
     h = fmin(h, stepper->functions.interval);
   }
+  if (!stepper->fixed) {
+    h = fmin(h,
+             bd_torque_set_longest(&stepper->plan.torques, stepper->y + stepper->model->lay.omega));
+  }
   return stepper->max_step > 0.0 ? fmin(h, stepper->max_step) : h;
 }
 

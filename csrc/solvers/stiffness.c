@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * Upper estimate of the largest eigenvalue of the drive, and which part causes it: the joints'
- * closed form (model.c), and what contact, friction, the pulleys' inertia, their drag and viscous
- * loads add, at twice the tension of rest, for a drive under load has a tight side. Explicit fixed
- * steps are chosen by it, and messages of runs that make no progress name that part.
+ * closed form (model.c), and what contact, friction, the pulleys' inertia, their drag and loads
+ * add, at twice the tension of rest, for a drive under load has a tight side. Explicit fixed steps
+ * are chosen by it, and messages of runs that make no progress name that part.
  */
 #include <math.h>
 
@@ -34,12 +34,11 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     const double inertia = set && bd_is_moved(set, j) ? (double)INFINITY : model->inertia[j];
     /* of all links on the wrap together, on the pulley's inertia */
     const double of_wrap = wrap * r * r * r / (info->link_length * inertia);
-    double viscous = 0.0;
-    for (size_t k = 0; set && k < set->n_terms; ++k) {
-      viscous +=
-          set->terms[k].kind == BD_TORQUE_VISCOUS ? fabs(set->terms[k].coefficients[j]) : 0.0;
+    double angular = 0.0, viscous = 0.0;
+    if (set) {
+      bd_torque_set_steepest(set, j, tension, &angular, &viscous);
     }
-    double drag = model->drag ? bd_drag_steepest(model, j, tension) : 0.0;
+    double drag = model->drag ? bd_steepest_resistance(&model->drag[j], model, j, tension) : 0.0;
     const struct {
       double k, d;
       const char *what;
@@ -50,16 +49,18 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
         {friction.stiffness / m, friction.damping / m, "friction", -1},
         {friction.stiffness * of_wrap, friction.damping * of_wrap,
          "a pulley with very small inertia", j},
-        {0.0, viscous / inertia, "a load with a very large viscous coefficient", j},
+        {angular / inertia, 0.0, "harmonics of very high order", j},
+        {0.0, viscous / inertia, "a load whose torque rises very steeply with its speed", j},
         {0.0, drag / inertia, "a pulley with very large bearing drag", j},
     };
+    enum { N_PARTS = sizeof parts / sizeof parts[0] };
     double link_k = 0.0, link_d = 0.0;
     if (friction.adapts > most) {
       most = friction.adapts;
       stiff.what = "friction whose damper is very small";
       stiff.pulley = j;
     }
-    for (int p = 0; p < 6; ++p) {
+    for (int p = 0; p < N_PARTS; ++p) {
       double own = lambda(parts[p].k, parts[p].d);
       if (own > most) {
         most = own;
@@ -70,7 +71,8 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
       link_d += p < 3 ? parts[p].d : 0.0;
     }
     stiff.bound = fmax(stiff.bound, fmax(friction.adapts, lambda(link_k, link_d)));
-    stiff.bound = fmax(stiff.bound, lambda(parts[3].k, parts[3].d + parts[4].d + parts[5].d));
+    stiff.bound =
+        fmax(stiff.bound, lambda(parts[3].k + parts[4].k, parts[3].d + parts[5].d + parts[6].d));
   }
   for (int k = 0; k < model->lay.nm; ++k) {
     const bd_mounted *mount = &model->mounts[k];

@@ -393,6 +393,21 @@ static void bad_runs_are_refused(void) {
       {.kind = BD_TORQUE_VISCOUS, .coefficients = nan3},
       {.kind = BD_TORQUE_FUNCTION},
       {.kind = BD_TORQUE_CALL},
+      {.kind = BD_TORQUE_LOAD, .pulley = NP},
+      {.kind = BD_TORQUE_LOAD, .pulley = -1},
+      {.kind = BD_TORQUE_LOAD, .against = {.coulomb = -1.0}},
+      {.kind = BD_TORQUE_LOAD, .against = {.quadratic = (double)NAN}},
+      {.kind = BD_TORQUE_LOAD, .n_t = 2, .t = backwards, .values = zero},
+      {.kind = BD_TORQUE_LOAD, .n_t = 2, .t = zero, .values = nan3},
+      {.kind = BD_TORQUE_TABLE},
+      {.kind = BD_TORQUE_TABLE, .n_points = 2, .omega = backwards, .torque = zero},
+      {.kind = BD_TORQUE_TABLE, .n_points = 2, .omega = zero, .torque = zero},
+      {.kind = BD_TORQUE_TABLE, .n_points = 1, .omega = zero, .torque = nan3 + 1},
+      {.kind = BD_TORQUE_HARMONICS},
+      {.kind = BD_TORQUE_HARMONICS, .harmonics = {1, zero, zero, zero}},
+      {.kind = BD_TORQUE_HARMONICS, .harmonics = {1, backwards, nan3 + 1, zero}},
+      {.kind = BD_TORQUE_HARMONICS, .harmonics = {1, backwards, zero, nan3 + 1}},
+      {.kind = BD_TORQUE_HARMONICS, .of = NP, .harmonics = {1, backwards, zero, zero}},
       {.kind = 77},
   };
   for (size_t k = 0; k < sizeof bad / sizeof bad[0]; ++k) {
@@ -477,6 +492,61 @@ static int swing(double t, double *value, void *user) {
   return t > limits[3] ? 7 : 0;
 }
 
+/* Every kind of load under every kind of method: what is reported is their sum. */
+static void loads(void) {
+  static room r;
+  bd_error err;
+  const double t[] = {0.0, 1e-3, 1e-3}, factor[] = {0.0, 1.0, 0.5};
+  const double speeds[] = {0.5, 1.0, 4.0}, torques[] = {0.2, 1.0, 3.0};
+  const double orders[] = {2.0, 3.5}, amplitudes[] = {30.0, 5.0}, phases[] = {0.3, -1.0};
+  const bd_torque_term terms[] = {
+      {.kind = BD_TORQUE_LOAD, .pulley = 1, .against = {0.1, 0.2, 0.3}},
+      {.kind = BD_TORQUE_TABLE,
+       .pulley = 2,
+       .n_points = 3,
+       .omega = speeds,
+       .torque = torques,
+       .n_t = 3,
+       .t = t,
+       .values = factor},
+      {.kind = BD_TORQUE_HARMONICS, .of = 1, .harmonics = {2, orders, amplitudes, phases}}};
+  const bd_torque torque = {.n_terms = 3, .terms = terms};
+  const char *const methods[] = {"tsit5", "rk4", "rodas4", "lbdf2", "lie", "auto"};
+  const double end[] = {2e-3};
+  double omega[NP], theta[NP], found[NP];
+  const bd_output out = {.omega = omega, .theta = theta, .torque = found};
+  bd_options options;
+  bd_options_default(&options);
+  for (int k = 0; k < 6; ++k) {
+    bd_sim *sim = NULL;
+    bd_state state = state_in(&r);
+    bd_model *model = settled_drive(&state);
+    bd_info info;
+    CHECK(model != NULL);
+    bd_model_info(model, &info);
+    options.method = methods[k];
+    options.rtol = 1e-3;
+    CHECK(bd_sim_create(&sim, model, &state, &torque, end[0], &options, &err) == BD_OK);
+    CHECK(bd_sim_set_output(sim, 1, end, &out, &err) == BD_OK);
+    CHECK(finish(sim, &err) == BD_OK);
+    double harmonics = 0.0, w = omega[1], w0 = info.drag_speed / test_pulleys[1].radius;
+    for (int i = 0; i < 2; ++i) {
+      harmonics += amplitudes[i] * cos(orders[i] * theta[1] + phases[i]);
+    }
+    CHECK(fabs(found[0] - harmonics) < 1e-12 * 35.0);
+    CHECK(fabs(found[1] + 0.1 * w / sqrt(w * w + w0 * w0) + (0.2 + 0.3 * fabs(w)) * w) < 1e-12);
+    w = omega[2], w0 = info.drag_speed / test_pulleys[2].radius;
+    CHECK(fabs(w) > 0.0);
+    const double size = fabs(w) < 0.5   ? 0.2
+                        : fabs(w) < 1.0 ? 0.2 + 1.6 * (fabs(w) - 0.5)
+                        : fabs(w) < 4.0 ? 1.0 + 2.0 / 3.0 * (fabs(w) - 1.0)
+                                        : 3.0;
+    CHECK(fabs(found[2] + 0.5 * size * w / sqrt(w * w + w0 * w0)) < 1e-12);
+    bd_sim_free(sim);
+    bd_model_free(model);
+  }
+}
+
 static void prescribed_motions(void) {
   static room r;
   bd_error err;
@@ -495,6 +565,10 @@ static void prescribed_motions(void) {
       {.pulley = -1, .kind = BD_MOTION_SPEED, .call = swing},
       {.pulley = 0, .kind = BD_MOTION_ANGLE},
       {.pulley = 0, .kind = 77, .call = swing},
+      {.kind = BD_MOTION_ANGLE, .call = swing, .harmonics = {1, up + 1, fast, fast}},
+      {.n_t = 2, .t = up, .values = speed, .harmonics = {1, speed, speed, speed}},
+      {.n_t = 2, .t = up, .values = speed, .fade = {1.0, 0.0}},
+      {.n_t = 2, .t = up, .values = speed, .fade = {0.0, INFINITY}},
   };
   for (size_t k = 0; k < sizeof bad / sizeof bad[0]; ++k) {
     const bd_torque torque = {.n_motions = 1, .motions = &bad[k]};
@@ -532,6 +606,19 @@ static void prescribed_motions(void) {
   CHECK(bd_sim_create(&sim, model, &state, &torque, 2e-3, NULL, &err) == BD_OK);
   CHECK(finish(sim, &err) == BD_ERR_TORQUE_VALUE && err.pulley == 0);
   bd_sim_free(sim);
+  const double order = 3.0, amplitude = 0.01, phase = 0.4;
+  const bd_motion crank = {.pulley = 2,
+                           .n_t = 2,
+                           .t = up,
+                           .values = speed,
+                           .harmonics = {1, &order, &amplitude, &phase}};
+  torque = (bd_torque){.n_motions = 1, .motions = &crank};
+  CHECK(bd_sim_create(&sim, model, &state, &torque, 2e-3, NULL, &err) == BD_OK);
+  CHECK(finish(sim, &err) == BD_OK);
+  bd_sim_state(sim, &state);
+  CHECK(fabs(state.theta[2] + 3e-3 - amplitude * (cos(-9e-3 + phase) - cos(phase))) < 1e-15);
+  CHECK(fabs(state.omega[2] + 2.0 * (1.0 - order * amplitude * sin(-9e-3 + phase))) < 1e-14);
+  bd_sim_free(sim);
   bd_model_free(model);
 }
 
@@ -564,13 +651,21 @@ static void dahl_in_closed_form(void) {
 static const test tests[] = {
 #define T(name)                                                                                    \
   { #name, name }
-    T(errors_have_names),          T(bad_scenes_are_refused),
-    T(bad_friction_is_refused),    T(each_pulley_has_its_friction),
-    T(laws_are_evaluated),         T(belt_lines_have_their_lengths),
-    T(settles_and_runs),           T(bad_runs_are_refused),
-    T(torque_functions_are_heard), T(rates_leave_no_trace),
-    T(prescribed_motions),         T(dahl_in_closed_form),
-    T(pulleys_have_names),         T(messages_are_cut_between_characters),
+    T(errors_have_names),
+    T(bad_scenes_are_refused),
+    T(bad_friction_is_refused),
+    T(each_pulley_has_its_friction),
+    T(laws_are_evaluated),
+    T(belt_lines_have_their_lengths),
+    T(settles_and_runs),
+    T(bad_runs_are_refused),
+    T(torque_functions_are_heard),
+    T(rates_leave_no_trace),
+    T(prescribed_motions),
+    T(loads),
+    T(dahl_in_closed_form),
+    T(pulleys_have_names),
+    T(messages_are_cut_between_characters),
 };
 
 int main(int argc, char **argv) {

@@ -57,8 +57,13 @@ static int session(bd_error *err) {
   const double drag[NP] = {1, 1, 1}, t[] = {0, 1e-3}, values[2 * NP] = {0, 0, 0, -5, 0, 0};
   const bd_torque_term terms[] = {
       {.kind = BD_TORQUE_VISCOUS, .coefficients = drag},
-      {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = t, .values = values}};
-  const bd_torque torque = {.n_terms = 2, .terms = terms};
+      {.kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = t, .values = values},
+      {.kind = BD_TORQUE_LOAD, .pulley = 1, .against = {1, 1, 1}, .n_t = 2, .t = t, .values = drag},
+      {.kind = BD_TORQUE_TABLE, .pulley = 1, .n_points = 1, .omega = drag, .torque = drag},
+      {.kind = BD_TORQUE_HARMONICS, .harmonics = {2, drag, drag, drag}}};
+  const bd_motion motion = {
+      .pulley = 2, .n_t = 1, .t = t, .values = values, .harmonics = {1, drag, drag, drag}};
+  const bd_torque torque = {.n_terms = 5, .terms = terms, .n_motions = 1, .motions = &motion};
   if (code == BD_OK) {
     code = bd_sim_create(&sim, model, &state, &torque, 2e-3, NULL, err);
   }

@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Harmonics over an angle, sum_k A_k cos(n_k angle + phi_k) with real orders n_k > 0: of torques
+ * (loads.c) and of prescribed motions (motion.c), MODEL section 5. Guarded by tests/test_loads.py.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "physics/physics.h"
+
+void bd_harmonics_carve(bd_carver *carver, bd_harmonics *copy, const bd_harmonics *given) {
+  const size_t n = given->n;
+  double *data;
+  BD_CARVE(carver, data, 3 * n);
+  if (copy) {
+    *copy = (bd_harmonics){n, data, data + n, data + 2 * n};
+    if (n > 0) {
+      memcpy(data, given->orders, n * sizeof *data);
+      memcpy(data + n, given->amplitudes, n * sizeof *data);
+      memcpy(data + 2 * n, given->phases, n * sizeof *data);
+    }
+  }
+}
+
+int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
+                       size_t k, bd_error *err) {
+  for (size_t i = 0; i < harmonics->n; ++i) {
+    if (!isfinite(harmonics->orders[i]) || harmonics->orders[i] <= 0.0) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, field,
+                     "%s %zu: orders must be finite and > 0, orders[%zu] is %g", whose, k, i,
+                     harmonics->orders[i]);
+    }
+    if (!isfinite(harmonics->amplitudes[i]) || !isfinite(harmonics->phases[i])) {
+      const int of_phase = isfinite(harmonics->amplitudes[i]);
+      return bd_fail(err, BD_ERR_TORQUE_DATA, field, "%s %zu: %s must be finite, %s[%zu] is %g",
+                     whose, k, of_phase ? "phases" : "amplitudes",
+                     of_phase ? "phases" : "amplitudes", i,
+                     of_phase ? harmonics->phases[i] : harmonics->amplitudes[i]);
+    }
+  }
+  return BD_OK;
+}
+
+void bd_harmonics_at(const bd_harmonics *harmonics, double angle, double sum[4]) {
+  sum[0] = sum[1] = sum[2] = sum[3] = 0.0;
+  for (size_t k = 0; k < harmonics->n; ++k) {
+    const double order = harmonics->orders[k], at = order * angle + harmonics->phases[k];
+    const double in_phase = harmonics->amplitudes[k] * cos(at),
+                 ahead = harmonics->amplitudes[k] * sin(at);
+    sum[0] += in_phase;
+    sum[1] -= order * ahead;
+    sum[2] -= order * order * in_phase;
+    sum[3] += order * order * order * ahead;
+  }
+}
+
+double bd_harmonics_highest(const bd_harmonics *harmonics) {
+  double highest = 0.0;
+  for (size_t k = 0; k < harmonics->n; ++k) {
+    highest = fmax(highest, harmonics->orders[k]);
+  }
+  return highest;
+}

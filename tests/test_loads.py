@@ -1,0 +1,764 @@
+"""Loads on single pulleys, harmonics, and the motion of an uneven crank (MODEL section 5): values
+and slopes against NumPy, closed forms of free pulleys and of a drive, every method against the
+others, the ledger, files, what is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import beltdyn as bd
+from beltdyn import cli
+
+pytestmark = pytest.mark.filterwarnings("ignore:(mesh|no_friction|units):UserWarning")
+
+NOTHING = bd.Viscous([0.0, 0.0])
+#: Of pulleys on a belt that they do not move.
+SPEEDS = (-7.0, 5.0)
+TABLE = bd.SpeedTable(1, [2.0, 4.0, 8.0], [1.0, 3.0, 2.0])
+ORDERS, AMPLITUDES, PHASES = np.array([0.5, 2.0, 3.7]), np.array([2.0, 1.0, 0.3]), [0.2, -1.0, 2.0]
+HARMONICS = bd.Harmonics(0, ORDERS, AMPLITUDES, PHASES)
+
+
+@pytest.fixture(scope="module")
+def free() -> bd.Params:
+    """Two pulleys on a belt without friction, of 0.01 kg m^2 each."""
+    return attrs.evolve(drives.plain(), friction=None)
+
+
+@pytest.fixture(scope="module")
+def rest(free: bd.Params) -> bd.State:
+    return bd.settle(free)
+
+
+def turning(rest: bd.State, *omega: float, theta: tuple[float, float] = (0.0, 0.0)) -> bd.State:
+    return attrs.evolve(rest, omega=omega or SPEEDS, theta=theta)
+
+
+def omega_0(params: bd.Params) -> float:
+    """As MODEL section 5 states it, of a pulley of 0.1 m."""
+    belt = params.belt
+    wave = math.sqrt(belt.axial_stiffness / belt.linear_density)
+    return 1e-3 * params.info["strain"] * wave / 60 / 0.1
+
+
+def sign(omega: Any, w0: float) -> Any:
+    return omega / np.sqrt(omega**2 + w0**2)
+
+
+# --- values and slopes ----------------------------------------------------------------------------
+
+
+def load_law(theta: Any, omega: Any, w0: float) -> Any:
+    w = omega[:, 1]
+    return -(0.4 * sign(w, w0) + 0.02 * w + 3e-3 * w * np.abs(w))
+
+
+def table_law(theta: Any, omega: Any, w0: float) -> Any:
+    w = omega[:, 1]
+    return -sign(w, w0) * np.interp(np.abs(w), TABLE.omega, TABLE.torque)
+
+
+def harmonic_law(of: int) -> Any:
+    def law(theta: Any, omega: Any, w0: float) -> Any:
+        return np.cos(np.multiply.outer(theta[:, of], ORDERS) + PHASES) @ AMPLITUDES
+
+    return law
+
+
+LAWS: dict[str, tuple[bd.Torque, int, Any]] = {
+    "load": (bd.Load(1, coulomb=0.4, viscous=0.02, quadratic=3e-3), 1, load_law),
+    "table": (TABLE, 1, table_law),
+    "harmonics": (HARMONICS, 0, harmonic_law(0)),
+    "harmonics of another": (attrs.evolve(HARMONICS, of=1), 0, harmonic_law(1)),
+}
+
+
+@pytest.mark.filterwarnings("ignore:beyond_table")
+@pytest.mark.parametrize("kind", LAWS)
+def test_values(kind: str, free: bd.Params, rest: bd.State) -> None:
+    """Of every sample of a run through rest and through the table's points, with a factor over time
+    that jumps: by the formulas of MODEL section 5, to rounding.
+    """
+    load, on, law = LAWS[kind]
+    factor = bd.PiecewiseLinear([0.01, 0.02, 0.02, 0.03], [1.0, 0.5, -2.0, 0.0])
+    push = bd.Ramp(1, 0.0, 0.001, -6.0)
+    for scale in (None, factor):
+        scaled = attrs.evolve(load, factor=scale)  # type: ignore[misc]
+        result = bd.simulate(
+            free, scaled + push, 0.04, initial=turning(rest, theta=(0.3, -2.0)), rtol=1e-3
+        )
+        omega, theta = result.pulleys.omega, result.pulleys.theta
+        assert omega[:, 1].min() < 0.0 < omega[:, 1].max()
+        expected = law(theta, omega, omega_0(free))
+        if scale is not None:  # at the jump, the sample is that before it
+            before = result.t <= 0.02
+            expected = expected * np.where(
+                before,
+                np.interp(result.t, [0.01, 0.02], [1.0, 0.5]),
+                np.interp(result.t, [0.02, 0.03], [-2.0, 0.0]),
+            )
+        torque = result.pulleys.torque.copy()
+        torque[:, 1] += 6.0 * np.minimum(result.t / 0.001, 1.0)
+        size = np.max(np.abs(expected))
+        assert np.max(np.abs(torque[:, on] - expected)) <= 1e-13 * (size + 6.0)
+        assert np.max(np.abs(torque[:, 1 - on])) <= 1e-13 * 6.0
+        # the object called in Python: the same, but for the smooth sign, 2e-6 at 10 omega_0
+        k = 3
+        at_rest = abs(omega[k, 1]) < 1e3 * omega_0(free)
+        called = (scaled + push)(result.t[k], theta[k], omega[k])
+        assert not at_rest
+        assert called == pytest.approx(result.pulleys.torque[k], abs=1e-6 * size + 1e-12)
+
+
+def slopes(load: bd.Torque, theta: Any, omega: Any, w0: float) -> tuple[Any, Any]:
+    """Derivatives (2, 2) to angles and speeds, written out."""
+    by_theta, by_omega = np.zeros((2, 2)), np.zeros((2, 2))
+    w = omega[1]
+    rise = w0**2 / (w**2 + w0**2) ** 1.5
+    if isinstance(load, bd.Load):
+        by_omega[1, 1] = -(load.coulomb * rise + load.viscous + 2 * load.quadratic * abs(w))
+    elif isinstance(load, bd.SpeedTable):
+        at = np.interp(abs(w), load.omega, load.torque)
+        inside = load.omega[0] < abs(w) < load.omega[-1]
+        k = min(max(int(np.searchsorted(load.omega, abs(w))), 1), load.omega.size - 1)
+        slope = inside * np.diff(load.torque)[k - 1] / np.diff(load.omega)[k - 1]
+        by_omega[1, 1] = -(rise * at + abs(sign(w, w0)) * slope)
+    elif isinstance(load, bd.Harmonics):
+        of = 0 if load.of is None else int(load.of)
+        angles = load.orders * theta[of] + load.phases
+        by_theta[0, of] = -np.sum(load.amplitudes * load.orders * np.sin(angles))
+    return by_theta, by_omega
+
+
+@pytest.mark.filterwarnings("ignore:(beyond_table|balance)")
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("speed", [-9.0, -3.0, -0.5, 0.0, 0.5, 3.0, 6.0])
+def test_slopes(kind: str, speed: float, free: bd.Params, rest: bd.State) -> None:
+    """One step of Euler's linearly implicit method solves (1 - h J) dy = h f, with J those of the
+    pulleys alone: speeds after it tell every derivative, a factor of 40 and a long step make them
+    matter.
+    """
+    load, _, law = LAWS[kind]
+    h, inertia, factor = 1e-4, 0.01, 40.0
+    omega, theta = np.array([2.0, speed if speed else 0.5 * omega_0(free)]), np.array([0.7, 1.9])
+    if not speed and not isinstance(load, bd.Harmonics):  # steep at rest: 0.4 N m over 2 omega_0
+        h, factor = 1e-6, 1.0
+    constant = bd.PiecewiseLinear([0.0], [factor])
+    scaled = attrs.evolve(load, factor=constant)  # type: ignore[misc]
+    state = turning(rest, *omega, theta=(theta[0], theta[1]))
+    result = bd.simulate(free, scaled + NOTHING, h, initial=state, method="lie", step=h)
+    assert result.stats.steps == 1
+    w0 = omega_0(free)
+    by_theta, by_omega = (factor * one / inertia for one in slopes(load, theta, omega, w0))
+    f = np.zeros(2)
+    f[LAWS[kind][1]] = factor * law(theta[None], omega[None], w0)[0] / inertia
+    eye = np.eye(2)
+    matrix = np.block([[eye, -h * eye], [-h * by_theta, eye - h * by_omega]])
+    step = np.linalg.solve(matrix, h * np.concatenate([omega, f]))
+    explicit = h * np.concatenate([omega, f])
+    moved = result.final_state.omega - omega
+    assert moved == pytest.approx(step[2:], rel=1e-9, abs=1e-12)
+    flat = kind == "table" and speed in (-9.0, -0.5, 0.5)
+    still = kind == "harmonics of another" and not speed
+    if not (flat or still):  # the derivatives are seen
+        assert np.max(np.abs(step - explicit)[2:]) > 1e-5 * np.max(np.abs(explicit[2:]))
+
+
+def test_a_step_and_a_ramp_are_their_histories(free: bd.Params, rest: bd.State) -> None:
+    loads = bd.Step(0, 0.004, -3.0) + bd.Ramp(1, 0.002, 0.006, 5.0)
+    both = bd.PiecewiseLinear([0.002, 0.004, 0.004, 0.006], [[0, 0], [0, 2.5], [-3, 2.5], [-3, 5]])
+    alone = bd.PiecewiseLinear([0.004, 0.004], [0, -3], pulley=0) + bd.PiecewiseLinear(
+        [0.002, 0.006], [0, 5], pulley=1
+    )
+    one, other, third = (
+        bd.simulate(free, torque, 0.01, initial=rest, rtol=1e-6) for torque in (loads, both, alone)
+    )
+    assert np.array_equal(one.pulleys.omega, third.pulleys.omega)
+    np.testing.assert_allclose(one.pulleys.omega, other.pulleys.omega, rtol=1e-12, atol=1e-15)
+    for t in (0.0, 0.003, 0.004, 0.005, 0.02):
+        assert loads(t, [0, 0], [0, 0]) == pytest.approx(both(t, [0, 0], [0, 0]))
+
+
+# --- closed forms ---------------------------------------------------------------------------------
+
+
+def test_terminal_speed(free: bd.Params, rest: bd.State) -> None:
+    """A constant torque against a quadratic load: W tanh(t sqrt(M q) / I), with W = sqrt(M / q)."""
+    m, q, inertia = 4.0, 1e-2, 0.01
+    torque = bd.Step(0, 0.0, m) + bd.Load(0, quadratic=q)
+    result = bd.simulate(free, torque, 0.3, initial=rest, rtol=1e-7)
+    expected = math.sqrt(m / q) * np.tanh(result.t * math.sqrt(m * q) / inertia)
+    assert np.max(np.abs(result.pulleys.omega[:, 0] - expected)) <= 1e-5 * math.sqrt(m / q)
+    assert result.pulleys.omega[-1, 0] == pytest.approx(math.sqrt(m / q), rel=1e-4)
+    table = bd.SpeedTable(0, np.linspace(0, 30, 301), q * np.linspace(0, 30, 301) ** 2)
+    fine = bd.simulate(free, bd.Step(0, 0.0, m) + table, 0.3, initial=rest, rtol=1e-7)
+    # chords of 0.1 rad/s lie up to q 0.1^2 / 4 above the parabola: 1e-5 N m of 4
+    assert np.max(np.abs(fine.pulleys.omega - result.pulleys.omega)) <= 2e-5 * math.sqrt(m / q)
+
+
+def test_harmonics_of_a_free_pulley(free: bd.Params, rest: bd.State) -> None:
+    """I omega^2 / 2 is what the torque has worked over the angle, sum a sin(k theta + phi) / k."""
+    state = turning(rest, -60.0, 5.0)
+    for method in ("tsit5", "rodas4"):
+        result = bd.simulate(free, HARMONICS, 0.3, initial=state, rtol=1e-7, method=method)
+        theta = result.pulleys.theta[:, 0]
+        work = np.sin(np.multiply.outer(theta, ORDERS) + PHASES) @ (AMPLITUDES / ORDERS)
+        energy = 0.5 * 0.01 * 60.0**2 + work - work[0]
+        expected = -np.sqrt(2.0 * energy / 0.01)
+        assert np.max(np.abs(result.pulleys.omega[:, 0] - expected)) <= 1e-5 * 60.0
+        assert np.ptp(expected) > 10.0  # the fluctuation, of 60 rad/s
+        assert result.energy.drive[-1] == pytest.approx(work[-1] - work[0], abs=1e-4 * np.ptp(work))
+
+
+def test_torsional_response_of_a_drive() -> None:
+    """Far below the first torsional mode, 980 rad/s of these pulleys on their two spans, a drive
+    answers as one mass: (I_0 + I_1 + m r^2) omega^2 / 2 follows the work over the angle, less what
+    the running belt has lost. The mode adds (25/980)^2 = 0.07 %; creep under the fluctuating span
+    forces, of up to 15 N, shifts single speeds by 15 N/EA = 2e-4 of 50 rad/s; the links' vibration,
+    as they run on and off, is some 0.1 rad/s: so 2 % of the swing of 10 rad/s.
+    """
+    params = attrs.evolve(drives.plain(), friction=bd.Dahl(mu_k=1.0, sigma=1e5))
+    state = bd.settle(params).at_speed(params, {0: -50.0})
+    settled = bd.simulate(params, NOTHING, 0.05, initial=state)
+    wave = bd.Harmonics(0, [0.5], [3.0], [0.4], factor=bd.PiecewiseLinear([0.05, 0.05], [0, 1]))
+    result = bd.simulate(params, wave + NOTHING, 0.4, initial=settled.final_state, rtol=1e-5)
+    theta = result.pulleys.theta[:, 0]
+    work = 3.0 * np.sin(0.5 * theta + 0.4) / 0.5
+    mass = 0.02 + params.belt.length * params.belt.linear_density * 0.1**2
+    mean = float(result.pulleys.omega[0].mean())
+    lost = result.energy.losses
+    expected = -np.sqrt(mean**2 + 2.0 * (work - work[0] - lost) / mass)
+    swing = np.ptp(expected)
+    assert swing > 10.0 and lost[-1] < 0.1 * np.ptp(work)
+    for omega in result.pulleys.omega.T:
+        assert np.max(np.abs(omega - expected)) <= 0.02 * swing
+
+
+def test_a_load_is_what_a_drag_is() -> None:
+    """The same numbers as bearing drag: the same motion; its work is in `drive`."""
+    base = drives.plain()
+    numbers = {"coulomb": 1.5, "viscous": 0.03, "quadratic": 2e-3}
+    first = attrs.evolve(base.pulleys[1], drag=bd.Drag(**numbers))
+    with_drag = attrs.evolve(base, pulleys=[base.pulleys[0], first])
+    ramp = bd.Ramp(0, 0.0, 0.02, -50.0)
+    options = {"rtol": 1e-8, "initial": bd.settle(base)}
+    one = bd.simulate(with_drag, ramp, 0.05, **options)
+    other = bd.simulate(base, ramp + bd.Load(1, **numbers), 0.05, **options)
+    np.testing.assert_allclose(one.pulleys.omega, other.pulleys.omega, rtol=1e-5, atol=1e-6)
+    lost = one.energy.drag_loss
+    assert lost is not None and lost[-1] > 0.1
+    assert one.energy.drive - lost == pytest.approx(other.energy.drive, abs=1e-5 * lost[-1])
+
+
+# --- drives with loads ----------------------------------------------------------------------------
+
+LOADS = (
+    bd.Ramp(0, 0.0, 0.01, -60.0),
+    bd.SpeedTable(1, [0.0, 5.0, 20.0, 150.0], [0.5, 3.0, 8.0, 12.0],
+                  factor=bd.PiecewiseLinear([0.02, 0.03], [0.0, 1.0])),
+    bd.Load(1, coulomb=0.5, viscous=0.05, quadratic=2e-3),
+    bd.Harmonics(0, [2.0, 4.0], [8.0, 2.0], [0.0, 1.0]),
+    bd.Harmonics(1, [3.0], [2.0], of=0),
+    bd.Step(1, 0.035, 5.0),
+)  # fmt: skip
+TIMES = np.linspace(0.0, 0.06, 61)
+
+
+def total(parts: Any = LOADS) -> bd.Torque:
+    first, *others = parts
+    for part in others:
+        first = first + part
+    return first  # type: ignore[no-any-return]
+
+
+@pytest.fixture(scope="module")
+def drive() -> bd.Params:
+    return drives.plain()
+
+
+@pytest.fixture(scope="module")
+def start(drive: bd.Params) -> bd.State:
+    return bd.settle(drive)
+
+
+@pytest.fixture(scope="module")
+def exact(drive: bd.Params, start: bd.State) -> bd.Result:
+    return bd.simulate(drive, total(), 0.06, initial=start, t_eval=TIMES, method="tsit5", rtol=1e-8)
+
+
+def apart(one: bd.Result, other: bd.Result) -> float:
+    """Root mean square of the difference of joint forces, over the mean tension."""
+    difference = one.joints.force - other.joints.force
+    return math.sqrt(np.mean(difference**2)) / float(one.params.info["mean_tension"])
+
+
+@pytest.mark.parametrize("method", drives.METHODS)
+def test_every_method(
+    method: str, drive: bd.Params, start: bd.State, exact: bd.Result,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Errors as asked for, no call of Python, the ledger closes to what the method's error is; the
+    work is that of the torques that are reported.
+    """
+
+    def called(*_: Any) -> Any:
+        raise AssertionError("the core evaluates it")
+
+    for one in (bd.Load, bd.SpeedTable, bd.Harmonics, bd.Step, bd.Ramp, bd.TorqueSum):
+        monkeypatch.setattr(one, "__call__", called)
+    options = drives.METHODS[method]
+    result = bd.simulate(
+        drive, total(), 0.06, initial=start, t_eval=TIMES, method=method, **options
+    )
+    rtol = options.get("rtol", 1e-4)
+    assert apart(result, exact) <= 3.0 * rtol
+    assert np.max(np.abs(result.energy.residual)) <= 10 * rtol * result.energy.passed[-1]
+    power = np.sum(exact.pulleys.torque * exact.pulleys.omega, axis=1)
+    steps = 0.5 * (power[1:] + power[:-1]) * np.diff(TIMES)
+    # trapezia of 1 ms over 8 Hz to 20 Hz and the step at 35 ms, of 5 N m at 30 rad/s: 0.08 J
+    assert result.energy.drive[-1] == pytest.approx(np.sum(steps), abs=0.5)
+    assert result.energy.drive[-1] > 20.0
+    assert [one.code for one in result.warnings] == ["mesh"]
+
+
+def test_the_order_of_a_sum_does_not_matter(drive: bd.Params, start: bd.State) -> None:
+    """But for rounding, which a lightly damped drive has grown to 1e-9 by then."""
+    rng = np.random.default_rng(1)
+    results = [
+        bd.simulate(drive, total([LOADS[k] for k in order]), 0.02, initial=start, rtol=1e-6)
+        for order in (range(6), rng.permutation(6), rng.permutation(6))
+    ]
+    for other in results[1:]:
+        assert apart(other, results[0]) <= 1e-8
+
+
+def test_with_torques_on_all_and_with_python(
+    drive: bd.Params, start: bd.State, exact: bd.Result
+) -> None:
+    """Summed with tables for all pulleys; and the same sum as a Python function, which differs by
+    the sign round rest and has derivatives by differences.
+    """
+    as_table = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-60.0, 0.0]])
+    torque = total([as_table, *LOADS[1:], NOTHING])
+    assert torque.n_pulleys == 2 and total().n_pulleys is None
+    options = {"initial": start, "t_eval": TIMES}
+    one = bd.simulate(drive, torque, 0.06, rtol=1e-5, **options)
+    assert apart(one, exact) <= 3e-5
+    w0 = omega_0(drive)
+
+    def python(t: float, theta: Any, omega: Any) -> Any:
+        values = np.array(torque(t, theta, omega))
+        table, w = LOADS[1](t, theta, omega)[1], float(omega[1])
+        coulomb = table - 0.5 * np.sign(w)
+        values[1] += (abs(sign(w, w0)) - 1.0) * coulomb
+        return values
+
+    breaks = [0.01, 0.02, 0.03, 0.035]
+    for method in ("tsit5", "rodas4"):
+        other = bd.simulate(drive, python, 0.06, rtol=1e-4, method=method, breakpoints=breaks,
+                            **options)  # fmt: skip
+        assert apart(other, exact) <= 3e-4
+
+
+def test_the_fixed_step_follows_steep_loads(free: bd.Params, rest: bd.State) -> None:
+    """Decay at 1e6 1/s, of each kind: the step of the joints would be beyond the stability limit,
+    2.8e-6 s; a factor over time counts as well; harmonics of 1e6 rad/s make a pendulum.
+    """
+    w0, steep = omega_0(free), 1e6 * 0.01
+    plain = bd.simulate(free, NOTHING, 1e-4, initial=turning(rest), method="rk4")
+    assert plain.stats.largest_step > 5e-6
+    tenth = bd.PiecewiseLinear([0.0], [0.1])
+    for load in (
+        bd.Load(0, viscous=steep),
+        bd.Load(0, coulomb=steep * w0),
+        bd.Load(0, coulomb=10 * steep * w0, factor=tenth),
+        bd.SpeedTable(0, [1.0], [steep * w0]),
+        bd.SpeedTable(0, [0.0, 1.0], [0.0, steep]),
+        bd.Harmonics(0, [1.0], [1e12 * 0.01], [math.pi / 2]),
+    ):
+        state = turning(rest, 0.3 * w0, 0.0, theta=(1e-9, 0.0))
+        result = bd.simulate(free, load, 1e-4, initial=state, method="rk4")
+        assert 1e-7 < result.stats.largest_step < 2.8e-6
+        if isinstance(load, bd.Harmonics):
+            swing = np.abs(result.pulleys.theta[:, 0]).max()
+            assert swing <= 1.1 * (1e-9 + 0.3 * w0 / 1e6)
+        elif not (isinstance(load, bd.SpeedTable) and load.omega[0] == 0.0):
+            assert abs(result.pulleys.omega[-1, 0]) < 1e-9 * w0
+        else:  # M = steep |omega|: quadratic near rest, and slow there
+            assert abs(result.pulleys.omega[-1, 0]) < 0.3 * w0
+
+
+def test_steps_see_the_highest_order(free: bd.Params, rest: bd.State) -> None:
+    """Two a period at least, also where the torque is so small that its error would not matter."""
+    small = bd.Harmonics(0, [8.0], [1e-9])
+    for method, longest in (("rodas4", math.pi / (8.0 * 100.0)), ("lbdf2", math.pi / 800.0)):
+        options = {"initial": turning(rest, 100.0, 0.0), "rtol": 1e-2, "method": method}
+        without = bd.simulate(free, NOTHING, 0.2, **options)
+        result = bd.simulate(free, small, 0.2, **options)
+        assert without.stats.largest_step > 2.0 * longest
+        assert result.stats.largest_step <= 1.0001 * longest
+
+
+def test_steps_see_the_highest_order_of_a_crank(free: bd.Params, rest: bd.State) -> None:
+    """On a belt without friction there is nothing else to limit them."""
+    start = turning(rest, -100.0, 0.0)
+    steady = bd.PiecewiseLinear([0.0], [-100.0])
+    small = bd.CrankMotion(-100.0, [8.0], [1e-12], [math.pi / 2], fade=(0.0, 0.01))
+    options = {"initial": start, "rtol": 1e-2, "method": "rodas4"}
+    runs = [bd.simulate(free, NOTHING, 0.2, {0: one}, **options) for one in (steady, small)]
+    assert runs[0].stats.largest_step > 2.0 * math.pi / 800.0
+    assert runs[1].stats.largest_step <= 1.0001 * math.pi / 800.0
+
+
+def test_beyond_the_table(free: bd.Params, rest: bd.State) -> None:
+    """A warning, once, that names the pulley and both speeds; not where the load is off, within a
+    hundredth, or below the table.
+    """
+    codes = []
+    for speed, table in (
+        (9.0, bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0])),
+        (-9.0, bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0])),
+        (8.05, bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0])),
+        (0.5, bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0])),
+        (9.0, bd.SpeedTable(0, [1.0, 8.0], [0, 0], factor=bd.PiecewiseLinear([0.0], [0.0]))),
+    ):
+        with pytest.warns(bd.BeltdynWarning) as caught:
+            result = bd.simulate(free, table, 0.001, initial=turning(rest, speed, 0.0))
+        codes.append(any(one.code == "beyond_table" for one in result.warnings))
+        texts = [str(one.message) for one in caught if "beyond_table" in str(one.message)]
+        assert len(texts) == codes[-1]
+        if codes[-1]:
+            assert texts[0].startswith(f"beyond_table: pulley 0 turns at {speed:g} rad/s at t = ")
+            assert "faster than the table of its load reaches, 8 rad/s" in texts[0]
+    assert codes == [True, True, False, False, False]
+
+
+def test_a_load_on_a_pulley_that_is_moved_has_no_effect(free: bd.Params, rest: bd.State) -> None:
+    motion = {0: bd.PiecewiseLinear([0.0, 0.01], [0.0, 5.0])}
+    with pytest.warns(bd.BeltdynWarning, match="torque_ignored: the torque set on pulley 0"):
+        bd.simulate(free, bd.Load(0, coulomb=1.0), 0.01, motion, initial=rest)
+
+
+# --- crank ----------------------------------------------------------------------------------------
+
+CRANK_SPEED = bd.PiecewiseLinear([0.01, 0.03, 0.06], [0.0, -30.0, -50.0])
+CRANK = bd.CrankMotion(CRANK_SPEED, [1.5, 4.0], [0.02, 0.003], [0.3, -1.1], fade=(0.02, 0.05))
+
+
+def crank_angle(t: Any) -> Any:
+    """The motion of CRANK by its formula, in long double: its derivatives by differences."""
+    t = np.asarray(t, dtype=np.longdouble)
+    a = [np.longdouble(-30) / np.longdouble("0.02"), np.longdouble(-20) / np.longdouble("0.03")]
+    first = np.clip(t - np.longdouble("0.01"), 0, np.longdouble("0.02"))
+    second = np.clip(t - np.longdouble("0.03"), 0, np.longdouble("0.03"))
+    third = np.maximum(t - np.longdouble("0.06"), 0)
+    mean = a[0] * first**2 / 2 - 30 * second + a[1] * second**2 / 2 - 50 * third
+    s = np.clip((t - np.longdouble("0.02")) / np.longdouble("0.03"), 0, 1)
+    fade = s**3 * (10 - 15 * s + 6 * s**2)
+    orders, sizes = (np.array(v, dtype=np.longdouble) for v in ((1.5, 4.0), (0.02, 0.003)))
+    phases = np.array((0.3, -1.1), dtype=np.longdouble)
+    return mean + fade * (np.cos(np.multiply.outer(mean, orders) + phases) @ sizes)
+
+
+def test_crank_motion(free: bd.Params, rest: bd.State) -> None:
+    """Angle, speed and the torque that the acceleration needs, at times away from the kinks, where
+    differences over 10 us are right to 1e-9; to the last bits of the angle.
+    """
+    times = np.array([0.005, 0.015, 0.025, 0.033, 0.041, 0.049, 0.055, 0.065, 0.08])
+    d = np.longdouble("1e-5")
+    before, at, after = crank_angle(times - d), crank_angle(times), crank_angle(times + d)
+    speed, rate = (after - before) / (2 * d), (after - 2 * at + before) / d**2
+    for method in ("tsit5", "rodas4", "lbdf2", "rk4"):
+        result = bd.simulate(
+            free, NOTHING, 0.09, {0: CRANK}, initial=rest, t_eval=times, method=method, rtol=1e-3
+        )
+        angle = np.asarray(at - crank_angle(0.0), dtype=float)
+        assert np.max(np.abs(result.pulleys.theta[:, 0] - angle)) <= 1e-14
+        assert np.max(np.abs(result.pulleys.omega[:, 0] - np.float64(speed))) <= 1e-8 * 50.0
+        # the third and fourth derivatives: (4 * 50)^4 * 0.003 * d^2 / 12 = 4e-5 of some 2000
+        needed = 0.01 * np.float64(rate)
+        assert np.max(np.abs(result.pulleys.torque[:, 0] - needed)) <= 1e-7 * np.max(np.abs(needed))
+    assert np.ptp(np.float64(rate[5:])) > 100.0
+
+
+def test_every_method_with_a_crank(drive: bd.Params) -> None:
+    """All methods agree within what was asked, so jerk (rodas4) and the rest are right, and so is a
+    torque that goes with the angle of the crank.
+    """
+    start = bd.settle(drive)
+    options = {"initial": start, "t_eval": np.linspace(0.0, 0.09, 91)}
+    load = bd.Load(1, viscous=0.3) + bd.Harmonics(1, [2.0], [5.0], of=0)
+    exact = bd.simulate(drive, load, 0.09, {0: CRANK}, method="tsit5", rtol=1e-8, **options)
+    for method, given in drives.METHODS.items():
+        result = bd.simulate(drive, load, 0.09, {0: CRANK}, method=method, **given, **options)
+        assert apart(result, exact) <= 3.0 * given.get("rtol", 1e-4)
+        assert np.max(np.abs(result.energy.residual)) <= (
+            10 * given.get("rtol", 1e-4) * result.energy.passed[-1]
+        )
+    fine = bd.simulate(drive, load, 0.09, {0: CRANK}, method="rodas4", rtol=1e-7, **options)
+    assert apart(fine, exact) <= 3e-7
+
+
+def test_a_heavy_flywheel_moves_alike(drive: bd.Params) -> None:
+    """As in test_motion.py: of 1e6 kg m^2, under the torque that gives it this motion, here at
+    speed from the beginning, with a fluctuation that fades in.
+    """
+    crank = bd.CrankMotion(-40.0, [2.0], [0.02], fade=(0.0, 0.01))
+    heavy, start = 1e6, bd.settle(drive).at_speed(drive, {0: -40.0})
+    first = attrs.evolve(drive.pulleys[0], inertia=heavy)
+    flywheel = attrs.evolve(drive, pulleys=[first, drive.pulleys[1]])
+
+    def acceleration(t: float) -> float:
+        """Of 0.02 f cos(80 t)."""
+        s = min(t / 0.01, 1.0)
+        f, f1, f2 = (
+            s**3 * (10 - 15 * s + 6 * s**2),
+            30 * s**2 * (1 - s) ** 2 / 0.01,
+            60 * s * (1 - s) * (1 - 2 * s) / 1e-4,
+        )
+        w = 80.0
+        return 0.02 * (
+            f2 * math.cos(w * t) - 2 * w * f1 * math.sin(w * t) - w * w * f * math.cos(w * t)
+        )
+
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        return [heavy * acceleration(t), 0.0]
+
+    options = {
+        "initial": start,
+        "t_eval": np.linspace(0.0, 0.02, 41),
+        "rtol": 1e-6,
+        "method": "rodas4",
+    }
+    free = bd.simulate(flywheel, torque, 0.02, breakpoints=[0.01], **options)
+    moved = bd.simulate(drive, NOTHING, 0.02, {0: crank}, **options)
+    assert np.ptp(moved.pulleys.omega[:, 0]) > 1.0
+    assert np.max(np.abs(free.pulleys.omega[:, 0] - moved.pulleys.omega[:, 0])) <= 2e-6
+    assert apart(moved, free) <= 1e-6
+
+
+@pytest.mark.parametrize("speed", [-40.0, CRANK_SPEED, bd.PiecewiseLinear([-0.2, 0.5], [-9, -30])])
+@pytest.mark.parametrize("fade", [None, (-0.1, 0.1)])
+def test_a_run_begins_with_the_speed_of_the_crank(speed: Any, fade: Any, drive: bd.Params) -> None:
+    """Also where the fluctuation has begun before."""
+    crank = bd.CrankMotion(speed, [2.0, 3.0], [0.02, 0.01], [0.3, 1.0], fade=fade)
+    result = bd.simulate(drive, NOTHING, 0.002, {0: crank})
+    assert result.pulleys.omega[0, 0] == pytest.approx(crank._first_speed(0.0), rel=1e-12)
+    step = (result.pulleys.theta[1, 0] - result.pulleys.theta[0, 0]) / result.t[1]
+    assert step == pytest.approx(result.pulleys.omega[:2, 0].mean(), rel=1e-6, abs=1e-12)
+    if speed is not CRANK_SPEED:
+        with pytest.raises(ValueError, match=r"begins with -.* rad/s at t = 0 s, but in the init"):
+            bd.simulate(drive, NOTHING, 0.002, {0: crank}, initial=bd.settle(drive))
+
+
+def test_verification_and_studies_take_them_for_data(drive: bd.Params) -> None:
+    from beltdyn.accuracy.studies import _in_core
+    from beltdyn.motions import in_core
+
+    assert in_core(CRANK) and in_core(CRANK_SPEED) and in_core(bd.Motion(speed=CRANK_SPEED))
+    assert not in_core(math.sin) and not in_core(bd.Motion(angle=math.sin))
+    assert _in_core(bd.Scene(drive, total(), 0.1, {0: CRANK}))
+
+
+# --- what is given --------------------------------------------------------------------------------
+
+
+def scene(torque: Any = None, motion: Any = None) -> bd.Scene:
+    return bd.Scene(drives.plain(), total() if torque is None else torque, 0.002, motion)
+
+
+def test_files(tmp_path: Path) -> None:
+    """Every kind, there and back, exactly; and run from the file."""
+    whole = scene(motion={0: CRANK})
+    text = whole.to_toml(tmp_path / "scene.toml")
+    for kind in ("ramp", "speed_table", "load", "harmonics", "step", "crank"):
+        assert f'kind = "{kind}"' in text
+    assert bd.Scene.from_toml(text) == whole
+    short = scene(bd.PiecewiseLinear([0.0], [1.0], pulley=1), {1: bd.CrankMotion(0.0, [1], [0.1])})
+    assert bd.Scene.from_toml(short.to_toml()) == short
+    number = short.to_toml().replace("speed = { ", "speed = 0.0 # ")
+    assert "load on pulley 1 over its speed, 4 point(s) from 0 to 150 rad/s" in str(whole)
+    assert "mean speed -50 to 0 rad/s, harmonics of orders 1.5, 4" in str(whole)
+    assert number
+    for torque in LOADS:
+        alone = scene(torque)
+        path = tmp_path / "one.toml"
+        alone.to_toml(path)
+        out = tmp_path / "run.npz"
+        done = CliRunner().invoke(cli.main, ["run", str(path), "--out", str(out)])
+        assert done.exit_code == 0, done.output
+        loaded = bd.Result.load(out)
+        assert np.array_equal(loaded.pulleys.omega, bd.simulate(*alone).pulleys.omega)
+    done = CliRunner().invoke(cli.main, ["run", str(tmp_path / "scene.toml")])
+    assert done.exit_code == 0, done.output
+
+
+def test_a_file_may_give_a_speed_as_a_number() -> None:
+    table = (
+        "[[motion]]\npulley = 0\nkind = 'crank'\nspeed = -20.0\norders = [2]\namplitudes = [0.1]\n"
+    )
+    read = bd.Scene.from_toml(scene().to_toml() + table)
+    assert read.motion == {0: bd.CrankMotion(-20.0, [2], [0.1])}
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("kind = 'load'", "pulley: missing"),
+        ("kind = 'load'\npulley = 2", "pulley index must be an integer from 0 to 1, got 2"),
+        ("kind = 'load'\npulley = -1", "pulley must be an integer >= 0, got -1"),
+        ("kind = 'load'\npulley = 'fan'", "pulley: no pulley is called 'fan'; there are pulley 0"),
+        ("kind = 'load'\npulley = 1.0", "pulley must be a pulley's index or its name, got 1.0"),
+        ("kind = 'load'\npulley = 1\ncoulom = 1", r"coulom: unknown field \(did you mean 'coul"),
+        ("kind = 'load'\npulley = 1\ncoulomb = -1", "coulomb must be >= 0, for it acts aga"),
+        ("kind = 'load'\npulley = 1\nfactor = 2.0", "factor must be a PiecewiseLinear of factors"),
+        ("kind = 'load'\npulley = 1\nfactor = {t = [1, 0], values = [1, 1]}", "factor.t must be"),
+        ("kind = 'speed_table'\npulley = 0\nomega = [1]\ntorque = [1, 2]",
+         r"torque must have one value for each of the 1 speed\(s\), got 2"),
+        ("kind = 'speed_table'\npulley = 0\nomega = [2, 1]\ntorque = [1, 2]",
+         "omega must be increasing, got 2 rad/s before 1"),
+        ("kind = 'speed_table'\npulley = 0\nomega = [1, 2]\ntorque = [1, -2]",
+         "torque must be >= 0, for the table holds magnitudes"),
+        ("kind = 'harmonics'\npulley = 0\norders = [0]\namplitudes = [1]",
+         r"orders must be > 0, got 0 at \[0\]"),
+        ("kind = 'harmonics'\npulley = 0\norders = [1]\namplitudes = [1]\nof = 3",
+         "of index must be an integer from 0 to 1, got 3"),
+        ("kind = 'ramp'\npulley = 0\nt_begin = 1\nt_end = 1\ntorque = 1",
+         r"t_end must be > t_begin \(1 s\), got 1 s: a jump is a Step"),
+        ("kind = 'step'\npulley = 0\nt = nan\ntorque = 1", "t must be finite"),
+        ("kind = 'piecewise_linear'\npulley = 0\nt = [0]\nvalues = [[1, 2]]",
+         "values must have one column where the pulley is given"),
+        ("kind = 'sped_table'", "kind must be one of piecewise_linear, viscous, load, speed_table"),
+    ],
+)  # fmt: skip
+def test_bad_files(table: str, message: str) -> None:
+    """Messages begin with the path of the field."""
+    text = scene(NOTHING).to_toml() + f"\n[[torque]]\n{table}\n"
+    with pytest.raises(ValueError, match=rf"^torque\[1\]\.{message}"):
+        bd.Scene.from_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: bd.Load(None), TypeError, r"Load\.pulley must be a pulley's index or its name"),
+        (lambda: bd.Load(True), TypeError, r"Load\.pulley must be a pulley's index or its name"),
+        (lambda: bd.Load("1"), TypeError, r"Load\.pulley must be a pulley's index or its name"),
+        (lambda: bd.Load(-1), ValueError, r"Load\.pulley must be an integer >= 0, got -1"),
+        (lambda: bd.Load(0, viscous="1"), TypeError, r"Load\.viscous must be a real number"),
+        (lambda: bd.Load(0, quadratic=math.inf), ValueError, r"Load\.quadratic must be finite"),
+        (lambda: bd.Load(0, factor=[0.0, 1.0]), TypeError, r"Load\.factor must be a PiecewiseLin"),
+        (lambda: bd.Load(0, factor=bd.PiecewiseLinear([0], [[1, 2]])), ValueError,
+         r"Load\.factor must have one value per time and name no pulley"),
+        (lambda: bd.SpeedTable(0, [], []), ValueError, r"SpeedTable\.omega must hold at least one"),
+        (lambda: bd.SpeedTable(0, [[1]], [1]), ValueError, r"SpeedTable\.omega must have 1 dim"),
+        (lambda: bd.SpeedTable(0, [-1, 1], [1, 1]), ValueError, r"SpeedTable\.omega must be >= 0"),
+        (lambda: bd.Harmonics(0, [], []), ValueError, r"Harmonics\.orders must hold at least one"),
+        (lambda: bd.Harmonics(0, [1, 2], [1]), ValueError,
+         r"Harmonics\.amplitudes must have one value for each of the 2 order\(s\), got 1"),
+        (lambda: bd.Harmonics(0, [1], [1], [1, 2]), ValueError,
+         r"Harmonics\.phases must have one value for each of the 1 order\(s\), got 2"),
+        (lambda: bd.CrankMotion(-1.0, [1], [1], fade=(1.0, 1.0)), ValueError,
+         r"CrankMotion\.fade must end after it begins, got 1 s and 1 s"),
+        (lambda: bd.CrankMotion(-1.0, [1], [1], fade=0.1), TypeError, r"CrankMotion\.fade must be"),
+        (lambda: bd.CrankMotion(math.sin, [1], [1]), TypeError,
+         r"CrankMotion\.speed must be a number or a PiecewiseLinear, got a function"),
+        (lambda: bd.CrankMotion(None, [1], [1]), TypeError, r"CrankMotion\.speed must be a real"),
+        (lambda: bd.CrankMotion(bd.PiecewiseLinear([0, 0], [1, 2]), [1], [1]), ValueError,
+         r"CrankMotion\.speed must not jump"),
+        (lambda: bd.CrankMotion(1.0, [-1], [1]), ValueError, r"CrankMotion\.orders must be > 0"),
+        (lambda: bd.Step(0, 0.0, "1"), TypeError, r"Step\.torque must be a real number"),
+        (lambda: bd.PiecewiseLinear([0], [0], pulley=1.5), TypeError,
+         r"PiecewiseLinear\.pulley must be a pulley's index or its name, got 1.5"),
+    ],
+)  # fmt: skip
+def test_bad_input(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=f"^{message}"):
+        make()
+
+
+def test_pulleys_of_the_drive(free: bd.Params) -> None:
+    """They are looked for when the run is made, which names the part of the sum."""
+    cases: list[tuple[Any, str]] = [
+        (bd.Load(2), r"torque_fn\.pulley index must be an integer from 0 to 1, got 2"),
+        (NOTHING + bd.Step(5, 0.0, 1.0), r"torque_fn\[1\]\.pulley index must be an integer"),
+        (bd.Load("fan"), r"torque_fn\.pulley: no pulley is called 'fan'; there are pulley 0, "),
+        (
+            bd.Harmonics(0, [1], [1], of=2),
+            r"torque_fn\.of index must be an integer from 0 to 1, got 2",
+        ),
+    ]
+    for torque, message in cases:
+        with pytest.raises(ValueError, match=f"^{message}"):
+            bd.simulate(free, torque, 0.1)
+    with pytest.raises(ValueError, match=r"^Load\.pulley is the name 'fan': give an index"):
+        bd.Load("fan")(0.0, [0, 0], [0, 0])
+    with pytest.raises(TypeError, match=r"^terms\(\) needs the pulleys' names"):
+        bd.Load(0).terms()
+
+
+def test_names_of_pulleys(drive: bd.Params, start: bd.State) -> None:
+    """A pulley that has a name is called by it, in sums, in files and as the key of a motion, and
+    gives the same bits.
+    """
+    crank, fan = drive.pulleys
+    named = attrs.evolve(drive, pulleys=[attrs.evolve(crank, name="crank"),
+                                         attrs.evolve(fan, name="fan")])  # fmt: skip
+    by_index = bd.Load(1, viscous=0.1) + bd.Harmonics(1, [1.0], [2.0], of=0) + bd.Step(1, 0.0, 1.0)
+    by_name = (
+        bd.Load("fan", viscous=0.1)
+        + bd.Harmonics("fan", [1.0], [2.0], of="crank")
+        + bd.PiecewiseLinear([0.0, 0.0], [0.0, 1.0], pulley="fan")
+    )
+    one = bd.simulate(drive, by_index, 0.01, {0: CRANK}, initial=start)
+    other = bd.simulate(named, by_name, 0.01, {"crank": CRANK}, initial=start)
+    assert np.array_equal(one.joints.force, other.joints.force)
+    scene_by_name = bd.Scene(named, by_name, 0.01, {"crank": CRANK})
+    assert bd.Scene.from_toml(scene_by_name.to_toml()) == scene_by_name
+    assert 'load on pulley "fan", viscous' in str(scene_by_name)
+    message = r"^torque_fn\[1\]\.pulley: no pulley is called 'fam' \(did you mean 'fan'\?\)"
+    with pytest.raises(ValueError, match=message):
+        bd.simulate(named, by_name.parts[0] + bd.Step("fam", 0.0, 1.0), 0.01)
+    with pytest.warns(bd.BeltdynWarning, match='beyond_table: pulley "fan" turns at '):
+        bd.simulate(named, bd.Step(1, 0.0, 9.0) + bd.SpeedTable(1, [0.1], [0.0]), 0.01,
+                    initial=start)  # fmt: skip
+
+
+def test_objects_are_values() -> None:
+    for one in (*LOADS, CRANK, total(), bd.Load("fan"), attrs.evolve(TABLE, pulley="pump")):
+        assert pickle.loads(pickle.dumps(one)) == one
+        assert eval(repr(one), vars(bd)) == one
+        assert str(one)
+    given = np.array([1.0, 2.0])
+    table = bd.SpeedTable(0, given, given)
+    given[0] = 7.0
+    assert table.omega[0] == 1.0
+    assert bd.Load(0, viscous=1.0) != bd.Load(0, viscous=2.0)
+    assert attrs.evolve(HARMONICS, of=1) != HARMONICS
+
+
+def test_identification_takes_loads() -> None:
+    """The inertia of a free pulley, from its speed under them: what was simulated is found again.
+    Experiments take no motion, of whatever kind.
+    """
+    base = attrs.evolve(drives.plain(), friction=None)
+    torque = bd.Step(1, 0.0, 5.0) + bd.Load(1, quadratic=2e-2) + bd.Harmonics(1, [2.0], [1.0])
+    measured = bd.simulate(base, torque, 0.02, rtol=1e-5)
+    heavier = attrs.evolve(base.pulleys[1], inertia=0.013)
+    guess = attrs.evolve(base, pulleys=[base.pulleys[0], heavier])
+    run = bd.Experiment(torque, 0.02, options={"rtol": 1e-5})
+    speed = run.curve("pulleys.omega[1]", measured.t, measured.pulleys.omega[:, 1], sigma=0.01)
+    found = bd.identify(guess, ["pulleys[1].inertia"], [speed], workers=1)
+    assert found.params.pulleys[1].inertia == pytest.approx(0.01, rel=1e-3)
+    with pytest.raises(ValueError, match=r"^Experiment\.options has no 'motion'"):
+        bd.Experiment(torque, 0.02, options={"motion": {0: CRANK}})
