@@ -20,7 +20,7 @@ DAHL = Dahl(mu_k=0.8, sigma=2e3)
 GRAVITY = (1.0, -9.81)
 DRAG = (0.05, 1e-3, 1e-5)
 
-ARM = Arm(pivot=(0.21, 0.12), inertia=0.002, mass=0.3, stiffness=15.0, preload=3.3, damping=0.05,
+ARM = Arm(pivot=(0.21, 0.12), inertia=0.004, mass=0.3, stiffness=15.0, preload=3.3, damping=0.05,
           friction=0.4)  # fmt: skip
 SLIDER = Slider(
     direction=(2.9, 0.3), mass=2.0, weight=9.0, stiffness=500.0, damping=30.0, friction=8.0

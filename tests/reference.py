@@ -23,7 +23,7 @@ import numpy.typing as npt
 from reference_friction import Array as Array
 from reference_friction import Dahl, Law
 from reference_line import belt_line as belt_line
-from reference_line import spans_away
+from reference_line import depth, spans_away, tension_at_rest
 from reference_mounts import MOUNT_LEDGER, Arm, Mount, Sprung, rest_of
 
 Torque = Callable[[float, Array, Array], npt.ArrayLike]
@@ -162,7 +162,7 @@ class Reference:
             derived["rest"] = rest_of(
                 list(mounts.items()),
                 centers,
-                lambda places: spans_away(places, radii, self.sides),
+                lambda places: self._line_at(places, radii),
                 self.axial_stiffness,
                 self.length,
                 np.asarray(self.gravity, dtype=float),
@@ -175,7 +175,7 @@ class Reference:
         if self.compensate:
             strain = path / self.length - 1
             pressure = self.axial_stiffness * strain * (1 + strain) / radii
-            depths = [np.roots([*self.contact[:2], -one]).real.max() for one in pressure]
+            depths = [depth(one, self.contact) for one in pressure]
             derived["contact_radii"] = derived["contact_radii"] + np.array(depths)
         if self.drag is not None:
             derived["drag"] = np.array(self.drag, dtype=float).reshape(n_p, 3)
@@ -183,6 +183,18 @@ class Reference:
             derived["omega_0"] = 1e-3 * (path / self.length - 1) * wave / 60 / derived["radii"]
         for name, value in derived.items():
             object.__setattr__(self, name, value)
+
+    def _line_at(self, places: Array, radii: Array) -> tuple[float, Array]:
+        """Tension at rest of the belt line round pulleys at these places, and its spans."""
+        path, wraps, spans = spans_away(places, radii, self.sides)
+        strain = path / self.length - 1.0
+        stiffness = self.axial_stiffness, self.bending_stiffness
+        tension = self.axial_stiffness * strain
+        if strain > 0.0:
+            tension = tension_at_rest(
+                strain, self.length, radii, wraps, stiffness, self.contact, self.compensate
+            )
+        return tension, spans
 
     # ---------------------------------------------------------------- state vector
 
@@ -358,7 +370,8 @@ class Reference:
                     friction[j] = share[j] * law.force(*at) * touch[j]
                     z_rate[j] = law.rate(*at) * touch[j]
                     slip_rate[j] = speed[j]
-            z_rate -= fresh * z * touch
+            ruled = np.array([law is not None for law in self.laws])[:, None]
+            z_rate -= fresh * z * touch * ruled
         grip = np.zeros(n_p)
         at_point = np.zeros((2, n_b))
         if along is None:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+import scipy.optimize
 from reference_friction import Array
 
 
@@ -42,15 +43,61 @@ def _tight(c: Array, r: Array, side: Array) -> tuple[int, Array, Array, Array, i
 
 def spans_away(
     centers: Array, radii: Array, sides: npt.ArrayLike | None = None
-) -> tuple[float, Array]:
-    """Length of the tight belt line, and the unit vectors along its spans away from each pulley:
-    (n_p, 2, 2), [pulley, the span before or behind it, xy].
+) -> tuple[float, Array, Array]:
+    """Length of the tight belt line, the wraps, and the unit vectors along its spans away from each
+    pulley: (n_p, 2, 2), [pulley, the span before or behind it, xy].
     """
     side = np.ones(len(centers)) if sides is None else np.asarray(sides, dtype=float)
     _, span, angle, wrap, _ = _tight(centers, radii, side)
     behind = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
     before = -np.roll(behind, 1, axis=0)
-    return float(np.sum(span + radii * wrap)), np.stack((before, behind), axis=1)
+    return float(np.sum(span + radii * wrap)), wrap, np.stack((before, behind), axis=1)
+
+
+def depth(pressure: float, contact: tuple[float, float, float]) -> float:
+    """Root p of c1' p^2 + c2' p = pressure [N/m]."""
+    return float(np.roots([*contact[:2], -pressure]).real.max())
+
+
+def tension_at_rest(
+    strain: float,
+    length: float,
+    radii: Array,
+    wraps: Array,
+    stiffness: tuple[float, float],
+    contact: tuple[float, float, float],
+    compensate: bool,
+) -> float:
+    """Mean tension of a settled belt whose line has this strain, section 6; stiffness: EA and EI.
+
+    With contact along the links, which has no strain of the mesh. The tension T at the end of a
+    wrap is that which the pressure balances, with lambda.
+    """
+    axial, bending = stiffness
+
+    def end(pull: float, r: float, p: float) -> float:
+        if bending == 0.0:
+            return -5.0 / 12.0 * p * math.sqrt(p / r)
+        c, tau = pull / (r * p), pull / bending
+        m, big_p = tau**-0.5, math.sqrt(c / bending)
+        big_s = math.sqrt(tau + 2.0 * big_p)
+        b = (big_s * tau / big_p + (tau / big_p + 1.0) / m) / (r * (tau + big_p + big_s / m))
+        k = 1.0 / r + big_p * p - big_s * b
+        s = r * (b - k * m)
+        first = ((b - big_s * p) / big_p + p * s - s**3 / (6.0 * r)) / r
+        return first - k**2 * m**3 / 4.0 - (b**2 + big_p * p**2) / (4.0 * big_s)
+
+    preload = axial * strain
+
+    def left(tension: float) -> float:
+        pull, shorter = tension * (1.0 + tension / axial), 0.0
+        for r, wrap in zip(radii, wraps, strict=True):
+            p = depth(pull / r, contact)
+            p_0 = depth(preload * (1.0 + strain) / r, contact) if compensate else 0.0
+            shorter += wrap * (p - p_0) + 2.0 * end(pull, float(r), p)
+        return tension - axial * (strain - shorter / length)
+
+    return float(scipy.optimize.brentq(left, 1e-3 * preload, 2.0 * preload, xtol=1e-13, rtol=1e-15))
 
 
 def belt_line(

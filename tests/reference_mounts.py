@@ -265,9 +265,9 @@ def rest_of(
 ) -> Array:
     """Travel of every mount where the tension of the belt line is in balance with the mounts.
 
-    `line` gives the length of the belt line round pulleys at the places given, and the unit vectors
-    of the spans away from them, [pulley, before or behind, xy]. Section 5: S_0 - k q + H + m g . a
-    = T dl/dq. A path rests where it begins.
+    `line` gives the tension of the belt line round pulleys at the places given, and the unit
+    vectors of the spans away from them, [pulley, before or behind, xy]. Section 5: S_0 - k q + H +
+    m g . a = T dl/dq. A path rests where it begins.
     """
     sprung = [(m, j, one) for m, (j, one) in enumerate(mounts) if isinstance(one, Sprung)]
     at = np.array([0.0 if isinstance(one, Sprung) else one.t[0] for _, one in mounts])
@@ -278,8 +278,7 @@ def rest_of(
         places = centers.copy()
         for (_, j, one), travel in zip(sprung, q, strict=True):
             places[j] = one.place(travel, centers[j])
-        path, spans = line(places)
-        tension = axial_stiffness * (path / length - 1.0)
+        tension, spans = line(places)
         left = []
         for (_, j, one), travel in zip(sprung, q, strict=True):
             a = one.lever(travel, centers[j])
