@@ -7,9 +7,13 @@ from typing import Any
 import attrs
 import numpy as np
 import reference
+import reference_mounts
 from laws import oracle_law
 
 import beltdyn as bd
+from beltdyn import _core
+
+STATE = {"t", *(name for name, *_ in _core.STATE_FIELDS)}
 
 
 def oracle_of(params: bd.Params) -> reference.Reference:
@@ -33,6 +37,7 @@ def oracle_of(params: bd.Params) -> reference.Reference:
         mesh=belt.mesh,
         sides=sides_of(params),
         compensate=contact.compensate,
+        mounts=mounts_of(params),
         **friction_of(params),
     )
 
@@ -52,6 +57,24 @@ def drag_of(params: bd.Params) -> np.ndarray | None:
     if not any(drags):
         return None
     return np.array([(d.coulomb, d.viscous, d.quadratic) if d else (0, 0, 0) for d in drags])
+
+
+def mounts_of(params: bd.Params) -> dict[int, reference_mounts.Mount]:
+    """Mounts by pulley, from the user's numbers; what is None there is chosen by the oracle."""
+    found: dict[int, reference_mounts.Mount] = {}
+    for j, pulley in enumerate(params.pulleys):
+        mount = getattr(pulley, "mount", None)
+        if mount is None:
+            continue
+        given = attrs.asdict(mount, recurse=False)
+        unloaded = given.pop("free_angle", None), given.pop("free_travel", None)
+        for at in unloaded:
+            if at is not None:
+                given["preload"] = mount.stiffness * at
+        if "preload" in given and given["preload"] is None:
+            given["preload"] = 0.0
+        found[j] = getattr(reference_mounts, type(mount).__name__)(**given)
+    return found
 
 
 def sides_of(params: bd.Params) -> tuple[int, ...]:
@@ -74,7 +97,5 @@ def winding_of(params: bd.Params) -> int:
 def fields(state: bd.State) -> dict[str, Any]:
     """A state as the plain dict that the oracle and the binding take."""
     return {
-        name: value
-        for name, value in attrs.asdict(state, recurse=False).items()
-        if name in {"x", "y", "phi", "vx", "vy", "vphi", "mu", "slip", "theta", "omega", "t"}
+        name: value for name, value in attrs.asdict(state, recurse=False).items() if name in STATE
     }

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import reference
+from reference_mounts import Sprung
 
 from beltdyn import _core
 
@@ -23,7 +24,8 @@ Array = reference.Array
 Vector = Callable[[Array], Array]
 
 STRETCH = 1e-4  # m
-CURVED = ("x", "y", "phi", "vx", "vy", "vphi", "omega")
+MOUNT_STATES = ("travel", "travel_speed", "mount_friction")
+CURVED = ("x", "y", "phi", "vx", "vy", "vphi", "omega", *MOUNT_STATES[:2])
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,14 @@ class Layout:
         scale = {name: np.full(n, STRETCH * units.get(name, 0.0)) for name, n in sizes.items()}
         friction, by_slip = friction_scales(oracle, state)
         scale["mu"] = np.maximum(friction, STRETCH * by_slip)
+        for m, (reach, one) in enumerate(zip(levers(oracle), oracle.mounts.values(), strict=True)):
+            scale["travel"][m] = STRETCH / reach
+            scale["travel_speed"][m] = STRETCH * w / reach
+            scale["mount_friction"][m] = 1.0
+            if isinstance(one, Sprung) and one.friction > 0.0:
+                assert one.friction_stiffness is not None
+                by_travel = one.friction_stiffness / one.friction
+                scale["mount_friction"][m] = max(1.0, by_travel * STRETCH / reach)
         return cls(sizes, np.concatenate(list(scale.values())), friction)
 
     def pack(self, state: Mapping[str, Any]) -> Array:
@@ -67,6 +77,16 @@ class Layout:
             name: slice(int(end) - size, int(end))
             for (name, size), end in zip(self.sizes.items(), ends, strict=True)
         }
+
+
+def levers(oracle: reference.Reference) -> Array:
+    """How far, or fast, a mount's coordinate moves the axis [m, m/s of a path]."""
+    return np.array(
+        [
+            np.linalg.norm(one.lever(0.0, oracle.centers[j])) if isinstance(one, Sprung) else 1.0
+            for j, one in oracle.mounts.items()
+        ]
+    )
 
 
 def friction_scales(oracle: reference.Reference, state: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -128,7 +148,7 @@ def jacobian_by_differences(layout: Layout, rate: Vector, y: Array) -> Array:
     """
     columns = np.empty((len(y), len(y)))
     blocks = layout.blocks()
-    curved = {i for name in CURVED for i in np.r_[blocks[name]]}
+    curved = {i for name in CURVED if name in blocks for i in np.r_[blocks[name]]}
 
     def slope(i: int, h: float) -> Array:
         ahead, behind = y.copy(), y.copy()
@@ -164,12 +184,17 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
         for row, name in enumerate(("x", "y", "phi")):
             links[0, row], links[1, row] = state[name], state[f"v{name}"]
         pulleys[0], pulleys[1] = state["theta"], state["omega"]
+        mounts = oracle.mount_states(y)
+        for row, name in enumerate(MOUNT_STATES if oracle.mounts else ()):
+            mounts[row] = state[name]
         if friction:
             for row, name in enumerate(("mu", "slip")):
                 memory[row] = state[name].reshape(-1, n)[slots]
         dy = oracle.rhs(0.0, y, lambda t, theta, omega: np.zeros(n_p))
         d_links, d_pulleys, d_memory = oracle.links(dy), oracle.pulleys(dy), oracle.memory(dy)
         out: dict[str, Any] = {"theta": d_pulleys[0], "omega": d_pulleys[1]}
+        for row, name in enumerate(MOUNT_STATES):
+            out[name] = oracle.mount_states(dy)[row]
         for row, name in enumerate(("x", "y", "phi")):
             out[name], out[f"v{name}"] = d_links[0, row], d_links[1, row]
         for row, name in enumerate(("mu", "slip")):

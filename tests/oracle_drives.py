@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import reference as ref
 from reference_friction import Dahl, ElasticPlastic, Law, LuGre
+from reference_mounts import Sprung
 
 
 def no_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
@@ -36,7 +37,7 @@ def laid_on_joints(model: ref.Reference, y: ref.Array) -> ref.Array:
     y = y.copy()
     position = model.links(y)[0, :2]
     for center, radius, contact in zip(
-        model.centers, model.radii, model.contact_radii, strict=True
+        model.axes(y), model.radii, model.contact_radii, strict=True
     ):
         arm = position - center[:, None]
         on = np.hypot(*arm) < radius * (1 + 1e-9)
@@ -65,6 +66,7 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
         links[1, :2] = rng.uniform(-1, 1, links[1, :2].shape)
         links[1, 2] = 30 * rng.uniform(-1, 1, model.n_bodies)
         pulleys[:] = rng.uniform(-5, 5, pulleys.shape)
+        shake_mounts(model, y, rng, scale)
         touching = model.penetration(y) > 0
         y = model.follow(0.0, y)
         links, pulleys, memory = model.links(y), model.pulleys(y), model.memory(y)
@@ -85,6 +87,21 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
             and kinks["share"] > 1e-2
         ):
             return y
+
+
+def shake_mounts(
+    model: ref.Reference, y: ref.Array, rng: np.random.Generator, scale: float
+) -> None:
+    """Axes moved by up to `scale` [m], at up to 1 m/s; paths at any time of theirs."""
+    travel, rate, share = model.mount_states(y)
+    for m, (j, one) in enumerate(model.mounts.items()):
+        if isinstance(one, Sprung):
+            reach = float(np.linalg.norm(one.lever(travel[m], model.centers[j])))
+            travel[m] += scale / reach * rng.uniform(-1, 1)
+            rate[m] = rng.uniform(-1, 1) / reach
+            share[m] = rng.uniform(-1, 1) * (one.friction > 0)
+        else:
+            travel[m] = rng.uniform(one.t[0], one.t[-1])
 
 
 def law_by_hand(
@@ -108,7 +125,8 @@ def law_by_hand(
 @dataclass(frozen=True)
 class ByHand:
     """Contact of every pulley: forces on the links' ends [pulley, xy, link]; of the pairs the
-    normal force, the share in contact and how fast belt comes into contact, over the share.
+    normal force, the share in contact and how fast belt comes into contact, over the share; and
+    the power that goes into the contact's springs.
     """
 
     left: ref.Array
@@ -116,6 +134,7 @@ class ByHand:
     normal: ref.Array
     share: ref.Array
     fresh: ref.Array
+    elastic_power: float
 
 
 def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
@@ -125,15 +144,20 @@ def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
     normal, share, share_rate = np.zeros((3, n_p, n_b))
     place, velocity = model.links(y)[:, :2]
     angle, spin = model.links(y)[:, 2]
+    axes, moving = model.axes(y), model.axis_velocities(y)
+    stored = 0.0
+
+    def elastic(p: float) -> float:
+        return model.c1 * p**2 + model.c2 * p
 
     def pressure(p: float, rate: float) -> float:
-        return max(0.0, model.c1 * p**2 + model.c2 * p + model.b * rate)
+        return max(0.0, elastic(p) + model.b * rate)
 
     def seen(j: int, i: int, along: float) -> tuple[float, float, ref.Array]:
         """Penetration, its rate and the normal of a point of a link, so far from its middle."""
         e = np.array([math.cos(angle[i]), math.sin(angle[i])])
-        arm = place[:, i] + along * e - model.centers[j]
-        speed = velocity[:, i] + along * spin[i] * np.array([-e[1], e[0]])
+        arm = place[:, i] + along * e - axes[j]
+        speed = velocity[:, i] + along * spin[i] * np.array([-e[1], e[0]]) - moving[j]
         outward = arm / math.dist(arm, (0.0, 0.0))
         return model.contact_radii[j] - math.dist(arm, (0.0, 0.0)), -speed @ outward, outward
 
@@ -143,6 +167,7 @@ def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
                 p, rate, outward = seen(j, i, 0.0)
                 normal[j, i] = pressure(p, rate) if p > 0 else 0.0
                 share[j, i] = p > 0
+                stored += elastic(p) * rate if p > 0 else 0.0
                 left[j, :, i] = right[j, :, i] = 0.5 * normal[j, i] * outward
                 continue
             (pa, va, na), (pb, vb, nb) = seen(j, i, -0.5 * l0), seen(j, i, 0.5 * l0)
@@ -159,10 +184,14 @@ def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
             at = begin + (end - begin) * (nodes + 1) / 2
             q = [w / 2 * (end - begin) * pressure((1 - x) * pa + x * pb, (1 - x) * va + x * vb)
                  for x, w in zip(at, weights, strict=True)]  # fmt: skip
+            stored += sum(w / 2 * (end - begin) * elastic((1 - x) * pa + x * pb)
+                          * ((1 - x) * va + x * vb)
+                          for x, w in zip(at, weights, strict=True))  # fmt: skip
             at_left, at_right = float(q @ (1 - at)), float(q @ at)
             left[j, :, i], right[j, :, i] = at_left * na, at_right * nb
             normal[j, i] += at_left
             normal[j, (i + 1) % n_b] += at_right
             share[j, i] += (end - begin) - (end**2 - begin**2) / 2
             share[j, (i + 1) % n_b] += (end**2 - begin**2) / 2
-    return ByHand(left, right, normal, share, np.maximum(share_rate, 0.0) / (share + ref.FRESH))
+    fresh = np.maximum(share_rate, 0.0) / (share + ref.FRESH)
+    return ByHand(left, right, normal, share, fresh, float(stored))

@@ -7,8 +7,8 @@ transmission using the Dahl friction model"). SI units, angles in rad.
 
 Differences from the core by intention: friction memory is kept densely, one state per (pulley,
 link) pair, so a link on two pulleys at once needs no special treatment; the energy ledger is
-integrated with the state. The friction laws are in `reference_friction.py`; `reference_run.py`
-integrates the drive by SciPy.
+integrated with the state. The friction laws are in `reference_friction.py`, mounts of pulleys in
+`reference_mounts.py`; `reference_run.py` integrates the drive by SciPy.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ import numpy as np
 import numpy.typing as npt
 from reference_friction import Array as Array
 from reference_friction import Dahl, Law
+from reference_line import belt_line as belt_line
+from reference_line import depth, spans_away, tension_at_rest
+from reference_mounts import MOUNT_LEDGER, Arm, Mount, Sprung, rest_of
 
 Torque = Callable[[float, Array, Array], npt.ArrayLike]
 Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], its rate [rad/s^2]
@@ -39,7 +42,10 @@ class Reference:
 
     The state vector is `x, y, phi, vx, vy, vphi` (n_b each), `theta, omega` (n_p each), `mu, slip`
     (n_p x n_b each, pulley first) and the quadratures of `LEDGER`. `mu` is the state z of the
-    friction law of the pulley, whatever that law is; without a law it and the slip stay 0.
+    friction law of the pulley, whatever that law is; without a law it and the slip stay 0. With
+    `mounts`, which move the axes of their pulleys, travel, its rate and the share of friction (n_m
+    each, in the order of the pulleys) stand before the quadratures, and two of these more after
+    them. `centers` are the places in the scene, q = 0. The travel of a path is the time.
 
     `mu_k` and `sigma` are the short way to Dahl's law on all pulleys, `friction` gives a law, or
     none, to each. `motion` maps pulleys to their prescribed speeds: `rhs` takes these from the
@@ -72,9 +78,13 @@ class Reference:
     mesh: str = "paper"  # or "joint"
     sides: tuple[int, ...] | None = None  # of each pulley, +1 inside, -1 outside; None: all inside
     compensate: bool = False  # contact radii larger by the depth under the preload (section 3)
+    mounts: Mapping[int, Mount] = field(default_factory=dict)  # by pulley
 
     n_pulleys: int = field(init=False)
     size: int = field(init=False)
+    mounted: tuple[int, ...] = field(init=False)  # pulleys with a mount
+    columns: tuple[str, ...] = field(init=False)  # names of the quadratures
+    rest: Array = field(init=False, repr=False)  # travel of each mount where the belt line is meant
     laws: tuple[Law | None, ...] = field(init=False)
     l0: float = field(init=False)
     mass: float = field(init=False)
@@ -102,6 +112,8 @@ class Reference:
             raise ValueError("friction needs a law or None for each pulley, and no mu_k")
         if not set(self.motion) <= set(range(n_p)):
             raise ValueError("motion of a pulley that is not there")
+        if not set(self.mounts) <= set(range(n_p)) or (self.mounts and self.mesh != "joint"):
+            raise ValueError("a mount needs its pulley, and contact along the links")
         laws = self.friction
         if laws is None:
             laws = (None,) * n_p
@@ -113,12 +125,20 @@ class Reference:
         half_angle = 0.5 * l0 / radii  # of a link on each pulley
         if self.mesh == "joint" and half_angle.max() >= 0.5 * math.pi:
             raise ValueError("a link is longer than half round a pulley")
+        mounts = {
+            j: one.resolved(centers[j], radii[j], self.axial_stiffness, self.length)
+            for j, one in sorted(self.mounts.items())
+        }
+        columns = (*LEDGER, *MOUNT_LEDGER) if mounts else LEDGER
         derived: dict[str, Any] = {
+            "mounts": mounts,
+            "mounted": tuple(mounts),
+            "columns": columns,
             "centers": centers,
             "radii": radii,
             "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
             "n_pulleys": n_p,
-            "size": 6 * n_b + 2 * n_p + 2 * n_p * n_b + len(LEDGER),
+            "size": 6 * n_b + 2 * n_p + 2 * n_p * n_b + 3 * len(mounts) + len(columns),
             "laws": tuple(laws),
             "l0": l0,
             "mass": mass,
@@ -137,12 +157,25 @@ class Reference:
         }
         derived["omega_0"] = np.zeros(n_p)
         path = math.nan
+        at_rest, derived["rest"] = centers, np.zeros(0)
+        if mounts:
+            derived["rest"] = rest_of(
+                list(mounts.items()),
+                centers,
+                lambda places: self._line_at(places, radii),
+                self.axial_stiffness,
+                self.length,
+                np.asarray(self.gravity, dtype=float),
+            )
+            at_rest = centers.copy()
+            for (j, one), q in zip(mounts.items(), derived["rest"], strict=True):
+                at_rest[j] = one.place(q, centers[j])
         if self.compensate or self.drag is not None:
-            path = belt_line(centers, radii, self.length, n_b, self.sides)[-1]
+            path = belt_line(at_rest, radii, self.length, n_b, self.sides)[-1]
         if self.compensate:
             strain = path / self.length - 1
             pressure = self.axial_stiffness * strain * (1 + strain) / radii
-            depths = [np.roots([*self.contact[:2], -one]).real.max() for one in pressure]
+            depths = [depth(one, self.contact) for one in pressure]
             derived["contact_radii"] = derived["contact_radii"] + np.array(depths)
         if self.drag is not None:
             derived["drag"] = np.array(self.drag, dtype=float).reshape(n_p, 3)
@@ -150,6 +183,18 @@ class Reference:
             derived["omega_0"] = 1e-3 * (path / self.length - 1) * wave / 60 / derived["radii"]
         for name, value in derived.items():
             object.__setattr__(self, name, value)
+
+    def _line_at(self, places: Array, radii: Array) -> tuple[float, Array]:
+        """Tension at rest of the belt line round pulleys at these places, and its spans."""
+        path, wraps, spans = spans_away(places, radii, self.sides)
+        strain = path / self.length - 1.0
+        stiffness = self.axial_stiffness, self.bending_stiffness
+        tension = self.axial_stiffness * strain
+        if strain > 0.0:
+            tension = tension_at_rest(
+                strain, self.length, radii, wraps, stiffness, self.contact, self.compensate
+            )
+        return tension, spans
 
     # ---------------------------------------------------------------- state vector
 
@@ -164,15 +209,23 @@ class Reference:
 
     def memory(self, y: Array) -> Array:
         """View (..., 2, n_p, n_b): z (named mu) and slip of every (pulley, link) pair."""
-        start, stop = 6 * self.n_bodies + 2 * self.n_pulleys, self.size - len(LEDGER)
+        start = 6 * self.n_bodies + 2 * self.n_pulleys
+        stop = self.size - len(self.columns) - 3 * len(self.mounted)
         return y[..., start:stop].reshape(*y.shape[:-1], 2, self.n_pulleys, self.n_bodies)
 
+    def mount_states(self, y: Array) -> Array:
+        """View (..., 3, n_m): travel, its rate and the share of friction of every mount."""
+        stop = self.size - len(self.columns)
+        start = stop - 3 * len(self.mounted)
+        return y[..., start:stop].reshape(*y.shape[:-1], 3, -1)
+
     def ledger(self, y: Array) -> Array:
-        """View (..., 5): the quadratures, in the order of `LEDGER`."""
-        return y[..., -len(LEDGER) :]
+        """View (..., 5), with mounts 7: the quadratures, in the order of `columns`."""
+        return y[..., -len(self.columns) :]
 
     def pack(self, state: Mapping[str, Any]) -> Array:
-        """State vector from a mapping with `x y phi vx vy vphi mu slip theta omega`.
+        """State vector from a mapping with `x y phi vx vy vphi mu slip theta omega`, and of mounts
+        `travel travel_speed mount_friction` (missing: at rest, a path at the time `t`).
 
         `mu` and `slip` may be (n_p, n_b), or (n_b,): then each value goes to the pulley its link
         touches (the deeper one, if two), and that of a link in no contact must be 0. Missing
@@ -185,6 +238,13 @@ class Reference:
             links[1, row] = state.get("v" + ("x", "y", "phi")[row], 0.0)
         for row, name in enumerate(("theta", "omega")):
             pulleys[row] = state.get(name, 0.0)
+        if self.mounts:
+            travel, rate, share = self.mount_states(y)
+            paths = np.array([not isinstance(one, Sprung) for one in self.mounts.values()])
+            now = float(state.get("t", 0.0))
+            travel[:] = state.get("travel", np.where(paths, now, self.rest))
+            rate[:] = state.get("travel_speed", np.where(paths, 1.0, 0.0))
+            share[:] = state.get("mount_friction", 0.0)
         penetration = self.penetration(y)
         deepest = penetration.argmax(axis=0)
         touching = penetration.max(axis=0) > 0
@@ -210,21 +270,26 @@ class Reference:
         }
         state["theta"], state["omega"] = pulleys[..., 0, :].copy(), pulleys[..., 1, :].copy()
         state["mu"], state["slip"] = memory[..., 0, :, :].copy(), memory[..., 1, :, :].copy()
+        for row, name in enumerate(("travel", "travel_speed", "mount_friction")):
+            state[name] = self.mount_states(y)[..., row, :].copy()
         state["ledger"] = self.ledger(y).copy()
         state["t"] = t
         return state
 
     # ---------------------------------------------------------------- equations of motion
 
-    def rhs(self, t: float, y: Array, torque: Torque) -> Array:
+    def rhs(self, t: float, y: Array, torque: Torque, held: Array | None = None) -> Array:
         """dy/dt: (2.11) for links, (2.12) for pulleys, friction laws, the powers of section 7.
+
+        `held` (n_m, 2): which stops of mounts press; None: those that are reached.
 
         Written flat and on its own because SciPy calls it some 1e5 times, and with Dahl's law on
         all pulleys at once for the same reason; `joints`, `contacts` and `energy` below say the
         same things again, one at a time, and the tests compare the two.
         """
         n_b, n_p, half_length = self.n_bodies, self.n_pulleys, 0.5 * self.l0
-        at_memory, at_ledger = 6 * n_b + 2 * n_p, self.size - len(LEDGER)
+        at_memory, at_ledger = 6 * n_b + 2 * n_p, self.size - len(self.columns)
+        at_mounts = at_ledger - 3 * len(self.mounted)
         links = y[: 6 * n_b].reshape(2, 3, n_b)
         centre = links[:, :2]  # [position or velocity, xy, link]
         angle = links[:, 2]  # [angle or its rate, link]
@@ -232,6 +297,9 @@ class Reference:
         if self.motion:
             omega, omega_rate = self.prescribed(t, omega)
         z = y[at_memory : at_memory + n_p * n_b].reshape(n_p, n_b)
+        centers, moving = self.centers, None
+        if self.mounts:
+            centers, moving = self.axes(y), self.axis_velocities(y)
 
         dy = np.zeros_like(y)
         d_links = dy[: 6 * n_b].reshape(2, 3, n_b)
@@ -263,13 +331,15 @@ class Reference:
         along: AlongLinks | None = None
         if self.mesh == "joint":
             left, right = centre - half, centre + half
-            along = self.along_links(left, right)
+            along = self.along_links(left, right, centers, moving)
             at_previous = right.take(self.previous, axis=2)
             point = 0.5 * (at_previous + left)
-        outward = point[0][:, None, :] - self.centers.T[:, :, None]
+        outward = point[0][:, None, :] - centers.T[:, :, None]
         distance = np.sqrt(outward[0] * outward[0] + outward[1] * outward[1])
         outward /= distance
         vx, vy = point[1]
+        if moving is not None:  # against the axis of each pulley
+            vx, vy = point[1][:, None, :] - moving.T[:, :, None]
         if along is None:
             p = self.contact_radii[:, None] - distance
             touch = p > 0
@@ -300,7 +370,8 @@ class Reference:
                     friction[j] = share[j] * law.force(*at) * touch[j]
                     z_rate[j] = law.rate(*at) * touch[j]
                     slip_rate[j] = speed[j]
-            z_rate -= fresh * z * touch
+            ruled = np.array([law is not None for law in self.laws])[:, None]
+            z_rate -= fresh * z * touch * ruled
         grip = np.zeros(n_p)
         at_point = np.zeros((2, n_b))
         if along is None:
@@ -310,7 +381,7 @@ class Reference:
             at_point[1] -= np.add.reduce(friction * outward[0], 0)
             grip = np.add.reduce(friction * distance, 1)
             dy[at_memory : at_memory + n_p * n_b] = z_rate.ravel()
-            dy[at_memory + n_p * n_b : at_ledger] = slip_rate.ravel()
+            dy[at_memory + n_p * n_b : at_mounts] = slip_rate.ravel()
             dy[at_ledger + 3] = np.vdot(friction, speed)
         if along is None:
             force += at_point
@@ -324,17 +395,26 @@ class Reference:
         # Pulleys (2.12), or what it says of the torque if the motion is prescribed.
         drive = np.asarray(torque(t, theta, omega), dtype=float)
         acting = drive
+        resisting, bearing = np.zeros(n_p), omega
         if self.drag is not None:
-            resisting = self.drag_torque(omega)
+            bearing = self.bearing_speeds(y, omega)
+            resisting = self.drag_torque(bearing)
             acting = drive - resisting
-            dy[at_ledger + 4] = resisting @ omega
+            dy[at_ledger + 4] = resisting @ bearing
         d_omega = dy[6 * n_b + n_p : at_memory]
         d_omega[:] = (acting + grip) / self.inertias
         if self.motion:
             drive = drive.copy()
-            needed = self.inertias * omega_rate - grip + self.drag_torque(omega)
+            needed = self.inertias * omega_rate - grip + resisting
             for j in self.motion:
                 drive[j], d_omega[j] = needed[j], omega_rate[j]
+        if self.mounts:
+            assert along is not None
+            on_belt = along.on_links()
+            if friction is not None:
+                on_belt[0] += np.add.reduce(friction * outward[1], 1)
+                on_belt[1] -= np.add.reduce(friction * outward[0], 1)
+            self._move_mounts(y, dy, on_belt.T, resisting, held)
 
         force /= self.mass
         moment /= self.inertia
@@ -348,17 +428,46 @@ class Reference:
             dy[at_ledger + 1] += self.b_tor * np.vdot(bend[1], bend[1])
         return dy
 
-    def along_links(self, left: Array, right: Array) -> AlongLinks:
+    def _move_mounts(
+        self, y: Array, dy: Array, on_belt: Array, resisting: Array, held: Array | None
+    ) -> None:
+        """Rates of the mounts (section 5) under the force of every pulley on the belt (n_p, 2)."""
+        (travel, speed, share), d = self.mount_states(y), self.mount_states(dy)
+        work = self.ledger(dy)
+        d[0] = speed
+        for m, (j, one) in enumerate(self.mounts.items()):
+            q, rate, zeta = travel[m], speed[m], share[m]
+            a = one.lever(q, self.centers[j])
+            if not isinstance(one, Sprung):
+                work[6] -= rate * (a @ on_belt[j])
+                continue
+            on = None if held is None else held[m]
+            force = one.spring(q) + one.damper(rate) - one.friction * zeta + one.stop(q, rate, on)
+            force += one.weighs * (self.gravity[0] * a[0] + self.gravity[1] * a[1])
+            force -= a @ on_belt[j]
+            if one.carries_bearing:
+                force += resisting[j]
+            d[1, m] = force / one.moved
+            d[2, m] = one.share_rate(rate, zeta)
+            work[5] += one.lost(q, rate, zeta, on)
+
+    def along_links(
+        self, left: Array, right: Array, centers: Array, moving: Array | None = None
+    ) -> AlongLinks:
         """Contact integrated along the links, whose ends are given: [position or rate, xy, link].
 
         Section 3: penetration is linear between the ends; two Gauss points on the part in contact.
+        The pulleys' axes are given, (n_p, 2), and their velocities, if they move.
         """
         ends = []
         for end in (left, right):
-            arm = end[0][:, None, :] - self.centers.T[:, :, None]
+            arm = end[0][:, None, :] - centers.T[:, :, None]
             distance = np.hypot(arm[0], arm[1])
             arm = arm / distance
-            rate = -(end[1][0] * arm[0] + end[1][1] * arm[1])
+            vx, vy = end[1]
+            if moving is not None:
+                vx, vy = end[1][:, None, :] - moving.T[:, :, None]
+            rate = -(vx * arm[0] + vy * arm[1])
             ends.append((self.contact_radii[:, None] - distance, rate, arm))
         (pa, va, na), (pb, vb, nb) = ends
         inside_a, inside_b = pa > 0, pb > 0
@@ -388,6 +497,7 @@ class Reference:
         return AlongLinks(
             pa, pb, n_a, n_b_, length - of_b, of_b, moving * (1.0 - zero), moving * zero,
             (n_a * na).sum(axis=1), (n_b_ * nb).sum(axis=1), power, energy, np.array(raw), partly,
+            na, nb,
         )  # fmt: skip
 
     def along_links_at(self, y: Array) -> AlongLinks:
@@ -396,7 +506,8 @@ class Reference:
         half = 0.5 * self.l0 * e
         half_rate = links[1, 2] * np.stack((-half[1], half[0]))
         arm = np.stack((half, half_rate))
-        return self.along_links(links[:, :2] - arm, links[:, :2] + arm)
+        left, right = links[:, :2] - arm, links[:, :2] + arm
+        return self.along_links(left, right, self.axes(y), self.axis_velocities(y))
 
     def prescribed(self, t: float, omega: Array) -> tuple[Array, Array]:
         """Speeds with the prescribed ones in their place, and the rates of these, 0 of others."""
@@ -414,8 +525,47 @@ class Reference:
                 speeds[at], _ = self.prescribed(float(np.asarray(t)[at]), speeds[at])
         return y
 
+    def axes(self, y: Array) -> Array:
+        """Places of the axes: (n_p, 2), or with mounts (..., n_p, 2)."""
+        if not self.mounts:
+            return self.centers
+        travel = self.mount_states(y)[..., 0, :]
+        out = np.empty((*y.shape[:-1], self.n_pulleys, 2))
+        out[:] = self.centers
+        for m, (j, one) in enumerate(self.mounts.items()):
+            out[..., j, :] = one.place(travel[..., m], self.centers[j])
+        return out
+
+    def axis_velocities(self, y: Array) -> Array:
+        """Velocities v_j of the axes, of the shape of `axes`."""
+        if not self.mounts:
+            return np.zeros_like(self.centers)
+        travel, rate = np.moveaxis(self.mount_states(y)[..., :2, :], -2, 0)
+        out = np.zeros((*y.shape[:-1], self.n_pulleys, 2))
+        for m, (j, one) in enumerate(self.mounts.items()):
+            out[..., j, :] = one.lever(travel[..., m], self.centers[j]) * rate[..., m, None]
+        return out
+
+    def stop_depths(self, y: Array) -> Array:
+        """How deep every mount is in its lower and upper stop, (..., n_m, 2)."""
+        travel = self.mount_states(y)[..., 0, :]
+        out = np.full((*travel.shape, 2), -np.inf)
+        for m, one in enumerate(self.mounts.values()):
+            if isinstance(one, Sprung):
+                out[..., m, :] = one.stop_depths(travel[..., m])
+        return out
+
+    def bearing_speeds(self, y: Array, omega: Array | None = None) -> Array:
+        """Speed of each pulley in its bearing (..., n_p): against its arm, if it is on one."""
+        speeds = np.array(self.pulleys(y)[..., 1, :] if omega is None else omega)
+        rate = self.mount_states(y)[..., 1, :]
+        for m, (j, one) in enumerate(self.mounts.items()):
+            if isinstance(one, Arm):
+                speeds[..., j] -= rate[..., m]
+        return speeds
+
     def drag_torque(self, omega: Array) -> Array:
-        """Return the torque of the drag against the rotation of each pulley (section 5)."""
+        """Return the torque of the drag against these speeds in the bearings (section 5)."""
         if self.drag is None:
             return np.zeros(self.n_pulleys)
         coulomb, viscous, quadratic = self.drag.T
@@ -482,14 +632,15 @@ class Reference:
         last bit; of a joint, the largest of the four ends of the two links that meet there.
         """
         if self.mesh == "paper":
-            return self._depth(self.links(y)[..., 0, :2, :])
+            return self._depth(self.links(y)[..., 0, :2, :], self.centers)
         centre, arm = self.links(y)[..., 0, :2, :], 0.5 * self.l0 * self.directions(y)
-        p = np.maximum(self._depth(centre - arm), self._depth(centre + arm))
+        centers = self.axes(y)
+        p = np.maximum(self._depth(centre - arm, centers), self._depth(centre + arm, centers))
         return np.maximum(p, np.roll(p, 1, axis=-1))
 
-    def _depth(self, position: Array) -> Array:
-        dx = position[..., 0, None, :] - self.centers[:, 0, None]
-        dy = position[..., 1, None, :] - self.centers[:, 1, None]
+    def _depth(self, position: Array, centers: Array) -> Array:
+        dx = position[..., 0, None, :] - centers[..., 0, None]
+        dy = position[..., 1, None, :] - centers[..., 1, None]
         return np.asarray(self.contact_radii[:, None] - np.sqrt(dx * dx + dy * dy))
 
     def normals(self, y: Array) -> tuple[Array, Array]:
@@ -512,14 +663,15 @@ class Reference:
     def contacts(self, y: Array) -> Contacts:
         """Everything about the (pulley, link) pairs, (..., n_p, n_b) each."""
         position, velocity = self.points(y)
-        arm = position[..., None, :, :] - self.centers[:, :, None]  # (..., n_p, 2, n_b)
+        velocity = velocity[..., None, :, :] - self.axis_velocities(y)[..., None]
+        arm = position[..., None, :, :] - self.axes(y)[..., None]  # (..., n_p, 2, n_b)
         distance = np.hypot(arm[..., 0, :], arm[..., 1, :])
         outward = arm / distance[..., None, :]
         tangent = np.stack((-outward[..., 1, :], outward[..., 0, :]), axis=-2)
         p = self.penetration(y)
-        rate = -(velocity[..., None, :, :] * outward).sum(axis=-2)
+        rate = -(velocity * outward).sum(axis=-2)
         omega = self.pulleys(y)[..., 1, :]
-        speed = (velocity[..., None, :, :] * tangent).sum(axis=-2) - omega[..., None] * distance
+        speed = (velocity * tangent).sum(axis=-2) - omega[..., None] * distance
         normal, share = self.normals(y)
         touching = share > 0
         whole = np.where(touching, share, 1.0)
@@ -573,7 +725,7 @@ class Reference:
             contact = (self.c1 * p**3 / 3 + self.c2 * p**2 / 2).sum(axis=(-2, -1))
         gravity = np.asarray(self.gravity, dtype=float)[:, None]
         omega = self.pulleys(y)[..., 1, :]
-        return {
+        terms = {
             "translation": 0.5 * self.mass * (links[..., 1, :2, :] ** 2).sum(axis=(-2, -1)),
             "rotation": 0.5 * self.inertia * (links[..., 1, 2, :] ** 2).sum(axis=-1),
             "stretching": 0.5 * self.c_tra * (d**2).sum(axis=(-2, -1)),
@@ -582,6 +734,16 @@ class Reference:
             "gravity": -self.mass * (gravity * links[..., 0, :2, :]).sum(axis=(-2, -1)),
             "pulleys": (0.5 * self.inertias * omega**2).sum(axis=-1),
         }
+        if self.mounts:
+            (travel, rate, _), axes = np.moveaxis(self.mount_states(y), -2, 0), self.axes(y)
+            moved, weight, sprung = (np.zeros(y.shape[:-1]) for _ in range(3))
+            for m, (j, one) in enumerate(self.mounts.items()):
+                if isinstance(one, Sprung):
+                    moved += 0.5 * one.moved * rate[..., m] ** 2
+                    weight -= one.weighs * (axes[..., j, :] @ gravity[:, 0])
+                    sprung += one.stored(travel[..., m])
+            terms |= {"moved mounts": moved, "weight of mounts": weight, "mount": sprung}
+        return terms
 
     def energy(self, y: Array) -> Array:
         """E of section 7."""
@@ -591,15 +753,55 @@ class Reference:
         """Return the torque on each pulley: the one set, or what its prescribed motion needs."""
         theta, omega = self.pulleys(y)
         torques = np.array(torque(t, theta, omega), dtype=float)
-        contacts, drag = self.contacts(y), self.drag_torque(omega)
+        contacts, drag = self.contacts(y), self.drag_torque(self.bearing_speeds(y))
         for j, motion in self.motion.items():
             grip = np.dot(contacts.friction[j], contacts.distance[j])
             torques[j] = self.inertias[j] * motion(t)[1] - grip + drag[j]
         return torques
 
+    def axis_forces(self, y: Array) -> Array:
+        """Force of the belt on the axis of every pulley, less the sum of F_ij, (..., n_p, 2).
+
+        With contact along the links, which mounts ask for.
+        """
+        contacts = self.contacts(y)
+        rubbing = (contacts.friction[..., None, :] * contacts.tangent).sum(axis=-1)
+        states = y.reshape(-1, self.size)
+        pressing = [self.along_links_at(state).on_links().T for state in states]
+        return np.asarray(rubbing - np.reshape(pressing, rubbing.shape))
+
+    def mount_forces(self, y: Array) -> dict[str, Array]:
+        """What acts on every mount, (..., n_m): torques of arms, forces of sliders."""
+        travel, rate, share = np.moveaxis(self.mount_states(y), -2, 0)
+        forces = self.axis_forces(y)
+        names = ("spring_force", "damper_force", "friction_force", "stop_force", "belt_force")
+        found = {name: np.zeros(travel.shape) for name in names}
+        for m, (j, one) in enumerate(self.mounts.items()):
+            q, q_rate = travel[..., m], rate[..., m]
+            a = one.lever(q, self.centers[j])
+            found["belt_force"][..., m] = (a * forces[..., j, :]).sum(axis=-1)
+            if isinstance(one, Sprung):
+                found["spring_force"][..., m] = one.spring(q)
+                found["damper_force"][..., m] = one.damper(q_rate)
+                found["friction_force"][..., m] = -one.friction * share[..., m]
+                found["stop_force"][..., m] = one.stop(q, q_rate)
+        return found
+
+    def mount_powers(self, y: Array) -> list[float]:
+        """Powers of the further quadratures that mounts bring, in the order of `MOUNT_LEDGER`."""
+        (travel, rate, share), forces = self.mount_states(y), self.axis_forces(y)
+        moving = self.axis_velocities(y)
+        lost, done = 0.0, 0.0
+        for m, (j, one) in enumerate(self.mounts.items()):
+            if isinstance(one, Sprung):
+                lost += float(one.lost(travel[m], rate[m], share[m]))
+            else:
+                done += float(moving[j] @ forces[j])
+        return [lost, done]
+
     def powers(self, t: float, y: Array, torque: Torque) -> Array:
-        """Return the powers of section 7 as in `LEDGER`, written apart from `rhs`."""
-        omega = self.pulleys(y)[1]
+        """Return the powers of section 7 as in `columns`, written apart from `rhs`."""
+        omega, bearing = self.pulleys(y)[1], self.bearing_speeds(y)
         _, d_rate = self.joint_vectors(y)
         _, bend_rate = self.joint_angles(y)
         contacts = self.contacts(y)
@@ -615,7 +817,8 @@ class Reference:
                 self.b_tra * np.sum(d_rate**2) + self.b_tor * np.sum(bend_rate**2),
                 contact_loss,
                 np.sum(contacts.friction * contacts.velocity),
-                np.dot(self.drag_torque(omega), omega),
+                np.dot(self.drag_torque(bearing), bearing),
+                *(self.mount_powers(y) if self.mounts else ()),
             ]
         )
 
@@ -667,10 +870,18 @@ class AlongLinks:
     energy: Array
     raw: Array  # of both Gauss points before it is clamped
     partly: npt.NDArray[np.bool_]  # one end inside, one outside
+    outward_left: Array  # unit vectors from the axis to the ends, [xy, pulley, link]
+    outward_right: Array
 
     def normal(self, previous: npt.NDArray[np.intp]) -> Array:
         """N of the joints."""
         return self.normal_left + self.normal_right[:, previous]
+
+    def on_links(self) -> Array:
+        """Sum over the links of the normal forces, [xy, pulley]."""
+        return np.asarray(
+            (self.normal_left * self.outward_left + self.normal_right * self.outward_right).sum(-1)
+        )
 
     def share(self, previous: npt.NDArray[np.intp]) -> Array:
         """f of the joints."""
@@ -679,84 +890,6 @@ class AlongLinks:
     def share_rate(self, previous: npt.NDArray[np.intp]) -> Array:
         """df/dt of the joints."""
         return self.rate_left + self.rate_right[:, previous]
-
-
-# -------------------------------------------------------------------- integration
-
-
-def belt_line(
-    centers: npt.ArrayLike,
-    radii: npt.ArrayLike,
-    length: float,
-    n_bodies: int,
-    sides: npt.ArrayLike | None = None,
-) -> tuple[Array, Array, Array, int, float]:
-    """Links along the tight belt path round pulleys, `sides` +1 inside the loop or -1 outside.
-
-    The belt visits the pulleys in the order given: two are run clockwise (section 1), more in the
-    sense in which it goes round once, and of two on either side it is crossed and goes round none.
-    Links share the path equally, their mass centres on it, their angles along its tangent and
-    continuous; the left end of link 0 is where the belt leaves pulley 0. Returns x, y, phi, winding
-    and the length of the path.
-
-    `length` (stress-free) does not move the links; it is only required to be within a factor of two
-    of the path.
-    """
-    c = np.asarray(centers, dtype=float).reshape(-1, 2)
-    r = np.asarray(radii, dtype=float).reshape(len(c))
-    n_p = len(c)
-    side = np.ones(n_p) if sides is None else np.asarray(sides, dtype=float)
-    if n_p < 2:
-        raise ValueError("a belt needs two pulleys at least")
-    onward = np.roll(c, -1, axis=0) - c
-    apart = np.hypot(onward[:, 0], onward[:, 1])
-    step = side * r - np.roll(side * r, -1)
-    if np.any(apart <= np.abs(step)):
-        raise ValueError("one pulley lies inside its neighbour")
-    span = np.sqrt(apart**2 - step**2)
-    found = []
-    area = float(np.sum(c[:, 0] * np.roll(c[:, 1], -1) - np.roll(c[:, 0], -1) * c[:, 1]))
-    senses = (1, -1)  # of all pulleys inside, that in which their order goes round
-    if n_p == 2 or np.all(side > 0):
-        senses = (1,) if n_p > 2 and area > 0 else (-1,)
-    for sense in senses:
-        # Span j runs from pulley j to pulley j + 1 as a tangent.
-        span_angle = np.arctan2(onward[:, 1], onward[:, 0]) + sense * np.arcsin(step / apart)
-        # Wrap j turns span j - 1 into span j, on pulley j, against the sense if that is outside.
-        wrap = np.mod(sense * side * (span_angle - np.roll(span_angle, 1)), 2 * math.pi)
-        turns = float(np.sum(side * wrap)) / (2 * math.pi)
-        if abs(turns - 1) < 1e-9 or (n_p == 2 and abs(turns) < 1e-9):
-            found.append((float(np.sum(span + r * wrap)), sense, span_angle, wrap, round(turns)))
-    if not found:
-        raise ValueError("in this order and on these sides the belt does not go round once")
-    # Where it does in either direction, the longer way crosses itself.
-    _, sense, span_angle, wrap, turns = min(found, key=lambda one: one[0])
-    pieces: list[tuple[float, float, Array]] = []  # length, curvature with sign, centre or start
-    angle = float(span_angle[0])
-    for j in range(n_p):
-        k = (j + 1) % n_p
-        outward = sense * np.array([math.sin(span_angle[j]), -math.cos(span_angle[j])])
-        pieces.append((float(span[j]), 0.0, c[j] + side[j] * r[j] * outward))
-        pieces.append((float(r[k] * wrap[k]), sense * side[k] / r[k], c[k]))
-    path = sum(piece[0] for piece in pieces)
-    if not 0.5 * path < length < 2 * path:
-        raise ValueError(f"belt length {length} m is far from its path, {path} m")
-    s = (np.arange(n_bodies) + 0.5) * path / n_bodies
-    x, y, phi = np.empty(n_bodies), np.empty(n_bodies), np.empty(n_bodies)
-    begin = 0.0
-    for piece_length, curvature, point in pieces:
-        on = (s >= begin) & (s < begin + piece_length)
-        along = s[on] - begin
-        phi[on] = angle + curvature * along
-        if curvature == 0.0:
-            x[on] = point[0] + along * math.cos(angle)
-            y[on] = point[1] + along * math.sin(angle)
-        else:
-            x[on] = point[0] + np.sin(phi[on]) / curvature
-            y[on] = point[1] - np.cos(phi[on]) / curvature
-        begin += piece_length
-        angle += curvature * piece_length
-    return x, y, phi, sense * turns, float(path)
 
 
 # -------------------------------------------------------------------- Dahl in closed form
@@ -817,9 +950,13 @@ def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
 
 
 def start_state(model: Reference) -> Array:
-    """Lay the belt at rest along `belt_line`, which also checks the model's winding."""
+    """Lay the belt at rest along `belt_line`, which also checks the model's winding.
+
+    Arms and sliders are where they rest, paths where they begin.
+    """
+    centers = model.axes(model.pack({"x": 0.0, "y": 0.0, "phi": 0.0}))
     x, y, phi, winding, _ = belt_line(
-        model.centers, model.radii, model.length, model.n_bodies, model.sides
+        centers, model.radii, model.length, model.n_bodies, model.sides
     )
     if winding != model.winding:
         raise ValueError(f"winding is {model.winding}, but this order of pulleys gives {winding}")

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import scipy.integrate
 import scipy.optimize
 from reference import Array, Reference, Torque
+from reference_mounts import Sprung
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +34,8 @@ def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None
 
     `tol` times: mean stretch of the joints at y0 for x, y; stretch/(l0/2) for phi; 0.1 m/s and
     0.1/(l0/2) for their rates; 1e-3 rad for theta; 1 rad/s for omega; for mu 1, or for the state of
-    a law that is no coefficient what makes friction as large as the normal force at that stretch.
+    a law that is no coefficient what makes friction as large as the normal force at that stretch;
+    of mounts what moves the axis by the stretch, or at 0.1 m/s, and 1 for the share of friction.
     Weights from |x| would be a thousand times too loose for the joint forces.
 
     SciPy accepts a step when the RMS of error/weight over all n components is <= 1. Dividing the
@@ -54,6 +56,11 @@ def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None
     for j, law in enumerate(model.laws):
         pressure = model.c_tra * stretch / model.radii[j]
         memory[0, j] = 1.0 if law is None else law.scale(pressure)
+    travel, rate, share = model.mount_states(weights)
+    for m, (j, one) in enumerate(model.mounts.items()):
+        if isinstance(one, Sprung):
+            reach = float(np.linalg.norm(one.lever(0.0, model.centers[j])))
+            travel[m], rate[m], share[m] = stretch / reach, 0.1 / reach, 1.0
     return tol * weights / math.sqrt(model.size)
 
 
@@ -81,7 +88,9 @@ def integrate(
     the dense output; the first such time ends the step, mu and slip of that pair become 0, and the
     solver starts again from there. `scipy.integrate.solve_ivp` drives the same solver objects; it
     is not used itself because its events see a step's two ends only. Making contact and reversals
-    of slip are left to the step-size control.
+    of slip are left to the step-size control. The stop of a mount, whose damper presses at
+    once, is traced back in the same way to where it is reached, or left; up to there the step does
+    not know of it.
 
     The solver also starts again at each of `breakpoints` (times where the torque or the rate of a
     prescribed speed has a kink or a jump); up to a breakpoint the limit from the left is used. At
@@ -101,6 +110,7 @@ def integrate(
     stops = [*sorted({float(b) for b in breakpoints if t < b < end}), end]
 
     y = model.forget(y0)
+    held = model.stop_depths(y) > 0
     out = np.empty((len(times), model.size))
     filled = 0
     if times[0] == t:
@@ -112,10 +122,10 @@ def integrate(
         latest = float(np.nextafter(stop, -np.inf))
 
         def fun(time: float, state: Array, latest: float = latest) -> Array:
-            return model.rhs(min(time, latest), state, torque)
+            return model.rhs(min(time, latest), state, torque, held)
 
         while t < stop:
-            # One solver lives until a contact is lost or the stop is reached.
+            # One solver lives until a contact is lost, a mount's stop or the end is reached.
             room = stop - t
             solver = make_solver(
                 fun,
@@ -128,7 +138,8 @@ def integrate(
                 first_step=None if first_step is None else min(first_step, room),
             )
             lost: list[tuple[int, int]] = []
-            while solver.status == "running" and not lost:
+            edge = np.zeros_like(held)
+            while solver.status == "running" and not lost and not edge.any():
                 t_old, y_old = t, y
                 message = solver.step()
                 if solver.status == "failed":
@@ -138,9 +149,13 @@ def integrate(
                 if not np.all(np.isfinite(y)):
                     raise RuntimeError(f"state is not finite after t = {t_old!r}")
                 dense = None
+                edge = held != (model.stop_depths(y) > 0)
+                if edge.any():
+                    dense = solver.dense_output()
+                    t, y = _locate_stop(model, dense, t_old, t, np.argwhere(edge))
                 suspects = _suspects(model, t - t_old, y_old, y)
                 if suspects:
-                    dense = solver.dense_output()
+                    dense = solver.dense_output() if dense is None else dense
                     t, y, lost = _locate_lost(model, dense, t_old, t, y, suspects)
                     resets += [(t, j, i) for j, i in lost]
                 upto = int(np.searchsorted(times, t, side="left"))
@@ -151,6 +166,7 @@ def integrate(
                 if filled < len(times) and times[filled] == t:
                     out[filled] = y
                     filled += 1
+                held[:] = model.stop_depths(y) > 0
             nfev += solver.nfev
             first_step = getattr(solver, "h_abs", None)
         first_step = None
@@ -163,7 +179,32 @@ def integrate(
             mu = model.memory(out)[:, 0, j]
             excess = max(excess, float(np.max(np.abs(mu))) - law.bound)
             np.clip(mu, -law.bound, law.bound, out=mu)
+    if model.mounts:
+        share = model.mount_states(out)[:, 2]
+        excess = max(excess, float(np.max(np.abs(share))) - 1.0)
+        np.clip(share, -1.0, 1.0, out=share)
     return Run(times, out, nfev, steps, resets, excess)
+
+
+def _locate_stop(
+    model: Reference, dense: Callable[[float], Array], t_old: float, t_new: float, found: Array
+) -> tuple[float, Array]:
+    """First time at which one of these stops (mount, side) is reached or left; the state there."""
+    first = t_new
+    for pair in found:
+
+        def depth(time: float, pair: tuple[int, int] = tuple(pair)) -> float:
+            return float(model.stop_depths(dense(time))[pair])
+
+        before, after = depth(t_old) > 0, depth(t_new) > 0
+        if before != after and depth(t_old) != 0:
+            time = float(scipy.optimize.brentq(depth, t_old, t_new, xtol=1e-15, rtol=1e-15))
+            nudge = np.spacing(time)
+            while time < t_new and (depth(time) > 0) != after:
+                time = min(time + nudge, t_new)
+                nudge *= 2
+            first = min(first, time)
+    return first, dense(first)
 
 
 def _penetration_rate(model: Reference, y: Array) -> Array:
@@ -240,7 +281,8 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
     that it ends at a minimum, not a saddle (the polygon of links has both along its path). Ends
     when no force on a link (or moment over half a link) exceeds `tol` times the belt's EA/1000.
     Pulleys keep their angles; memory and ledger are cleared. Motions and laws of single pulleys are
-    left out: unlike Dahl's, a law may resist a prescribed motion from its first instant.
+    left out: unlike Dahl's, a law may resist a prescribed motion from its first instant. Arms and
+    sliders move too, without friction; paths stay where y0 has them.
     """
     model = dataclasses.replace(model, friction=None, motion={})
     y = np.array(y0, dtype=float)
@@ -248,15 +290,25 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
     model.pulleys(y)[1] = 0.0
     model.memory(y)[:] = 0.0
     model.ledger(y)[:] = 0.0
+    model.mount_states(y)[1:] = 0.0
     n_b, n, half = model.n_bodies, 3 * model.n_bodies, 0.5 * model.l0
     unit = np.repeat([1.0, 1.0, 1.0 / half], n_b)  # phi as the shift of a link's end
     inertia = np.repeat([model.mass, model.mass, model.inertia / half], n_b)
     no_torque = np.zeros(model.n_pulleys)
+    # travel as the shift of the axis
+    sprung = [m for m, one in enumerate(model.mounts.values()) if isinstance(one, Sprung)]
+    for m in sprung:
+        j = model.mounted[m]
+        one = model.mounts[j]
+        reach = float(np.linalg.norm(one.lever(0.0, model.centers[j])))
+        unit, inertia = np.append(unit, 1.0 / reach), np.append(inertia, one.moved / reach)
 
     def residual(q: Array) -> Array:
-        y[:n] = q * unit
-        force: Array = model.rhs(0.0, y, lambda *_: no_torque)[n : 2 * n] * inertia
-        return force
+        y[:n] = (q * unit)[:n]
+        model.mount_states(y)[0, sprung] = (q * unit)[n:]
+        rates = model.rhs(0.0, y, lambda *_: no_torque)
+        moved = model.mount_states(rates)[1, sprung]
+        return np.concatenate((rates[n : 2 * n], moved)) * inertia
 
     def stiffness(q: Array) -> Array:
         """-d residual / dq; links three apart share no neighbour, so they are moved together."""
@@ -270,13 +322,20 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
             for row in range(3):
                 shift = np.zeros((3, n_b))
                 shift[row, group] = h
-                change = residual(q - shift.ravel()) - residual(q + shift.ravel())
+                moved = np.append(shift, np.zeros(len(sprung)))
+                change = (residual(q - moved) - residual(q + moved))[:n]
                 for offset in (-1, 0, 1):
                     at = (group + offset) % n_b
                     matrix[:, at, row, group] = change.reshape(3, n_b)[:, at] / (2 * h)
-        return matrix.reshape(n, n)
+        whole_matrix = np.zeros((len(unit), len(unit)))
+        whole_matrix[:n, :n] = matrix.reshape(n, n)
+        for k in range(n, len(unit)):  # forces have a potential: rows are columns
+            moved = h * np.eye(len(unit))[k]
+            change = (residual(q - moved) - residual(q + moved)) / (2 * h)
+            whole_matrix[:, k] = whole_matrix[k] = change
+        return whole_matrix
 
-    q = y[:n] / unit
+    q = np.append(y[:n], model.mount_states(y)[0, sprung]) / unit
     force, energy = residual(q), float(model.energy(y))
     target = tol * 1e-3 * model.axial_stiffness
     damping = 1e-2 * model.c_tra
@@ -287,7 +346,7 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
         k = stiffness(q)
         k = 0.5 * (k + k.T)
         for _ in range(30):
-            q_new = q + np.linalg.solve(k + damping * np.eye(n), force)
+            q_new = q + np.linalg.solve(k + damping * np.eye(len(q)), force)
             force_new, energy_new = residual(q_new), float(model.energy(y))
             flat = abs(energy_new - energy) <= 1e-12 * abs(energy)
             quieter = np.linalg.norm(force_new) < np.linalg.norm(force)

@@ -63,7 +63,7 @@ class Case:
         for row, rows in blocks.items():
             for column, columns in blocks.items():
                 block = j[rows, columns]
-                if not {row, column} & {"theta", "omega"}:
+                if not {row, column} & {"theta", "omega", *dense.MOUNT_STATES}:
                     friction = [name in ("mu", "slip") for name in (row, column)]
                     alone = all(friction) if self.oracle.mesh == "joint" else any(friction)
                     reach = 0 if alone else 1

@@ -12,12 +12,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import oracle_mounted
 import pytest
 import reference as ref
 import reference_run as runs
 import scipy.integrate
 from oracle_drives import contact_by_hand, law_by_hand, no_torque, shaken, small_drive
 from reference_friction import Dahl, ElasticPlastic, LuGre
+from reference_mounts import Arm, Sprung
 
 LUGRE = LuGre(mu_k=0.5, mu_s=0.8, v_stribeck=0.3, sigma=1e4, damping=0.2, viscous=0.1)
 ELASTIC = ElasticPlastic(mu=0.6, stiffness=1e7, damping=5e3)  # c v of 100 N at 1 m/s
@@ -62,6 +64,7 @@ MODELS: dict[str, Callable[[], ref.Reference]] = {
             2: lambda t: (-5.0 * math.cos(20.0 * t + 0.5), 100.0 * math.sin(20.0 * t + 0.5)),
         },
     ),
+    **oracle_mounted.MODELS,
 }
 
 
@@ -295,7 +298,7 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
         acceleration[:, i] = force / model.mass
         alpha[i] = moment / model.inertia
     if model.drag is not None:
-        w = model.pulleys(y)[1]
+        w = model.bearing_speeds(y)
         sign = np.array([math.tanh(math.asinh(v)) for v in w / model.omega_0])  # v / sqrt(1 + v^2)
         torque_on_pulley -= model.drag.T[0] * sign
         torque_on_pulley -= model.drag.T[1] * w + model.drag.T[2] * w**2 * np.sign(w)
@@ -477,14 +480,15 @@ def test_angular_momentum_rate_is_that_of_external_forces(model: ref.Reference) 
     spin = model.mass * (x * ay - a * ax) + model.inertia * alpha
     rate = spin.sum() + np.sum(model.inertias * model.pulleys(dy)[1])
     contact = contact_on_the_belt(model, y)
-    bearings = np.sum(model.centers[:, 0] * contact[:, 1] - model.centers[:, 1] * contact[:, 0])
+    axes = model.axes(y)
+    bearings = np.sum(axes[:, 0] * contact[:, 1] - axes[:, 1] * contact[:, 0])
     gx, gy = model.gravity
     weight = np.sum(model.mass * (x * gy - a * gx))
     d, d_rate = model.joint_vectors(y)
     couple = -model.b_tra * np.sum(d[0] * d_rate[1] - d[1] * d_rate[0])
     assert rate == pytest.approx(
         model.torques(0.0, y, lambda *_: applied).sum()
-        - model.drag_torque(model.pulleys(y)[1]).sum()
+        - model.drag_torque(model.bearing_speeds(y)).sum()
         + bearings
         + weight
         + couple,
@@ -577,9 +581,10 @@ def moved(
         for name in (
             *("length", "n_bodies", "linear_density", "axial_stiffness", "axial_damping"),
             *("bending_stiffness", "bending_damping", "radii", "inertias", "contact"),
-            *("mu_k", "sigma", "friction", "drag", "mesh"),
+            *("mu_k", "sigma", "friction", "drag", "mesh", "sides", "compensate"),
         )
     }
+    changes["mounts"] = oracle_mounted.moved(model.mounts, matrix, shift)
 
     def turned(motion: ref.Motion) -> ref.Motion:
         return lambda t: (sign * motion(t)[0], sign * motion(t)[1])
@@ -599,6 +604,9 @@ def moved(
         links[:, 2] *= sign
         other.pulleys(new)[:] *= sign
         other.memory(new)[:] *= sign
+        # sliders and paths are turned themselves
+        arms = [isinstance(one, Arm) for one in model.mounts.values()]
+        other.mount_states(new)[:, arms] *= sign
         return new
 
     y_new = rate_map(y)
@@ -625,13 +633,14 @@ def test_rhs_moves_with_the_set_up(
     got = other.rhs(0.0, y_other, no_torque)
     # Coordinates of 1 m are rounded at 1e-16; times c_tra/m = 2e9 1/s^2 and the pairs' stiffness
     # that is below 1e-10 of the largest acceleration in a shaken belt.
-    for part in (model.links, model.pulleys, model.memory):
+    for part in (model.links, model.pulleys, model.memory, model.mount_states):
         a, b = part(expected), part(got)
-        scale = np.abs(a).max(axis=-1, keepdims=True)
+        scale = np.abs(a).max(axis=-1, keepdims=True, initial=0.0)
         assert np.all(np.abs(a - b) <= 1e-10 * scale + 1e-12)
     np.testing.assert_allclose(model.ledger(got), model.ledger(expected), rtol=1e-9, atol=1e-9)
     # The shift itself lifts the links: their weight's potential changes by a constant.
-    lift = -model.n_bodies * model.mass * np.dot(other.gravity, shift)
+    hung = sum(one.weighs for one in model.mounts.values() if isinstance(one, Sprung))
+    lift = -(model.n_bodies * model.mass + hung) * np.dot(other.gravity, shift)
     assert other.energy(y_other) == pytest.approx(model.energy(y) + lift, rel=1e-10)
 
 
@@ -649,6 +658,8 @@ def test_rhs_does_not_depend_on_the_numbering(model: ref.Reference, first: int) 
         # cos and sin of an angle 2 pi further differ by 1e-15: see the tolerance above.
         assert np.all(np.abs(a - b) <= 1e-10 * np.abs(a).max(axis=-1, keepdims=True) + 1e-12)
     np.testing.assert_allclose(model.pulleys(rate_new), model.pulleys(rate), rtol=1e-12)
+    mounts = [model.mount_states(one) for one in (rate_new, rate)]
+    np.testing.assert_allclose(*mounts, rtol=1e-10)
 
 
 # -------------------------------------------------------------------- geometry
