@@ -300,6 +300,12 @@ static const bd_effect table[] = {
         .energy = bd_energy_of_gravity,
     },
     {
+        .name = "centrifugal force",
+        .enabled = bd_centrifugal_enabled,
+        .rate = bd_centrifugal_rate,
+        .tangent = tangent_none, /* weaker than the tension, which is stiff enough for settling */
+    },
+    {
         .name = "prescribed motion",
         .enabled = has_motion,
         .rate = pass_motion,

@@ -145,6 +145,7 @@ typedef struct bd_plan_options {
   double mass_damping;
   const double *offset;
   double move_time;
+  double flow; /* settling: stress-free length of belt that runs past a point [m/s] */
 } bd_plan_options;
 
 /* A mount as linearised: its speed; where it has the axis; stiffness and damping of all but the
@@ -257,6 +258,11 @@ void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_EN
 int bd_paths_enabled(const bd_model *model, const bd_plan_options *options);
 int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 
+/* --- centrifugal.c --------------------------------------------------------------------------- */
+
+int bd_centrifugal_enabled(const bd_model *model, const bd_plan_options *options);
+int bd_centrifugal_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
 /* What one evaluation of the right-hand side needs: the effects in order, and their scratch. An
@@ -290,6 +296,7 @@ struct bd_plan {
   double circulation_inertia_scale; /* settling: what multiplies the inertia of circulation */
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
+  double flow;           /* settling: stress-free length of belt that runs past a point [m/s] */
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
   char contact_name[sizeof(BD_CONTACT_NAME)]; /* of the contact's pass, with the laws of friction */
   int n_columns, columns[BD_N_ENERGY];        /* of the output `energy` */
