@@ -41,8 +41,8 @@ def _holds_none(name: str, mount: Mount, force: float, resisted: float) -> str:
         )
     wanted = "" if resisted == 0.0 else f" {'> 0' if resisted > 0.0 else '< 0'}"
     return (
-        f"the {kind} of {name} holds no tension in its place: {why}. Is it a preload{wanted}, or the "
-        "other side of the belt, that is meant? Or give belt.length"
+        f"the {kind} of {name} holds no tension in its place: {why}. Is it a preload{wanted}, or "
+        "the other side of the belt, that is meant? Or give belt.length"
     )
 
 
