@@ -7,7 +7,7 @@ import numbers
 import reprlib
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,11 +130,14 @@ def one_of(name: str, value: object, choices: Sequence[str]) -> str:
 def pair(name: str, value: object, unit: str) -> tuple[float, float]:
     """Check two finite real numbers, from any sequence or array of two."""
     refuse_masked(name, value)
-    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, str) or len(value) != 2:
+    listed = isinstance(value, Sequence) and not isinstance(value, str)
+    listed |= isinstance(value, np.ndarray) and value.ndim == 1
+    if not listed or len(cast(Any, value)) != 2:
         raise TypeError(
             f"{name} must be a pair of real numbers{_with_unit(unit)}, got {shown(value)}"
         )
-    return real(f"{name}[0]", value[0], unit), real(f"{name}[1]", value[1], unit)
+    x, y = cast(Any, value)
+    return real(f"{name}[0]", x, unit), real(f"{name}[1]", y, unit)
 
 
 def refuse_masked(name: str, value: object) -> None:

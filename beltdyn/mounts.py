@@ -256,7 +256,7 @@ class Path(Printable):
         t: Times (n_t,) [s], n_t >= 2, increasing. Before the first and after the last the axis
             stands still.
         displacement: Of the axis from the pulley's place at these times (n_t, 2) [m]; the first is
-            (0, 0), where the belt settles.
+            (0, 0). The belt settles where the axis is at t = 0.
 
     Raises:
         TypeError: Not real numbers.

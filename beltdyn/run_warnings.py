@@ -37,7 +37,7 @@ class RunWarning:
         mesh *        the mesh makes the mean tension wrong by an estimated 2 % or more: more links
         strain        the strain at rest is above 3 %: a longer belt
         compliance *  the belt sinks into a pulley by more than 0.5 % of its radius: stiffer contact
-        long_links *  links are longer than half the radius of a pulley: more links
+        long_links *  links longer than half a radius, or hardly one on a wrap: more links
         units         implausible values: were data given in mm, kN, g/m, N mm or percent?
 
     From the samples of a run::

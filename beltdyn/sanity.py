@@ -40,6 +40,8 @@ STRAIN = 0.03
 COMPLIANCE = 0.005
 #: Links longer than this part of the radius turn by more than 29 degrees each on the pulley.
 LONG_LINK = 0.5
+#: Links that should lie on a wrap at least.
+FEW_LINKS = 1.5
 
 # --- units: values that no belt drive has, by a wide margin ---
 
@@ -230,6 +232,19 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             "estimated error of the mesh; "
             f"{_links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
             where=params.label(small),
+            accuracy=True,
+        )
+        return
+    lie = params.route.wraps * radii / info["link_length"]
+    short = int(np.argmin(lie))
+    if lie[short] < FEW_LINKS:
+        yield RunWarning(
+            code="long_links",
+            text=f"only {lie[short]:.2g} links lie on {params.label(short)}, whose wrap is "
+            f"{np.degrees(params.route.wraps[short]):.3g} deg: now and then none touches it, and a "
+            f"stiff contact chatters; {_links(info['n_bodies'] * FEW_LINKS / lie[short])} or a "
+            "longer wrap help, and a softer contact calms it",
+            where=params.label(short),
             accuracy=True,
         )
 

@@ -92,7 +92,8 @@ def _converter() -> Any:
             fields = dict(_table(value))
             kind = fields.pop("kind", default)
             if not isinstance(kind, str) or kind not in kinds:
-                raise ValueError(f"this.kind must be one of {', '.join(kinds)}, got {shown(kind)}")
+                got = "it is missing" if kind is None else f"got {shown(kind)}"
+                raise ValueError(f"this.kind must be one of {', '.join(kinds)}, {got}")
             return converter.structure(fields, kinds[kind])
 
         return structure

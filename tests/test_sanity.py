@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import attrs
+import drives
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -484,3 +486,21 @@ def test_a_failed_run_says_it_before_the_error(tmp_path: Path) -> None:
     lines = done.stderr.splitlines()
     assert any(line.startswith("beltdyn: warning: units: ") for line in lines[:-1])
     assert "did not come to rest" in lines[-1]
+
+
+def test_a_wrap_on_which_hardly_a_link_lies() -> None:
+    """An idler that the belt hardly bends round is touched by one link, or by none."""
+    params = attrs.evolve(drives.plain(), belt=attrs.evolve(drives.plain().belt, mesh="joint"))
+    idler = bd.Pulley(
+        center=(0.145, 0.128), radius=0.03, inertia=3e-4, side="outside", name="idler"
+    )
+    bent = [params.pulleys[0], idler, params.pulleys[1]]
+    belt = attrs.evolve(params.belt, length=None, preload=300.0, n_bodies=120)
+    short = attrs.evolve(params, pulleys=bent, belt=belt)
+    lie = short.route.wraps[1] * 0.03 / short.info["link_length"]
+    assert 0.5 < lie < 1.5
+    (found,) = [one for one in sanity.check(short) if one.code == "long_links"]
+    assert 'pulley "idler"' in found.text and f"only {lie:.2g} links" in found.text
+    needed = int(re.search(r"n_bodies = (\d+)", found.text)[1])  # type: ignore[index]
+    enough = attrs.evolve(short, belt=attrs.evolve(belt, n_bodies=needed))
+    assert not [one for one in sanity.check(enough) if one.code == "long_links"]

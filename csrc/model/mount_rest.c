@@ -19,7 +19,8 @@ static const double PRECISION = 1e-12; /* of forces, over the belt's tension */
 typedef struct search {
   bd_model *model;
   int n;
-  double *q, *force, *other, *matrix; /* (n), (n), (n), (n, n) */
+  double stiffness;                             /* with which the belt holds a pulley [N/m] */
+  double *q, *force, *other, *matrix, *factors; /* (n), (n), (n), (n, n), (n, n) */
 } search;
 
 static int moves(const bd_mounted *mount) {
@@ -117,9 +118,11 @@ static int release(const search *s, int m) {
     force = there;
     step = fmin(1.3 * step, LONGEST[kind] * unit);
   }
-  return fail(s, m,
-              "finds no balance with the belt: its spring, weight or preload moves the pulley away "
-              "from the belt, or is too small for the tension; look at the sign of preload");
+  return fail(
+      s, m,
+      "finds no balance with the belt: its spring, weight or preload moves the pulley away "
+      "from the belt, or is too small for its tension, or far too large; look at the sign of "
+      "preload");
 }
 
 /* All forces at the present travels; the largest, over the levers. */
@@ -161,13 +164,16 @@ static void linearise(const search *s) {
   }
 }
 
-/* The step of Newton's method into `other`, by Cholesky's factors; 0: the balance is not stable. */
-static int newton_step(const search *s) {
+/* The step of Newton's method into `other`, by Cholesky's factors, with what the belt holds a mount
+ * with, times `more`, added to the diagonal (Levenberg); 0: that is not stable. */
+static int newton_step(const search *s, double more) {
   const int n = s->n;
-  double *a = s->matrix, *x = s->other;
+  double *a = s->factors, *x = s->other;
   for (int i = 0; i < n; ++i) {
+    const double lever = s->model->mounts[i].lever;
     for (int k = 0; k <= i; ++k) {
-      double sum = 0.5 * (a[i * n + k] + a[k * n + i]);
+      double sum = 0.5 * (s->matrix[i * n + k] + s->matrix[k * n + i]);
+      sum += i == k ? more * s->stiffness * lever * lever : 0.0;
       for (int l = 0; l < k; ++l) {
         sum -= a[i * n + l] * a[k * n + l];
       }
@@ -193,9 +199,28 @@ static int newton_step(const search *s) {
   return 1;
 }
 
-/* Whether the step, shortened if need be, brings the forces down. */
+/* What belt, springs, stops and weights store; the belt as if its contact did not yield. */
+static double energy_of(const search *s) {
+  const bd_model *model = s->model;
+  bd_error ignored;
+  const double tension = bd_model_tension(s->model, &ignored);
+  double sum = 0.5 * tension * fmax(0.0, model->info.strain) * model->belt.length;
+  for (int m = 0; m < s->n; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    const bd_place at = bd_mount_place(mount, s->q[m]);
+    sum += moves(mount)
+               ? bd_mount_stored(mount, s->q[m]) -
+                     mount->mass * (model->gravity[0] * at.c[0] + model->gravity[1] * at.c[1])
+               : 0.0;
+  }
+  return isnan(tension) ? (double)INFINITY : sum;
+}
+
+/* Whether the step, shortened if need be, brings the forces down, or the energy: where mounts go
+ * together against a stop the forces stay until they are there. */
 static int step_down(const search *s, double *largest) {
   const int n = s->n;
+  const double energy = energy_of(s);
   double share = 1.0;
   for (int m = 0; m < n; ++m) {
     share = fmin(share, 0.1 * unit_of(s, m) / fmax(fabs(s->other[m]), 1e-300));
@@ -205,7 +230,7 @@ static int step_down(const search *s, double *largest) {
       put(s, m, s->q[m] + share * s->other[m]);
     }
     const double now = forces_of(s, s->force);
-    if (now < *largest) {
+    if (now < *largest || energy_of(s) < energy - 1e-9 * fabs(energy)) {
       *largest = now;
       return 1;
     }
@@ -235,10 +260,14 @@ static int balance(const search *s, double scale) {
     return code;
   }
   double largest = forces_of(s, s->force);
-  for (int tries = 0; tries < 100 && code == BD_OK && largest > PRECISION * scale; ++tries) {
+  for (int tries = 0; tries < 300 && code == BD_OK && largest > PRECISION * scale; ++tries) {
     linearise(s);
     const double before = largest;
-    if (!newton_step(s) || !step_down(s, &largest)) {
+    double more = 0.0;
+    while (!newton_step(s, more) && more < 1.0) {
+      more = more > 0.0 ? 10.0 * more : 1e-8;
+    }
+    if (!(more < 1.0) || !step_down(s, &largest)) {
       code = release_all(s);
       largest = forces_of(s, s->force);
       if (largest >= 0.999 * before) {
@@ -275,16 +304,18 @@ int bd_mounts_rest(bd_model *model) {
   if (n == 0) {
     return BD_OK;
   }
-  double *block = bd_block_new((size_t)(n * (n + 3)) * sizeof(double));
+  double *block = bd_block_new((size_t)(n * (2 * n + 3)) * sizeof(double));
   if (!block) {
     return bd_fail(&model->geometry, BD_ERR_MEMORY, "model", "out of memory for %d mounts", n);
   }
   search s = {.model = model,
               .n = n,
+              .stiffness = 4.0 * model->belt.axial_stiffness / model->belt.length,
               .q = block,
               .force = block + n,
               .other = block + 2 * n,
-              .matrix = block + 3 * n};
+              .matrix = block + 3 * n,
+              .factors = block + 3 * n + n * n};
   const double scale = 0.01 * model->belt.axial_stiffness;
   int code = balance(&s, scale);
   bd_error line;

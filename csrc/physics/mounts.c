@@ -125,9 +125,12 @@ int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err
     const double belt = plan->hub[2 * m] * at.a[0] + plan->hub[2 * m + 1] * at.a[1];
     dy[lay->travel + m] = v;
     const double share = plan->grip_on ? y[lay->mount_friction + m] : 0.0;
-    const double held = mount->damping * v + mount->friction * share;
+    /* settling has a damping of its own, and dampers no say in an equilibrium */
+    const int settles = plan->mass_damping > 0.0;
+    const double held = (settles ? 0.0 : mount->damping * v) + mount->friction * share;
     const double force = belt + bd_mount_spring(mount, q) - held +
-                         bd_mount_stop(mount, q, v, &lost) + bd_mount_weight(model, mount, &at);
+                         bd_mount_stop(mount, q, settles ? 0.0 : v, &lost) +
+                         bd_mount_weight(model, mount, &at);
     dy[lay->travel_speed + m] += force / plan->mount_inertia[m];
     dy[lay->mount_friction + m] = plan->grip_on ? sliding(mount, v, share) : 0.0;
     lost += held * v;
@@ -182,11 +185,12 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
     const double fx = plan->hub[2 * m] + mount->mass * model->gravity[0];
     const double fy = plan->hub[2 * m + 1] + mount->mass * model->gravity[1];
     to->stiffness = mount->stiffness - fx * to->at.bend[0] - fy * to->at.bend[1];
-    to->damping = mount->damping;
+    const int settles = plan->mass_damping > 0.0;
+    to->damping = settles ? 0.0 : mount->damping;
     double lost = 0.0;
-    if (bd_mount_stop(mount, q, v, &lost) != 0.0) {
+    if (bd_mount_stop(mount, q, settles ? 0.0 : v, &lost) != 0.0) {
       to->stiffness += mount->stop_stiffness;
-      to->damping += mount->stop_damping;
+      to->damping += settles ? 0.0 : mount->stop_damping;
     }
     if (plan->grip_on && mount->friction > 0.0) {
       to->friction = mount->friction;

@@ -193,8 +193,9 @@ static double flow_of(const bd_model *model, double speed) {
   return speed / (1.0 + bd_running_tension(model, speed) / model->belt.axial_stiffness);
 }
 
-/* Without pressure on its pulleys the belt is held by its mass alone: T = rho A v^2 / lambda. (With
- * mounts that give way the pressure stays.) */
+/* Without pressure on its pulleys the belt is held by its mass alone: T = rho A v^2 / lambda. With
+ * mounts that give way the pressure stays, and the tension rises by rho A v^2 until no belt would
+ * bear it. */
 static int check_speed(const bd_model *model, const bd_settle_options *options, bd_error *err) {
   if (!isfinite(options->speed)) {
     return bd_fail(err, BD_ERR_OPTION, "speed", "speed must be finite, got %g m/s", options->speed);
@@ -205,6 +206,16 @@ static int check_speed(const bd_model *model, const bd_settle_options *options, 
   const double tension = bd_rest_tension(model, (double)INFINITY);
   const double stretched = 1.0 + tension / model->belt.axial_stiffness;
   const double most = sqrt(tension * stretched / model->belt.linear_density);
+  const double EA = model->belt.axial_stiffness, density = model->belt.linear_density;
+  const double room = BD_MAX_STRAIN * EA - bd_rest_tension(model, 0.0);
+  const double fastest = sqrt(fmax(0.0, room) / density);
+  if (bd_model_gives_way(model) && !(fabs(options->speed) < fastest)) {
+    return bd_fail(
+        err, BD_ERR_OPTION, "speed",
+        "speed must be below %.6g m/s, at which rho A v^2 stretches the belt by more than "
+        "%g; got %.6g m/s: is it a speed in 1/min where rad/s are meant?",
+        fastest, BD_MAX_STRAIN, options->speed);
+  }
   if (!bd_model_gives_way(model) && !(fabs(options->speed) < most)) {
     return bd_fail(err, BD_ERR_OPTION, "speed",
                    "speed must be below %.6g m/s, at which the belt leaves its pulleys: rho A v^2 "
@@ -437,9 +448,11 @@ static int check_rest(bd_settling *settling) {
         err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, -1, -1, sim->stats.residual,
         "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "
         "mean tension, fastest motion %.3g m/s; the contact may be too soft, axial_damping too "
-        "large, or the links too long for the pulleys; or call settle(params, %stolerance=...) "
+        "large, %sor the links too long for the pulleys; or call settle(params, %stolerance=...) "
         "and pass its state as initial",
-        sim->stepper.t, sim->stats.residual, fastest, hopeless ? "" : "max_time=..., ");
+        sim->stepper.t, sim->stats.residual, fastest,
+        bd_model_gives_way(model) ? "the mounts' stops too stiff or their springs too soft, " : "",
+        hopeless ? "" : "max_time=..., ");
   }
   return BD_OK;
 }
