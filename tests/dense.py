@@ -42,7 +42,7 @@ class Layout:
         w = 2.0 * math.sqrt(oracle.c_tra * half**2 / oracle.inertia)
         units = {"x": 1.0, "y": 1.0, "phi": 1.0 / half, "theta": 1.0 / radius, "slip": 1.0}
         units |= {"vx": w, "vy": w, "vphi": w / half, "omega": w / radius}
-        sizes = {name: np.size(state[name]) for name, *_ in _core.STATE_FIELDS}
+        sizes = {name: np.size(state.get(name, ())) for name, *_ in _core.STATE_FIELDS}
         scale = {name: np.full(n, STRETCH * units.get(name, 0.0)) for name, n in sizes.items()}
         friction, by_slip = friction_scales(oracle, state)
         scale["mu"] = np.maximum(friction, STRETCH * by_slip)
@@ -57,7 +57,8 @@ class Layout:
         return cls(sizes, np.concatenate(list(scale.values())), friction)
 
     def pack(self, state: Mapping[str, Any]) -> Array:
-        return np.concatenate([np.ravel(state[name]) for name in self.sizes]) / self.scale
+        parts = [np.ravel(state[name]) if size else [] for name, size in self.sizes.items()]
+        return np.concatenate(parts) / self.scale
 
     def unpack(self, vector: Array, t: float = 0.0) -> dict[str, Any]:
         ends = np.cumsum(list(self.sizes.values()))
