@@ -53,7 +53,7 @@ from .parts import Belt, Contact, Drag, Pulley
 from .result import Result
 from .route import Route, route
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
-from .scenes import Scene
+from .scene import Scene
 from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
 from .tensioning import Tensioning

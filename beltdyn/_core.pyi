@@ -80,6 +80,7 @@ class Model:
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
+    def set_going(self, state: StateDict, speed: float) -> dict[str, Any]: ...
     def observe(self, state: StateDict, /) -> dict[str, NDArray[Any]]: ...  # OUTPUTS, one row
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
 
@@ -117,6 +118,7 @@ class Simulation:
         shift: float = 0.0,
         tolerance: float = ...,
         max_time: float = 0.0,
+        speed: float = 0.0,
     ) -> Simulation: ...
     def sample(self, t: ArrayLike) -> dict[str, NDArray[Any]]:
         """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the

@@ -178,9 +178,9 @@ class EnergyLedger(Group):
         drag_loss: Lost to the drag of the pulleys' bearings since the start; None where no pulley
             has any.
         mount: Stored in the springs and stops of mounts, less the work of their preload; None
-            without mounts.
+            without arms and sliders.
         mount_loss: Lost in dampers, friction and stops of mounts since the start; None without.
-        path_work: Work of the belt on axes that follow a path since the start; None without mounts.
+        path_work: Work of the belt on axes that follow a path since the start; None without paths.
     """
 
     kinetic: Array

@@ -16,7 +16,11 @@ from .naming import ByPulley, by_index, key, labels
 from .params import Params
 from .spans import span_tension
 
-__all__ = ["State", "Tensions"]
+__all__ = ["State", "Tensions", "belt_speed"]
+
+#: By what rims of pulleys that a belt runs on without load may differ: more than the radii on which
+#: it runs and creep make of them, and less than slip.
+RIMS = 0.01
 
 _SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
@@ -50,6 +54,44 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     return [
         field.evolve(**(array if field.name in _SIZES else number)(field.name)) for field in fields
     ]
+
+
+def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
+    """Check the speeds of pulleys that a belt runs with; give them, and the speed of their rims.
+
+    Args:
+        name: What the messages call them.
+        params: The drive.
+        omega: Speeds of one or several pulleys, by index or name [rad/s].
+
+    Returns:
+        The speeds by index, and that of the belt on the first rim, positive in the order of its
+        links [m/s].
+
+    Raises:
+        TypeError: Not a mapping from pulleys to numbers.
+        ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
+    """
+    if not isinstance(omega, Mapping):
+        raise TypeError(f"{name} must be a mapping from pulleys to speeds, got {omega!r}")
+    if not omega:
+        raise ValueError(f"{name} must name at least one pulley")
+    names = params.pulley_names
+    radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
+    speeds = {
+        index: real(f"{name}[{key(index, names)}]", value, "rad/s")
+        for index, value in by_index(name, omega, names).items()
+    }
+    rims = {index: float(radii[index]) * value for index, value in speeds.items()}
+    slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
+    v = rims[fastest]
+    if v - rims[slowest] > RIMS * max(map(abs, rims.values())):
+        raise ValueError(
+            f"the rims of {labels(slowest, fastest, names)} must run at one speed, got "
+            f"{rims[slowest]:.10g} and {v:.10g} m/s along the belt: name one of them, or make "
+            "a state with these speeds yourself"
+        )
+    return speeds, next(iter(rims.values()))
 
 
 _LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
@@ -171,52 +213,32 @@ class State:
     def at_speed(self, params: Params, omega: ByPulley[float]) -> State:
         """Give the same state with the belt running, and all pulleys turning with it.
 
-        The belt circulates along itself at the speed of the rims of the pulleys named, and the
-        others turn with the same speed of the rim. Positions, angles and friction stay as they are:
-        the centrifugal tension of a running belt and its creep are not in this state, and develop
-        in a transient.
+        The belt circulates along itself at the speed of the pulleys named where it runs on them,
+        and the others turn with it. Positions, angles and friction stay as they are: what a running
+        belt changes by its centrifugal force is not in this state, and develops in a transient.
+        ``settle(params, speed=...)`` gives a belt that runs steadily.
 
         Args:
             params: The drive.
             omega: Speeds of one or several pulleys, by index or name [rad/s]; of several, the
-                speeds of their rims must agree to 1e-9.
+                speeds of their rims must agree to 1 %, and the belt goes with the first.
 
         Raises:
             TypeError: Not a mapping from pulleys to numbers.
             ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
         """
         self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
-        if not isinstance(omega, Mapping):
-            raise TypeError(f"omega must be a mapping from pulleys to speeds, got {omega!r}")
-        if not omega:
-            raise ValueError("omega must name at least one pulley")
-        winding = params.info["winding"]
-        names = params.pulley_names
-        radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
-        rims = {
-            index: float(radii[index]) * real(f"omega[{key(index, names)}]", value, "rad/s")
-            for index, value in by_index("omega", omega, names).items()
-        }
-        slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
-        v = rims[fastest]
-        if v - rims[slowest] > 1e-9 * max(map(abs, rims.values())):
-            raise ValueError(
-                f"the rims of {labels(slowest, fastest, names)} must run at one speed, got "
-                f"{rims[slowest]:.10g} and {v:.10g} m/s along the belt: name one of them, or make "
-                "a state with these speeds yourself"
-            )
-        following = np.roll(self.phi, -1)
-        following[-1] += 2.0 * np.pi * winding
-        before = np.roll(self.phi, 1)
-        before[0] -= 2.0 * np.pi * winding
-        return attrs.evolve(
-            self,
-            vx=v * np.cos(self.phi),
-            vy=v * np.sin(self.phi),
-            vphi=v * (following - before) / (2.0 * params.info["link_length"]),
-            omega=v / radii,
-            residual=None,
-        )
+        speeds, v = belt_speed("omega", params, omega)
+        core = self._to_core(params.has_friction)
+        if v != 0.0:
+            # to the first order the belt has the speed of the rim; then that of where it runs
+            first, value = next(iter(speeds.items()))
+            v *= value / float(params._model.set_going(core, v)["omega"][first])
+        going = params._model.set_going(core, v)
+        turning = np.array(going["omega"])
+        turning[list(speeds)] = list(speeds.values())
+        moving = {name: going[name] for name in ("vx", "vy", "vphi")}
+        return attrs.evolve(self, **moving, omega=turning, residual=None)
 
     @classmethod
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:

@@ -375,6 +375,8 @@ typedef struct bd_settle_options {
   double shift;     /* link 0 is laid this far past its place along the belt line [m] */
   double tolerance; /* at rest when the unbalanced force is below this times the mean tension */
   double max_time;  /* give up after this much simulated time [s]; 0: chosen */
+  double speed;     /* of the belt along itself in its spans, > 0 in the order of its links: it runs
+                     * steadily without load, friction is off; 0: at rest [m/s] */
 } bd_settle_options;
 
 void bd_settle_options_default(bd_settle_options *options);
@@ -460,6 +462,12 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
  * those stored; works are 0. */
 int bd_model_observe(const bd_model *model, const bd_state *state, const bd_output *output,
                      bd_error *err);
+
+/* The state with its belt running along itself, at the speed v in its spans, > 0 in the order of
+ * the links, and all pulleys turning with it. Positions, angles and friction are those of the
+ * state, which settling at that speed makes those of a belt that runs steadily. */
+int bd_model_set_going(const bd_model *model, const bd_state *state, double speed, bd_state *going,
+                       bd_error *err);
 
 /* The same state's Jacobian J, by what it solves: (1 - g J) k = g c, c and k laid out as a bd_state
  * (times are not looked at). The torque is constant. g > 0 [s]. Contact and friction are taken on

@@ -458,8 +458,11 @@ def test_states_that_settling_gives_are_settled_on_other_meshes() -> None:
     by_itself = verified_short().accuracy
     given = bd.simulate(*scene, initial=rest, verify=True).accuracy
     assert [one.space for one in given.errors] == [one.space for one in by_itself.errors]
-    running = rest.at_speed(scene.params, {0: -30.0})
-    assert bd.simulate(*scene, initial=running, verify=True).accuracy.verified
+    for running in (
+        rest.at_speed(scene.params, {0: -30.0}),
+        bd.settle(scene.params, speed={0: -30.0}),
+    ):
+        assert bd.simulate(*scene, initial=running, verify=True).accuracy.verified
 
 
 def test_other_states_belong_to_their_links() -> None:

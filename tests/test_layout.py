@@ -207,13 +207,17 @@ def test_at_speed(name: str) -> None:
     running = rest.at_speed(params, {1: 30.0})
     v = params.route.senses[1] * 30.0 * params.pulleys[1].radius
     radii = np.array([one.radius for one in params.pulleys])
-    assert running.omega == pytest.approx(params.route.senses * v / radii, rel=1e-14)
+    # on the radii where it runs, which at 3 m/s it sinks into less by some 1e-5 of them
+    assert running.omega == pytest.approx(params.route.senses * v / radii, rel=2e-5)
     along = running.vx * np.cos(rest.phi) + running.vy * np.sin(rest.phi)
-    assert along == pytest.approx(v, rel=1e-12)
+    # centres of links that turn by 2 a in the time of one are slower by a / tan(a)
+    turn = np.roll(rest.phi, -1) - np.roll(rest.phi, 1)
+    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi) / 4.0 + 1e-9
+    assert along == pytest.approx(v * turn / np.tan(turn), rel=2e-5)
     with pytest.raises(ValueError, match="must run at one speed"):
         rest.at_speed(params, {0: 30.0, 1: 30.0})
     both = {0: float(running.omega[0]), 1: 30.0}
-    assert np.array_equal(rest.at_speed(params, both).omega, running.omega)
+    assert rest.at_speed(params, both).omega == pytest.approx(running.omega, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", drives.LAYOUTS)

@@ -352,17 +352,21 @@ def test_a_torque_on_a_moved_pulley_is_ignored_with_a_warning(
 
 @pytest.mark.parametrize("scene", ["kubas-case-1", "three-pulleys"])
 def test_a_state_at_speed(scene: str) -> None:
-    """The rims have the belt's speed; links run along themselves and turn with the path: no joint
-    is stretched but by the corners of the polygon, v times half the turn squared.
+    """Where the belt runs it has the pulleys' speed; links run along themselves and turn with the
+    path: no joint is stretched but by the corners of the polygon, v times half the turn squared.
     """
     params = bd.scenes.get(scene).params
     rest = bd.settle(params)
     running = rest.at_speed(params, {1: 30.0})
     winding, v = params.info["winding"], 30.0 * params.pulleys[1].radius
+    assert running.omega[1] == 30.0
+    # it sinks in by 0.1 % of a radius; tangents, of 60 links, turn 0.3 % less than their arcs
     for pulley, omega in zip(params.pulleys, running.omega, strict=True):
-        assert omega == pytest.approx(v / pulley.radius, rel=1e-14)
+        assert omega == pytest.approx(v / pulley.radius, rel=5e-3)
     along = running.vx * np.cos(rest.phi) + running.vy * np.sin(rest.phi)
-    assert along == pytest.approx(winding * v, rel=1e-14)
+    # slower where links turn: their centres are inside of the polygon's corners
+    half = 0.5 * params.info["link_length"] / min(pulley.radius for pulley in params.pulleys)
+    assert along == pytest.approx(winding * v, rel=0.5 * half**2 + 5e-3)
     assert np.array_equal(running.x, rest.x) and np.array_equal(running.mu, rest.mu)
     assert running.residual is None
     oracle = oracle_of(params)
@@ -392,7 +396,7 @@ def test_a_run_may_begin_at_speed(params: bd.Params, start: bd.State) -> None:
     steady = bd.PiecewiseLinear([0.0], [-50.0])
     runs = [
         bd.simulate(params, FREE, T_END, {0: steady}, t_eval=TIMES),
-        run(params, start.at_speed(params, {0: -50.0}), {0: steady}, torque_fn=FREE),
+        run(params, bd.settle(params, speed={0: -50.0}), {0: steady}, torque_fn=FREE),
         bd.simulate(params, FREE, T_END, {0: bd.Motion(angle=lambda t: -50.0 * t)}, t_eval=TIMES),
         bd.simulate(params, FREE, T_END, {0: lambda t: -50.0, 1: lambda t: -50.0}, t_eval=TIMES),
     ]

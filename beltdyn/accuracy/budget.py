@@ -12,7 +12,7 @@ from ..checks import Array
 from ..params import Params
 from ..result import Result
 from ..run_warnings import RunWarning
-from ..scenes import Scene
+from ..scene import Scene
 from ..state import State
 from .pilot import Forecast, Pilot
 from .quantities import with_links

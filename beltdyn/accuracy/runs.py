@@ -13,7 +13,7 @@ import numpy as np
 from ..checks import Array
 from ..result import Result
 from ..run_warnings import silenced
-from ..scenes import Scene
+from ..scene import Scene
 from ..state import State
 from .quantities import Observed, observe, with_links
 from .settings import Setting

@@ -16,7 +16,7 @@ from ..errors import SimulationError
 from ..motions import in_core
 from ..params import Params
 from ..progress import counted
-from ..scenes import Scene
+from ..scene import Scene
 from ..simulation import settle, simulate
 from ..threads import Workers
 from ..torques import Torque

@@ -10,7 +10,7 @@ import attrs
 from ..checks import positive
 from ..compliance import compliance_error
 from ..params import Params
-from ..scenes import Scene
+from ..scene import Scene
 from ..simulation import settle, simulate
 from .pilot import Forecast, Pilot
 from .quantities import with_links

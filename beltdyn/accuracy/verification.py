@@ -55,7 +55,7 @@ JUDGED = 0.1
 
 #: ``simulate`` without verification; it also gives the state from which the run started.
 Run = Callable[..., tuple[Result, State]]
-Settle = Callable[[Params], State]
+Settle = Callable[..., State]
 
 
 @attrs.frozen
@@ -316,7 +316,7 @@ class Verification:
                 if start is None:
                     return (
                         "error of the mesh not verified: the initial state is given on "
-                        f"{own} links, and is not one of settle(params) or its at_speed(...)"
+                        f"{own} links, and is not one of settle(params, ...) or its at_speed(...)"
                     )
         except Interrupted:
             raise
@@ -355,24 +355,25 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
     Links have positions of their own, to within the depth of the contact; a state that is moved to
     other links would begin with a shock.
     """
-    rest = settle(params)
-    names: tuple[str, ...] = ("x", "y", "phi", "mu", "slip")
-    scale = params.info["link_length"]
-    if not all(
-        np.allclose(getattr(initial, name), getattr(rest, name), rtol=1e-9, atol=1e-9 * scale)
-        for name in names
-    ):
-        return None
-    begin = attrs.evolve(settle(other), t=initial.t, theta=initial.theta)
-    if not initial.omega.any():
-        still = not any(getattr(initial, name).any() for name in ("vx", "vy", "vphi"))
-        return begin if still else None
+    still = not any(getattr(initial, name).any() for name in ("omega", "vx", "vy", "vphi"))
     speeds = {0: float(initial.omega[0])}
-    moving = rest.at_speed(params, speeds)
-    names = ("vx", "vy", "vphi", "omega")
-    if not all(np.allclose(getattr(initial, name), getattr(moving, name)) for name in names):
-        return None
-    return begin.at_speed(other, speeds)
+    ways: tuple[Callable[[Params], State], ...] = (
+        lambda drive: settle(drive, speed=speeds),
+        lambda drive: settle(drive).at_speed(drive, speeds),
+    )
+    for way in (settle,) if still else ways:
+        if _same(initial, way(params), params.info["link_length"]):
+            return attrs.evolve(way(other), t=initial.t, theta=initial.theta)
+    return None
+
+
+def _same(one: State, other: State, scale: float) -> bool:
+    """Tell whether links stand and move alike, positions to 1e-9 of a scale [m]."""
+    places, speeds = ("x", "y", "phi", "mu", "slip"), ("vx", "vy", "vphi", "omega")
+    return all(
+        np.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9 * scale)
+        for name in places
+    ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in speeds)
 
 
 def _apart_from(result: Result) -> float | None:

@@ -18,6 +18,9 @@ from .select import Indices, named_links, sample, with_samples
 
 __all__ = ["drive", "force_along_belt"]
 
+#: Letters of all names together that fit side by side above the links.
+_CROWDED = 24
+
 
 def force_along_belt(
     result: Result,
@@ -82,6 +85,9 @@ def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
         )
         if end - begin > int(np.subtract(*longest.get(pulley, (0, 0))[::-1])):
             longest[pulley] = begin, end
+    # Names of many pulleys side by side would run into one another.
+    names = [pulley.name or "" for pulley in result.params.pulleys]
+    turned: dict[str, Any] = {"rotation": 90.0} if sum(map(len, names)) > _CROWDED else {}
     for pulley, (begin, end) in longest.items():
         ax.text(
             first + (begin + end - 1) / 2.0,
@@ -92,6 +98,7 @@ def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
             va="top",
             fontsize="small",
             clip_on=True,
+            **turned,
         )
 
 

@@ -60,7 +60,7 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
             arrow = {**look, "mutation_scale": 18.0}
             ax.annotate("", tip, tail, arrowprops=arrow)
             ax.annotate(
-                f"{1e3 * way.spans[k]:.0f} mm",
+                f"{way.spans[k]:.3g} m" if way.spans[k] >= 1.0 else f"{1e3 * way.spans[k]:.0f} mm",
                 0.3 * begin + 0.7 * end if way.turns == 0 else 0.5 * (begin + end),
                 ha="center",
                 va="center",

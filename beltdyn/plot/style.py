@@ -83,8 +83,8 @@ def plain(name: str) -> str:
 
 
 def title(k: int, pulley: Pulley) -> str:
-    """Give what stands on a pulley in a picture: its name, or its number."""
-    return str(k) if pulley.name is None else plain(pulley.name)
+    """Give what stands on a pulley in a picture: its name, a word a line, or its number."""
+    return str(k) if pulley.name is None else plain(pulley.name).replace(" ", "\n")
 
 
 def axes(ax: Axes | None) -> Axes:

@@ -270,6 +270,34 @@ static PyObject *model_observe(PyObject *object, PyObject *mapping) {
   return dict;
 }
 
+PyDoc_STRVAR(set_going_doc,
+             "set_going($self, /, state, speed)\n--\n\n"
+             "A state with its belt running along itself and all pulleys turning with it.\n\n"
+             "state: mapping of STATE_FIELDS by name and \"t\". speed: of the belt in its spans,\n"
+             "> 0 in the order of its links [m/s]. Returns a dict as of Simulation.state().\n"
+             "Raises TypeError or ValueError naming the argument.");
+
+static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *keywords) {
+  char *names[] = {"state", "speed", NULL};
+  PyObject *mapping, *given, *result = NULL;
+  double speed;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO:set_going", names, &mapping, &given) ||
+      bd_convert_real(given, "speed", &speed) < 0) {
+    return NULL;
+  }
+  bd_core_model *self = (bd_core_model *)object;
+  bd_core_state state = {0}, going = {0};
+  if (!bd_core_state_read(&state, mapping, &self->info) &&
+      !bd_core_state_new(&going, &self->info)) {
+    bd_error err = {0};
+    int code = bd_model_set_going(self->model, &state.state, speed, &going.state, &err);
+    result = code < 0 ? bd_core_raise(code, &err) : bd_core_state_dict(&going, 1);
+  }
+  bd_core_state_release(&state);
+  bd_core_state_release(&going);
+  return result;
+}
+
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_info *info = &((bd_core_model *)object)->info;
   PyObject *dict = PyDict_New();
@@ -378,6 +406,8 @@ static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"centers", model_centers, METH_O, centers_doc},
     {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
+    {"set_going", (PyCFunction)(void (*)(void))model_set_going, METH_VARARGS | METH_KEYWORDS,
+     set_going_doc},
     {"observe", model_observe, METH_O, observe_doc},
     {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
     {NULL, NULL, 0, NULL},

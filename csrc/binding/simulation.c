@@ -202,27 +202,29 @@ out:
 
 PyDoc_STRVAR(settle_doc,
              "settle($type, /, model, state=None, *, friction=False, free_pulleys=False,\n"
-             "       offset=None, move_time=0.0, shift=0.0, tolerance=..., max_time=0.0)\n--\n\n"
+             "       offset=None, move_time=0.0, shift=0.0, tolerance=..., max_time=0.0,\n"
+             "       speed=0.0)\n--\n\n"
              "A simulation that brings the belt to rest under preload.\n\n"
              "state: where to begin, a mapping as of state(); None: on the belt line. friction:\n"
              "friction acts meanwhile. free_pulleys: pulleys may turn. offset: (n_p, 2) [m], the\n"
              "centres start displaced by this and move in during move_time [s] (0: chosen).\n"
              "shift: link 0 is laid this far past its place along the belt line [m].\n"
              "tolerance: at rest when the unbalanced force is below this times the mean tension.\n"
-             "max_time: give up after this much simulated time [s] (0: chosen).\n"
+             "max_time: give up after this much simulated time [s] (0: chosen). speed: of a belt\n"
+             "that runs along itself, in its spans [m/s].\n"
              "Raises TypeError or ValueError naming the argument.");
 
 static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"model",     "state", "friction",  "free_pulleys", "offset",
-                   "move_time", "shift", "tolerance", "max_time",     NULL};
+  char *names[] = {"model", "state",     "friction", "free_pulleys", "offset", "move_time",
+                   "shift", "tolerance", "max_time", "speed",        NULL};
   bd_core_module *module = PyType_GetModuleState((PyTypeObject *)type);
   PyObject *model_object, *mapping = Py_None, *friction = NULL, *free_pulleys = NULL,
                           *offset = Py_None, *move_time = NULL, *shift = NULL, *tolerance = NULL,
-                          *max_time = NULL;
-  if (!module ||
-      !PyArg_ParseTupleAndKeywords(args, keywords, "O!|O$OOOOOOO:settle", names, module->model_type,
-                                   &model_object, &mapping, &friction, &free_pulleys, &offset,
-                                   &move_time, &shift, &tolerance, &max_time)) {
+                          *max_time = NULL, *speed = NULL;
+  if (!module || !PyArg_ParseTupleAndKeywords(args, keywords, "O!|O$OOOOOOOO:settle", names,
+                                              module->model_type, &model_object, &mapping,
+                                              &friction, &free_pulleys, &offset, &move_time, &shift,
+                                              &tolerance, &max_time, &speed)) {
     return NULL;
   }
   bd_core_model *model = (bd_core_model *)model_object;
@@ -233,7 +235,8 @@ static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) 
       (move_time && bd_convert_real(move_time, "move_time", &options.move_time) < 0) ||
       (shift && bd_convert_real(shift, "shift", &options.shift) < 0) ||
       (tolerance && bd_convert_real(tolerance, "tolerance", &options.tolerance) < 0) ||
-      (max_time && bd_convert_real(max_time, "max_time", &options.max_time) < 0)) {
+      (max_time && bd_convert_real(max_time, "max_time", &options.max_time) < 0) ||
+      (speed && bd_convert_real(speed, "speed", &options.speed) < 0)) {
     return NULL;
   }
 

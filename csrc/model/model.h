@@ -155,6 +155,12 @@ static inline double bd_contact_depth(double c1, double c2, double force) {
 /* Mean tension of the belt between its fixed axes, without load, that runs along itself at a speed
  * [m/s], 0: at rest [N]. */
 double bd_rest_tension(const bd_model *model, double speed);
+/* The same, about, of a belt with mounts, too; whether any of these are arms or sliders. */
+double bd_running_tension(const bd_model *model, double speed);
+int bd_model_gives_way(const bd_model *model);
+/* Radius on which it runs under a tension at that speed: less by the depth by which it sinks in,
+ * more by what a compensated contact begins further out. */
+double bd_running_radius(const bd_model *model, int j, double tension, double speed);
 
 /* --- model.c ---------------------------------------------------------------------------------- */
 

@@ -34,22 +34,51 @@ static double shorter_at_end(double pull, double bending, double radius, double 
          0.25 * K * K * m * m * m - 0.5 * squared;
 }
 
+/* What presses the belt on its pulleys, times their radius. */
+static double pull_of(const bd_model *model, double tension, double speed) {
+  const double stretched = 1.0 + tension / model->belt.axial_stiffness;
+  return fmax(0.0, tension * stretched - model->belt.linear_density * speed * speed);
+}
+
+static double depth_of(const bd_model *model, int j, double pull) {
+  return bd_contact_depth(model->contact.quadratic, model->contact.linear, pull / model->radius[j]);
+}
+
+/* Arms and sliders give way to a belt that runs, so that the pull which presses it on its pulleys
+ * stays what it was; between fixed axes the path decides. */
+double bd_running_tension(const bd_model *model, double speed) {
+  return bd_model_gives_way(model)
+             ? bd_rest_tension(model, 0.0) + model->belt.linear_density * speed * speed
+             : bd_rest_tension(model, speed);
+}
+
+int bd_model_gives_way(const bd_model *model) {
+  int moves = 0;
+  for (int m = 0; m < model->lay.nm; ++m) {
+    moves |= model->mounts[m].kind != BD_MOUNT_PATH;
+  }
+  return moves;
+}
+
+double bd_running_radius(const bd_model *model, int j, double tension, double speed) {
+  const double sunk = depth_of(model, j, pull_of(model, tension, speed));
+  const double raised = model->contact.compensate
+                            ? depth_of(model, j, pull_of(model, model->info.strain_tension, 0.0))
+                            : 0.0;
+  return model->radius[j] - (sunk - raised);
+}
+
 /* How much shorter than the belt line the path is under a tension at a speed. */
 static double shorter(const bd_model *model, double tension, double speed) {
-  const double c1 = model->contact.quadratic, c2 = model->contact.linear;
-  const double EA = model->belt.axial_stiffness, preload = model->info.strain_tension;
-  const double pull =
-      fmax(0.0, tension * (1.0 + tension / EA) - model->belt.linear_density * speed * speed);
+  const double pull = pull_of(model, tension, speed);
   double sum = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
-    const double radius = model->radius[j], depth = bd_contact_depth(c1, c2, pull / radius);
-    const double raised = model->contact.compensate
-                              ? bd_contact_depth(c1, c2, preload * (1.0 + preload / EA) / radius)
-                              : 0.0;
-    sum += model->wraps[j].wrap * (depth - raised);
+    const double radius = model->radius[j], wrap = model->wraps[j].wrap;
+    const double depth = depth_of(model, j, pull);
+    sum += wrap * (radius - bd_running_radius(model, j, tension, speed));
     if (depth > 0.0) {
       /* both ends of a wrap must find room on it: bends of a stiffer belt are not described */
-      const double half = 0.5 * model->wraps[j].wrap * radius;
+      const double half = 0.5 * wrap * radius;
       const double bending = fmin(model->belt.bending_stiffness, pull * half * half);
       sum += 2.0 * shorter_at_end(pull, bending, radius, depth);
     }

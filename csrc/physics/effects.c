@@ -76,14 +76,6 @@ static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
-/* --- mounts (mounts.c) ------------------------------------------------------------------------ */
-
-/* Samples may have been looked at since the last rate. */
-static void tangent_axes(const bd_plan *plan, const double *y, bd_derivatives *out) {
-  (void)out;
-  bd_mounts_put(plan, y);
-}
-
 /* --- contact and friction --------------------------------------------------------------------- */
 
 static const char *label_contact(const bd_plan *plan) {
@@ -308,6 +300,12 @@ static const bd_effect table[] = {
         .energy = bd_energy_of_gravity,
     },
     {
+        .name = "centrifugal force",
+        .enabled = bd_centrifugal_enabled,
+        .rate = bd_centrifugal_rate,
+        .tangent = tangent_none, /* weaker than the tension, which is stiff enough for settling */
+    },
+    {
         .name = "prescribed motion",
         .enabled = has_motion,
         .rate = pass_motion,
@@ -316,11 +314,13 @@ static const bd_effect table[] = {
     },
     {
         .name = "axes on mounts",
-        .enabled = bd_mounts_enabled,
-        .rate = bd_mounts_place,
-        .tangent = tangent_axes,
-        .carve = bd_mounts_carve,
-        .after_step = bd_mounts_after_step,
+        .enabled = bd_axes_enabled,
+        .rate = bd_axes_rate,
+        .tangent = bd_axes_tangent,
+        .carve = bd_axes_carve,
+        .carve_tangent = bd_axes_carve_tangent,
+        .after_step = bd_axes_after_step,
+        .outputs = bd_axes_outputs,
     },
     {
         .name = "contact",
@@ -359,12 +359,18 @@ static const bd_effect table[] = {
         .enabled = bd_mounts_enabled,
         .rate = bd_mounts_rate,
         .tangent = bd_mounts_tangent,
-        .carve_tangent = bd_mounts_carve_tangent,
-        .outputs = bd_mounts_outputs,
         .energy = bd_mounts_energy,
-        .n_works = 2,
-        .works = {W_mount_loss, W_path_work},
+        .n_works = 1,
+        .works = {W_mount_loss},
         .store = BD_ENERGY_mount,
+    },
+    {
+        .name = "prescribed paths",
+        .enabled = bd_paths_enabled,
+        .rate = bd_paths_rate,
+        .tangent = tangent_none,
+        .n_works = 1,
+        .works = {W_path_work},
     },
     {
         .name = "torques of prescribed motion",

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Mounts as an effect (MODEL section 5): two passes of the rate, one that puts the axes where the
- * travels have them, before contact, one that moves arms and sliders by what acts on them, after
- * it.
+ * Mounts (MODEL section 5), three rows of the table in effects.c: the axes are where the travels
+ * have them, before contact; arms and sliders move by what acts on them, after it; and the travel
+ * of paths is the time.
  */
 #include <math.h>
 #include <stdio.h>
@@ -10,38 +10,50 @@
 
 #include "physics/physics.h"
 
-int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options) {
-  (void)options;
-  return model->lay.nm > 0;
-}
-
-void bd_mounts_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
-  BD_CARVE(carver, plan->hub, 2 * model->lay.nm);
-  BD_CARVE(carver, plan->mount_inertia, model->lay.nm);
-}
-
-void bd_mounts_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
-  BD_CARVE(carver, out->mounts, model->lay.nm);
-}
-
 static int is_path(const bd_mounted *mount) {
   return mount->kind == BD_MOUNT_PATH;
 }
 
+int bd_axes_enabled(const bd_model *model, const bd_plan_options *options) {
+  (void)options;
+  return model->lay.nm > 0;
+}
+
+static int count_paths(const bd_model *model) {
+  int n = 0;
+  for (int m = 0; m < model->lay.nm; ++m) {
+    n += is_path(&model->mounts[m]);
+  }
+  return n;
+}
+
+int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options) {
+  (void)options;
+  return model->lay.nm > count_paths(model);
+}
+
+int bd_paths_enabled(const bd_model *model, const bd_plan_options *options) {
+  (void)options;
+  return count_paths(model) > 0;
+}
+
+void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  BD_CARVE(carver, plan->hub, 2 * model->lay.nm);
+  BD_CARVE(carver, plan->mount_inertia, model->lay.nm);
+}
+
+void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  BD_CARVE(carver, out->mounts, model->lay.nm);
+}
+
 const char *bd_mounts_label(const bd_plan *plan) {
   int has[3] = {0};
-  static const char *const texts[8] = {"",
-                                       "mounts: arms",
-                                       "mounts: sliders",
-                                       "mounts: arms and sliders",
-                                       "mounts: paths",
-                                       "mounts: arms and paths",
-                                       "mounts: sliders and paths",
-                                       "mounts: arms, sliders and paths"};
   for (int m = 0; m < plan->model->lay.nm; ++m) {
     has[plan->model->mounts[m].kind] = 1;
   }
-  return texts[has[BD_MOUNT_ARM] + 2 * has[BD_MOUNT_SLIDER] + 4 * has[BD_MOUNT_PATH]];
+  return !has[BD_MOUNT_SLIDER] ? "mounts: arms"
+         : !has[BD_MOUNT_ARM]  ? "mounts: sliders"
+                               : "mounts: arms and sliders";
 }
 
 /* --- where the axes are ----------------------------------------------------------------------- */
@@ -59,7 +71,7 @@ void bd_mounts_put(const bd_plan *plan, const double *y) {
   }
 }
 
-int bd_mounts_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+int bd_axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
   bd_mounts_put(plan, y);
@@ -102,18 +114,16 @@ int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
-  double lost = 0.0, given = 0.0;
+  double lost = 0.0;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
+    if (is_path(mount)) {
+      continue;
+    }
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
     const bd_place at = bd_mount_place(mount, q);
     const double belt = plan->hub[2 * m] * at.a[0] + plan->hub[2 * m + 1] * at.a[1];
     dy[lay->travel + m] = v;
-    if (is_path(mount)) {
-      dy[lay->travel_speed + m] = dy[lay->mount_friction + m] = 0.0;
-      given += belt * v;
-      continue;
-    }
     const double share = plan->grip_on ? y[lay->mount_friction + m] : 0.0;
     const double held = mount->damping * v + mount->friction * share;
     const double force = belt + bd_mount_spring(mount, q) - held +
@@ -123,11 +133,41 @@ int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err
     lost += held * v;
   }
   dy[lay->work + W_mount_loss] = lost;
+  return BD_OK;
+}
+
+int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  double given = 0.0;
+  for (int m = 0; m < lay->nm; ++m) {
+    if (!is_path(&model->mounts[m])) {
+      continue;
+    }
+    const bd_place at = bd_mount_place(&model->mounts[m], y[lay->travel + m]);
+    const double v = y[lay->travel_speed + m];
+    dy[lay->travel + m] = v;
+    dy[lay->travel_speed + m] = dy[lay->mount_friction + m] = 0.0;
+    given += (plan->hub[2 * m] * at.a[0] + plan->hub[2 * m + 1] * at.a[1]) * v;
+  }
   dy[lay->work + W_path_work] = given;
   return BD_OK;
 }
 
 /* --- derivatives ------------------------------------------------------------------------------ */
+
+/* Samples may have been looked at since the last rate. */
+void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  const bd_layout *lay = &plan->model->lay;
+  bd_mounts_put(plan, y);
+  for (int m = 0; m < lay->nm; ++m) {
+    out->mounts[m] = (bd_mount_tangent){
+        .speed = y[lay->travel_speed + m],
+        .at = bd_mount_place(&plan->model->mounts[m], y[lay->travel + m]),
+    };
+  }
+}
 
 void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
@@ -136,7 +176,6 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
     const bd_mounted *mount = &model->mounts[m];
     bd_mount_tangent *to = &out->mounts[m];
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
-    *to = (bd_mount_tangent){.speed = v, .at = bd_mount_place(mount, q)};
     if (is_path(mount)) {
       continue;
     }
@@ -185,8 +224,8 @@ static int check_room(const bd_plan *plan, double t, int m, bd_error *err) {
   return BD_OK;
 }
 
-int bd_mounts_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                         bd_error *err) {
+int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                       bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   int code = BD_OK;
   for (int m = 0; m < lay->nm; ++m) {
@@ -232,7 +271,7 @@ double bd_mount_belt_force(const bd_plan *plan, const double *y, int m) {
   return -(force[0] * at.a[0] + force[1] * at.a[1]);
 }
 
-void bd_mounts_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &plan->model->mounts[m];

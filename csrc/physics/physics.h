@@ -145,6 +145,7 @@ typedef struct bd_plan_options {
   double mass_damping;
   const double *offset;
   double move_time;
+  double flow; /* settling: stress-free length of belt that runs past a point [m/s] */
 } bd_plan_options;
 
 /* A mount as linearised: its speed; where it has the axis; stiffness and damping of all but the
@@ -240,17 +241,27 @@ void bd_mounts_put(const bd_plan *plan, const double *y);
 double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
 /* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
 int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err);
+/* Of all mounts; of arms and sliders; of paths. */
+int bd_axes_enabled(const bd_model *model, const bd_plan_options *options);
+int bd_axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
+void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
+void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
+int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                       bd_error *err);
+void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options);
 const char *bd_mounts_label(const bd_plan *plan);
-int bd_mounts_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_mounts_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
-void bd_mounts_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-int bd_mounts_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                         bd_error *err);
 void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-void bd_mounts_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+int bd_paths_enabled(const bd_model *model, const bd_plan_options *options);
+int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+
+/* --- centrifugal.c --------------------------------------------------------------------------- */
+
+int bd_centrifugal_enabled(const bd_model *model, const bd_plan_options *options);
+int bd_centrifugal_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
@@ -285,6 +296,7 @@ struct bd_plan {
   double circulation_inertia_scale; /* settling: what multiplies the inertia of circulation */
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
+  double flow;           /* settling: stress-free length of belt that runs past a point [m/s] */
   long contacts_changed; /* links that have come to a pulley or left it, with friction on */
   char contact_name[sizeof(BD_CONTACT_NAME)]; /* of the contact's pass, with the laws of friction */
   int n_columns, columns[BD_N_ENERGY];        /* of the output `energy` */

@@ -71,6 +71,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
   plan->no_power = plan->skip_power = options->no_power;
   plan->offset = options->offset;
   plan->move_time = options->move_time;
+  plan->flow = options->flow;
 
   links->lay = model->lay;
   links->half = 0.5 * info->link_length;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The model at one state, without a run: its rate, its outputs, and its Jacobian by the systems it
- * solves.
+ * The model at one state, without a run: its rate, its outputs, its Jacobian by the systems it
+ * solves; the same state with the belt running.
  */
 #include <math.h>
 
@@ -58,6 +58,22 @@ int bd_model_observe(const bd_model *model, const bd_state *state, const bd_outp
   if (code == BD_OK) {
     bd_stepper *stepper = &sim->stepper;
     bd_observe(&stepper->plan, stepper->y, stepper->turns, stepper->plan.torque, 0.0, output, 0);
+  }
+  bd_sim_free(sim);
+  return code;
+}
+
+int bd_model_set_going(const bd_model *model, const bd_state *state, double speed, bd_state *going,
+                       bd_error *err) {
+  if (!isfinite(speed)) {
+    return bd_fail(err, BD_ERR_OPTION, "speed", "speed must be finite, got %g m/s", speed);
+  }
+  bd_sim *sim = NULL;
+  int code = sim_at_state(&sim, model, state, NULL, "tsit5", err);
+  if (code == BD_OK) {
+    bd_set_going(&sim->stepper.plan, sim->stepper.y, speed);
+    bd_state_export(model, sim->stepper.y, sim->stepper.turns, going);
+    going->t = state->t;
   }
   bd_sim_free(sim);
   return code;

@@ -99,6 +99,13 @@ void bd_twin_follow(bd_sim *sim);
 double bd_twin_magnifies(const bd_twin *twin);
 void bd_twin_free(bd_twin *twin);
 
+/* --- going.c --------------------------------------------------------------------------------- */
+
+/* Velocities of a belt that runs along itself at a speed in its spans, positions as they are, and
+ * of the pulleys on which it runs without slip. No joint is stretched but by corners of the
+ * polygon. */
+void bd_set_going(const bd_plan *plan, double *y, double speed);
+
 /* --- messages.c ------------------------------------------------------------------------------ */
 
 /* Numbers are no longer finite, or links sank into a pulley, in a trial of length h; a step that is

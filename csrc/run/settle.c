@@ -24,6 +24,7 @@ struct bd_settling {
   double *travel;                   /* of mounts, as laid */
   bd_wrap *wraps;
   double start_turns;
+  double flow; /* stress-free length of belt that runs past a point [m/s] */
   int tries, at_rest, status;
   double force, speed, time; /* of circulation at the last check */
   double stiffness;          /* of circulation, as seen */
@@ -36,10 +37,13 @@ void bd_settle_options_default(bd_settle_options *options) {
   *options = (bd_settle_options){.tolerance = 1e-9};
 }
 
-/* Critical for the lowest transverse mode of the longest span [1/s]; and that mode's frequency. */
-static double critical_mass_damping(const bd_model *model, double *lowest) {
+/* Critical for the lowest transverse mode of the longest span [1/s]; and that mode's frequency, in
+ * the pattern of a belt that runs with this flow. */
+static double critical_mass_damping(const bd_model *model, double flow, double *lowest) {
   double span = fmax(model->longest_span, 0.25 * model->belt.length);
-  *lowest = BD_PI * sqrt(model->info.strain_tension / model->belt.linear_density) / span;
+  double still = model->info.strain_tension / model->belt.linear_density;
+  flow = bd_model_gives_way(model) ? 0.0 : flow;
+  *lowest = BD_PI * sqrt(fmax(still - flow * flow, 0.01 * still)) / span;
   return 2.0 * *lowest;
 }
 
@@ -51,7 +55,7 @@ static double easiest_damping(const bd_model *model) {
 /* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
  * stiffens with penetration: taken is that of PRESSED times the normal force on the belt line, as
  * much as links were seen to be pressed while they come to rest. */
-static double fastest_mode(const bd_model *model, int friction) {
+static double fastest_mode(const bd_model *model, int friction, double flow) {
   const bd_info *info = &model->info;
   double tightest = model->radius[0], lowest;
   for (int j = 1; j < model->lay.np; ++j) {
@@ -73,7 +77,8 @@ static double fastest_mode(const bd_model *model, int friction) {
              4.0 * info->bending_stiffness / info->link_inertia +
              (contact + steepest.stiffness) / m;
   double d = info->contact_damping / m + steepest.damping / m +
-             critical_mass_damping(model, &lowest) + model->shear * easiest_damping(model) / m +
+             critical_mass_damping(model, flow, &lowest) +
+             model->shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;
   return fmax(steepest.adapts, d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k));
 }
@@ -87,10 +92,10 @@ static double fastest_mode(const bd_model *model, int friction) {
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
 static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0;
 
-static const bd_method *method_for(const bd_model *model, int friction, double *step) {
+static const bd_method *method_for(const bd_model *model, int friction, double flow, double *step) {
   const bd_method *explicit = bd_method_find("rk4");
-  double lowest, most = IMPLICIT_STEP / critical_mass_damping(model, &lowest);
-  *step = STABILITY_SHARE * explicit->stability / fastest_mode(model, friction);
+  double lowest, most = IMPLICIT_STEP / critical_mass_damping(model, flow, &lowest);
+  *step = STABILITY_SHARE * explicit->stability / fastest_mode(model, friction, flow);
   const int exact = friction || !model->along_links;
   if ((exact ? WORTH_EXACT : WORTH) * *step >= most) {
     return explicit;
@@ -183,6 +188,37 @@ static int lay_belt(bd_settling *settling, bd_error *err) {
   return bd_state_import(model, &state, sim->stepper.y, &sim->stepper.turns, err);
 }
 
+/* Of a belt whose spans run at a speed. */
+static double flow_of(const bd_model *model, double speed) {
+  return speed / (1.0 + bd_running_tension(model, speed) / model->belt.axial_stiffness);
+}
+
+/* Without pressure on its pulleys the belt is held by its mass alone: T = rho A v^2 / lambda. (With
+ * mounts that give way the pressure stays.) */
+static int check_speed(const bd_model *model, const bd_settle_options *options, bd_error *err) {
+  if (!isfinite(options->speed)) {
+    return bd_fail(err, BD_ERR_OPTION, "speed", "speed must be finite, got %g m/s", options->speed);
+  }
+  if (options->speed == 0.0) {
+    return BD_OK;
+  }
+  const double tension = bd_rest_tension(model, (double)INFINITY);
+  const double stretched = 1.0 + tension / model->belt.axial_stiffness;
+  const double most = sqrt(tension * stretched / model->belt.linear_density);
+  if (!bd_model_gives_way(model) && !(fabs(options->speed) < most)) {
+    return bd_fail(err, BD_ERR_OPTION, "speed",
+                   "speed must be below %.6g m/s, at which the belt leaves its pulleys: rho A v^2 "
+                   "is then all of its tension, %.4g N; got %.6g m/s",
+                   most, tension, options->speed);
+  }
+  if (options->friction) {
+    return bd_fail(err, BD_ERR_OPTION, "speed",
+                   "speed must be 0 where friction acts while settling: it holds the belt, and "
+                   "of a belt that runs nothing is left of how it was laid");
+  }
+  return BD_OK;
+}
+
 static int check_options(const bd_model *model, const bd_settle_options *options, bd_error *err) {
   if (!(options->tolerance > 0.0 && options->tolerance < 1.0)) {
     return bd_fail(err, BD_ERR_OPTION, "tolerance", "tolerance must be > 0 and < 1, got %g",
@@ -202,6 +238,9 @@ static int check_options(const bd_model *model, const bd_settle_options *options
     return bd_fail(err, BD_ERR_OPTION, "shift",
                    "shift must be at most the belt's length, %g m, got %g", model->belt.length,
                    options->shift);
+  }
+  if (check_speed(model, options, err) != BD_OK) {
+    return BD_ERR_OPTION;
   }
   for (int m = 0; options->offset && m < model->lay.nm; ++m) {
     const int j = model->lay.mounted[m];
@@ -223,7 +262,7 @@ static void set_up(bd_settling *settling, double step) {
   bd_sim *sim = settling->sim;
   const bd_model *model = sim->stepper.model;
   const bd_settle_options *given = &settling->options;
-  double lowest, mass_damping = critical_mass_damping(model, &lowest);
+  double lowest, mass_damping = critical_mass_damping(model, settling->flow, &lowest);
   double move_time = !given->offset           ? 0.0
                      : given->move_time > 0.0 ? given->move_time
                                               : MOVE / lowest;
@@ -237,7 +276,8 @@ static void set_up(bd_settling *settling, double step) {
                                   .settling = 1,
                                   .mass_damping = mass_damping,
                                   .offset = given->offset,
-                                  .move_time = move_time});
+                                  .move_time = move_time,
+                                  .flow = settling->flow});
   if (!sim->stepper.method->implicit) {
     sim->stepper.plan.links.damping = easiest_damping(model);
   }
@@ -381,6 +421,9 @@ static int check_rest(bd_settling *settling) {
     if (code != BD_OK) {
       return code;
     }
+    if (settling->flow != 0.0) {
+      bd_set_going(&sim->stepper.plan, y, settling->options.speed);
+    }
     memcpy(sim->stepper.y, y, lay->size * sizeof *y);
     sim->stepper.t = sim->t0;
     settling->at_rest = 1;
@@ -506,13 +549,14 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   if (check_options(model, options, err) != BD_OK) {
     return BD_ERR_OPTION;
   }
-  double step;
-  const bd_method *method = method_for(model, options->friction, &step);
+  double step, flow = flow_of(model, options->speed);
+  const bd_method *method = method_for(model, options->friction, flow, &step);
   bd_settling *settling = new_settling(model, method);
   if (!settling) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
   settling->options = *options;
+  settling->flow = flow;
   settling->best = INFINITY;
   if (options->offset) {
     memcpy(settling->offset, options->offset, 2 * (size_t)model->lay.np * sizeof(double));

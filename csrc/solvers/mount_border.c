@@ -46,7 +46,9 @@ void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, d
   const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
   const bd_run *runs = runs_of(system, j);
   const int friction = pulley->law != BD_LAW_NONE;
-  /* of the pulley's own column */
+  /* of the pulley's own column; the joint after the last link, which is the first one, counts once
+   */
+  system->joint_x[lay->n] = system->joint_y[lay->n] = 0.0;
   const double spun[2] = {kernels->sum_runs(n_runs, runs, system->joint_x),
                           kernels->sum_runs(n_runs, runs, system->joint_y)};
   border->by_spin = friction ? -along(at, spun) : 0.0;

@@ -142,7 +142,7 @@ static void mounts_cost_what_they_need(void) {
   CHECK(with->lay.work == with->lay.omega + NP + 3 && with->lay.n_work == MAX_WORK);
   CHECK(bytes(without) < bytes(with));
   const int own = bd_model_energy_terms(with, NULL) - bd_model_energy_terms(without, NULL);
-  CHECK(own == 3);
+  CHECK(own == 2);
   bd_state state = state_in(&r);
   double travel[1] = {0.0}, speed[1] = {0.0}, share[1] = {0.0}, rest[1];
   state.travel = travel;
