@@ -38,10 +38,12 @@ def test_tables_are_what_the_objects_use(model, rest):
     state_names = [name for name, *_ in _core.STATE_FIELDS]
     assert list(simulation.state()) == ["t", *state_names]
     assert list(model.rate(rest, [0, 0])) == state_names
-    assert list(simulation.sample([0.0])) == [row[0] for row in _core.OUTPUTS] + ["pulley"]
+    outputs = [name for name, _, size, *_ in _core.OUTPUTS if size != "MOUNTS"]
+    assert list(simulation.sample([0.0])) == [*outputs, "pulley"]
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
-    assert {size for _, size, *_ in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS"}
-    assert {row[2] for row in _core.OUTPUTS} == {"LINKS", "FRICTION", "PULLEYS", "ENERGY"}
+    assert {size for _, size, *_ in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS", "MOUNTS"}
+    sizes = {"LINKS", "FRICTION", "PULLEYS", "MOUNTS", "ENERGY"}
+    assert {row[2] for row in _core.OUTPUTS} == sizes
     assert [row[0] for row in _core.RULES] == [
         "POSITIVE",
         "NONNEGATIVE",
@@ -122,6 +124,7 @@ def test_signatures_can_be_read():
         "mesh",
         "outside",
         "names",
+        "mounts",
     ]
     keyword = [
         name
@@ -308,7 +311,7 @@ def test_model_info(model):
     assert info["n_slots"] == 1 and make_model(friction=None).info["n_slots"] == 0
     assert info["link_length"] == 1.2 / N_B
     assert info["path_length"] == pytest.approx(0.58 + 0.2 * math.pi, rel=1e-14)
-    integers = {"n_bodies", "n_pulleys", "n_slots", "winding"}
+    integers = {"n_bodies", "n_pulleys", "n_mounts", "n_slots", "winding"}
     assert {name for name, value in info.items() if isinstance(value, int)} == integers
     assert all(type(value) in (int, float) for value in info.values())
     info.clear()

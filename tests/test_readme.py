@@ -7,11 +7,13 @@ import re
 import textwrap
 from pathlib import Path
 
+import attrs
 import pytest
 from click.testing import CliRunner
 
 import beltdyn as bd
 from beltdyn import _core, cli
+from beltdyn.histories import MountHistory
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -57,10 +59,16 @@ def test_the_scene_file() -> None:
 def test_the_table_of_results_names_what_is_there() -> None:
     result = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3)
     rows = re.findall(r"^(\w+) +(\w+, .*?) +\((.*)\)$", example(bd.Result), re.MULTILINE)
-    assert {group for group, *_ in rows} == {"pulleys", "belt", "joints", "contact", "energy"}
+    groups = {"pulleys", "belt", "joints", "contact", "mounts", "energy"}
+    assert {group for group, *_ in rows} == groups
     n_t, n_b = result.belt.x.shape
     sizes = {"n_t": n_t, "n_b": n_b, "n_p": 2}
     for group, names, sizes_of in rows:
+        if group == "mounts":  # of drives that have some
+            assert result.mounts is None
+            fields = attrs.fields_dict(MountHistory)
+            assert set(names.replace("..., ", "").split(", ")) <= set(fields)
+            continue
         shape = tuple(sizes[size] for size in sizes_of.replace(",", " ").split())
         for name in names.replace("..., ", "").split(", "):
             assert getattr(getattr(result, group), name).shape == shape, f"{group}.{name}"
