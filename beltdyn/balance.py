@@ -6,6 +6,7 @@ import numpy as np
 
 from .checks import Array
 from .mounts import Arm, Mount, Slider
+from .naming import label, names_of
 from .parts import Pulley
 from .route import route
 
@@ -27,6 +28,24 @@ def _direction(mount: Mount, center: Array) -> Array:
     return np.asarray(along / np.hypot(*along))
 
 
+def _holds_none(name: str, mount: Mount, force: float, resisted: float) -> str:
+    is_arm = isinstance(mount, Arm)
+    kind, unit, sign = ("arm", "N m", "counter-clockwise") if is_arm else ("slider", "N", "forward")
+    if resisted == 0.0:
+        why = "its pivot is on the axis, or the belt pulls straight along it"
+    elif force == 0.0:
+        why = "neither spring nor weight acts on it there"
+    else:
+        why = (
+            f"its spring and weight, {force:.4g} {unit} ({sign} positive), go with the belt's pull"
+        )
+    wanted = "" if resisted == 0.0 else f" {'> 0' if resisted > 0.0 else '< 0'}"
+    return (
+        f"the {kind} of {name} holds no tension in its place: {why}. Is it a preload{wanted}, or "
+        "the other side of the belt, that is meant? Or give belt.length"
+    )
+
+
 def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> float | None:
     """Give the tension at which springs and weights are in balance in the places of the drive.
 
@@ -42,6 +61,7 @@ def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> f
             tensions; as :func:`route`.
     """
     way = route(pulleys)
+    names = names_of(pulley.name for pulley in pulleys)
     held: dict[int, float] = {}
     for k, pulley in enumerate(pulleys):
         mount = pulley.mount
@@ -55,20 +75,16 @@ def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> f
         hung = _GRAVITY * mount.weight if isinstance(mount, Slider) else 0.0
         force = mount.spring_force + hung + mount.mass * float(along @ np.array(gravity))
         resisted = -float(along @ pull)
-        if resisted == 0.0 or force / resisted <= 0.0:
-            raise ValueError(
-                f"pulleys[{k}].mount holds no tension in its place ({force:.4g} N m or N of "
-                "spring and weight, in the sense of the travel, press it away from the belt or "
-                "not at all): look at the sign of preload, or give belt.length or belt.preload"
-            )
+        if not resisted * force > 0.0:
+            raise ValueError(_holds_none(label(k, names), mount, force, resisted))
         held[k] = force / resisted
     if not held:
         return None
     least, most = min(held.values()), max(held.values())
     if most - least > _AGREE * most:
-        tensions = ", ".join(f"{tension:.5g} N by pulleys[{k}]" for k, tension in held.items())
+        tensions = ", ".join(f"{held[k]:.5g} N by {label(k, names)}" for k in held)
         raise ValueError(
-            f"the mounts ask for different tensions in their places, {tensions}: give belt.length "
-            "or belt.preload, and they find a balance"
+            f"the mounts ask for different tensions in their places, {tensions}: give belt.length, "
+            "and they find a balance"
         )
     return sum(held.values()) / len(held)

@@ -7,6 +7,7 @@ the place that the pulley has in the drive. Torques and forces count in its sens
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -16,7 +17,7 @@ import numpy as np
 from .checks import Array, pair, real, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
-__all__ = ["Arm", "Mount", "Path", "Slider", "mount_or_none"]
+__all__ = ["Arm", "Mount", "Path", "Slider", "mount_or_none", "travel_text"]
 
 Stops: TypeAlias = tuple[float, float] | None
 
@@ -297,6 +298,13 @@ class Path(Printable):
 
 
 Mount: TypeAlias = Arm | Slider | Path
+
+
+def travel_text(mount: Mount, travel: float) -> str:
+    """Write a travel as an engineer reads it: degrees of an arm, millimetres of a slider."""
+    if isinstance(mount, Arm):
+        return f"{math.degrees(travel):.4g} deg"
+    return f"{1e3 * travel:.4g} mm" if isinstance(mount, Slider) else f"at {travel:.4g} s"
 
 
 def mount_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:

@@ -15,6 +15,7 @@ from . import _core, balance, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, law_or_none
+from .mounts import Path, travel_text
 from .parts import Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
@@ -100,6 +101,7 @@ class Params:
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
+        route(self.pulleys)
         preload.model_of(scene, self._first_length).check_geometry()
         object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
         for k, offset in enumerate(self.tensioning.offset):
@@ -113,7 +115,14 @@ class Params:
         """The length given, or for a preload the one that the closed form finds [m]."""
         if self.belt.length is not None:
             return self.belt.length
-        return preload.first_length(*self._in_place, self._preload).length
+        try:
+            return preload.first_length(*self._in_place, self._preload).length
+        except ValueError as error:
+            if self.belt.preload is not None:
+                raise
+            raise ValueError(
+                f"the mounts hold {self._preload:.4g} N in their places: {error}"
+            ) from None
 
     @functools.cached_property
     def _preload(self) -> float:
@@ -288,6 +297,7 @@ class Params:
                 *lines(rows, indent="  "),
                 *([found] if found else []),
                 f"  tensioned {self.tensioning.describe(self.pulley_names)}",
+                *self._mounts_at_rest(),
                 f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
                 f"tension at rest {info['mean_tension']:.4g} N",
                 f"  error of the mesh: {sanity.describe_mesh(self)}",
@@ -297,6 +307,14 @@ class Params:
                 *(f"  note  {warning}" for warning in sanity.check(self)),
             ]
         )
+
+    def _mounts_at_rest(self) -> list[str]:
+        rest = [
+            f"{self.label(k)} {travel_text(mount, q)}"
+            for k, q in zip(self.mounted, self._model.rest, strict=True)
+            if (mount := self.pulleys[k].mount) is not None and not isinstance(mount, Path)
+        ]
+        return [f"  mounts rest at {', '.join(rest)} from their places"] if rest else []
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> Params:

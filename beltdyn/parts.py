@@ -33,7 +33,8 @@ class Belt(Printable):
 
     Its length is given, or its preload, from which ``params.effective_belt`` finds the length; or
     neither where the springs and weights of mounts decide: the belt is then as long as puts their
-    pulleys into the places that they have in the drive.
+    pulleys into the places that they have in the drive. To keep that belt while something else is
+    changed: ``attrs.evolve(params, belt=params.effective_belt, pulleys=...)``.
     ``notebooks/8-choosing-parameters.ipynb`` goes from data sheets to these numbers, with ranges.
 
     Attributes:

@@ -24,6 +24,7 @@ from .histories import (
     Stats,
     histories,
 )
+from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .params import Params
 from .run_warnings import RunWarning
@@ -62,7 +63,8 @@ class Result:
         joints: Deformation and force of the joints.
         contact: Contact and friction of the links; for a link on two pulleys those of the one with
             the larger normal force.
-        mounts: Travels of the mounts and what acts on them; None in a drive without.
+        mounts: Travels of the mounts from the places of the drive, of arms [rad], of sliders [m],
+            and what acts on them (``help(type(result.mounts))``); None in a drive without.
         energy: The energy ledger, None for ``ledger=False``.
         stats: Counters, times and error estimates.
         effects: Names of the effects that were simulated; one that the drive does not have
@@ -192,6 +194,11 @@ class Result:
                 ("  pulley speeds", listed(speeds, ".5g", names, " rad/s")),
                 ("  span tensions", listed(_mean(self.span_tension[late]), ".5g", spans, " N")),
             ]
+            moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
+            if self.mounts is not None and moving:
+                travel = self.mounts.travel[late].mean(axis=0)
+                texts = [f"{names[k]}: {travel_text(self._mount(k), travel[m])}" for m, k in moving]
+                rows.append(("  mounts, from their places", ", ".join(texts)))
             # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
                 against = f"  creep against {names[0]}"
@@ -203,6 +210,15 @@ class Result:
             rows.append(("  energy unaccounted for", f"{residual:.2g} J, {share} transmitted"))
         rows.append(("CPU time", f"{stats.cpu_time:.3g} s"))
         return rows + (self._of_integrator() if verbose else [])
+
+    def _mount(self, pulley: int) -> Mount:
+        mount = self.params.pulleys[pulley].mount
+        assert mount is not None
+        return mount
+
+    def _moves(self, pulley: int) -> bool:
+        """Whether a pulley with a mount is on an arm or a slider."""
+        return not isinstance(self._mount(pulley), Path)
 
     def _of_integrator(self) -> list[tuple[str, str]]:
         stats = self.stats

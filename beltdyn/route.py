@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 
 import attrs
 import numpy as np
@@ -45,7 +46,7 @@ class Route:
 
     def __str__(self) -> str:
         crossed = ", crossed" if self.turns == 0 else ""
-        rows = [f"Belt line of {self.length:.6g} m{crossed}"]
+        rows = [f"Belt line of {self.length:.6g} m{crossed}; turning as its links are numbered:"]
         for k, (wrap, span) in enumerate(zip(self.wraps, self.spans, strict=True)):
             sense = "counter-clockwise" if self.senses[k] > 0 else "clockwise"
             rows.append(
@@ -71,6 +72,28 @@ def route(pulleys: Iterable[Pulley]) -> Route:
     return route_at(given, np.array([pulley.center for pulley in given], dtype=float))
 
 
+def _passed_by(given: tuple[Pulley, ...], centers: Array) -> str:
+    """Name the one pulley without which there would be a route, if there is just one."""
+    alone = []
+    for k in range(1, len(given)):
+        rest = [j for j in range(len(given)) if j != k]
+        with suppress(ValueError):
+            _core.belt_line(
+                centers[rest],
+                [given[j].radius for j in rest],
+                [given[j].side == "outside" for j in rest],
+            )
+            alone.append(k)
+    if len(alone) != 1 or len(given) < 3:
+        return ""
+    name = label(alone[0], names_of(pulley.name for pulley in given))
+    side = given[alone[0]].side
+    return (
+        f"; the other pulleys have a belt line: does {name}, {side} the loop, touch the belt where "
+        "it is, or is it on the other side?"
+    )
+
+
 def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
     """Find how a belt runs round pulleys whose axes are at ``centers`` (n_p, 2) [m].
 
@@ -80,7 +103,12 @@ def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
     radii = np.array([pulley.radius for pulley in given], dtype=float)
     outside = [pulley.side == "outside" for pulley in given]
     names = [pulley.name for pulley in given]
-    rows, length, turns = _core.belt_line(centers, radii, outside, names)
+    try:
+        rows, length, turns = _core.belt_line(centers, radii, outside, names)
+    except ValueError as error:
+        # Where one is not reached, the core names the one at which it shows.
+        hint = _passed_by(given, centers) if "cannot be reached" in str(error) else ""
+        raise ValueError(f"{error}{hint}") from None
     arrive, wraps, spans, senses = np.array(rows).T
 
     def on_rims(angle: Array) -> Array:

@@ -57,8 +57,7 @@ class Layout:
         return cls(sizes, np.concatenate(list(scale.values())), friction)
 
     def pack(self, state: Mapping[str, Any]) -> Array:
-        parts = [np.ravel(state[name]) if size else [] for name, size in self.sizes.items()]
-        return np.concatenate(parts) / self.scale
+        return np.concatenate([np.ravel(state.get(name, ())) for name in self.sizes]) / self.scale
 
     def unpack(self, vector: Array, t: float = 0.0) -> dict[str, Any]:
         ends = np.cumsum(list(self.sizes.values()))

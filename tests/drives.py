@@ -125,6 +125,10 @@ def idler_scene() -> bd.Scene:
 LAYOUTS = {"crossed": crossed_scene, "outside idler": idler_scene}
 
 
+#: The scenes of the library whose axes are fixed, which can be on either mesh.
+FIXED = tuple(name for name in bd.scenes.names() if not bd.scenes.get(name).params.mounted)
+
+
 def scene(name: str) -> bd.Scene:
     """A scene of the library, or one of these layouts."""
     return LAYOUTS[name]() if name in LAYOUTS else bd.scenes.get(name)

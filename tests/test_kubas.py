@@ -40,9 +40,9 @@ def blank() -> bd.Result:
     run = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-3, t_eval=[0.0, 1e-3])
 
     def silent(group: Any) -> Any:
-        fields = {a.name: getattr(group, a.name) for a in attrs.fields(type(group))}
-        return type(group)(
-            **{k: np.zeros((T.size, v.shape[1]), v.dtype) for k, v in fields.items()}
+        arrays = group.arrays()
+        return attrs.evolve(
+            group, **{k: np.zeros((T.size, v.shape[1]), v.dtype) for k, v in arrays.items()}
         )
 
     groups = ("pulleys", "belt", "joints", "contact")

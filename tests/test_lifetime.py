@@ -320,9 +320,8 @@ def resident():
 def test_the_core_gives_its_memory_back():
     model = make_model(n_b=5000)  # some 8 MB a simulation and its twin
     zeros = np.zeros(5000)
-    state = {
-        name: zeros[:N_P] if size == "PULLEYS" else zeros for name, size, *_ in _core.STATE_FIELDS
-    }
+    sizes = {"PULLEYS": N_P, "MOUNTS": 0}
+    state = {name: zeros[: sizes.get(size)] for name, size, *_ in _core.STATE_FIELDS}
     state["t"] = 0.0
     place = -2 * np.pi * np.arange(5000) / 5000  # once round both pulleys, clockwise
     state["phi"] = place - np.pi / 2

@@ -69,7 +69,7 @@ def test_what_the_samples_take_is_what_is_asked_for(
         # What building the ledger takes besides, columns like the times.
         besides = 100 * 8 * 12 if ledger else 0
         columns = len(scene.params._model.energy_terms) if ledger else 0
-        assert memory.check_samples(100, 12, 2, columns, friction=True) == held + besides
+        assert memory.check_samples(100, 12, 2, 0, columns, friction=True) == held + besides
     monkeypatch.setattr(memory, "available", lambda: held)
     assert bd.simulate(*scene[:2], 1e-3, t_eval=np.linspace(0, 1e-3, 100), ledger=False).success
     monkeypatch.setattr(memory, "available", lambda: held - 1)

@@ -43,7 +43,7 @@ def by_oracle(params: bd.Params) -> float:
 
 
 SCENES = {
-    **{name: bd.scenes.get(name).params for name in bd.scenes.names()},
+    **{name: bd.scenes.get(name).params for name in drives.FIXED},
     **{name: drives.scene(name).params for name in drives.LAYOUTS},
 }
 

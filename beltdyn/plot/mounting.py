@@ -68,7 +68,7 @@ class MountPicture:
 
 
 def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
-    """Draw the travel of arms and sliders over time, from where they are at the first sample.
+    """Draw the travel of arms and sliders over time, from the places of the drive.
 
     Arms in degrees, counter-clockwise, sliders in millimetres along their direction; paths are
     prescribed and left out.
@@ -93,10 +93,10 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     ax = style.axes(ax)
     units = sorted({unit for *_, unit in moving})
     for m, k, factor, unit in moving:
-        way = factor * (result.mounts.travel[:, m] - result.mounts.travel[0, m])
+        way = factor * result.mounts.travel[:, m]
         name = style.plain(result.pulleys.names[k])
         label = name if len(units) == 1 else f"{name} [{unit}]"
         ax.plot(result.t, way, **({"label": label} | style.line_style(k) | {"lw": 1.2} | line))
-    style.dress(ax, "time [s]", f"travel [{', '.join(units)}]")
+    style.dress(ax, "time [s]", f"travel from the drawn place [{', '.join(units)}]")
     style.legend(ax)
     return ax
