@@ -16,6 +16,7 @@ import pytest
 import reference
 import reference_run
 from bridge import fields, oracle_of
+from dense import MOUNT_STATES
 from drives import on_mesh
 from laws import EXAMPLES, scaled, with_laws
 from slow import slow_if
@@ -221,12 +222,15 @@ def test_comparison_can_fail() -> None:
     assert np.max(np.abs(result.joints.force - force)) > 1e-6 * np.mean(force)
 
 
-@pytest.mark.parametrize("name", [*drives.FIXED, *drives.LAYOUTS])
+@pytest.mark.parametrize("name", [*bd.scenes.names(), *drives.LAYOUTS])
 def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
     """One evaluation at a shaken running state, with links both on and off the pulleys: rounding
-    only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m.
+    only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m; larger ones
+    more.
     """
     scene = drives.scene(name)
+    if scene.params.mounted and mesh == "paper":
+        pytest.skip("mounts ask for contact along the links")
     params = on_mesh(scene.params, mesh)
     rng = np.random.default_rng(7)
     state = fields(bd.simulate(params, scene.torque_fn, 0.06, t_eval=[0.06]).final_state)
@@ -246,15 +250,17 @@ def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
         oracle.penetration(oracle.pack({**state, "mu": 0 * state["mu"], "slip": 0 * state["slip"]}))
         > 0
     ).any(axis=0)
-    state["mu"] = np.where(touching, rng.uniform(-0.5, 0.5, len(touching)), 0.0)
+    bound = min(law.bound for law in oracle.laws if law is not None)
+    state["mu"] = np.where(touching, rng.uniform(-0.5, 0.5, len(touching)), 0.0) * min(1.0, bound)
     state["slip"] = 0 * state["mu"]
     expected = oracle.unpack(oracle.rhs(state["t"], oracle.pack(state), lambda t, a, b: torque))
     rate = params._model.rate(state, torque)
-    for key in ("x", "y", "phi", "vx", "vy", "vphi", "theta", "omega", "mu", "slip"):
+    rounding = 1e-11 * max(1.0, np.max(np.abs([state["x"], state["y"]])) / 0.3)
+    for key in ("x", "y", "phi", "vx", "vy", "vphi", "theta", "omega", "mu", "slip", *MOUNT_STATES):
         want = np.asarray(expected[key])
         want = want.sum(axis=0) if want.ndim == 2 else want
-        scale = np.max(np.abs(want))
-        assert np.max(np.abs(rate[key] - want)) <= 1e-11 * scale, key
+        scale = np.max(np.abs(want), initial=0.0)
+        assert np.max(np.abs(rate[key] - want), initial=0.0) <= rounding * scale, key
 
 
 @pytest.mark.slow
