@@ -49,7 +49,7 @@ def microseconds(
 
 
 def main() -> None:
-    arguments = common.arguments(__doc__, "1 min", "10 s")
+    arguments = common.arguments(__doc__, "5 min", "20 s")
     repeats, duration = (3, 0.004) if arguments.quick else (25, 0.02)
     scene = bd.scenes.serpentine()
     drives = {"arm": scene.params, "fixed": without_arm(scene.params)}
