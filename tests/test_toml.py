@@ -414,3 +414,12 @@ def test_any_text_within_a_scene(data: st.DataObject) -> None:
         cut = data.draw(st.integers(0, 5))
         text = text[:at] + data.draw(st.text("[]{}=.,\"'#0 1e-\n", max_size=5)) + text[at + cut :]
     only_documented(text)
+
+
+def test_the_file_of_the_seven_pulleys_is_the_scene() -> None:
+    """Written by hand, with comments: the file that notebooks/README.md runs."""
+    path = Path(__file__).resolve().parent.parent / "notebooks" / "serpentine.toml"
+    read, scene = bd.Scene.from_toml(path), bd.scenes.serpentine()
+    assert read == scene
+    assert read.to_toml() == scene.to_toml()
+    assert "#" in path.read_text(encoding="utf-8")

@@ -23,6 +23,7 @@ from matplotlib.animation import (
     PillowWriter,
 )
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -41,6 +42,10 @@ ENDINGS = ("gif", "mp4", "html")
 _PANELS: dict[str, Any] = {"tensions": span_tensions, "speeds": speeds}
 #: Matplotlib silently drops the frames beyond its size limit; no animation is this large [MB].
 _NO_LIMIT = 1e5
+#: Lines of which the legend stands beside their axes.
+_FEW = 3
+#: Height of a line of a legend below the axes [inch].
+_LINE = 0.2
 
 
 def animate(
@@ -106,7 +111,7 @@ def animate(
     marks = []
     for ax in below:
         _PANELS[str(panel)](result, ax=ax)
-        style.legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        _legend_outside(figure, ax)
         marks.append(ax.axvline(result.t[rows[0]], color="0.25", linewidth=1.0))
     picture.add_legend(drive_axes)
     figure.freeze_layout()
@@ -119,6 +124,22 @@ def animate(
         return [*picture.move(int(row)), title, *marks]
 
     return Animation(figure, show, rows, len(rows) / seconds)
+
+
+def _legend_outside(figure: Figure, ax: Axes) -> None:
+    """Put the legend beside the axes, one of many lines below all, so that the drive is large."""
+    ax.autoscale(axis="y")  # without the room for a legend above the data
+    handles, names = ax.get_legend_handles_labels()
+    if len(handles) > _FEW:
+        legend = ax.get_legend()
+        if legend is not None:
+            legend.remove()
+        look: dict[str, Any] = {"fontsize": "small", "frameon": False, "ncols": 2}
+        figure.legend(handles, names, loc="outside lower center", **look)
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + _LINE * (-(-len(handles) // 2)))
+    else:
+        style.legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _frames(result: Result, count: int) -> NDArray[np.int64]:

@@ -52,16 +52,22 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         wrap = f"{style.title(k, pulley)}\n{np.degrees(way.wraps[k]):.0f}°"
         ax.annotate(wrap, center, ha="center", va="center", fontsize="small")
         if len(pulleys) > 1:
-            begin, end = way.leave[k], way.arrive[(k + 1) % len(pulleys)]
+            after = (k + 1) % len(pulleys)
+            begin, end = way.leave[k], way.arrive[after]
             ax.plot(*np.array([begin, end]).T, color=style.COLOURS[0], lw=2.2)
             tip = begin + _ARROW * (end - begin)
             tail = begin + (_ARROW - 0.05) * (end - begin)
             look = {"arrowstyle": "-|>", "color": style.COLOURS[0], "lw": 0.0}
             arrow = {**look, "mutation_scale": 18.0}
             ax.annotate("", tip, tail, arrowprops=arrow)
+            share = 0.5
+            if way.turns == 0 and way.senses[k] != way.senses[after]:
+                # Where crossed spans meet no label fits: in the middle of the longer part.
+                meets = pulley.radius / (pulley.radius + pulleys[after].radius)
+                share = 0.5 * (meets + (meets < 0.5))
             ax.annotate(
                 f"{way.spans[k]:.3g} m" if way.spans[k] >= 1.0 else f"{1e3 * way.spans[k]:.0f} mm",
-                0.3 * begin + 0.7 * end if way.turns == 0 else 0.5 * (begin + end),
+                begin + share * (end - begin),
                 ha="center",
                 va="center",
                 fontsize="small",

@@ -49,7 +49,8 @@ class MountPicture:
     def _guide(ax: Axes, center: Array, direction: Array, radius: float, mount: Slider) -> None:
         along = direction / np.hypot(*direction)
         ends = center[:, None] + _GUIDE * radius * np.outer(along, [-1.0, 1.0])
-        ax.plot(*ends, lw=1.4, ls=(0, (6, 2, 1, 2)), **_LOOK)
+        # Behind the pulley, on which its name stands.
+        ax.plot(*ends, lw=1.4, ls=(0, (6, 2, 1, 2)), **(_LOOK | {"zorder": 0.9}))
         if mount.weight > 0.0:
             tip = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "mutation_scale": 14.0}
             head, tail = ends[:, 1] + 0.5 * radius * along, ends[:, 1]
