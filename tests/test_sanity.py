@@ -492,7 +492,7 @@ def test_a_wrap_on_which_hardly_a_link_lies() -> None:
     """An idler that the belt hardly bends round is touched by one link, or by none."""
     params = attrs.evolve(drives.plain(), belt=attrs.evolve(drives.plain().belt, mesh="joint"))
     idler = bd.Pulley(
-        center=(0.145, 0.128), radius=0.03, inertia=3e-4, side="outside", name="idler"
+        center=(0.145, 0.108), radius=0.03, inertia=3e-4, side="outside", name="idler"
     )
     bent = [params.pulleys[0], idler, params.pulleys[1]]
     belt = attrs.evolve(params.belt, length=None, preload=300.0, n_bodies=120)
