@@ -54,7 +54,10 @@ class Scene(NamedTuple):
         the fields of their classes, and a factor over time is a table: ``{ kind = "load", pulley =
         1, quadratic = 2e-4, factor = { t = [0.2, 0.25], values = [0, 1] } }``. ``motion = [{ pulley
         = 0, kind = "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a
-        speed, kind "crank" the motion of a :class:`CrankMotion`. In all these and in ``offset`` a
+        speed, kind "crank" the motion of a :class:`CrankMotion`. A pulley may have a
+        ``name``, ``side = "outside"``, ``friction`` and ``drag`` tables of its own, and a mount:
+        ``mount = { kind = "arm", pivot = [0.1, -0.05], inertia = 2e-3, preload = 15.0, stiffness =
+        20.0 }``, or kind "slider" or "path". In all these and in ``offset`` a
         pulley that has a ``name`` may be called by it::
 
             t_end = 1.0

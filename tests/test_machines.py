@@ -1,4 +1,4 @@
-"""The scenes of real drives: they settle, run up, take loads and keep their ledger, by every method."""
+"""The scenes of real drives settle, run up, take loads and keep their ledger, by every method."""
 
 from __future__ import annotations
 
