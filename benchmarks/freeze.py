@@ -147,7 +147,7 @@ def arrays_of(result: Any) -> dict[str, np.ndarray]:
         part = getattr(result, group, None)
         for name in dir(part):
             value = getattr(part, name) if not name.startswith("_") else None
-            if isinstance(value, np.ndarray):
+            if isinstance(value, np.ndarray) and value.size:  # of what a drive has
                 found[f"{group}.{name}"] = value
     return found
 
