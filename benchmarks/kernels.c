@@ -342,7 +342,7 @@ static void read_drive(drive *d) {
   }
   read_friction(&d->friction);
   int np = d->scene.n_pulleys = (int)number(), n = belt->n_bodies;
-  bd_pulley *pulleys = malloc((size_t)np * sizeof *pulleys);
+  bd_pulley *pulleys = calloc((size_t)np, sizeof *pulleys);
   for (int j = 0; j < np; ++j) {
     pulleys[j].center[0] = number();
     pulleys[j].center[1] = number();
@@ -371,7 +371,7 @@ static void carve(bd_carver *carver, bench *b, const bd_torque *torque) {
   bd_plan *const plans[] = {&b->plan, &b->ledger};
   for (int k = 0; k < 2; ++k) {
     bd_plan_carve(carver, plans[k], b->model);
-    bd_torque_set_carve(carver, &plans[k]->torques, lay->np, torque);
+    bd_torque_set_carve(carver, &plans[k]->torques, b->model, torque);
   }
 }
 
@@ -406,7 +406,7 @@ static void open_bench(bench *b, const drive *d) {
     if (bd_torque_set_fill(&plans[k]->torques, &torque, &err) != BD_OK) {
       die(err.message);
     }
-    bd_plan_place(plans[k], 0.0);
+    bd_plan_place(plans[k], 0.0, b->y);
     bd_plan_assign_contacts(plans[k], b->y);
     plans[k]->search.travelled = (double)INFINITY;
     bd_search_ready(plans[k], b->y, 1e-5);
