@@ -98,6 +98,7 @@ class Params:
             )
             if self.mounted
             else None,
+            self.belt.model,
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.

@@ -42,7 +42,9 @@
  * few links hold apart would cost digits where links weigh little against their joints. */
 static const bd_newton_kernels *ring_kernels(const bd_model *model) {
   const bd_newton_kernels *best = model->kernels->newton;
-  return model->lay.n >= 4 * best->width ? best : &bd_newton_baseline;
+  return model->lay.n >= 4 * best->width ? best
+         : model->lay.string             ? &bd_newton_string_baseline
+                                         : &bd_newton_baseline;
 }
 
 /* A law that is not general shares two arrays, and has no part of others. */
