@@ -1,6 +1,6 @@
 """The C core's interface to Python: positional, strict. Users should use :mod:`beltdyn`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,9 @@ def friction_law(
     friction: FrictionLaw, link_length: float, z: ArrayLike, v: ArrayLike, normal: ArrayLike
 ) -> dict[str, NDArray[np.float64]]: ...
 def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
+def span_tension(
+    pulley: NDArray[np.int32], force: NDArray[np.float64], n_pulleys: int
+) -> NDArray[np.float64]: ...
 def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
@@ -120,9 +123,11 @@ class Simulation:
         max_time: float = 0.0,
         speed: float = 0.0,
     ) -> Simulation: ...
-    def sample(self, t: ArrayLike) -> dict[str, NDArray[Any]]:
+    def sample(
+        self, t: ArrayLike, outputs: Collection[str] | None = None
+    ) -> dict[str, NDArray[Any]]:
         """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the
-        run fills row by row.
+        run fills row by row. Outputs: names of those wanted, "span_tension" only if named.
         """
     def advance(self, seconds: float) -> bool:
         """Run for about this much wall time [s] and answer signals; True at the end of the run.

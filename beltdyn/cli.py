@@ -105,6 +105,7 @@ def main() -> None:
     beltdyn show three-pulleys --plot layout.png     look at one before it runs
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own
+    beltdyn run drive.toml --outputs span_tension    compute and keep nothing else
     beltdyn run kubas-case-1 --verify                how accurate is it?
     beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
     beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
@@ -178,6 +179,9 @@ def show(scene: str, plot: Path | None) -> None:
 @click.option(
     "--budget", type=float, help="Choose the most accurate of them for this CPU time [s]."
 )
+@click.option(
+    "--outputs", help="What to compute and keep, by comma: pulleys,span_tension,joints.force."
+)
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 @click.pass_context
@@ -195,13 +199,17 @@ def run(
     error: float | None,
     quantity: str,
     budget: float | None,
+    outputs: str | None,
     verbose: bool,
     quiet: bool,
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
-    outputs = _Outputs(out, plot, animate, quiet)
-    outputs.check()
+    written_to = _Outputs(out, plot, animate, quiet)
+    written_to.check()
     _check_choice(context, error, budget)
+    if outputs is not None and (plot is not None or animate is not None):
+        _stop("--plot and --animate draw from all outputs: leave --outputs out", _BAD_INPUT)
+    names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
     suggestion = None
     try:
         found = _find(scene)
@@ -221,6 +229,7 @@ def run(
                 motion=found.motion,
                 progress=not quiet,
                 verify=verify,
+                outputs=names,
                 **options,
             )
     except OSError as error:
@@ -228,18 +237,18 @@ def run(
     except (TypeError, ValueError) as error:
         _stop(str(error), _BAD_INPUT)
     except SimulationError as error:
-        written = outputs.write(error.result)
+        written = written_to.write(error.result)
         _warn(error.result.warnings if error.result else sanity.check(params), quiet)
         _stop(f"{error}{written}", _FAILED)
     except Interrupted as error:
-        written = outputs.write(error.result)
+        written = written_to.write(error.result)
         _warn(error.result.warnings if error.result else (), quiet)
         _stop(f"{error}{written}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
     try:
         with _interruptible():
-            written = outputs.write(result)
+            written = written_to.write(result)
     except KeyboardInterrupt:
         _stop("interrupted while the result was written", _INTERRUPTED)
     if not quiet:

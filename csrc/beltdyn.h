@@ -395,14 +395,21 @@ void bd_settle_free(bd_settling *settling);
 void bd_sim_free(bd_sim *sim);
 
 /* Where samples go: row k of each array (row length as BD_OUTPUTS) at time t[k]; NULL arrays are
- * not written. `pulley` (int32): the touched pulley or -1. t: non-decreasing, within the run. The
- * times are copied, the arrays stay the caller's and must outlive the run. */
+ * neither computed nor written. `pulley` (int32): the touched pulley or -1. `span_tension` (n_p):
+ * as bd_span_tension. t: non-decreasing, within the run. The times are copied, the arrays stay the
+ * caller's and must outlive the run. */
 typedef struct bd_output {
 #define X(name, group, size, unit, text) double *name;
   BD_OUTPUTS(X)
 #undef X
   int32_t *pulley;
+  double *span_tension;
 } bd_output;
+
+/* Mean force of the joints of the free span that follows each pulley (np); of one that has no free
+ * joint, NaN. touched, force: of a sample, pulley and force of n links. Only joints between two
+ * links that touch nothing count, and not where links have lifted off within a wrap. */
+void bd_span_tension(int n, const int32_t *touched, const double *force, int np, double *tension);
 
 enum {
 #define X(name, kind, text) BD_ENERGY_##name,

@@ -276,6 +276,8 @@ static PyMethodDef functions[] = {
      dahl_slide_doc},
     {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,
      dahl_path_doc},
+    {"span_tension", (PyCFunction)(void (*)(void))bd_core_span_tension,
+     METH_VARARGS | METH_KEYWORDS, bd_core_span_tension_doc},
     {NULL, NULL, 0, NULL},
 };
 

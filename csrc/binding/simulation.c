@@ -315,25 +315,32 @@ static void sim_dealloc(PyObject *object) {
 /* --- samples --------------------------------------------------------------------------------- */
 
 PyDoc_STRVAR(sample_doc,
-             "sample($self, /, t)\n--\n\n"
+             "sample($self, /, t, outputs=None)\n--\n\n"
              "Attach sample times; once, before the first advance().\n\n"
-             "t: times [s], shape (n_t,), non-decreasing and within the run. Returns a dict of\n"
-             "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger) and\n"
-             "\"pulley\" (int32: the pulley the link touches, or -1). The run fills them row by\n"
+             "t: times [s], shape (n_t,), non-decreasing and within the run. outputs: names of\n"
+             "those to compute and keep; None: all but \"span_tension\". Returns a dict of\n"
+             "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger),\n"
+             "\"pulley\" (int32: the pulley the link touches, or -1), \"span_tension\" (as\n"
+             "span_tension()). The run fills them row by\n"
              "row; rows not yet written hold NaN and -1. They stay valid after the simulation.\n"
              "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
              "KeyboardInterrupt while it fills them: it may then be called again.");
 
 static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"t", NULL};
+  char *names[] = {"t", "outputs", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
   const npy_intp any = BD_ANY;
-  PyObject *times;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:sample", names, &times)) {
+  PyObject *times, *outputs = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O|O:sample", names, &times, &outputs)) {
+    return NULL;
+  }
+  PyObject *wanted = outputs == Py_None ? NULL : bd_core_output_names(outputs);
+  if (outputs != Py_None && !wanted) {
     return NULL;
   }
   PyArrayObject *t = bd_convert_array(times, "t_eval", 1, &any);
   if (!t) {
+    Py_XDECREF(wanted);
     return NULL;
   }
   PyObject *dict = NULL, *keep = NULL;
@@ -349,7 +356,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
   } else if ((dict = PyDict_New()) && (keep = PyList_New(0))) {
     ready = !bd_core_output_new(&output, keep, dict, &self->model->info,
                                 self->ledger ? bd_model_energy_terms(self->model->model, NULL) : 0,
-                                PyArray_DIM(t, 0));
+                                PyArray_DIM(t, 0), wanted);
   }
   if (ready) {
     code = bd_sim_set_output(self->sim, (size_t)PyArray_DIM(t, 0), PyArray_DATA(t), &output, &err);
@@ -365,6 +372,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
   }
 out:
   Py_XDECREF(keep);
+  Py_XDECREF(wanted);
   Py_DECREF(t);
   return dict;
 }

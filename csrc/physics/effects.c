@@ -110,6 +110,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
 static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   BD_CARVE(carver, plan->best, lay->n);
+  BD_CARVE(carver, plan->touched, lay->n);
   if (model->along_links) {
     bd_link_contact_carve(carver, plan, lay);
   }

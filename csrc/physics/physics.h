@@ -282,7 +282,8 @@ struct bd_plan {
   bd_torque_set torques;
   double *torque;        /* M_d of the last evaluation */
   double *friction;      /* friction torque on each pulley */
-  double *best;          /* scratch of the output, per link */
+  double *best;          /* scratch of the outputs, per link: of contact, then of spans; */
+  int32_t *touched;      /* and the pulley it touches */
   double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
   double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
   double t_piece;
@@ -360,6 +361,8 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
                 const bd_output *out, size_t k);
 /* Torque of friction on pulley j at a state; and the force of its contact on the belt. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
+/* Force in the joint on the left of link i. */
+double bd_joint_force(const bd_plan *plan, const double *y, int i);
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);

@@ -19,7 +19,8 @@
 static int sample(bd_sim *sim, double t, double *y) {
   const bd_layout *lay = &sim->stepper.model->lay;
   int code = bd_motion_put(&sim->stepper.plan, t, y, &sim->stepper.report.failure);
-  if (code == BD_OK) {
+  /* functions are looked at for pulses here, whether or not their torque is kept */
+  if (code == BD_OK && (sim->output.torque || !sim->stepper.plan.torques.smooth)) {
     code =
         bd_torque_set_eval(&sim->stepper.plan.torques, t, sim->stepper.plan.t_piece, y + lay->theta,
                            y + lay->omega, sim->stepper.plan.torque, &sim->stepper.report.failure);
