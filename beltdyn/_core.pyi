@@ -18,6 +18,9 @@ ENERGY_TERMS: tuple[tuple[str, str, str], ...]  # name, kind, text: columns of o
 STATS: tuple[tuple[str, str], ...]  # name, text
 ERRORS: tuple[tuple[str, int, str, str], ...]  # symbol, code, kind, text
 METHODS: tuple[str, ...]  # names of the integration methods, "auto" first
+#: Of the core's effects: name, and what calls for it with spaces between: groups of PARAMETERS,
+#: or gravity, motion, torque, friction; empty: settling alone has it.
+EFFECTS: tuple[tuple[str, str], ...]
 MAX_STRAIN: float
 MAX_LINKS: int
 
@@ -146,6 +149,10 @@ class Simulation:
     @property
     def passes(self) -> tuple[str, ...]: ...
     @property
+    def effects(self) -> tuple[int, ...]: ...  # rows of EFFECTS, in the order of the passes
+    @property
+    def sizes(self) -> dict[str, int]: ...  # "state" and "works": numbers; "bytes"
+    @property
     def stats(self) -> dict[str, float | int]: ...
     @property
     def warnings(self) -> list[dict[str, Any]]: ...  # fields of beltdyn.RunWarning
@@ -154,3 +161,7 @@ class Simulation:
         """Give all that the run needs to continue bit for bit, in another process too."""
     def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
         """Continue from a record, in a new simulation of the same model, motion and so on."""
+    def time_passes(self, rounds: int, /) -> list[tuple[str, float, float]]:
+        """Measure the passes of a step: name, calls a step, seconds a call; ends the run. Last
+        the whole step.
+        """

@@ -23,6 +23,7 @@ from . import __version__, accuracy, files, sanity, scenes
 from .accuracy.quantities import QUANTITIES
 from .accuracy_report import Accuracy
 from .errors import Interrupted, SimulationError
+from .explaining import explain
 from .params import Params
 from .result import Result
 from .run_warnings import RunWarning, distinct, silenced
@@ -109,6 +110,7 @@ def main() -> None:
     beltdyn run kubas-case-1 --verify                how accurate is it?
     beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
     beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
+    beltdyn explain serpentine                       what does it simulate, why, at what price?
     beltdyn figures --out figures                    draw the paper's figures
 
     Write a scene file to start from with
@@ -344,6 +346,45 @@ def study_accuracy(
         click.echo(text)
         if written:
             click.echo(f"written: {', '.join(written)}")
+
+
+@main.command("explain")
+@click.argument("scene")
+@click.option("--error", type=float, default=1e-2, show_default=True, help="Error asked for.")
+@click.option(
+    "--budget", type=float, default=8.0, show_default=True, help="CPU time for it, about [s]."
+)
+@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
+@click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
+def explain_scene(
+    scene: str, error: float, budget: float, method: str, t_end: float | None
+) -> None:
+    """Tell which effects SCENE simulates, which numbers call for them, and what they cost.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file. Lists the effects that are on and off, the
+    size of the state by part, and the passes of a step with their times on this machine.
+    """
+    try:
+        found = _find(scene)
+        with _interruptible():
+            explanation = explain(
+                found.params,
+                found.torque_fn,
+                found.t_end if t_end is None else t_end,
+                found.motion,
+                error=error,
+                budget=budget,
+                method=method,
+            )
+    except OSError as failure:
+        _stop(f"cannot read {failure.filename}: {failure.strerror}", _BAD_INPUT)
+    except (TypeError, ValueError) as failure:
+        _stop(str(failure), _BAD_INPUT)
+    except SimulationError as failure:
+        _stop(str(failure), _FAILED)
+    except (Interrupted, KeyboardInterrupt):
+        _stop("interrupted", _INTERRUPTED)
+    click.echo(str(explanation))
 
 
 @main.command("figures")

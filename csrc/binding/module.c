@@ -380,6 +380,20 @@ static PyObject *method_names(void) {
   return tuple;
 }
 
+static PyObject *effect_table(void) {
+  PyObject *list = PyList_New(0), *tuple;
+  for (int k = 0; list && bd_effect_name(k); k++) {
+    PyObject *row = Py_BuildValue("(ss)", bd_effect_name(k), bd_effect_asked_by(k));
+    if (!row || PyList_Append(list, row) < 0) {
+      Py_CLEAR(list);
+    }
+    Py_XDECREF(row);
+  }
+  tuple = list ? PyList_AsTuple(list) : NULL;
+  Py_XDECREF(list);
+  return tuple;
+}
+
 static int add_tables(PyObject *module) {
   static const char *const parameters[][5] = {
 #define X(group, name, rule, unit, text) {#group, #name, #rule, unit, text},
@@ -420,6 +434,7 @@ static int add_tables(PyObject *module) {
                  add(module, "STATS", TABLE(stats)) < 0 ||
                  add(module, "ERRORS", error_table()) < 0 ||
                  add(module, "METHODS", method_names()) < 0 ||
+                 add(module, "EFFECTS", effect_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
                  add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0

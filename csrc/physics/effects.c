@@ -283,6 +283,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "joints",
+        .asked_by = "belt",
         .label = label_joints,
         .enabled = always,
         .rate = pass_joints,
@@ -295,6 +296,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "gravity",
+        .asked_by = "gravity",
         .enabled = has_gravity,
         .rate = pass_gravity,
         .tangent = tangent_none,
@@ -308,6 +310,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "prescribed motion",
+        .asked_by = "motion",
         .enabled = has_motion,
         .rate = pass_motion,
         .tangent = tangent_none,
@@ -315,6 +318,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "axes on mounts",
+        .asked_by = "arm slider path",
         .enabled = bd_axes_enabled,
         .rate = bd_axes_rate,
         .tangent = bd_axes_tangent,
@@ -325,6 +329,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "contact",
+        .asked_by = "contact friction",
         .label = label_contact,
         .enabled = always,
         .rate = pass_contact,
@@ -339,6 +344,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "pulleys: set torques",
+        .asked_by = "torque",
         .enabled = turns_pulleys,
         .rate = pass_pulleys,
         .tangent = tangent_none,
@@ -347,6 +353,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "bearing drag",
+        .asked_by = "drag",
         .enabled = bd_drag_enabled,
         .rate = bd_drag_rate,
         .tangent = bd_drag_tangent,
@@ -356,6 +363,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "mounts",
+        .asked_by = "arm slider",
         .label = bd_mounts_label,
         .enabled = bd_mounts_enabled,
         .rate = bd_mounts_rate,
@@ -367,6 +375,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "prescribed paths",
+        .asked_by = "path",
         .enabled = bd_paths_enabled,
         .rate = bd_paths_rate,
         .tangent = tangent_none,
@@ -375,6 +384,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "torques of prescribed motion",
+        .asked_by = "motion",
         .enabled = has_motion,
         .rate = pass_motion_torque,
         .tangent = tangent_none,
@@ -399,6 +409,18 @@ int bd_effects_of(const bd_model *model, const bd_plan_options *options,
     }
   }
   return n;
+}
+
+int bd_effect_row(const bd_effect *effect) {
+  return (int)(effect - table);
+}
+
+const char *bd_effect_name(int row) {
+  return row >= 0 && row < N_EFFECTS ? table[row].name : NULL;
+}
+
+const char *bd_effect_asked_by(int row) {
+  return row >= 0 && row < N_EFFECTS && table[row].asked_by ? table[row].asked_by : "";
 }
 
 /* All that a plan of this model may be made with. */

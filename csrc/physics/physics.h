@@ -173,6 +173,9 @@ typedef struct bd_derivatives {
 /* A row of the table in effects.c: another effect is another row, and the functions it names. */
 typedef struct bd_effect {
   const char *name;
+  /* What in a scene calls for it: groups of parameters, or gravity, motion, torque, friction; NULL:
+   * settling alone has it. */
+  const char *asked_by;
   /* What result.effects calls it, of a plan; NULL: by its name. */
   const char *(*label)(const bd_plan *plan);
   int (*enabled)(const bd_model *model, const bd_plan_options *options);
@@ -201,6 +204,7 @@ enum { BD_MAX_EFFECTS = 16 };
 /* The effects that this model and these options have, in the order of their passes; how many. */
 int bd_effects_of(const bd_model *model, const bd_plan_options *options,
                   const bd_effect *effects[BD_MAX_EFFECTS]);
+int bd_effect_row(const bd_effect *effect); /* of the table */
 /* The scratch of all that this model can have. */
 void bd_effects_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_model *model);

@@ -551,6 +551,11 @@ const char *bd_sim_pass(const bd_sim *sim, int k) {
   return k == plan->n_effects && plan->ledger ? "energy ledger" : NULL;
 }
 
+int bd_sim_effect(const bd_sim *sim, int k) {
+  const bd_plan *plan = &sim->stepper.plan;
+  return k >= 0 && k < plan->n_effects ? bd_effect_row(plan->effects[k]) : -1;
+}
+
 int bd_sim_state(const bd_sim *sim, bd_state *out) {
   out->t = sim->stepper.t;
   bd_state_export(sim->stepper.model, sim->stepper.y, sim->stepper.turns, out);
