@@ -34,6 +34,7 @@ if _core_version != __version__:
 from . import accuracy, scenes
 from .accuracy_report import Accuracy, QuantityError
 from .errors import Interrupted, SimulationError
+from .explaining import Explanation, explain
 from .friction import LAWS as _LAWS
 from .friction import Dahl, ElasticPlastic, Friction, LuGre
 from .histories import Stats
@@ -75,6 +76,7 @@ __all__ = [
     "Drag",
     "ElasticPlastic",
     "Experiment",
+    "Explanation",
     "Free",
     "Friction",
     "Harmonics",
@@ -108,6 +110,7 @@ __all__ = [
     "Viscous",
     "__version__",
     "accuracy",
+    "explain",
     "identify",
     "route",
     "scenes",

@@ -1,6 +1,6 @@
 """The C core's interface to Python: positional, strict. Users should use :mod:`beltdyn`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,9 @@ ENERGY_TERMS: tuple[tuple[str, str, str], ...]  # name, kind, text: columns of o
 STATS: tuple[tuple[str, str], ...]  # name, text
 ERRORS: tuple[tuple[str, int, str, str], ...]  # symbol, code, kind, text
 METHODS: tuple[str, ...]  # names of the integration methods, "auto" first
+#: Of the core's effects: name, and what calls for it with spaces between: groups of PARAMETERS,
+#: or gravity, motion, torque, friction; empty: settling alone has it.
+EFFECTS: tuple[tuple[str, str], ...]
 MAX_STRAIN: float
 MAX_LINKS: int
 
@@ -33,6 +36,9 @@ def friction_law(
     friction: FrictionLaw, link_length: float, z: ArrayLike, v: ArrayLike, normal: ArrayLike
 ) -> dict[str, NDArray[np.float64]]: ...
 def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
+def span_tension(
+    pulley: NDArray[np.int32], force: NDArray[np.float64], n_pulleys: int
+) -> NDArray[np.float64]: ...
 def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
@@ -120,9 +126,11 @@ class Simulation:
         max_time: float = 0.0,
         speed: float = 0.0,
     ) -> Simulation: ...
-    def sample(self, t: ArrayLike) -> dict[str, NDArray[Any]]:
+    def sample(
+        self, t: ArrayLike, outputs: Collection[str] | None = None
+    ) -> dict[str, NDArray[Any]]:
         """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the
-        run fills row by row.
+        run fills row by row. Outputs: names of those wanted, "span_tension" only if named.
         """
     def advance(self, seconds: float) -> bool:
         """Run for about this much wall time [s] and answer signals; True at the end of the run.
@@ -141,6 +149,10 @@ class Simulation:
     @property
     def passes(self) -> tuple[str, ...]: ...
     @property
+    def effects(self) -> tuple[int, ...]: ...  # rows of EFFECTS, in the order of the passes
+    @property
+    def sizes(self) -> dict[str, int]: ...  # "state" and "works": numbers; "bytes"
+    @property
     def stats(self) -> dict[str, float | int]: ...
     @property
     def warnings(self) -> list[dict[str, Any]]: ...  # fields of beltdyn.RunWarning
@@ -149,3 +161,7 @@ class Simulation:
         """Give all that the run needs to continue bit for bit, in another process too."""
     def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
         """Continue from a record, in a new simulation of the same model, motion and so on."""
+    def time_passes(self, rounds: int, /) -> list[tuple[str, float, float]]:
+        """Measure the passes of a step: name, calls a step, seconds a call; ends the run. Last
+        the whole step.
+        """

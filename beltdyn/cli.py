@@ -23,6 +23,7 @@ from . import __version__, accuracy, files, sanity, scenes
 from .accuracy.quantities import QUANTITIES
 from .accuracy_report import Accuracy
 from .errors import Interrupted, SimulationError
+from .explaining import explain
 from .params import Params
 from .result import Result
 from .run_warnings import RunWarning, distinct, silenced
@@ -105,9 +106,11 @@ def main() -> None:
     beltdyn show three-pulleys --plot layout.png     look at one before it runs
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own
+    beltdyn run drive.toml --outputs span_tension    compute and keep nothing else
     beltdyn run kubas-case-1 --verify                how accurate is it?
     beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
     beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
+    beltdyn explain serpentine                       what does it simulate, why, at what price?
     beltdyn figures --out figures                    draw the paper's figures
 
     Write a scene file to start from with
@@ -178,6 +181,9 @@ def show(scene: str, plot: Path | None) -> None:
 @click.option(
     "--budget", type=float, help="Choose the most accurate of them for this CPU time [s]."
 )
+@click.option(
+    "--outputs", help="What to compute and keep, by comma: pulleys,span_tension,joints.force."
+)
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 @click.pass_context
@@ -195,13 +201,17 @@ def run(
     error: float | None,
     quantity: str,
     budget: float | None,
+    outputs: str | None,
     verbose: bool,
     quiet: bool,
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
-    outputs = _Outputs(out, plot, animate, quiet)
-    outputs.check()
+    written_to = _Outputs(out, plot, animate, quiet)
+    written_to.check()
     _check_choice(context, error, budget)
+    if outputs is not None and (plot is not None or animate is not None):
+        _stop("--plot and --animate draw from all outputs: leave --outputs out", _BAD_INPUT)
+    names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
     suggestion = None
     try:
         found = _find(scene)
@@ -221,6 +231,7 @@ def run(
                 motion=found.motion,
                 progress=not quiet,
                 verify=verify,
+                outputs=names,
                 **options,
             )
     except OSError as error:
@@ -228,18 +239,18 @@ def run(
     except (TypeError, ValueError) as error:
         _stop(str(error), _BAD_INPUT)
     except SimulationError as error:
-        written = outputs.write(error.result)
+        written = written_to.write(error.result)
         _warn(error.result.warnings if error.result else sanity.check(params), quiet)
         _stop(f"{error}{written}", _FAILED)
     except Interrupted as error:
-        written = outputs.write(error.result)
+        written = written_to.write(error.result)
         _warn(error.result.warnings if error.result else (), quiet)
         _stop(f"{error}{written}", _INTERRUPTED)
     except KeyboardInterrupt:
         _stop("interrupted", _INTERRUPTED)
     try:
         with _interruptible():
-            written = outputs.write(result)
+            written = written_to.write(result)
     except KeyboardInterrupt:
         _stop("interrupted while the result was written", _INTERRUPTED)
     if not quiet:
@@ -335,6 +346,45 @@ def study_accuracy(
         click.echo(text)
         if written:
             click.echo(f"written: {', '.join(written)}")
+
+
+@main.command("explain")
+@click.argument("scene")
+@click.option("--error", type=float, default=1e-2, show_default=True, help="Error asked for.")
+@click.option(
+    "--budget", type=float, default=8.0, show_default=True, help="CPU time for it, about [s]."
+)
+@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
+@click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
+def explain_scene(
+    scene: str, error: float, budget: float, method: str, t_end: float | None
+) -> None:
+    """Tell which effects SCENE simulates, which numbers call for them, and what they cost.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file. Lists the effects that are on and off, the
+    size of the state by part, and the passes of a step with their times on this machine.
+    """
+    try:
+        found = _find(scene)
+        with _interruptible():
+            explanation = explain(
+                found.params,
+                found.torque_fn,
+                found.t_end if t_end is None else t_end,
+                found.motion,
+                error=error,
+                budget=budget,
+                method=method,
+            )
+    except OSError as failure:
+        _stop(f"cannot read {failure.filename}: {failure.strerror}", _BAD_INPUT)
+    except (TypeError, ValueError) as failure:
+        _stop(str(failure), _BAD_INPUT)
+    except SimulationError as failure:
+        _stop(str(failure), _FAILED)
+    except (Interrupted, KeyboardInterrupt):
+        _stop("interrupted", _INTERRUPTED)
+    click.echo(str(explanation))
 
 
 @main.command("figures")

@@ -7,8 +7,8 @@ here, or a field without a row, is an error.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NoReturn, Self
 
 import attrs
 import numpy as np
@@ -32,9 +32,37 @@ __all__ = [
 
 
 class Group:
-    """Arrays with time as the first axis."""
+    """Arrays with time as the first axis.
+
+    An array that a run was not asked for (``outputs`` of :func:`beltdyn.simulate`) is an
+    AttributeError that says so.
+    """
 
     __slots__ = ()
+
+    @classmethod
+    def _holding(cls, found: Mapping[str, Any]) -> Self:
+        """Make one of these arrays alone; the others were not asked for."""
+        group = cls(**{**dict.fromkeys(cls.array_names()), **found})
+        for name in set(cls.array_names()) - set(found):
+            object.__delattr__(group, name)
+        return group
+
+    def __getattr__(self, name: str) -> NoReturn:
+        kind = type(self)
+        if name not in kind.array_names() and not isinstance(getattr(kind, name, None), property):
+            raise AttributeError(f"{kind.__name__!r} object has no attribute {name!r}")
+        group = next(group for group, one in GROUPS.items() if one is kind)
+        needed = group if group == "energy" else f"{group}.{name}"
+        raise AttributeError(
+            f"{group}.{name} was not asked for: run simulate with outputs=(..., {needed!r}), or "
+            "without outputs for all of them"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        names = [field.name for field in attrs.fields(type(self))]  # type: ignore[arg-type]
+        found = {name: getattr(self, name) for name in names if hasattr(self, name)}
+        return _holding, (type(self), found)
 
     @classmethod
     def array_names(cls) -> list[str]:
@@ -43,14 +71,20 @@ class Group:
         return [field.name for field in fields if field.metadata.get("array", True)]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Give the arrays by name; not those that the drive does not have."""
-        arrays = {name: getattr(self, name) for name in self.array_names()}
+        """Give the arrays by name; not those that the drive does not have, or not asked for."""
+        arrays = {name: getattr(self, name, None) for name in self.array_names()}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def __repr__(self) -> str:
         arrays = self.arrays()
+        if not arrays:
+            return f"{type(self).__name__}(not asked for)"
         shape = next(iter(arrays.values())).shape
         return f"{type(self).__name__}({', '.join(arrays)}: {shape})"
+
+
+def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
+    return kind._holding(found)
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -322,33 +356,49 @@ GROUPS: dict[str, type[Group]] = {
 
 
 def histories(
-    t: Array, arrays: Mapping[str, NDArray[Any]], energy_terms: Sequence[str]
+    t: Array,
+    arrays: Mapping[str, NDArray[Any]],
+    energy_terms: Sequence[str],
+    *,
+    n_bodies: int = 0,
+    mounts: bool = True,
+    names: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled.
 
-    "energy" is None without the ledger, "mounts" in a drive that has none.
+    "energy" is None without the ledger, "mounts" in a drive that has none. Of a run that was asked
+    for some outputs only, groups hold these.
 
     Args:
         t: Sample times (n_t,) [s].
         arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
         energy_terms: What the columns of "energy" are.
+        n_bodies: Number of links, for the zeros of a drive without friction.
+        mounts: Whether the drive has any.
+        names: The outputs asked for, as "joints.force"; None: all.
 
     Raises:
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
             other way round.
     """
-    columns: dict[str, dict[str, Any]] = {"contact": {"pulley": arrays["pulley"]}}
-    for name, group, size, *_ in _core.OUTPUTS:
-        if group == "energy" or (size == "MOUNTS" and name not in arrays):
+    columns: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    rows = [("pulley", "contact", "LINKS"), *(row[:3] for row in _core.OUTPUTS)]
+    for name, group, size in rows:
+        asked = names is None or f"{group}.{name}" in names
+        if not asked or group == "energy" or (size == "MOUNTS" and not mounts):
             continue
         if size == "FRICTION" and name not in arrays:
-            columns[group][name] = np.broadcast_to(0.0, arrays["pulley"].shape)
+            columns[group][name] = np.broadcast_to(0.0, (t.size, n_bodies))
         else:
-            columns.setdefault(group, {})[name] = arrays[name]
-    groups: dict[str, Any] = {group: GROUPS[group](**found) for group, found in columns.items()}
+            columns[group][name] = arrays[name]
+    groups: dict[str, Any] = {
+        group: kind(**columns[group]) if names is None else kind._holding(columns[group])
+        for group, kind in GROUPS.items()
+        if group != "energy" and (mounts or group != "mounts")
+    }
     groups.setdefault("mounts", None)
-    groups["energy"] = None
-    if "energy" in arrays:
+    groups["energy"] = None if names is None else EnergyLedger._holding({})
+    if "energy" in arrays and (names is None or "energy" in names):
         power = arrays["torque"] * arrays["omega"]
         groups["energy"] = EnergyLedger._from_core(t, energy_terms, arrays["energy"], power)
     return groups

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,11 +22,18 @@ def available() -> int | None:
 
 
 def check_samples(
-    n_t: int, n_bodies: int, n_pulleys: int, n_mounts: int, energy_terms: int, friction: bool
+    n_t: int,
+    n_bodies: int,
+    n_pulleys: int,
+    n_mounts: int,
+    energy_terms: int,
+    friction: bool,
+    names: Collection[str] | None = None,
 ) -> int:
     """Give the memory that the samples of a run need [byte], if it is available.
 
-    ``energy_terms`` is the number of columns of the ledger, 0: it is not kept.
+    ``energy_terms`` is the number of columns of the ledger, 0: it is not kept. ``names`` are the
+    outputs that the core is asked for, None: all but the tension of spans.
 
     Raises:
         MemoryError: It is not; the message says what is needed, what is available, what to try.
@@ -37,7 +45,9 @@ def check_samples(
         "MOUNTS": n_mounts,
         "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
     }
-    row = sum(8 * widths[size] for _name, _group, size, *_ in _core.OUTPUTS) + 4 * n_bodies
+    sizes = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}
+    sizes |= {"pulley": 4 * n_bodies, "span_tension": 8 * n_pulleys}
+    row = sum(sizes[name] for name in (set(sizes) - {"span_tension"} if names is None else names))
     needed, there = n_t * row, available()
     if there is not None and needed > there:
         raise no_room(n_t, needed, f"and {_bytes(there)} are available")

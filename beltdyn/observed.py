@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .checks import Array
 from .friction import Friction
 from .naming import span_name
+from .outputs import has, unchecked
 from .params import Params
 from .result import Result
 from .run_warnings import RunWarning
@@ -38,6 +39,8 @@ FAINT = 0.01
 def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
     """Give the warnings of a run's samples: no_friction, full_slip, slack_span, units (of torque).
 
+    Those alone that show in the outputs that the run was asked for (``Result.unchecked``).
+
     Args:
         result: A run, finished or not.
         moved: Pulleys whose motion is prescribed, whose torque nobody has set.
@@ -45,27 +48,35 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
     if result.t.size == 0:
         return ()
     with np.errstate(all="ignore"):  # a failed run may end with huge numbers
-        return (
-            *_torques(result, moved),
-            *_full_slip(result, moved),
-            *_slack_spans(result),
+        found = {
+            "no_friction": _no_friction(result),
+            "units": _torques(result, moved),
+            "full_slip": _full_slip(result, moved),
+            "slack_span": _slack_spans(result),
+        }
+        missing = unchecked(result.outputs, result.params.has_friction)
+        return tuple(one for code in found if code not in missing for one in found[code])
+
+
+def _no_friction(result: Result) -> Iterator[RunWarning]:
+    params, pulleys = result.params, result.pulleys
+    if params.has_friction:
+        return
+    fed = pulleys.torque * pulleys.omega
+    first, driven = np.unravel_index(int(np.argmax(fed > 0.0)), fed.shape)
+    if fed[first, driven] > 0.0:
+        yield RunWarning(
+            code="no_friction",
+            text=f"{params.label(int(driven))} is driven, with up to "
+            f"{np.nanmax(fed[:, driven]):.3g} W, but friction is off, so the belt "
+            "transmits nothing: set Params.friction",
+            t=float(result.t[first]),
+            where=params.label(int(driven)),
         )
 
 
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, pulleys = result.params, result.pulleys
-    if not params.has_friction:
-        fed = pulleys.torque * pulleys.omega
-        first, driven = np.unravel_index(int(np.argmax(fed > 0.0)), fed.shape)
-        if fed[first, driven] > 0.0:
-            yield RunWarning(
-                code="no_friction",
-                text=f"{params.label(int(driven))} is driven, with up to "
-                f"{np.nanmax(fed[:, driven]):.3g} W, but friction is off, so the belt "
-                "transmits nothing: set Params.friction",
-                t=float(result.t[first]),
-                where=params.label(int(driven)),
-            )
     info = params.info
     tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
     carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
@@ -157,7 +168,9 @@ def _in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
 
 def _slack_spans(result: Result) -> Iterator[RunWarning]:
     # Span tensions are costly to compute, so only at samples where any joint has no tension.
-    rows = np.flatnonzero(result.joints.force.min(axis=1) <= 0.0)
+    of_joints = has(result.outputs, "joints.force")
+    forces = result.joints.force if of_joints else result.span_tension
+    rows = np.flatnonzero((forces <= 0.0).any(axis=1))
     if rows.size == 0:
         return
     params, n_p = result.params, len(result.params.pulleys)

@@ -15,6 +15,7 @@ from . import saved
 from .accuracy_report import Accuracy, known
 from .checks import Array
 from .histories import (
+    GROUPS,
     BeltHistory,
     ContactHistory,
     EnergyLedger,
@@ -26,6 +27,7 @@ from .histories import (
 )
 from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
+from .outputs import has
 from .params import Params
 from .run_warnings import RunWarning
 from .spans import span_tension
@@ -77,6 +79,10 @@ class Result:
             it as ``initial`` to continue.
         warnings: Everything found that a user may not expect, or that may make the results less
             accurate; each was also issued as a :class:`beltdyn.BeltdynWarning`.
+        outputs: The arrays that were asked for, as "joints.force"; None: all. Any other is an
+            AttributeError that names it.
+        unchecked: Codes of warnings that were not looked for, because the outputs in which they
+            show were not asked for.
         accuracy: What is known of its accuracy, by quantity; most of it with ``verify=True`` only.
     """
 
@@ -95,11 +101,15 @@ class Result:
     params: Params
     final_state: State
     warnings: tuple[RunWarning, ...] = ()
+    outputs: tuple[str, ...] | None = None
+    unchecked: tuple[str, ...] = ()
     accuracy: Accuracy = attrs.field()
+    #: Of a run asked for these, and not for the forces of all joints.
+    _sampled_spans: Array | None = None
 
     def __attrs_post_init__(self) -> None:
-        names = self.params.pulley_names
-        object.__setattr__(self, "pulleys", attrs.evolve(self.pulleys, names=names))
+        pulleys = {**self.pulleys.arrays(), "names": self.params.pulley_names}
+        object.__setattr__(self, "pulleys", PulleyHistory._holding(pulleys))
 
     @accuracy.default
     def _known(self) -> Accuracy:
@@ -112,11 +122,38 @@ class Result:
         arrays: Mapping[str, NDArray[Any]],
         energy_terms: Sequence[str],
         samples: int,
+        *,
+        params: Params,
+        outputs: tuple[str, ...] | None,
         **others: Any,
     ) -> Result:
         t = t[:samples]
         done = {name: array[:samples] for name, array in arrays.items()}
-        return cls(t=t, **histories(t, done, energy_terms), **others)
+        groups = histories(
+            t,
+            done,
+            energy_terms,
+            n_bodies=params.belt.n_bodies,
+            mounts=bool(params.mounted),
+            names=outputs,
+        )
+        spans = done.get("span_tension")
+        return cls(t=t, params=params, outputs=outputs, sampled_spans=spans, **groups, **others)
+
+    def _keeping(self, outputs: tuple[str, ...] | None) -> Result:
+        """Give the same run with some of its arrays alone."""
+        if outputs is None:
+            return self
+        kept: dict[str, Any] = {"outputs": outputs}
+        for group, kind in GROUPS.items():
+            held = getattr(self, group)
+            if held is not None and not (group == "energy" and "energy" in outputs):
+                arrays = held.arrays()
+                found = {name: arrays[name] for name in arrays if f"{group}.{name}" in outputs}
+                kept[group] = kind._holding(found)
+        if "span_tension" in outputs:
+            kept["sampled_spans"] = self.span_tension
+        return attrs.evolve(self, **kept)
 
     @cached_property
     def span_tension(self) -> Array:
@@ -128,9 +165,20 @@ class Result:
         return self._span_tension(slice(None))
 
     def _span_tension(self, rows: Any) -> Array:
-        """Compute :attr:`span_tension` at some of the samples."""
+        """Give :attr:`span_tension` at some of the samples."""
+        if self._sampled_spans is not None:
+            return np.asarray(self._sampled_spans[rows])
+        if not self._has("span_tension"):
+            raise AttributeError(
+                "span_tension was not asked for: run simulate with outputs=(..., 'span_tension'), "
+                "or without outputs for all of them"
+            )
         touched, force = self.contact.pulley[rows], self.joints.force[rows]
         return span_tension(touched, force, len(self.params.pulleys))
+
+    def _has(self, name: str) -> bool:
+        """Tell whether an output is there."""
+        return has(self.outputs, name)
 
     @cached_property
     def slip(self) -> Array:
@@ -152,9 +200,9 @@ class Result:
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if self.t.size else "no samples"
         return (
-            f"Result({self.status}: {self.t.size} samples, {span}, {self.belt.x.shape[1]} links, "
-            f"{self.pulleys.theta.shape[1]} pulley(s); {self.stats.method}, {self.stats.steps} "
-            f"steps, {self.stats.cpu_time:.3g} s CPU)"
+            f"Result({self.status}: {self.t.size} samples, {span}, "
+            f"{self.params.belt.n_bodies} links, {len(self.params.pulleys)} pulley(s); "
+            f"{self.stats.method}, {self.stats.steps} steps, {self.stats.cpu_time:.3g} s CPU)"
         )
 
     def __str__(self) -> str:
@@ -185,17 +233,21 @@ class Result:
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
         if self.warnings:
             rows.append(("warnings", f"{len(self.warnings)}: {', '.join(_named(self.warnings))}"))
+        if self.unchecked:
+            rows.append(("  not looked for", f"{', '.join(self.unchecked)}, for want of outputs"))
         if self.t.size:
             late = self.t >= self.t[-1] - 0.1 * (self.t[-1] - self.t[0])
-            speeds = self.pulleys.omega[late].mean(axis=0)
-            slip = self._slip(speeds[None])[0, 1:]
-            rows += [
-                ("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"),
-                ("  pulley speeds", listed(speeds, ".5g", names, " rad/s")),
-                ("  span tensions", listed(_mean(self.span_tension[late]), ".5g", spans, " N")),
-            ]
+            slip = np.array([])
+            rows.append(("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"))
+            if self._has("pulleys.omega"):
+                speeds = self.pulleys.omega[late].mean(axis=0)
+                slip = self._slip(speeds[None])[0, 1:]
+                rows.append(("  pulley speeds", listed(speeds, ".5g", names, " rad/s")))
+            if self._has("span_tension"):
+                tensions = listed(_mean(self.span_tension[late]), ".5g", spans, " N")
+                rows.append(("  span tensions", tensions))
             moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
-            if self.mounts is not None and moving:
+            if self.mounts is not None and moving and self._has("mounts.travel"):
                 travel = self.mounts.travel[late].mean(axis=0)
                 texts = [f"{names[k]}: {travel_text(self._mount(k), travel[m])}" for m, k in moving]
                 rows.append(("  mounts, from their places", ", ".join(texts)))
@@ -204,7 +256,7 @@ class Result:
                 against = f"  creep against {names[0]}"
                 rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
         rows += self.accuracy.summary()
-        if self.t.size and self.energy is not None:
+        if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
             share = f"{abs(residual) / passed:.2g} of {passed:.3g} J" if passed > 0 else "nothing"
             rows.append(("  energy unaccounted for", f"{residual:.2g} J, {share} transmitted"))
@@ -240,7 +292,7 @@ class Result:
         Raises:
             OSError: It cannot be written; a file that was there before is unchanged.
         """
-        saved.write(attrs.asdict(self, recurse=False), path)
+        saved.write({**attrs.asdict(self, recurse=False), "spans": self._sampled_spans}, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
 from .histories import GROUPS, Stats
+from .outputs import LEDGER, SPANS, chosen
 from .params import Params
 from .run_warnings import RunWarning
 from .state import State
@@ -43,6 +44,7 @@ _ALL = {
     "t",
     "meta.json",
     "params.toml",
+    SPANS,
     *_FINAL,
     *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.array_names()),
 }
@@ -59,12 +61,16 @@ def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
         "stats": attrs.asdict(result["stats"]),
         "warnings": [attrs.asdict(one) for one in result["warnings"]],
         "accuracy": attrs.asdict(result["accuracy"]),
+        "outputs": result["outputs"],
+        "unchecked": result["unchecked"],
     }
     values: dict[str, Any] = {"t": result["t"]}
     for group in GROUPS:
         if result[group] is not None:
             arrays = result[group].arrays()
             values |= {f"{group}.{name}": array for name, array in arrays.items()}
+    if result["spans"] is not None:
+        values[SPANS] = result["spans"]
     values |= {f"final_state.{name}": getattr(final, name) for name, *_ in _core.STATE_FIELDS}
     values |= {"meta.json": json.dumps(meta), "params.toml": result["params"].to_toml()}
     npz.write(path, values)
@@ -142,6 +148,17 @@ def _texts(name: str, value: Any) -> tuple[str, ...]:
     return tuple(_text(name, one) for one in _list(name, value))
 
 
+def _outputs(name: str, value: Any) -> tuple[str, ...] | None:
+    if value is None:
+        return None
+    names = _texts(name, value)
+    try:
+        _must(chosen(names, ledger=True) == names, name, "names of arrays in order", value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    return names
+
+
 def _accuracy(name: str, value: Any) -> Accuracy:
     def errors(name: str, value: Any) -> tuple[QuantityError, ...]:
         return tuple(
@@ -196,6 +213,8 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
         ),
         # Not in the files of earlier versions, whose results then have what is known of any run.
         **({"accuracy": _accuracy("accuracy", table["accuracy"])} if "accuracy" in table else {}),
+        "outputs": _outputs("outputs", table.get("outputs")),
+        "unchecked": _texts("unchecked", table.get("unchecked", [])),
     }
 
 
@@ -218,7 +237,8 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     absent -= {f"energy.{name}" for name in params._model.energy_terms}
     for name in sorted(absent & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
-    with_energy = any(name.startswith("energy.") for name in values)
+    kept = meta["outputs"]
+    with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
     n_m = len(params.mounted)
     left_out = ({"energy"} if not with_energy else set()) | ({"mounts"} if n_m == 0 else set())
     sizes = {"PULLEYS": n_p, "MOUNTS": n_m}
@@ -229,7 +249,10 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         arrays = {}
         for field in GROUPS[group].array_names():
             name = f"{group}.{field}"
-            if name in absent:
+            asked = group if group == LEDGER else name
+            if name in absent or not (kept is None or asked in kept):
+                if name in values:
+                    raise ValueError(f"{name} does not belong there: it was not asked for")
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
             arrays[field] = npz.number_array(name, values[name], kind, shape)
@@ -241,7 +264,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         return arrays
 
     arrays = {name: history(name) for name in GROUPS if name not in left_out}
-    touched = arrays["contact"]["pulley"]
+    touched = arrays["contact"].get("pulley", np.zeros(0))
     if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
         raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
     final: dict[str, Any] = {"t": meta.pop("final_t")}
@@ -252,7 +275,13 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         final[name.removeprefix("final_state.")] = npz.number_array(
             name, values[name], np.float64, shape
         )
-    groups: dict[str, Any] = {
-        name: kind(**arrays[name]) if name in arrays else None for name, kind in GROUPS.items()
-    }
+    groups: dict[str, Any] = dict.fromkeys(GROUPS)
+    for name, found in arrays.items():
+        whole = kept is None or (name == LEDGER and LEDGER in kept)
+        groups[name] = GROUPS[name](**found) if whole else GROUPS[name]._holding(found)
+    if kept is not None and SPANS in kept:
+        per_span = (t.size, n_p)
+        groups["sampled_spans"] = npz.number_array(SPANS, values[SPANS], np.float64, per_span)
+    elif SPANS in values:
+        raise ValueError(f"{SPANS} does not belong there: it was not asked for")
     return {"t": t, **groups, "params": params, "final_state": State(**final), **meta}

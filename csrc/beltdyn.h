@@ -401,14 +401,21 @@ void bd_settle_free(bd_settling *settling);
 void bd_sim_free(bd_sim *sim);
 
 /* Where samples go: row k of each array (row length as BD_OUTPUTS) at time t[k]; NULL arrays are
- * not written. `pulley` (int32): the touched pulley or -1. t: non-decreasing, within the run. The
- * times are copied, the arrays stay the caller's and must outlive the run. */
+ * neither computed nor written. `pulley` (int32): the touched pulley or -1. `span_tension` (n_p):
+ * as bd_span_tension. t: non-decreasing, within the run. The times are copied, the arrays stay the
+ * caller's and must outlive the run. */
 typedef struct bd_output {
 #define X(name, group, size, unit, text) double *name;
   BD_OUTPUTS(X)
 #undef X
   int32_t *pulley;
+  double *span_tension;
 } bd_output;
+
+/* Mean force of the joints of the free span that follows each pulley (np); of one that has no free
+ * joint, NaN. touched, force: of a sample, pulley and force of n links. Only joints between two
+ * links that touch nothing count, and not where links have lifted off within a wrap. */
+void bd_span_tension(int n, const int32_t *touched, const double *force, int np, double *tension);
 
 enum {
 #define X(name, kind, text) BD_ENERGY_##name,
@@ -458,6 +465,35 @@ void bd_sim_explain(const bd_sim *sim, char *text, size_t size);
 int bd_sim_warning(const bd_sim *sim, size_t k, bd_warning *out);
 /* Names of the passes of the plan, in order; NULL past the last. */
 const char *bd_sim_pass(const bd_sim *sim, int k);
+/* The table of effects: the name of a row, NULL past the last, and what in a scene calls for it:
+ * groups of BD_PARAMETERS, or gravity, motion, torque, friction, with spaces between them; empty:
+ * settling alone has it. The row of a pass of the plan; -1: it is none of an effect. */
+const char *bd_effect_name(int row);
+const char *bd_effect_asked_by(int row);
+int bd_sim_effect(const bd_sim *sim, int k);
+
+/* How large a simulation is: numbers of the state vector, padding included, and of the works in it;
+ * bytes of the simulation's blocks without its samples, the one that runs beside it included. */
+typedef struct bd_sizes {
+  size_t state, works, bytes;
+} bd_sizes;
+
+void bd_sim_sizes(const bd_sim *sim, bd_sizes *out);
+
+/* A pass of a step of the method in use: how often a step calls it, and what a call takes [s]. */
+typedef struct bd_pass_time {
+  const char *name; /* lives as long as the simulation */
+  double calls, seconds;
+} bd_pass_time;
+
+enum { BD_MAX_PASSES = 32 };
+
+/* Measures at the state now reached, in so many rounds over all passes, of which medians are taken,
+ * each of about 0.1 ms a pass; torque functions are called. In the order in which a step has them,
+ * last the whole step, of which the passes are the parts. Ends the run, which must have made a
+ * step. */
+int bd_sim_time_passes(bd_sim *sim, int rounds, bd_pass_time out[BD_MAX_PASSES], int *n,
+                       bd_error *err);
 
 /* Time derivative of a state under the model (torque as given), laid out as a bd_state; for tests
  * and for other integrators. torque: one value per pulley. */

@@ -17,6 +17,7 @@ from ..result import Result
 
 __all__ = [
     "HISTORIES",
+    "OBSERVED",
     "QUANTITIES",
     "Observed",
     "differences",
@@ -29,6 +30,19 @@ __all__ = [
 QUANTITIES = ("tension", "speed", "span_mean", "creep", "friction", "power")
 #: Those that are histories, the others are means over the last part of a run.
 HISTORIES = ("tension", "speed")
+
+#: The outputs of a run that they are read off from (:func:`observe`).
+OBSERVED = (
+    "pulleys.omega",
+    "pulleys.torque",
+    "belt.x",
+    "belt.y",
+    "belt.phi",
+    "joints.force",
+    "contact.pulley",
+    "contact.friction",
+    "contact.velocity",
+)
 
 #: Least scale of creep, 0.1 %: slip is measured no better, and unloaded belts have none.
 CREEP = 1e-3
@@ -91,7 +105,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     """Read the quantities off a run.
 
     Args:
-        result: A run, with two samples at least.
+        result: A run, with two samples at least, and :data:`OBSERVED` among its outputs.
         last: The part of the run, counted from its end, that means are taken over, 0 < last <= 1.
 
     Raises:

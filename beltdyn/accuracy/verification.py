@@ -23,7 +23,15 @@ from ..run_warnings import silenced
 from ..state import State
 from ..stopping import Stopper
 from ..torques import Torque, TorqueLike
-from .quantities import HISTORIES, QUANTITIES, Observed, differences, observe, with_links
+from .quantities import (
+    HISTORIES,
+    OBSERVED,
+    QUANTITIES,
+    Observed,
+    differences,
+    observe,
+    with_links,
+)
 from .runs import Reached
 from .space import space_error
 
@@ -339,6 +347,7 @@ class Verification:
                     motion,
                     initial=start,
                     ledger=False,
+                    outputs=OBSERVED,
                     progress=False,
                     **options,
                 )

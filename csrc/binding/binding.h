@@ -93,9 +93,14 @@ void bd_core_state_release(bd_core_state *state);
 /* --- outputs --------------------------------------------------------------------------------- */
 
 /* Fresh arrays of so many rows, of energy so many columns, 0: none: owned by the list `keep`, views
- * of them by name in `dict`, their data in *output for the core. */
+ * of them by name in `dict`, their data in *output for the core. names: a set of those to make;
+ * NULL: all but span_tension. */
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
-                       int n_energy, npy_intp rows);
+                       int n_energy, npy_intp rows, PyObject *names);
+/* A new set of names of outputs, from a sequence of str; NULL with an exception. */
+PyObject *bd_core_output_names(PyObject *names);
+PyObject *bd_core_span_tension(PyObject *module, PyObject *args, PyObject *keywords);
+extern const char bd_core_span_tension_doc[];
 
 /* --- torque ---------------------------------------------------------------------------------- */
 

@@ -267,7 +267,7 @@ static PyObject *model_observe(PyObject *object, PyObject *mapping) {
   }
   bd_output output = {0};
   PyObject *keep = PyList_New(0), *dict = PyDict_New();
-  int done = keep && dict && bd_core_output_new(&output, keep, dict, &self->info, 0, 1) == 0;
+  int done = keep && dict && bd_core_output_new(&output, keep, dict, &self->info, 0, 1, NULL) == 0;
   if (done) {
     bd_error err = {0};
     int code = bd_model_observe(self->model, &state.state, &output, &err);

@@ -276,6 +276,8 @@ static PyMethodDef functions[] = {
      dahl_slide_doc},
     {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,
      dahl_path_doc},
+    {"span_tension", (PyCFunction)(void (*)(void))bd_core_span_tension,
+     METH_VARARGS | METH_KEYWORDS, bd_core_span_tension_doc},
     {NULL, NULL, 0, NULL},
 };
 
@@ -378,6 +380,20 @@ static PyObject *method_names(void) {
   return tuple;
 }
 
+static PyObject *effect_table(void) {
+  PyObject *list = PyList_New(0), *tuple;
+  for (int k = 0; list && bd_effect_name(k); k++) {
+    PyObject *row = Py_BuildValue("(ss)", bd_effect_name(k), bd_effect_asked_by(k));
+    if (!row || PyList_Append(list, row) < 0) {
+      Py_CLEAR(list);
+    }
+    Py_XDECREF(row);
+  }
+  tuple = list ? PyList_AsTuple(list) : NULL;
+  Py_XDECREF(list);
+  return tuple;
+}
+
 static int add_tables(PyObject *module) {
   static const char *const parameters[][5] = {
 #define X(group, name, rule, unit, text) {#group, #name, #rule, unit, text},
@@ -418,6 +434,7 @@ static int add_tables(PyObject *module) {
                  add(module, "STATS", TABLE(stats)) < 0 ||
                  add(module, "ERRORS", error_table()) < 0 ||
                  add(module, "METHODS", method_names()) < 0 ||
+                 add(module, "EFFECTS", effect_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
                  add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0

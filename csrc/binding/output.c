@@ -51,10 +51,58 @@ static void *add_output(PyObject *keep, PyObject *dict, const char *name, int ty
   return data;
 }
 
+static const char *const all_names[] = {
+#define X(name, group, size, unit, text) #name,
+    BD_OUTPUTS(X)
+#undef X
+        "pulley",
+    "span_tension",
+};
+
+static int is_output(const char *name) {
+  int found = 0;
+  for (size_t k = 0; name && k < sizeof all_names / sizeof all_names[0]; k++) {
+    found |= strcmp(name, all_names[k]) == 0;
+  }
+  return found;
+}
+
+PyObject *bd_core_output_names(PyObject *names) {
+  PyObject *set = PyUnicode_Check(names) ? NULL : PySet_New(names);
+  PyObject *iterator = set ? PyObject_GetIter(set) : NULL, *item = NULL;
+  if (!set && !PyErr_Occurred()) {
+    PyErr_SetString(PyExc_TypeError, "outputs must be a sequence of names, got a str");
+  }
+  while (iterator && (item = PyIter_Next(iterator))) {
+    const char *name = PyUnicode_Check(item) ? PyUnicode_AsUTF8(item) : NULL;
+    if (!is_output(name)) {
+      PyErr_Clear();
+      PyErr_Format(PyExc_ValueError, "outputs: there is no output %R", item);
+    }
+    Py_DECREF(item);
+    if (PyErr_Occurred()) {
+      break;
+    }
+  }
+  Py_XDECREF(iterator);
+  if (PyErr_Occurred()) {
+    Py_CLEAR(set);
+  }
+  return set;
+}
+
+/* Is this one of the names? -1 with an exception. */
+static int is_named(PyObject *names, const char *name) {
+  PyObject *text = PyUnicode_FromString(name);
+  const int found = text ? PySet_Contains(names, text) : -1;
+  Py_XDECREF(text);
+  return found;
+}
+
 enum { WIDTH_PULLEYS, WIDTH_LINKS, WIDTH_FRICTION, WIDTH_MOUNTS, WIDTH_ENERGY };
 
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
-                       int n_energy, npy_intp rows) {
+                       int n_energy, npy_intp rows, PyObject *names) {
   const npy_intp width[] = {
       [WIDTH_PULLEYS] = info->n_pulleys,
       [WIDTH_LINKS] = info->n_bodies,
@@ -62,14 +110,80 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
       [WIDTH_MOUNTS] = info->n_mounts,
       [WIDTH_ENERGY] = n_energy,
   };
-#define X(name, group, size, unit, text)                                                           \
-  if (width[WIDTH_##size]) {                                                                       \
-    output->name = add_output(keep, dict, #name, NPY_DOUBLE, rows, width[WIDTH_##size]);           \
-    if (!output->name)                                                                             \
-      return -1;                                                                                   \
-  }
-  BD_OUTPUTS(X)
+  const struct {
+    const char *name;
+    double **numbers; /* the member of *output, of numbers or */
+    int32_t **indices;
+    npy_intp width;
+    int by_default;
+  } rows_of[] = {
+#define X(name, group, size, unit, text) {#name, &output->name, NULL, width[WIDTH_##size], 1},
+      BD_OUTPUTS(X)
 #undef X
-  output->pulley = add_output(keep, dict, "pulley", NPY_INT32, rows, width[WIDTH_LINKS]);
-  return output->pulley ? 0 : -1;
+          {"pulley", NULL, &output->pulley, width[WIDTH_LINKS], 1},
+      {"span_tension", &output->span_tension, NULL, width[WIDTH_PULLEYS], 0},
+  };
+  for (size_t k = 0; k < sizeof rows_of / sizeof rows_of[0]; k++) {
+    const int wanted = names ? is_named(names, rows_of[k].name) : rows_of[k].by_default;
+    if (wanted < 0) {
+      return -1;
+    }
+    if (!wanted || !rows_of[k].width) {
+      continue;
+    }
+    void *data = add_output(keep, dict, rows_of[k].name,
+                            rows_of[k].indices ? NPY_INT32 : NPY_DOUBLE, rows, rows_of[k].width);
+    if (!data) {
+      return -1;
+    }
+    if (rows_of[k].indices) {
+      *rows_of[k].indices = data;
+    } else {
+      *rows_of[k].numbers = data;
+    }
+  }
+  return 0;
+}
+
+const char bd_core_span_tension_doc[] =
+    "span_tension(pulley, force, n_pulleys)\n--\n\n"
+    "Mean force of the joints of the free span that follows each pulley.\n\n"
+    "pulley: the pulley that each link touches, or -1, int32, shape (n_t, n_b). force: in the\n"
+    "joint on the left of each link, float64, the same shape [N]. Returns (n_t, n_pulleys) [N],\n"
+    "NaN where a span has no joint between two links that touch nothing. Raises TypeError or\n"
+    "ValueError.";
+
+PyObject *bd_core_span_tension(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
+  char *names[] = {"pulley", "force", "n_pulleys", NULL};
+  PyObject *touched_object, *force_object, *number;
+  long np = 0;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOO:span_tension", names, &touched_object,
+                                   &force_object, &number) ||
+      bd_convert_long(number, "n_pulleys", &np) < 0) {
+    return NULL;
+  }
+  /* not bd_convert_array: forces of a failed run may be infinite */
+  PyArrayObject *touched =
+      (PyArrayObject *)PyArray_FROM_OTF(touched_object, NPY_INT32, NPY_ARRAY_IN_ARRAY);
+  PyArrayObject *force =
+      touched ? (PyArrayObject *)PyArray_FROM_OTF(force_object, NPY_DOUBLE, NPY_ARRAY_IN_ARRAY)
+              : NULL;
+  PyArrayObject *tension = NULL;
+  if (force && (PyArray_NDIM(touched) != 2 || !PyArray_SAMESHAPE(touched, force) || np < 1 ||
+                np > BD_MAX_PULLEYS || PyArray_DIM(force, 1) > BD_MAX_LINKS)) {
+    PyErr_SetString(PyExc_ValueError,
+                    "pulley and force must have one shape (n_t, n_b), n_pulleys be > 0");
+  } else if (force) {
+    const npy_intp shape[2] = {PyArray_DIM(force, 0), np};
+    tension = (PyArrayObject *)PyArray_SimpleNew(2, shape, NPY_DOUBLE);
+  }
+  const npy_intp n = force ? PyArray_DIM(force, 1) : 0;
+  for (npy_intp k = 0; tension && k < PyArray_DIM(tension, 0); k++) {
+    bd_span_tension((int)n, (const npy_int32 *)PyArray_DATA(touched) + k * n,
+                    (const double *)PyArray_DATA(force) + k * n, (int)np,
+                    (double *)PyArray_DATA(tension) + k * np);
+  }
+  Py_XDECREF(touched);
+  Py_XDECREF(force);
+  return (PyObject *)tension;
 }

@@ -315,25 +315,32 @@ static void sim_dealloc(PyObject *object) {
 /* --- samples --------------------------------------------------------------------------------- */
 
 PyDoc_STRVAR(sample_doc,
-             "sample($self, /, t)\n--\n\n"
+             "sample($self, /, t, outputs=None)\n--\n\n"
              "Attach sample times; once, before the first advance().\n\n"
-             "t: times [s], shape (n_t,), non-decreasing and within the run. Returns a dict of\n"
-             "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger) and\n"
-             "\"pulley\" (int32: the pulley the link touches, or -1). The run fills them row by\n"
+             "t: times [s], shape (n_t,), non-decreasing and within the run. outputs: names of\n"
+             "those to compute and keep; None: all but \"span_tension\". Returns a dict of\n"
+             "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger),\n"
+             "\"pulley\" (int32: the pulley the link touches, or -1), \"span_tension\" (as\n"
+             "span_tension()). The run fills them row by\n"
              "row; rows not yet written hold NaN and -1. They stay valid after the simulation.\n"
              "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
              "KeyboardInterrupt while it fills them: it may then be called again.");
 
 static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"t", NULL};
+  char *names[] = {"t", "outputs", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
   const npy_intp any = BD_ANY;
-  PyObject *times;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:sample", names, &times)) {
+  PyObject *times, *outputs = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O|O:sample", names, &times, &outputs)) {
+    return NULL;
+  }
+  PyObject *wanted = outputs == Py_None ? NULL : bd_core_output_names(outputs);
+  if (outputs != Py_None && !wanted) {
     return NULL;
   }
   PyArrayObject *t = bd_convert_array(times, "t_eval", 1, &any);
   if (!t) {
+    Py_XDECREF(wanted);
     return NULL;
   }
   PyObject *dict = NULL, *keep = NULL;
@@ -349,7 +356,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
   } else if ((dict = PyDict_New()) && (keep = PyList_New(0))) {
     ready = !bd_core_output_new(&output, keep, dict, &self->model->info,
                                 self->ledger ? bd_model_energy_terms(self->model->model, NULL) : 0,
-                                PyArray_DIM(t, 0));
+                                PyArray_DIM(t, 0), wanted);
   }
   if (ready) {
     code = bd_sim_set_output(self->sim, (size_t)PyArray_DIM(t, 0), PyArray_DATA(t), &output, &err);
@@ -365,6 +372,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
   }
 out:
   Py_XDECREF(keep);
+  Py_XDECREF(wanted);
   Py_DECREF(t);
   return dict;
 }
@@ -682,6 +690,75 @@ static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
   return Py_NewRef(((bd_core_sim *)object)->passes);
 }
 
+static PyObject *sim_effects(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_sim *self = (bd_core_sim *)object;
+  int rows[BD_MAX_PASSES], n = 0;
+  while (self->sim && n < BD_MAX_PASSES && (rows[n] = bd_sim_effect(self->sim, n)) >= 0) {
+    n++;
+  }
+  PyObject *tuple = PyTuple_New(n);
+  for (int k = 0; tuple && k < n; k++) {
+    PyObject *row = PyLong_FromLong(rows[k]);
+    if (row) {
+      PyTuple_SET_ITEM(tuple, k, row);
+    } else {
+      Py_CLEAR(tuple);
+    }
+  }
+  return tuple;
+}
+
+static PyObject *sim_sizes(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (enter(self) < 0) {
+    return NULL;
+  }
+  bd_sizes sizes;
+  bd_sim_sizes(self->sim, &sizes);
+  leave(self);
+  return Py_BuildValue("{s:n, s:n, s:n}", "state", (Py_ssize_t)sizes.state, "works",
+                       (Py_ssize_t)sizes.works, "bytes", (Py_ssize_t)sizes.bytes);
+}
+
+PyDoc_STRVAR(time_passes_doc,
+             "time_passes($self, rounds, /)\n--\n\n"
+             "Measure what the passes of a step cost at the state now reached, and end the run.\n\n"
+             "rounds: 1 to 101, over all passes, of which medians are taken; some 2 ms each. A\n"
+             "list of (name, calls a step, seconds a call) in the order of a step, last the whole\n"
+             "step, of which the others are parts. Torque functions are called. Raises ValueError\n"
+             "for bad rounds, RuntimeError before the first step.");
+
+static PyObject *sim_time_passes(PyObject *object, PyObject *argument) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  long rounds;
+  if (bd_convert_long(argument, "rounds", &rounds) < 0 || enter(self) < 0) {
+    return NULL;
+  }
+  bd_pass_time times[BD_MAX_PASSES];
+  bd_error err = {0};
+  int n = 0;
+  const int asked = rounds > INT_MAX ? INT_MAX : rounds < 0 ? 0 : (int)rounds;
+  PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
+  const int code = bd_sim_time_passes(self->sim, asked, times, &n, &err);
+  if (thread) {
+    PyEval_RestoreThread(thread);
+  }
+  leave(self);
+  if (code < 0) {
+    return bd_core_raise(code, &err);
+  }
+  PyObject *list = PyList_New(n);
+  for (int k = 0; list && k < n; k++) {
+    PyObject *row = Py_BuildValue("(sdd)", times[k].name, times[k].calls, times[k].seconds);
+    if (row) {
+      PyList_SET_ITEM(list, k, row);
+    } else {
+      Py_CLEAR(list);
+    }
+  }
+  return list;
+}
+
 /* --- the type -------------------------------------------------------------------------------- */
 
 static PyMethodDef sim_methods[] = {
@@ -694,6 +771,7 @@ static PyMethodDef sim_methods[] = {
     {"state", sim_state, METH_NOARGS, state_doc},
     {"export_record", sim_export, METH_NOARGS, export_doc},
     {"import_record", sim_import, METH_O, import_doc},
+    {"time_passes", sim_time_passes, METH_O, time_passes_doc},
     {NULL, NULL, 0, NULL},
 };
 
@@ -703,6 +781,12 @@ static PyGetSetDef sim_properties[] = {
     {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
     {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
     {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
+    {"effects", sim_effects, NULL, "Rows of EFFECTS that the plan has, in order of its passes.",
+     NULL},
+    {"sizes", sim_sizes, NULL,
+     "Numbers in the state vector and works in it, bytes of the simulation. RuntimeError while "
+     "running.",
+     NULL},
     {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
      NULL},
     {"warnings", sim_warnings, NULL,

@@ -118,6 +118,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
 static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   BD_CARVE(carver, plan->best, lay->n);
+  BD_CARVE(carver, plan->touched, lay->n);
   if (model->along_links) {
     bd_link_contact_carve(carver, plan, lay);
   }
@@ -294,6 +295,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "joints",
+        .asked_by = "belt",
         .label = label_joints,
         .enabled = always,
         .rate = pass_joints,
@@ -306,6 +308,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "gravity",
+        .asked_by = "gravity",
         .enabled = has_gravity,
         .rate = pass_gravity,
         .tangent = tangent_none,
@@ -319,6 +322,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "prescribed motion",
+        .asked_by = "motion",
         .enabled = has_motion,
         .rate = pass_motion,
         .tangent = tangent_none,
@@ -326,6 +330,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "axes on mounts",
+        .asked_by = "arm slider path",
         .enabled = bd_axes_enabled,
         .rate = bd_axes_rate,
         .tangent = bd_axes_tangent,
@@ -336,6 +341,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "contact",
+        .asked_by = "contact friction",
         .label = label_contact,
         .enabled = always,
         .rate = pass_contact,
@@ -350,6 +356,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "pulleys: set torques",
+        .asked_by = "torque",
         .enabled = turns_pulleys,
         .rate = pass_pulleys,
         .tangent = tangent_none,
@@ -358,6 +365,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "bearing drag",
+        .asked_by = "drag",
         .enabled = bd_drag_enabled,
         .rate = bd_drag_rate,
         .tangent = bd_drag_tangent,
@@ -367,6 +375,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "mounts",
+        .asked_by = "arm slider",
         .label = bd_mounts_label,
         .enabled = bd_mounts_enabled,
         .rate = bd_mounts_rate,
@@ -378,6 +387,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "prescribed paths",
+        .asked_by = "path",
         .enabled = bd_paths_enabled,
         .rate = bd_paths_rate,
         .tangent = tangent_none,
@@ -386,6 +396,7 @@ static const bd_effect table[] = {
     },
     {
         .name = "torques of prescribed motion",
+        .asked_by = "motion",
         .enabled = has_motion,
         .rate = pass_motion_torque,
         .tangent = tangent_none,
@@ -410,6 +421,18 @@ int bd_effects_of(const bd_model *model, const bd_plan_options *options,
     }
   }
   return n;
+}
+
+int bd_effect_row(const bd_effect *effect) {
+  return (int)(effect - table);
+}
+
+const char *bd_effect_name(int row) {
+  return row >= 0 && row < N_EFFECTS ? table[row].name : NULL;
+}
+
+const char *bd_effect_asked_by(int row) {
+  return row >= 0 && row < N_EFFECTS && table[row].asked_by ? table[row].asked_by : "";
 }
 
 /* All that a plan of this model may be made with. */

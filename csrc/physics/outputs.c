@@ -64,6 +64,13 @@ static double normal_force(const bd_plan *plan, const contact_point *at, int i, 
   return raw > 0.0 && p > 0.0 ? raw : 0.0;
 }
 
+static int pressing(const bd_plan *plan, const double *y, int i, int j, double *normal) {
+  const contact_point at = point_of(plan, y, i);
+  double share;
+  *normal = normal_force(plan, &at, i, j, &share);
+  return share > 0.0;
+}
+
 static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
@@ -135,13 +142,17 @@ static void joint_state(const bd_plan *plan, const double *y, int i, double *alo
   *turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
 }
 
+double bd_joint_force(const bd_plan *plan, const double *y, int i) {
+  double along, rate, squared, turn;
+  joint_state(plan, y, i, &along, &rate, &squared, &turn);
+  return plan->links.stiffness * along + plan->links.damping * rate;
+}
+
 double bd_mean_force(const bd_plan *plan, const double *y) {
   const int n = plan->model->lay.n;
   double total = 0.0;
   for (int i = 0; i < n; ++i) {
-    double along, rate, squared, turn;
-    joint_state(plan, y, i, &along, &rate, &squared, &turn);
-    total += plan->links.stiffness * along + plan->links.damping * rate;
+    total += bd_joint_force(plan, y, i);
   }
   return total / n;
 }
@@ -354,17 +365,29 @@ void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, 
   }
 }
 
-/* Of a link on two pulleys, those of the larger normal force. */
+/* After plan->touched. */
+static void outputs_of_spans(bd_plan *plan, const double *y, double *row) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int i = 0; i < lay->n; ++i) {
+    plan->best[i] = bd_joint_force(plan, y, i);
+  }
+  bd_span_tension(lay->n, plan->touched, plan->best, lay->np, row);
+}
+
+/* Of a link on two pulleys, those of the larger normal force. What the law of friction gives is
+ * evaluated only where it is asked for. */
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
   const size_t n = (size_t)lay->n, row = k * n;
   double *columns[] = {out->normal, out->friction, out->mu, out->slip, out->velocity};
+  const int in_full = out->friction || out->mu || out->slip || out->velocity;
   double *best = plan->best; /* the largest N so far */
+  if (!in_full && !out->normal && !out->pulley && !out->span_tension) {
+    return;
+  }
   for (size_t i = 0; i < n; ++i) {
     best[i] = -1.0;
-    if (out->pulley) {
-      out->pulley[row + i] = -1;
-    }
+    plan->touched[i] = -1;
   }
   for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {
     if (columns[c]) {
@@ -376,14 +399,14 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
     look_at(plan, y, j);
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
-        touch c;
-        if (!touching(plan, y, i, j, &c) || c.normal <= best[i]) {
+        touch c = {0};
+        const int touched =
+            in_full ? touching(plan, y, i, j, &c) : pressing(plan, y, i, j, &c.normal);
+        if (!touched || c.normal <= best[i]) {
           continue;
         }
         best[i] = c.normal;
-        if (out->pulley) {
-          out->pulley[row + (size_t)i] = j;
-        }
+        plan->touched[i] = j;
         const double values[] = {c.normal, c.friction, c.mu, c.slip, c.velocity};
         for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
           if (columns[q]) {
@@ -392,6 +415,12 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
         }
       }
     }
+  }
+  if (out->pulley) {
+    memcpy(out->pulley + row, plan->touched, n * sizeof *out->pulley);
+  }
+  if (out->span_tension) {
+    outputs_of_spans(plan, y, out->span_tension + k * (size_t)lay->np);
   }
 }
 

@@ -173,6 +173,9 @@ typedef struct bd_derivatives {
 /* A row of the table in effects.c: another effect is another row, and the functions it names. */
 typedef struct bd_effect {
   const char *name;
+  /* What in a scene calls for it: groups of parameters, or gravity, motion, torque, friction; NULL:
+   * settling alone has it. */
+  const char *asked_by;
   /* What result.effects calls it, of a plan; NULL: by its name. */
   const char *(*label)(const bd_plan *plan);
   int (*enabled)(const bd_model *model, const bd_plan_options *options);
@@ -201,6 +204,7 @@ enum { BD_MAX_EFFECTS = 16 };
 /* The effects that this model and these options have, in the order of their passes; how many. */
 int bd_effects_of(const bd_model *model, const bd_plan_options *options,
                   const bd_effect *effects[BD_MAX_EFFECTS]);
+int bd_effect_row(const bd_effect *effect); /* of the table */
 /* The scratch of all that this model can have. */
 void bd_effects_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_model *model);
@@ -282,7 +286,8 @@ struct bd_plan {
   bd_torque_set torques;
   double *torque;        /* M_d of the last evaluation */
   double *friction;      /* friction torque on each pulley */
-  double *best;          /* scratch of the output, per link */
+  double *best;          /* scratch of the outputs, per link: of contact, then of spans; */
+  int32_t *touched;      /* and the pulley it touches */
   double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
   double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
   double t_piece;
@@ -360,6 +365,8 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
                 const bd_output *out, size_t k);
 /* Torque of friction on pulley j at a state; and the force of its contact on the belt. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
+/* Force in the joint on the left of link i. */
+double bd_joint_force(const bd_plan *plan, const double *y, int i);
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);

@@ -35,6 +35,7 @@ bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_meth
   carver = (bd_carver){.base = block};
   sim = bd_carve(&carver, 1, sizeof *sim);
   carve(&carver, sim, model, method, other, torque);
+  sim->bytes = carver.used;
   sim->stats.spectral_bound = model->info.spectral_bound;
   atomic_flag_clear(&sim->running);
   return sim;
@@ -46,6 +47,15 @@ void bd_sim_free(bd_sim *sim) {
     bd_twin_free(&sim->twin);
     bd_block_free(sim->t_sample);
     bd_block_free(sim);
+  }
+}
+
+void bd_sim_sizes(const bd_sim *sim, bd_sizes *out) {
+  const bd_layout *lay = &sim->stepper.model->lay;
+  const bd_sim *const beside[] = {sim->twin.sim, sim->twin.still};
+  *out = (bd_sizes){.state = lay->size, .works = (size_t)lay->n_work, .bytes = sim->bytes};
+  for (size_t k = 0; k < sizeof beside / sizeof beside[0]; ++k) {
+    out->bytes += beside[k] ? beside[k]->bytes : 0;
   }
 }
 

@@ -19,7 +19,8 @@
 static int sample(bd_sim *sim, double t, double *y) {
   const bd_layout *lay = &sim->stepper.model->lay;
   int code = bd_motion_put(&sim->stepper.plan, t, y, &sim->stepper.report.failure);
-  if (code == BD_OK) {
+  /* functions are looked at for pulses here, whether or not their torque is kept */
+  if (code == BD_OK && (sim->output.torque || !sim->stepper.plan.torques.smooth)) {
     code =
         bd_torque_set_eval(&sim->stepper.plan.torques, t, sim->stepper.plan.t_piece, y + lay->theta,
                            y + lay->omega, sim->stepper.plan.torque, &sim->stepper.report.failure);
@@ -548,6 +549,11 @@ const char *bd_sim_pass(const bd_sim *sim, int k) {
     return effect->label ? effect->label(plan) : effect->name;
   }
   return k == plan->n_effects && plan->ledger ? "energy ledger" : NULL;
+}
+
+int bd_sim_effect(const bd_sim *sim, int k) {
+  const bd_plan *plan = &sim->stepper.plan;
+  return k >= 0 && k < plan->n_effects ? bd_effect_row(plan->effects[k]) : -1;
 }
 
 int bd_sim_state(const bd_sim *sim, bd_state *out) {

@@ -61,6 +61,7 @@ typedef struct bd_twin {
 } bd_twin;
 
 struct bd_sim {
+  size_t bytes; /* of its block */
   bd_stepper stepper;
   bd_auto choice; /* of "auto"; choice.method[0] NULL: the method was named */
   bd_options options;

@@ -8,16 +8,19 @@
 
 long bd_exponentials; /* counted by kernels/vector.h */
 
+enum { MU, NORMAL, NOTHING };
+
 /* All of a drive that has this friction: at rest, by every kind of method, sampled. */
-static long counted(const bd_friction *friction, const bd_friction *own) {
+static long counted_with(const bd_friction *friction, const bd_friction *own, int asked) {
   static room r;
-  static double mu[2 * N];
+  static double values[2 * N];
   const double t[] = {0.0, 1e-3}, torque_values[2][NP] = {{0}, {-20.0, 2.0, 0.0}};
   const bd_torque_term term = {
       .kind = BD_TORQUE_PIECEWISE, .n_t = 2, .t = t, .values = torque_values[0]};
   const bd_torque torque = {.n_terms = 1, .terms = &term};
   const char *const methods[] = {"tsit5", "rk4", "rodas4", "lbdf2", "lie", "auto"};
-  const bd_output out = {.mu = mu};
+  const bd_output out = {.mu = asked == MU ? values : NULL,
+                         .normal = asked == NORMAL ? values : NULL};
   bd_pulley pulleys[NP];
   bd_scene scene = test_scene();
   bd_model *model = NULL;
@@ -43,6 +46,18 @@ static long counted(const bd_friction *friction, const bd_friction *own) {
   return bd_exponentials;
 }
 
+static long counted(const bd_friction *friction, const bd_friction *own) {
+  return counted_with(friction, own, MU);
+}
+
+/* What a law says is evaluated at samples only if it was asked for. */
+static void outputs_of_friction_are_evaluated_on_demand(void) {
+  const bd_friction stribeck = {BD_LAW_lugre, .lugre = {0.6, 0.8, 0.05, 1e4, 0.1, 0.02}};
+  const long none = counted_with(&stribeck, NULL, NOTHING);
+  CHECK(counted_with(&stribeck, NULL, NORMAL) == none);
+  CHECK(counted_with(&stribeck, NULL, MU) > none);
+}
+
 static void only_a_stribeck_curve_needs_them(void) {
   const bd_friction dahl = test_friction;
   const bd_friction plastic = {BD_LAW_elastic_plastic, .elastic_plastic = {0.8, 2e7, 400.0}};
@@ -60,8 +75,9 @@ static void only_a_stribeck_curve_needs_them(void) {
 
 static const test tests[] = {
     {"only_a_stribeck_curve_needs_them", only_a_stribeck_curve_needs_them},
+    {"outputs_of_friction_are_evaluated_on_demand", outputs_of_friction_are_evaluated_on_demand},
 };
 
 int main(int argc, char **argv) {
-  return run_tests(argc, argv, tests, 1);
+  return run_tests(argc, argv, tests, 2);
 }

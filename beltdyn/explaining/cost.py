@@ -1,0 +1,143 @@
+"""What a step costs: the size of the state, the passes in order and their times."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import attrs
+
+from .. import _core
+
+__all__ = ["Pass", "StateSize", "Step", "size_of", "time_step"]
+
+#: Parts of the state, by the size of their fields in the table of the core.
+_PARTS = {
+    "LINKS": "links",
+    "SLOTS": "friction",
+    "PULLEYS": "pulleys",
+    "MOUNTS": "mounts",
+}
+#: A number of the core's state.
+_BYTES = 8
+#: Rounds over all passes, of which medians are taken; a round takes some 2 ms.
+_ROUNDS = 21
+#: Wall time of the run in which a step is measured as a whole, and of the one before it in which
+#: "auto" finds its method [s].
+_RUN, _CHOICE = 0.15, 0.05
+
+
+@attrs.frozen(kw_only=True)
+class StateSize:
+    """How large the state is.
+
+    Attributes:
+        parts: Numbers by part: "links", "friction", "pulleys", "mounts", "ledger".
+        fields: Names of what each part holds.
+        numbers: Length of the state vector as the core keeps it, with its padding for vectors.
+        bytes: The same in bytes.
+        simulation: Bytes of the whole simulation: states, stages, linear systems, scratch, the
+            one that runs beside it to see whether differences grow; without samples.
+    """
+
+    parts: dict[str, int]
+    fields: dict[str, tuple[str, ...]]
+    numbers: int
+    bytes: int
+    simulation: int
+
+
+@attrs.frozen(kw_only=True)
+class Pass:
+    """A pass of a step.
+
+    Attributes:
+        name: What it does.
+        calls: How often a step calls it.
+        seconds: Time of a call [s], the median of some rounds over all passes at a state of the
+            run; called over and over, it finds its data in the cache.
+    """
+
+    name: str
+    calls: float
+    seconds: float
+
+    @property
+    def per_step(self) -> float:
+        """Time of a step that it takes [s]."""
+        return self.calls * self.seconds
+
+
+@attrs.frozen(kw_only=True)
+class Step:
+    """What a step of the method takes.
+
+    Attributes:
+        method: The method.
+        passes: Its passes in their order.
+        alone: Time of a whole step, called over and over like its passes [s].
+        measured: CPU time of an accepted step in a short run [s]: with rejected steps, samples, the
+            guards of the run and, now and then, the steps of the simulation beside it.
+        steps: Number of accepted steps of that run.
+        rejected: Number of its rejected steps.
+    """
+
+    method: str
+    passes: tuple[Pass, ...]
+    alone: float
+    measured: float
+    steps: int
+    rejected: int
+
+    @property
+    def between(self) -> float:
+        """Time of a whole step less that of its passes [s]: what stands between them."""
+        return self.alone - sum(one.per_step for one in self.passes)
+
+
+def size_of(sim: _core.Simulation) -> StateSize:
+    """Give the size of the state of a run."""
+    state, sizes = sim.state(), sim.sizes
+    parts = dict.fromkeys(_PARTS.values(), 0)
+    fields: dict[str, tuple[str, ...]] = dict.fromkeys(_PARTS.values(), ())
+    for name, size, *_ in _core.STATE_FIELDS:
+        part = _PARTS[size]
+        parts[part] += int(state[name].size)
+        fields[part] += (name,)
+    parts["ledger"] = sizes["works"]
+    works = [name for name, kind, _ in _core.ENERGY_TERMS if kind in ("SUPPLIED", "LOST")]
+    fields["ledger"] = tuple(works[: sizes["works"]])
+    return StateSize(
+        parts=parts,
+        fields=fields,
+        numbers=sizes["state"],
+        bytes=_BYTES * sizes["state"],
+        simulation=sizes["bytes"],
+    )
+
+
+def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
+    """Measure a step and its passes.
+
+    Args:
+        start: Gives a run by a method, at the state at which to measure.
+        method: The method; "auto": the one that it is at after a while.
+    """
+    if method == "auto":
+        chosen = start(method)
+        chosen.advance(_CHOICE)
+        method = chosen.method
+    sim = start(method)
+    begin = time.thread_time()
+    sim.advance(_RUN)
+    seconds = time.thread_time() - begin
+    steps, rejected = int(sim.stats["steps"]), int(sim.stats["rejected"])
+    *passes, whole = sim.time_passes(_ROUNDS)
+    return Step(
+        method=method,
+        passes=tuple(Pass(name=n, calls=c, seconds=max(s, 0.0)) for n, c, s in passes),
+        alone=whole[2],
+        measured=seconds / steps,
+        steps=steps,
+        rejected=rejected,
+    )

@@ -1,0 +1,151 @@
+"""Which effects a drive has, and which numbers of the scene call for each.
+
+The effects are the rows of the core's table, ``csrc/physics/effects.c``; a row says which groups of
+parameters call for it, so an effect or a parameter that is added there appears here by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import attrs
+
+from .. import _core
+from ..friction import Friction
+from ..params import Params
+from ..rules import Printable, Rule
+
+__all__ = ["Effect", "Part", "effects_of", "parts_of"]
+
+#: Numbers of the belt that say how much of it there is, not how it acts; of contact a switch.
+_NO_FORCE = {"length", "preload", "n_bodies", "linear_density", "compensate"}
+
+
+@attrs.frozen(kw_only=True)
+class Effect:
+    """An effect of the core: whether a drive has it, and what calls for it.
+
+    Attributes:
+        name: As in ``result.effects``; of one that is off, its name in the core's table.
+        on: Whether it is simulated. What is off has no pass and no part in the state.
+        because: What in the scene calls for it, a line for each part: its numbers, named as in
+            Python and TOML. Of an effect that is off, what would.
+        zero: Numbers of these parts that are 0 and so call for nothing.
+    """
+
+    name: str
+    on: bool
+    because: tuple[str, ...]
+    zero: tuple[str, ...]
+
+
+class Part(NamedTuple):
+    """A part of a drive that has numbers.
+
+    Attributes:
+        group: That of its parameters, such as "drag"; of a friction law "friction".
+        path: Where it stands in :class:`beltdyn.Params`, such as "belt" or "drag".
+        pulley: Index of the pulley that it belongs to, or None.
+        part: The part.
+    """
+
+    group: str
+    path: str
+    pulley: int | None
+    part: Printable
+
+
+def parts_of(params: Params) -> Iterator[Part]:
+    """Give the parts of a drive: belt, contact, friction, and what its pulleys have."""
+    yield from _part("belt", None, params.belt)
+    yield from _part("contact", None, params.effective_contact)
+    yield from _part("friction", None, params.friction)
+    for k, pulley in enumerate(params.pulleys):
+        for field in attrs.fields(type(pulley)):
+            yield from _part(field.name, k, getattr(pulley, field.name))
+
+
+def effects_of(
+    params: Params,
+    torque: str,
+    motions: Mapping[int, object],
+    rows: Sequence[int],
+    passes: Sequence[str],
+) -> tuple[Effect, ...]:
+    """Give all effects that a run can have, in the order of their passes.
+
+    Args:
+        params: The drive.
+        torque: What the set torques are, as text.
+        motions: Prescribed motions, by pulley.
+        rows: Rows of ``_core.EFFECTS`` that the run has.
+        passes: What the run calls its passes, in the same order.
+    """
+    names = dict(zip(rows, passes, strict=False))  # the ledger's pass is no row
+    found = []
+    for row, (name, asked_by) in enumerate(_core.EFFECTS):
+        if not asked_by and row not in names:
+            continue  # settling alone
+        reasons, zero = _reasons(params, torque, motions, asked_by.split())
+        found.append(
+            Effect(
+                name=names.get(row, name),
+                on=row in names,
+                because=tuple(reasons),
+                zero=tuple(zero),
+            )
+        )
+    return tuple(found)
+
+
+def _part(path: str, pulley: int | None, part: object) -> Iterator[Part]:
+    if isinstance(part, Friction):
+        yield Part("friction", path, pulley, part)
+    elif isinstance(part, Printable):
+        groups = {rule.group for rule in _rules(part)} or {type(part).__name__.lower()}
+        yield from (Part(group, path, pulley, part) for group in groups)
+
+
+def _rules(part: Printable) -> list[Rule]:
+    fields: Any = attrs.fields(type(part))  # type: ignore[arg-type]
+    return [field.metadata["rule"] for field in fields if "rule" in field.metadata]
+
+
+def _reasons(
+    params: Params, torque: str, motions: Mapping[int, object], words: Sequence[str]
+) -> tuple[list[str], list[str]]:
+    """Give what calls for an effect, and the numbers that are 0."""
+    reasons: list[str] = []
+    zero: list[str] = []
+    if "gravity" in words:
+        x, y = params.gravity
+        (reasons if x or y else zero).append(f"gravity = ({x:g}, {y:g}) m/s^2")
+    if "torque" in words:
+        reasons.append(f"torque: {torque}")
+    if "motion" in words:
+        reasons += [f"motion of {params.label(k)}: {motion}" for k, motion in motions.items()]
+    for part in parts_of(params):
+        if part.group not in words:
+            continue
+        where = "" if part.pulley is None else f"{params.label(part.pulley)}: "
+        numbers, none = _numbers(part)
+        if numbers:
+            reasons.append(where + ", ".join(numbers))
+        zero += [where + name for name in none]
+    return reasons, zero
+
+
+def _numbers(part: Part) -> tuple[list[str], list[str]]:
+    """Give the numbers of a part that are not 0, and those that are, each with name and unit."""
+    numbers: list[str] = []
+    zero: list[str] = []
+    if isinstance(part.part, Friction):
+        numbers.append(f'friction law "{part.part.law}"')
+    rules = {rule.name: rule for rule in _rules(part.part)}
+    for name, quantity, _ in part.part._rows():
+        if name in _NO_FORCE or (rules and name not in rules):
+            continue
+        text = f"{part.path}.{name} = {quantity}"
+        (zero if getattr(part.part, name, None) == 0.0 else numbers).append(text)
+    return numbers, zero

@@ -1,0 +1,209 @@
+"""``bd.explain``: the effects of a drive and what calls for them, the state, the passes of a step.
+
+Times are only asked to be times: what they are is measured by ``benchmarks/explain.py``.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import attrs
+import pytest
+from click.testing import CliRunner
+from module_common import INF, make_model, make_simulation, same_bits
+
+import beltdyn as bd
+from beltdyn import _core, cli
+from beltdyn.explaining.effects import parts_of
+
+QUICK: dict[str, Any] = {"budget": 0.3}
+
+
+@pytest.fixture(scope="module")
+def alternator() -> bd.Scene:
+    return bd.scenes.get("tensioned-alternator")
+
+
+@pytest.fixture(scope="module")
+def explained(alternator: bd.Scene) -> bd.Explanation:
+    return bd.explain(alternator.params, alternator.torque_fn, 0.01, alternator.motion, **QUICK)
+
+
+def reasons(explanation: bd.Explanation) -> str:
+    return "\n".join(line for effect in explanation.effects for line in effect.because)
+
+
+# --- the core -------------------------------------------------------------------------------------
+
+
+def test_every_effect_says_what_calls_for_it() -> None:
+    """Every group of parameters calls for something, but the pulleys' own: radius and inertia."""
+    words = {word for _, asked_by in _core.EFFECTS for word in asked_by.split()}
+    groups = {row[0] for row in _core.PARAMETERS} - {name for name, *_ in _core.LAWS}
+    assert words == groups - {"pulley"} | {"gravity", "motion", "torque", "friction", "path"}
+
+
+@pytest.mark.parametrize(
+    ("method", "rates", "solutions"),
+    # The last stage of an explicit method is the first of the next step (tsit5: Tsitouras 2011, 7
+    # stages; rk4: 4). rodas4: Hairer, Wanner, 6 stages, the first with the rate that is known, one
+    # rate at the end. BDF, linearly implicit: one of each.
+    [("tsit5", 6, 0), ("rk4", 4, 0), ("rodas4", 6, 6), ("lbdf2", 1, 1), ("lie", 1, 1)],
+)
+def test_passes_are_those_of_the_plan_in_order(method: str, rates: int, solutions: int) -> None:
+    model = make_model()
+    rest = _core.Simulation.settle(model)
+    assert rest.advance(INF)
+    sim = make_simulation(model, rest.state(), method=method)
+    with pytest.raises(RuntimeError, match="has made a step"):
+        sim.time_passes(3)
+    sim.advance(0.0)
+    before = sim.state()
+    *passes, whole = sim.time_passes(3)
+    of_plan = [name for name in sim.passes if name != "energy ledger"]
+    split = ["contact: normal force", "contact: friction"]
+    expected = [one for name in of_plan for one in (split if "contact" in name else [name])]
+    rows = [name for name, calls, _ in passes if name in expected]
+    assert rows == expected
+    calls = {name: calls for name, calls, _ in passes}
+    assert {calls[name] for name in expected} == {rates}
+    assert calls.get("solution of the linear system", 0) == solutions
+    assert ("Jacobian" in calls) == ("factorisation" in calls) == (solutions > 0)
+    assert calls["energy ledger"] == whole[1] == 1
+    # differences of two measured times may come out below 0 where nothing is to be paid
+    assert all(
+        seconds > 0.0 for name, _, seconds in passes if name not in ("energy ledger", *split)
+    )
+    assert whole[0] == "whole step" and whole[2] > 0.0
+    assert same_bits(sim.state(), before) and sim.advance(INF) is True
+
+
+def test_time_passes_checks_its_argument() -> None:
+    model = make_model()
+    rest = _core.Simulation.settle(model)
+    assert rest.advance(INF)
+    sim = make_simulation(model, rest.state())
+    sim.advance(0.0)
+    for rounds in (0, 102, 10**12, -5):
+        with pytest.raises(ValueError, match="rounds must be from 1 to 101"):
+            sim.time_passes(rounds)
+    with pytest.raises(TypeError):
+        sim.time_passes(1.5)  # type: ignore[arg-type]
+
+
+# --- effects --------------------------------------------------------------------------------------
+
+
+def test_effects_that_are_on_are_those_of_a_run(
+    alternator: bd.Scene, explained: bd.Explanation
+) -> None:
+    result = bd.simulate(*alternator._replace(t_end=1e-3))
+    assert [effect.name for effect in explained.effects if effect.on] == [
+        name for name in result.effects if name != "energy ledger"
+    ]
+    named = {effect.name for effect in explained.effects if not effect.on}
+    assert named <= {name for name, _ in _core.EFFECTS}
+
+
+def test_every_number_that_calls_for_an_effect_is_named(explained: bd.Explanation) -> None:
+    params = bd.scenes.get("tensioned-alternator").params
+    text = reasons(explained)
+    seen = 0
+    for part in parts_of(params):
+        for field in attrs.fields(type(part.part)):
+            rule, value = field.metadata.get("rule"), getattr(part.part, field.name)
+            how_much = ("length", "preload", "n_bodies", "linear_density", "compensate")
+            shown = {name for name, *_ in part.part._rows()}
+            if rule is None or field.name in how_much or field.name not in shown:
+                continue
+            named = f"{part.path}.{field.name} = {rule.quantity(value)}"
+            assert (named in text) == (value != 0.0), named
+            seen += named in text
+    assert seen > 10  # of belt, contact, friction and arm
+
+
+def test_an_effect_goes_when_its_number_does() -> None:
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+    drag = attrs.evolve(params.pulleys[1], drag=bd.Drag(viscous=2e-4))
+    with_both = attrs.evolve(params, gravity=(0.0, -9.81), pulleys=(params.pulleys[0], drag))
+    on, off = (bd.explain(one, torque, 2e-3, **QUICK) for one in (with_both, params))
+    at = {effect.name: effect for effect in on.effects}
+    assert at["gravity"].on and at["gravity"].because == ("gravity = (0, -9.81) m/s^2",)
+    assert at["bearing drag"].because == ("pulley 1: drag.viscous = 0.0002 N m s",)
+    assert "pulley 1: drag.coulomb = 0 N m" in at["bearing drag"].zero
+    gone = {effect.name: effect for effect in off.effects}
+    assert not gone["gravity"].on and not gone["bearing drag"].on
+    assert len(on.passes) == len(off.passes) + 2
+
+
+# --- state ----------------------------------------------------------------------------------------
+
+
+def test_state_is_counted_by_part(explained: bd.Explanation) -> None:
+    params = bd.scenes.get("tensioned-alternator").params
+    n_b, n_p, n_m = params.belt.n_bodies, len(params.pulleys), len(params.mounted)
+    slots = params.info["n_slots"]
+    parts = explained.state.parts
+    assert parts["links"] == 6 * n_b  # three coordinates and their velocities
+    assert parts["friction"] == 2 * slots * n_b  # state of the law, and slip
+    assert parts["pulleys"] == 2 * n_p and parts["mounts"] == 3 * n_m
+    assert parts["ledger"] == len(explained.state.fields["ledger"])
+    assert {"drive", "joint_loss", "friction_loss"} <= set(explained.state.fields["ledger"])
+    assert explained.state.bytes == 8 * explained.state.numbers
+    assert sum(parts.values()) <= explained.state.numbers < explained.state.simulation / 8
+
+
+def test_a_drive_without_friction_has_no_state_of_it() -> None:
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+    without = bd.explain(attrs.evolve(params, friction=None), torque, 2e-3, **QUICK)
+    assert without.state.parts["friction"] == 0
+    names = [one.name for one in without.passes]
+    assert "contact without friction" in names and "contact: friction" not in names
+
+
+# --- as a whole -----------------------------------------------------------------------------------
+
+
+def test_text_and_dictionary(explained: bd.Explanation) -> None:
+    text = str(explained)
+    for effect in explained.effects:
+        assert effect.name in text
+    for one in explained.passes:
+        assert one.name in text and one.calls > 0.0 and one.seconds >= 0.0
+    assert explained.step.alone > 0.0 and explained.step.measured > 0.0
+    assert max(map(len, text.splitlines())) <= 100
+    assert "NO-BREAK" not in ascii(text) and "\xa0" not in text
+    plain = json.loads(json.dumps(explained.to_dict()))
+    assert plain["state"]["parts"] == explained.state.parts
+    assert [row["name"] for row in plain["effects"]] == [one.name for one in explained.effects]
+
+
+def test_arguments_are_checked() -> None:
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+    with pytest.raises(TypeError, match="params must be a Params"):
+        bd.explain("serpentine", torque)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="error must be > 0"):
+        bd.explain(params, torque, error=0.0)
+    with pytest.raises(ValueError, match="method must be one of"):
+        bd.explain(params, torque, method="euler")
+
+
+def test_a_torque_function_is_named() -> None:
+    params = bd.scenes.kubas_case_1().params
+
+    def start_up(t: float, theta: Any, omega: Any) -> list[float]:
+        return [-50.0 * t, -16.0 * omega[1]]
+
+    assert "torque: function start_up" in reasons(bd.explain(params, start_up, 2e-3, **QUICK))
+
+
+def test_command_line() -> None:
+    run = CliRunner().invoke(
+        cli.main, ["explain", "kubas-case-1", "--t-end", "0.002", "--budget", "0.3"]
+    )
+    assert run.exit_code == 0, run.output
+    for word in ("belt.bending_stiffness = ", "contact with Dahl friction", "ns a step", "links"):
+        assert word in run.stdout
+    bad = CliRunner().invoke(cli.main, ["explain", "no-such-scene"])
+    assert bad.exit_code == 2 and bad.stdout == "" and "no-such-scene" in bad.stderr

@@ -1,0 +1,428 @@
+"""Outputs on demand: what is not asked for is not computed or kept; what is asked, is the same."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import json
+import pickle
+import re
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import mounted_drives
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.typing import NDArray
+
+import beltdyn as bd
+from beltdyn import _core, cli, memory, outputs
+from beltdyn.checks import Array
+
+T = np.linspace(0.0, 4e-3, 9)
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+
+def plain(mesh: str) -> bd.Scene:
+    scene = drives.plain_scene()
+    return scene._replace(params=drives.on_mesh(scene.params, mesh), t_end=4e-3)
+
+
+def with_mounts() -> bd.Scene:
+    """On an arm and with its driver's speed prescribed, whose torque follows from contact."""
+    params = mounted_drives.both()
+    motion = {0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])}
+    return bd.Scene(params, bd.Viscous([0.0] * len(params.pulleys)), 4e-3, motion)
+
+
+SCENES = {"paper": plain("paper"), "joint": plain("joint"), "mounts": with_mounts()}
+
+
+def run(scene: bd.Scene, **options: Any) -> bd.Result:
+    return bd.simulate(*scene, t_eval=T, **options)
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def pair(request: pytest.FixtureRequest) -> tuple[bd.Scene, bd.Result]:
+    """A scene that begins settled, and its run with everything."""
+    scene = SCENES[request.param]
+    return scene, run(scene, initial=bd.settle(scene.params))
+
+
+def start(full: bd.Result) -> bd.State:
+    return bd.settle(full.params)
+
+
+def held(result: bd.Result) -> dict[str, NDArray[Any]]:
+    """All arrays of a result, by dotted name."""
+    found = {}
+    for group in outputs.array_names():
+        part = getattr(result, group, None)
+        if part is not None and group != outputs.SPANS:
+            found |= {f"{group}.{name}": array for name, array in part.arrays().items()}
+    return found
+
+
+# --- what is asked for is the same, the rest is not there -----------------------------------------
+
+
+def test_each_output_alone_is_that_of_the_whole_run(pair: tuple[bd.Scene, bd.Result]) -> None:
+    """To the bit: what is sampled feeds nothing back. The ledger is another variant of the kernels,
+    which the compiler may sum in another order, so it is compared with itself."""
+    scene, full = pair
+    initial = start(full)
+    known = outputs.array_names()
+    without = run(scene, initial=initial, ledger=False)
+    for group, names in known.items():
+        if group == "mounts" and full.mounts is None:
+            continue
+        for name in names:
+            reference = full if name == "energy" else without
+            alone = run(scene, initial=initial, outputs=(name,))
+            assert alone.outputs == (name,) and alone.stats.steps == reference.stats.steps
+            assert alone.final_state == reference.final_state
+            if name == "span_tension":
+                assert held(alone) == {}
+                np.testing.assert_array_equal(alone.span_tension, reference.span_tension)
+                continue
+            arrays = held(alone)
+            expected = {one for one in held(full) if one == name or name == one.partition(".")[0]}
+            assert set(arrays) == expected, name
+            for one, array in arrays.items():
+                np.testing.assert_array_equal(array, held(reference)[one], err_msg=one)
+
+
+def test_a_group_is_its_arrays_and_order_does_not_matter() -> None:
+    scene = SCENES["joint"]
+    initial = bd.settle(scene.params)
+    names = ("joints", "pulleys.omega", "span_tension")
+    runs = [run(scene, initial=initial, outputs=some) for some in itertools.permutations(names)]
+    runs += [run(scene, initial=initial, outputs=kind(names)) for kind in (list, set, frozenset)]
+    expected = ("pulleys.omega", "joints.deformation", "joints.force", "span_tension")
+    for one in runs:
+        assert one.outputs == expected
+        for name, array in held(one).items():
+            np.testing.assert_array_equal(array, held(runs[0])[name])
+        np.testing.assert_array_equal(one.span_tension, runs[0].span_tension)
+
+
+def test_nothing_asked_for_runs_all_the_same() -> None:
+    scene = SCENES["paper"]
+    nothing = run(scene, outputs=())
+    assert nothing.success and held(nothing) == {} and nothing.t.size == T.size
+    assert nothing.final_state == run(scene, ledger=False).final_state
+    assert "not asked for" in repr(nothing.belt) and "links" in repr(nothing)
+
+
+def test_an_array_that_was_not_asked_for_says_so() -> None:
+    result = run(SCENES["paper"], outputs=("pulleys.omega", "span_tension"))
+    for read, name in (
+        (lambda: result.joints.force, "joints.force"),
+        (lambda: result.pulleys.theta, "pulleys.theta"),
+        (lambda: result.contact.pulley, "contact.pulley"),
+        (lambda: bd.plot.joint_force(result, [0]), "joints.force"),
+        (lambda: bd.plot.torques(result), "pulleys.torque"),
+    ):
+        with pytest.raises(AttributeError) as caught:
+            read()
+        assert str(caught.value) == (
+            f"{name} was not asked for: run simulate with outputs=(..., '{name}'), or without "
+            "outputs for all of them"
+        )
+    assert result.energy is not None
+    for name in ("residual", "total", "losses", "mount"):
+        with pytest.raises(AttributeError, match=r"^energy\.\w+ was not asked .* 'energy'\), or"):
+            getattr(result.energy, name)
+    with pytest.raises(AttributeError, match=r"^energy\."):
+        bd.plot.energy(result)
+    assert not hasattr(result.belt, "x") and getattr(result.belt, "y", None) is None
+    with pytest.raises(AttributeError, match=r"^'BeltHistory' object has no attribute 'speed'$"):
+        _ = result.belt.speed  # type: ignore[attr-defined]
+    of_slip = run(SCENES["paper"], outputs=("joints",))
+    with pytest.raises(AttributeError, match=r"^span_tension was not asked .* 'span_tension'\)"):
+        _ = of_slip.span_tension
+    with pytest.raises(AttributeError, match=r"^pulleys\.omega was not asked for"):
+        _ = of_slip.slip
+
+
+def test_a_drive_without_mounts_or_friction_has_what_it_has() -> None:
+    scene = SCENES["joint"]
+    free = scene._replace(params=attrs.evolve(scene.params, friction=None))
+    result = run(free, outputs=("mounts", "contact.friction"))
+    assert result.mounts is None
+    assert result.contact.friction.shape == (T.size, 60) and not result.contact.friction.any()
+
+
+@pytest.mark.parametrize(
+    ("names", "ledger", "error", "words"),
+    [
+        ("pulleys", True, TypeError, r"^outputs must be a tuple .* write \('pulleys',\)$"),
+        (3, True, TypeError, "^outputs must be a tuple of names or None, got int$"),
+        ((3,), True, TypeError, "^outputs must be names, got 3$"),
+        (("joint",), True, ValueError, "^outputs: there is no 'joint', there are .*joints.*force"),
+        (("joints.mu",), True, ValueError, "^outputs: there is no 'joints.mu', there are "),
+        (("energy.drive",), True, ValueError, "there is no 'energy.drive', .*\"energy\";"),
+        (("energy",), False, ValueError, '^outputs asks for "energy", .* ledger=False'),
+    ],
+)
+def test_names_are_checked_before_anything_runs(
+    monkeypatch: pytest.MonkeyPatch, names: Any, ledger: bool, error: type, words: str
+) -> None:
+    def never(*_: Any, **__: Any) -> Any:
+        raise AssertionError("it ran")
+
+    monkeypatch.setattr("beltdyn.simulation.settle", never)
+    monkeypatch.setattr("beltdyn._core.Simulation", never)
+    with pytest.raises(error, match=words):
+        run(SCENES["paper"], outputs=names, ledger=ledger)
+
+
+# --- what it saves --------------------------------------------------------------------------------
+
+
+def test_bytes_are_those_of_what_was_asked_for(pair: tuple[bd.Scene, bd.Result]) -> None:
+    """Of the arrays that the core fills, and of what is counted as needed before the run."""
+    scene, full = pair
+    params, n_t = scene.params, T.size
+    n_b, n_p, n_m = params.belt.n_bodies, len(params.pulleys), len(params.mounted)
+    widths = {
+        ("span_tension",): 8 * n_p,
+        ("pulleys", "span_tension"): 8 * 4 * n_p,
+        ("joints.force",): 8 * n_b,
+        ("contact.pulley", "contact.mu"): 12 * n_b,
+        ("mounts.travel",): 8 * n_m,
+        (): 0,
+    }
+    for names, width in widths.items():
+        of_core = outputs.of_core(outputs.chosen(names, True), ledger=False)
+        sim = _core.Simulation(
+            params._model, start(full)._to_core(True), [], 1.0, ledger=False, motion=[]
+        )
+        arrays = sim.sample(T, of_core)
+        assert sum(array.nbytes for array in arrays.values()) == n_t * width
+        assert memory.check_samples(n_t, n_b, n_p, n_m, 0, True, of_core) == n_t * width
+    few = sum(array.nbytes for array in held(run(scene, outputs=("pulleys",))).values())
+    assert few == n_t * 3 * 8 * n_p
+    assert sum(array.nbytes for array in held(full).values()) > 10 * few
+
+
+@pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
+def test_the_ledger_is_left_out_unless_asked_for(method: str) -> None:
+    scene = SCENES["joint"]
+    initial = bd.settle(scene.params)
+    options: dict[str, Any] = {"initial": initial, "method": method, "rtol": 1e-3}
+    full = run(scene, **options)
+    without = run(scene, outputs=("pulleys",), **options)
+    with_it = run(scene, outputs=("energy",), **options)
+    assert "energy ledger" in full.effects and "energy ledger" in with_it.effects
+    assert set(full.effects) - set(without.effects) == {"energy ledger"}
+    # the implicit method of order 3 takes the power in the middle of a step for it
+    more = full.stats.steps if method == "rodas4" else 0
+    assert full.stats.nfev == with_it.stats.nfev == without.stats.nfev + more
+    assert full.energy is not None and with_it.energy is not None
+    np.testing.assert_array_equal(with_it.energy.passed, full.energy.passed)
+    np.testing.assert_array_equal(with_it.energy.total, full.energy.total)
+    # the balance of energy is looked at all the same, more coarsely
+    assert without.stats.balance != 0.0
+
+
+# --- checks of the samples ------------------------------------------------------------------------
+
+
+def test_what_cannot_be_looked_for_is_listed() -> None:
+    scene = SCENES["joint"]
+    result = run(scene, outputs=("span_tension",))
+    assert result.unchecked == ("units", "full_slip")
+    assert re.search(r"not looked for +units, full_slip, for want of outputs\n", str(result))
+    of_slip = ("contact.pulley", "contact.normal", "contact.friction", "contact.velocity")
+    assert run(scene, outputs=(*of_slip, "pulleys.torque")).unchecked == ("slack_span",)
+    spans = run(scene, outputs=("joints.force", "contact.pulley", "pulleys.torque"))
+    assert spans.unchecked == ("full_slip",)
+    free = scene._replace(params=attrs.evolve(scene.params, friction=None))
+    assert run(free, outputs=("span_tension",)).unchecked == ("no_friction", "units")
+    for one in (run(scene), run(free)):
+        assert one.unchecked == () and "not looked for" not in str(one)
+
+
+def test_a_slack_span_is_seen_in_the_tension_of_spans_alone() -> None:
+    """Pulleys are jerked against each other, which a belt stretched by 0.05 % does not bear; the
+    estimate of the error does not hold then."""
+    params = SCENES["joint"].params
+    belt = attrs.evolve(params.belt, length=1.2077)
+    params = attrs.evolve(params, belt=belt, friction=bd.Dahl(mu_k=3.0, sigma=1e4))
+    torque = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-60.0, 60.0]])
+    options: dict[str, Any] = {"t_eval": np.linspace(0.0, 0.05, 501), "rtol": 1e-3}
+    full = bd.simulate(params, torque, 0.05, ledger=False, **options)
+    alone = bd.simulate(params, torque, 0.05, outputs=("span_tension",), **options)
+    of_spans = [one for one in full.warnings if one.code == "slack_span"]
+    assert of_spans and full.stats.error is None
+    assert [one for one in alone.warnings if one.code == "slack_span"] == of_spans
+    assert alone.stats.error is None
+
+
+# --- files, copies, records -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("names", [("pulleys", "span_tension"), ("energy", "belt.x"), ()])
+def test_files_hold_what_was_asked_for(tmp_path: Path, names: tuple[str, ...]) -> None:
+    result, path = run(SCENES["mounts"], outputs=names), tmp_path / "run.npz"
+    result.save(path)
+    again = bd.Result.load(path)
+    assert again.outputs == result.outputs and again.unchecked == result.unchecked
+    assert set(held(again)) == set(held(result)) and str(again) == str(result)
+    for name, array in held(result).items():
+        np.testing.assert_array_equal(held(again)[name], array)
+    if "span_tension" in names:
+        np.testing.assert_array_equal(again.span_tension, result.span_tension)
+    with pytest.raises(AttributeError, match=r"belt\.vx was not asked for"):
+        _ = again.belt.vx
+    with np.load(path) as file:
+        whole = dict(file)
+    assert ("span_tension" in whole) == ("span_tension" in names)
+    # without what says so, the file is refused as one that lacks arrays, and so is one with more
+    meta = json.loads(str(whole["meta.json"]))
+    for change, words in (
+        ({"outputs": None}, "is missing"),
+        ({"outputs": ["belt.z"]}, "there is no 'belt.z'"),
+        ({"outputs": ["belt.y", "belt.x"]}, "names of arrays in order"),
+    ):
+        with open(path, "wb") as file:
+            np.savez(file, **whole | {"meta.json": json.dumps(meta | change)})
+        with pytest.raises(ValueError, match=words):
+            bd.Result.load(path)
+    for name in ("belt.vx", "span_tension"):
+        if name not in whole:
+            with open(path, "wb") as file:
+                np.savez(file, **whole | {name: np.zeros((T.size, 60))})
+            with pytest.raises(ValueError, match=f"{name} does not belong there"):
+                bd.Result.load(path)
+
+
+def test_copies_hold_what_was_asked_for() -> None:
+    result = run(SCENES["paper"], outputs=("joints.force", "span_tension"))
+    for again in (copy.copy(result), copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
+        np.testing.assert_array_equal(again.joints.force, result.joints.force)
+        np.testing.assert_array_equal(again.span_tension, result.span_tension)
+        assert set(held(again)) == {"joints.force"} and again.outputs == result.outputs
+        assert again.pulleys.names == result.pulleys.names
+
+
+def test_a_record_is_that_of_any_outputs() -> None:
+    """A run that goes on from a restart record may sample something else."""
+    scene = SCENES["paper"]
+    initial = bd.settle(scene.params)
+
+    times = np.linspace(0.0, 0.05, 500)
+
+    def new() -> _core.Simulation:
+        terms = scene.torque_fn.terms()  # type: ignore[union-attr]
+        return _core.Simulation(scene.params._model, initial._to_core(True), terms, 0.05)
+
+    first, whole = new(), new()
+    first.sample(times, ["span_tension"])
+    expected = whole.sample(times)["force"]
+    while not first.samples > 3:
+        first.advance(0.0)
+    second = new()
+    force = second.sample(times, ["force"])["force"]
+    second.import_record(first.export_record())
+    assert second.advance(np.inf) and whole.advance(np.inf)
+    left_out = np.isnan(force).all(axis=1)
+    assert 3 < np.count_nonzero(left_out) < times.size
+    np.testing.assert_array_equal(force[~left_out], expected[~left_out])
+
+
+def test_the_core_takes_names_it_knows_and_no_others() -> None:
+    scene = SCENES["paper"]
+    sim = _core.Simulation(scene.params._model, bd.settle(scene.params)._to_core(True), [], 1.0)
+    for names, error in (("force", TypeError), (["belt.x"], ValueError), ([3], ValueError)):
+        with pytest.raises(error, match="outputs"):
+            sim.sample(T, names)
+    with pytest.raises(TypeError):
+        sim.sample(T, 3)  # type: ignore[arg-type]
+    assert set(sim.sample(T, ["force", "pulley", "force"])) == {"force", "pulley"}
+
+
+# --- other runs, the command line -----------------------------------------------------------------
+
+
+def test_verified_and_budgeted_runs_keep_what_was_asked_for() -> None:
+    scene = bd.scenes.kubas_case_1()._replace(t_end=0.02)
+    names = ("span_tension", "pulleys.omega", "energy")
+    result = bd.simulate(*scene, verify=True, rtol=1e-2, outputs=names)
+    assert set(result.outputs or ()) == set(names)
+    assert {name.partition(".")[0] for name in held(result)} == {"pulleys", "energy"}
+    assert result.accuracy["tension"].space is not None and result.span_tension.shape == (1001, 2)
+    assert result.unchecked == ("full_slip",)
+    budgeted = bd.simulate(*scene, budget=5.0, outputs=("span_tension",))
+    assert budgeted.outputs == ("span_tension",) and held(budgeted) == {}
+
+
+def test_command_line(tmp_path: Path) -> None:
+    def call(*arguments: object) -> Any:
+        return CliRunner().invoke(cli.main, ["run", "kubas-case-1", *map(str, arguments)])
+
+    out = tmp_path / "run.npz"
+    short = ("--t-end", "0.002", "--out", out)
+    done = call(*short, "--outputs", "span_tension, pulleys.omega")
+    assert done.exit_code == 0
+    assert bd.Result.load(out).outputs == ("pulleys.omega", "span_tension")
+    refused = call(*short, "--outputs", "tension")
+    assert refused.exit_code == 2 and "there is no 'tension', there are" in refused.stderr
+    for option in ("--plot", "--animate"):
+        both = call(*short, "--outputs", "belt", option, tmp_path / "a.gif")
+        assert both.exit_code == 2 and "leave --outputs out" in both.stderr
+
+
+# --- the tension of spans -------------------------------------------------------------------------
+
+
+def spans_by_hand(touched: NDArray[np.int32], force: Array, n_p: int) -> Array:
+    """Look both ways from every joint for the next link on a pulley."""
+    n_b = touched.size
+    found: list[list[float]] = [[] for _ in range(n_p)]
+    for i in range(n_b):
+        if touched[i] >= 0 or touched[i - 1] >= 0:
+            continue
+        back = next((k for k in range(1, n_b) if touched[(i - k) % n_b] >= 0), None)
+        on = next((k for k in range(n_b) if touched[(i + k) % n_b] >= 0), None)
+        if back is None or on is None:
+            continue
+        before, after = touched[(i - back) % n_b], touched[(i + on) % n_b]
+        if before != after or n_p == 1:
+            found[before].append(float(force[i]))
+    return np.array([np.mean(some) if some else np.nan for some in found])
+
+
+@pytest.mark.parametrize("n_p", [1, 2, 3, 5])
+def test_spans_against_a_search_from_every_joint(n_p: int) -> None:
+    """Links on pulleys at random, and so wraps with links lifted off, spans without joints, pulleys
+    not touched and rings on which nothing is touched; sums of a few numbers of one sign differ by
+    rounding alone."""
+    random = np.random.default_rng(5)
+    n_b = 12
+    touched = random.integers(-1, n_p, (400, n_b)).astype(np.int32)
+    touched[random.random(touched.shape) < 0.6] = -1
+    force = random.uniform(1.0, 2.0, touched.shape)
+    found = _core.span_tension(touched, force, n_p)
+    expected = [spans_by_hand(a, b, n_p) for a, b in zip(touched, force, strict=True)]
+    assert np.isnan(expected).any() and not np.isnan(expected).all()
+    np.testing.assert_allclose(found, expected, rtol=1e-15 * n_b)
+
+
+def test_spans_of_what_is_no_row_of_links() -> None:
+    one, three = np.zeros((1, 3)), np.zeros((1, 3), dtype=np.int32)
+    for touched, force, n_p in (
+        (three[0], one[0], 2),
+        (three, one[:, :2], 2),
+        (three, one, 0),
+    ):
+        with pytest.raises(ValueError, match="must have one shape"):
+            _core.span_tension(touched, force, n_p)
+    with pytest.raises(TypeError):
+        _core.span_tension(three, one, None)  # type: ignore[arg-type]
+    assert np.isinf(_core.span_tension(np.array([[0, -1, -1]], np.int32), one + np.inf, 1)).all()
