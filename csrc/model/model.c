@@ -119,8 +119,10 @@ static double contact_depth(const bd_model *model, int j, double tension) {
  * the arcs of radius R that they stand for. A compensated contact begins so far outside that the
  * belt, under its preload, sinks in to these. */
 static double contact_radius(const bd_model *model, int j) {
-  const double radius = model->radius[j], a = 0.5 * model->info.link_length / radius;
-  const int sinks = model->contact.compensate && model->geometry.code == BD_OK;
+  const int laid = model->geometry.code == BD_OK, sinks = model->contact.compensate && laid;
+  const double stretched = laid && model->lay.string ? 1.0 + model->info.strain : 1.0;
+  const double radius = model->radius[j];
+  const double a = 0.5 * stretched * model->info.link_length / radius;
   return (model->along_links && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
          (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
