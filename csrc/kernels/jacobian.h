@@ -474,10 +474,12 @@ BD_LAWS(LAW)
 
 const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = WIDTH,
-    .ring_row = sizeof(ring_row),
-    .ring_ends = sizeof(ring_ends),
+    .ring_row = {sizeof(ring_row), sizeof(string_row)},
+    .ring_ends = {sizeof(ring_ends), sizeof(string_ends)},
     .factor = {ring_factor_0, ring_factor_1},
     .solve = {ring_solve_0, ring_solve_1},
+    .factor_string = factor_string,
+    .solve_string = solve_string,
     .linearise_joints = linearise_joints,
     .diagonal = diagonal,
     .joints_product = joints_product,

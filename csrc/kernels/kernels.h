@@ -134,7 +134,8 @@ typedef struct bd_blocks {
   const double *cos, *sin, *spin;
   double *xx, *xy, *yx, *yy, *pp;
   /* Contact along the links, where `full`: the diagonal's xp, yp, px, py; and what couples a link
-   * to the one before it, and that one to it, by rows. */
+   * to the one before it, and that one to it, by rows. Of a string, whose masses have x and y, the
+   * first four of each are the whole coupling. */
   double *xp, *yp, *px, *py, *back[9], *forward[9];
 } bd_blocks;
 
@@ -211,11 +212,14 @@ typedef struct bd_ring {
 
 /* Loops of solvers/newton_system.c at one instruction level. */
 typedef struct bd_newton_kernels {
-  int width;                  /* arcs */
-  size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
+  int width; /* arcs */
+  /* Bytes of a row of links, of the separators. [1: of a string, two unknowns a link] */
+  size_t ring_row[2], ring_ends[2];
   /* [1 where links are coupled by full blocks: contact along links] */
   void (*factor[2])(const bd_ring *ring, const bd_blocks *blocks);
   void (*solve[2])(const bd_ring *ring, double k, double *x, double *y, double *p);
+  void (*factor_string)(const bd_ring *ring, const bd_blocks *blocks);
+  void (*solve_string)(const bd_ring *ring, double *x, double *y);
   void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
   void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                    const bd_blocks *blocks);

@@ -11,5 +11,6 @@
 #include "kernels/laws.h"
 
 #include "kernels/ring.h"
+#include "kernels/ring2.h"
 
 #include "kernels/jacobian.h"
