@@ -474,12 +474,11 @@ BD_LAWS(LAW)
 
 const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = WIDTH,
-    .ring_row = {sizeof(ring_row), sizeof(string_row)},
-    .ring_ends = {sizeof(ring_ends), sizeof(string_ends)},
+    .unknowns = 3,
+    .ring_row = sizeof(ring_row),
+    .ring_ends = sizeof(ring_ends),
     .factor = {ring_factor_0, ring_factor_1},
     .solve = {ring_solve_0, ring_solve_1},
-    .factor_string = factor_string,
-    .solve_string = solve_string,
     .linearise_joints = linearise_joints,
     .diagonal = diagonal,
     .joints_product = joints_product,
@@ -511,8 +510,9 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
 
 const bd_newton_kernels PASTE(bd_newton_string_, BD_LEVEL) = {
     .width = WIDTH,
-    .ring_row = sizeof(ring_row),
-    .ring_ends = sizeof(ring_ends),
+    .unknowns = 2,
+    .ring_row = sizeof(string_row),
+    .ring_ends = sizeof(string_ends),
     .factor = {NULL, string_factor},
     .solve = {NULL, string_solve},
     .linearise_joints = string_linearise_joints,

@@ -213,13 +213,11 @@ typedef struct bd_ring {
 /* Loops of solvers/newton_system.c at one instruction level. */
 typedef struct bd_newton_kernels {
   int width; /* arcs */
-  /* Bytes of a row of links, of the separators. [1: of a string, two unknowns a link] */
-  size_t ring_row[2], ring_ends[2];
+  int unknowns; /* of a link: 3, or 2 of a mass of a string */
+  size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
   /* [1 where links are coupled by full blocks: contact along links] */
   void (*factor[2])(const bd_ring *ring, const bd_blocks *blocks);
   void (*solve[2])(const bd_ring *ring, double k, double *x, double *y, double *p);
-  void (*factor_string)(const bd_ring *ring, const bd_blocks *blocks);
-  void (*solve_string)(const bd_ring *ring, double *x, double *y);
   void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
   void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                    const bd_blocks *blocks);

@@ -172,7 +172,7 @@ INLINE square gather_square(double *const *entries, const ptrdiff_t *at, const i
                   gather(entries[2] + j, at), gather(entries[3] + j, at)};
 }
 
-static void factor_string(const bd_ring *ring, const bd_blocks *b) {
+static void string_factor(const bd_ring *ring, const bd_blocks *b) {
   string_row *const row = ring->rows;
   double *const diagonal[] = {b->xx, b->xy, b->yx, b->yy};
   const int m = ring->n_rows;
@@ -216,7 +216,8 @@ static void factor_string(const bd_ring *ring, const bd_blocks *b) {
 /* --- solve ----------------------------------------------------------------------------------- */
 
 /* x, y: right-hand side in, solution out. */
-static void solve_string(const bd_ring *ring, double *x, double *y) {
+static void string_solve(const bd_ring *ring, double k, double *x, double *y, double *p) {
+  (void)k, (void)p;
   const string_row *const row = ring->rows;
   pair *const z = ring->scratch;
   const int m = ring->n_rows;

@@ -39,10 +39,11 @@ static void string_linearise_joints(const bd_links *links, const double *y,
     root_and_inverse(fma_(dx, dx, dy * dy), &length, &inv);
     const vec ux = dx * inv, uy = dy * inv;
     const vec rate = fma_(ux, du, uy * dv), across = fnma_(uy, du, ux * dv);
-    store(t.cos + i, ux);
-    store(t.sin + i, uy);
-    store(t.spin + i, damping * across * inv);
-    store(t.pull + i, fma_(stiffness, length - l0, damping * rate) * inv);
+    const mask mass = less(splat(0.0), load(links->link_mask + i));
+    store(t.cos + i, where(mass, ux));
+    store(t.sin + i, where(mass, uy));
+    store(t.spin + i, where(mass, damping * across * inv));
+    store(t.pull + i, where(mass, fma_(stiffness, length - l0, damping * rate) * inv));
   }
 }
 
@@ -520,9 +521,4 @@ static void string_finish_moved(const bd_layout *lay, const bd_contact_pulley *p
       add_to(cslip, i, step * slide);
     }
   }
-}
-
-static void string_factor(const bd_ring *ring, const bd_blocks *b) { (void)ring; (void)b; }
-static void string_solve(const bd_ring *ring, double k, double *x, double *y, double *p) {
-  (void)ring; (void)k; (void)x; (void)y; (void)p;
 }

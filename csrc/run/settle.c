@@ -97,7 +97,7 @@ static const bd_method *method_for(const bd_model *model, int friction, double f
   double lowest, most = IMPLICIT_STEP / critical_mass_damping(model, flow, &lowest);
   *step = STABILITY_SHARE * explicit->stability / fastest_mode(model, friction, flow);
   const int exact = friction || !model->along_links;
-  if (model->lay.string || (exact ? WORTH_EXACT : WORTH) * *step >= most) { //HACK
+  if ((exact ? WORTH_EXACT : WORTH) * *step >= most) {
     return explicit;
   }
   *step = most;

@@ -152,15 +152,14 @@ static void carve_link_scratch(bd_carver *carver, const bd_layout *lay, bd_newto
   BD_CARVE(carver, system->mounts, lay->nm);
 }
 
-void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *kernels, int n,
-                   int string) {
+void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *kernels, int n) {
   const int width = kernels->width, rows = (n + width - 1) / width;
   BD_CARVE(carver, ring->base, width);
   BD_CARVE(carver, ring->shorter, width);
-  ring->rows = bd_carve(carver, (size_t)rows, kernels->ring_row[string]);
-  ring->ends = bd_carve(carver, 1, kernels->ring_ends[string]);
+  ring->rows = bd_carve(carver, (size_t)rows, kernels->ring_row);
+  ring->ends = bd_carve(carver, 1, kernels->ring_ends);
   double *scratch;
-  BD_CARVE(carver, scratch, (string ? 2 : 3) * width * rows);
+  BD_CARVE(carver, scratch, kernels->unknowns * width * rows);
   ring->scratch = scratch;
   if (!carver->base) {
     return;
@@ -199,7 +198,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
                     bd_law_is_general(model->friction[j].law));
     }
   }
-  bd_ring_carve(carver, &system->ring, ring, lay->n, 0);
+  bd_ring_carve(carver, &system->ring, ring, lay->n);
   BD_CARVE(carver, system->border, 3 * bodies * lay->stride);
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, bodies);

@@ -207,7 +207,8 @@ static void dense_solve(int n, double *a, double *x) {
   }
 }
 
-static void solve_ring(ring_case *c, const bd_newton_kernels *kernels) {
+static void solve_ring(ring_case *c, const bd_kernels *level) {
+  const bd_newton_kernels *kernels = c->string ? level->string->newton : level->newton;
   double *first[27];
   for (int e = 0; e < 27; ++e) {
     first[e] = c->entries[e] + BD_HALO;
@@ -233,18 +234,13 @@ static void solve_ring(ring_case *c, const bd_newton_kernels *kernels) {
   }
   bd_ring ring;
   bd_carver carver = {0};
-  bd_ring_carve(&carver, &ring, kernels, c->n, c->string);
+  bd_ring_carve(&carver, &ring, kernels, c->n);
   void *memory = bd_block_new(carver.used);
   carver = (bd_carver){.base = memory};
-  bd_ring_carve(&carver, &ring, kernels, c->n, c->string);
+  bd_ring_carve(&carver, &ring, kernels, c->n);
   double *x = c->x[0] + BD_HALO, *y = c->x[1] + BD_HALO, *p = c->x[2] + BD_HALO;
-  if (c->string) {
-    kernels->factor_string(&ring, &b);
-    kernels->solve_string(&ring, x, y);
-  } else {
-    kernels->factor[1](&ring, &b);
-    kernels->solve[1](&ring, 0.0, x, y, p);
-  }
+  kernels->factor[1](&ring, &b);
+  kernels->solve[1](&ring, 0.0, x, y, p);
   bd_block_free(memory);
 }
 
@@ -252,7 +248,7 @@ static void solve_ring(ring_case *c, const bd_newton_kernels *kernels) {
  * other entries or more (make_ring), all eliminations keep that, so no entry outgrows its row by
  * more than 3/2, and what a row is wrong by, some 40 roundings of terms up to 2 |x| times the
  * diagonal, reaches x at most doubled: 2 * 40 * 2 * 2^-53 |x| = 2e-14 |x|. */
-static void check_ring(const bd_newton_kernels *kernels, int n, int string) {
+static void check_ring(const bd_kernels *kernels, int n, int string) {
   ring_case *c = bd_block_new(sizeof *c);
   make_ring(c, n, string);
   const int size = unknowns_of(c), all = size * n;
@@ -288,10 +284,10 @@ static void rings_against_dense_matrices(void) {
     const bd_kernels *kernels = bd_kernels_choose();
     for (int string = 0; kernels && string < 2; ++string) {
       for (int n = kernels->newton->width > 3 ? kernels->newton->width : 3; n <= 33; ++n) {
-        check_ring(kernels->newton, n, string);
+        check_ring(kernels, n, string);
       }
       for (int m = 0; m < 3; ++m) {
-        check_ring(kernels->newton, longer[m], string);
+        check_ring(kernels, longer[m], string);
       }
     }
   }
@@ -330,7 +326,7 @@ static void stiff_strings_keep_their_digits(void) {
     if (!kernels) {
       continue;
     }
-    solve_ring(c, kernels->newton);
+    solve_ring(c, kernels);
     for (int i = 0; i < 2 * n; ++i) {
       double left = c->right[i % 2][BD_HALO + i / 2], size = 0.0;
       dense_row(c, i / 2, i % 2, row);
