@@ -145,7 +145,7 @@ class Params:
     @property
     def _in_place(self) -> tuple[preload.Scene, float]:
         """The drive with its pulleys fixed in their places, and the belt line round them [m]."""
-        return (*self._scene[:-1], None), route(self.pulleys).length
+        return preload.in_place(self._scene), route(self.pulleys).length
 
     @functools.cached_property
     def _model(self) -> _core.Model:

@@ -177,11 +177,8 @@ class Reference:
             at_rest = centers.copy()
             for (j, one), q in zip(mounts.items(), derived["rest"], strict=True):
                 at_rest[j] = one.place(q, centers[j])
-        if self.compensate or self.drag is not None or self.freedoms == 2:
+        if self.compensate or self.drag is not None:
             path = belt_line(at_rest, radii, self.length, n_b, self.sides)[-1]
-        if self.freedoms == 2:  # chords as long as under the preload stand for arcs as long
-            stretched = half_angle * path / self.length
-            derived["contact_radii"] = radii * stretched / np.sin(stretched)
         if self.compensate:
             strain = path / self.length - 1
             pressure = self.axial_stiffness * strain * (1 + strain) / radii

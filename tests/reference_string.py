@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from reference import Array, Reference
+from reference_line import spans_away
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,23 @@ class String(Reference):
         if self.bending_stiffness or self.bending_damping or self.mesh != "joint":
             raise ValueError("a string does not bend, and touches along its bars")
         super().__post_init__()
+        # chords as long as under the preload stand for arcs as long
+        half_angle = 0.5 * self.l0 / self.radii
+        stretched = half_angle * self.stretch()
+        more = stretched / np.sin(stretched) - half_angle / np.sin(half_angle)
+        object.__setattr__(self, "contact_radii", self.contact_radii + self.radii * more)
+
+    def stretch(self) -> float:
+        """1 + epsilon of the belt line where mounts rest; 1 where no line is: round one pulley, or
+        round pulleys that overlap.
+        """
+        places = self.centers.copy()
+        for (j, one), q in zip(self.mounts.items(), self.rest, strict=True):
+            places[j] = one.place(q, self.centers[j])
+        apart = np.hypot(*(places[:, None] - places).T) + 1e300 * np.eye(self.n_pulleys)
+        if self.n_pulleys < 2 or np.any(apart < self.radii[:, None] + self.radii):
+            return 1.0
+        return spans_away(places, self.radii, self.sides)[0] / self.length
 
     def bars(self, links: Array) -> tuple[Array, Array, Array, Array]:
         """Length, unit vector (..., 2, n_b) and rate of length of the bar before each mass, and how
