@@ -359,10 +359,11 @@ def study_accuracy(
 def explain_scene(
     scene: str, error: float, budget: float, method: str, t_end: float | None
 ) -> None:
-    """Tell which effects SCENE simulates, which numbers call for them, and what they cost.
+    """Tell which effects SCENE simulates, what calls for them, what they cost and change.
 
     SCENE is a name from `beltdyn scenes` or a TOML file. Lists the effects that are on and off, the
-    size of the state by part, and the passes of a step with their times on this machine.
+    size of the state by part, the passes of a step with their times on this machine, what leaving
+    out one effect at a time changes, and which may be left out at the error asked for.
     """
     try:
         found = _find(scene)

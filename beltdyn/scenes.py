@@ -19,6 +19,7 @@ from .machines import (
 )
 from .params import Params
 from .parts import Belt, Contact, Pulley
+from .published import ntarladima_2023
 from .scene import Scene
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Viscous
@@ -34,6 +35,7 @@ __all__ = [
     "kubas_case_1",
     "kubas_case_2",
     "names",
+    "ntarladima_2023",
     "serpentine",
     "tensioned_alternator",
     "three_pulleys",
@@ -197,6 +199,7 @@ _SCENES: dict[str, Callable[[], Scene]] = {
         crossed_belt,
         conveyor,
         flat_belt_axis,
+        ntarladima_2023,
     )
 }
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from .ablation import Ablation, LeftOut
 from .cost import Pass, StateSize, Step
 from .effects import Effect
 from .explanation import Explanation, explain
 
-__all__ = ["Effect", "Explanation", "Pass", "StateSize", "Step", "explain"]
+__all__ = ["Ablation", "Effect", "Explanation", "LeftOut", "Pass", "StateSize", "Step", "explain"]

@@ -1,36 +1,48 @@
-"""``bd.explain``: which effects a drive simulates, which numbers call for them, what they cost."""
+"""``bd.explain``: which effects a drive has, what calls for them, what they cost and change."""
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import attrs
+import numpy as np
 
 from .. import _core
-from ..checks import one_of, positive
+from ..checks import flag, one_of, positive
 from ..motions import MotionLike, as_motions, motion_terms
 from ..naming import ByPulley
 from ..params import Params
 from ..run_warnings import silenced
+from ..scene import Scene
 from ..simulation import METHODS
 from ..state import State
 from ..torques import TorqueLike, as_terms
+from .ablation import Ablation, ablate
 from .cost import Pass, StateSize, Step, size_of, time_step
 from .effects import Effect, effects_of
+from .removals import Removal, leave_out, removals_of
 from .text import text_of
-from .window import Drive, Window, find_window
+from .window import Drive, Timed, Window, find_window
 
 __all__ = ["Explanation", "explain"]
 
-#: Part of the budget that finding the window may take.
-_PILOT = 0.1
+#: Part of the budget that is planned; times vary.
+_PLANNED = 0.8
+#: CPU time of what is no run: passes and their run [s].
+_MEASURING = 0.4
+#: Runs besides those with one effect left out, in such runs: the window is looked for, the run with
+#: all effects, that at a tighter tolerance takes twice as long, that with all advice.
+_MORE_RUNS = 5
 #: Tolerance of the runs over the error asked for: theirs must not hide what an effect is worth.
 _TIGHTER, _LOOSEST, _TIGHTEST = 0.1, 1e-3, 1e-8
+#: Samples of a run that is compared.
+_SAMPLES = 501
 
 
 @attrs.frozen(kw_only=True, repr=False)
 class Explanation:
-    """What a drive simulates, why, and what it costs; ``print`` shows it.
+    """What a drive simulates, why, what it costs and what it changes; ``print`` shows it.
 
     Attributes:
         effects: The effects, those that are off too, in the order of their passes.
@@ -38,27 +50,49 @@ class Explanation:
         step: A step: its method and passes, each with its time, and the time of a whole step in a
             short run.
         window: The part of the run that was looked at.
+        ablation: What leaving out one effect at a time does; None if that was not asked for.
         error: The error asked for [1].
+        scene: The scene that is explained.
     """
 
     effects: tuple[Effect, ...]
     state: StateSize
     step: Step
     window: Window
+    ablation: Ablation | None
     error: float
+    scene: Scene
 
     @property
     def passes(self) -> tuple[Pass, ...]:
         """The passes of a step, in their order."""
         return self.step.passes
 
+    def without(self, *names: str) -> Scene:
+        """Give the scene without some of the effects of ``ablation``.
+
+        Args:
+            names: Names of rows of ``ablation``; none: all that ``ablation.advice`` has.
+
+        Raises:
+            ValueError: There is no such row.
+        """
+        known: dict[str, Removal] = {one.name: one for one in removals_of(self.scene)}
+        if not names and self.ablation is not None:
+            names = self.ablation.advice
+        for name in names:
+            one_of("name", name, tuple(known))
+        return leave_out(self.scene, [one for name, one in known.items() if name in names])
+
     def to_dict(self) -> dict[str, Any]:
-        """Give all of it as plain dictionaries, lists, texts and numbers, for JSON."""
-        plain: dict[str, Any] = attrs.asdict(self, filter=lambda field, _: field.name != "final")
+        """Give all but the scene as plain dictionaries, lists, texts and numbers, for JSON."""
+        plain: dict[str, Any] = attrs.asdict(
+            self, filter=lambda field, _: field.name not in ("final", "scene")
+        )
         return plain
 
     def __str__(self) -> str:
-        return text_of(self.effects, self.state, self.step)
+        return text_of(self.effects, self.state, self.step, self.window, self.ablation, self.error)
 
     def __repr__(self) -> str:
         on = sum(effect.on for effect in self.effects)
@@ -74,69 +108,102 @@ def explain(
     error: float = 1e-2,
     budget: float = 8.0,
     method: str = "auto",
+    ablation: bool = True,
 ) -> Explanation:
-    """Tell which effects a drive simulates, which numbers call for them, and what they cost.
+    """Tell which effects a drive simulates, what calls for them, what they cost and change.
 
     ``print(bd.explain(*bd.scenes.serpentine()))`` shows a built-in scene. It lists
 
     - the effects that are on and off, each with the numbers of the scene that call for it;
     - the size of the state, by part;
     - the passes of a step of the method, in their order, with the time of each, measured on this
-      machine at a state of the run.
+      machine at a state of the run;
+    - what leaving out one effect at a time does to span tensions, pulley speeds and CPU time, and
+      which may be left out at the error asked for.
 
-    Runs begin at rest under preload, as those of :func:`beltdyn.simulate` do, or at the speed with
-    which a motion begins.
+    Compared are the mean and the range of the tension of each span, over the mean tension, and of
+    the speed of each pulley, over the highest speed. A bound of what leaving out an effect changes
+    is stated for runs like the one that is explained, longer ones too: three times the largest
+    change over the window or a fifth of it, times by how much changes are larger late in the window
+    than early, plus twice the runs' own error, which is measured with a run at a tenth of the
+    tolerance. The effect may be left out if that is within the error asked for. Several may be left
+    out together as far as their bounds add up to the error asked for, and after a run without all
+    of them has confirmed it. An effect that did nothing in the window is named as not exercised:
+    nothing follows for other runs, as with all that begins to act only after the window.
+
+    All runs begin as those of :func:`beltdyn.simulate` do, each of its own drive: at rest under
+    preload, or at the speed with which a motion begins. Where the belt's length is found for its
+    preload, it is found anew.
 
     Args:
         params: The drive.
         torque_fn: The set torques, as :func:`beltdyn.simulate` takes them.
         t_end: End of the run that is to be explained [s]; None: 1 s. Of it as much is run, from
-            its start, as the budget allows.
+            its start, as the budget allows: the window.
         motion: Prescribed motions by pulley, as :func:`beltdyn.simulate` takes them.
-        error: The error asked for [1], 0.01: one percent.
+        error: The error asked for [1], 0.01: one percent. The runs have a tenth of it, at most
+            1e-3, as their ``rtol``.
         budget: CPU time for all of it [s], about.
         method: One of :data:`beltdyn.METHODS`.
+        ablation: Whether to leave out effects.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule.
         SimulationError: The drive does not settle or run.
         Interrupted: Ctrl-C.
     """
+    begin = time.thread_time()
     if not isinstance(params, Params):
         raise TypeError(f"params must be a Params, got {type(params).__name__}")
-    asked = positive("error", error, "1")
+    asked, allowed = positive("error", error, "1"), positive("budget", budget, "s")
+    scene = Scene(
+        params, torque_fn, 1.0 if t_end is None else positive("t_end", t_end, "s"), motion
+    )
+    scene.check()
     drive = Drive(
-        params=params,
-        torque_fn=torque_fn,
-        motion=motion,
+        scene=scene,
         rtol=min(_LOOSEST, max(_TIGHTEST, _TIGHTER * asked)),
         method=one_of("method", method, METHODS),
     )
-    allowed = positive("budget", budget, "s")
-    asked_end = 1.0 if t_end is None else positive("t_end", t_end, "s")
-    terms = as_terms(torque_fn, params.pulley_names)
-    motions = as_motions(motion, params.pulley_names)
+    runs = _MORE_RUNS + len(removals_of(scene)) if flag("ablation", ablation) else _MORE_RUNS
     with silenced():
-        window = find_window(drive, asked_end, _PILOT * allowed)
+        window = find_window(drive, max(0.0, _PLANNED * allowed - _MEASURING) / runs)
+        sim = _start(drive, window.final, drive.method)
+        step = time_step(lambda name: _start(drive, window.final, name), drive.method)
+        found = None
+        if ablation:
+            times = np.linspace(0.0, window.end, _SAMPLES)
 
-    def start(name: str, state: State = window.final) -> _core.Simulation:
-        return _core.Simulation(
-            params._model,
-            state._to_core(params.has_friction),
-            terms,
-            max(asked_end, 2.0 * state.t),
-            method=name,
-            rtol=drive.rtol,
-            motion=motion_terms(motions),
-        )
+            def run(one: Scene, tighter: float) -> Timed:
+                return drive.run(one, window.end, tighter, t_eval=times)
 
-    sim = start(drive.method)
+            found = ablate(
+                scene, run, asked, lambda: _PLANNED * allowed - (time.thread_time() - begin)
+            )
+    motions = as_motions(motion, params.pulley_names)
     return Explanation(
         effects=effects_of(params, _described(torque_fn), motions, sim.effects, sim.passes),
         state=size_of(sim),
-        step=time_step(start, drive.method),
+        step=step,
         window=window,
+        ablation=found,
         error=asked,
+        scene=scene,
+    )
+
+
+def _start(drive: Drive, state: State, method: str) -> _core.Simulation:
+    """Give a run from a state of the window on, to its end or beyond."""
+    scene = drive.scene
+    names = scene.params.pulley_names
+    return _core.Simulation(
+        scene.params._model,
+        state._to_core(scene.params.has_friction),
+        as_terms(scene.torque_fn, names),
+        max(scene.t_end, 2.0 * state.t),
+        method=method,
+        rtol=drive.rtol,
+        motion=motion_terms(as_motions(scene.motion, names)),
     )
 
 

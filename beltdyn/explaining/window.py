@@ -7,13 +7,10 @@ from typing import Any
 
 import attrs
 
-from ..motions import MotionLike
-from ..naming import ByPulley
-from ..params import Params
 from ..result import Result
+from ..scene import Scene
 from ..simulation import simulate
 from ..state import State
-from ..torques import TorqueLike
 
 __all__ = ["Drive", "Timed", "Window", "find_window"]
 
@@ -23,27 +20,30 @@ _FIRST = 1.0 / 64.0
 
 @attrs.frozen(kw_only=True)
 class Drive:
-    """A drive with its loads, and how it is run.
+    """How the runs are made.
 
     Attributes:
-        params: The drive.
-        torque_fn: The set torques.
-        motion: The prescribed motions.
+        scene: The scene; of it ``t_end`` is the longest window.
         rtol: Tolerance.
         method: Integration method.
     """
 
-    params: Params
-    torque_fn: TorqueLike
-    motion: ByPulley[MotionLike] | None
+    scene: Scene
     rtol: float
     method: str
 
-    def run(self, t_end: float, **options: Any) -> Timed:
-        """Run it; ``options`` are those of :func:`beltdyn.simulate`."""
-        given: dict[str, Any] = {"rtol": self.rtol, "method": self.method, **options}
+    def run(self, scene: Scene, t_end: float, tighter: float = 1.0, **options: Any) -> Timed:
+        """Run a scene, with the tolerance times ``tighter`` and options of ``simulate``."""
         begin = time.thread_time()
-        result = simulate(self.params, self.torque_fn, t_end, motion=self.motion, **given)
+        result = simulate(
+            scene.params,
+            scene.torque_fn,
+            t_end,
+            motion=scene.motion,
+            rtol=tighter * self.rtol,
+            method=self.method,
+            **options,
+        )
         return Timed(result, time.thread_time() - begin)
 
 
@@ -70,21 +70,21 @@ class Window:
     final: State = attrs.field(repr=False)
 
 
-def find_window(drive: Drive, t_end: float, allowance: float) -> Window:
+def find_window(drive: Drive, allowance: float) -> Window:
     """Find how far a run comes in some CPU time, settling included.
 
     In pieces that double its length, each from the end of the one before, until the next one would
     take too long; all of them together take about the allowance.
 
     Args:
-        drive: The drive.
-        t_end: The longest window [s].
+        drive: How the runs are made.
         allowance: CPU time of a run [s].
     """
     reached, spent, state = 0.0, 0.0, None
+    t_end = drive.scene.t_end
     end = _FIRST * t_end
     while True:
-        piece = drive.run(end, initial=state, t_eval=[end])
+        piece = drive.run(drive.scene, end, initial=state, t_eval=[end])
         spent += piece.seconds
         pace = piece.result.stats.cpu_time / (end - reached)
         reached, state = end, piece.result.final_state

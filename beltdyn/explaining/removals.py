@@ -1,0 +1,211 @@
+"""What may be left out of a scene, one effect at a time.
+
+Numbers that a part may do without, which are those that are 0 by default, come from the tables of
+parameters: a new one of this kind appears here by itself. What takes more than a number to leave
+out is a row of ``_OTHERS``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
+
+import attrs
+import numpy as np
+
+from ..loads import Harmonics
+from ..motions import CrankMotion
+from ..mounts import Arm, Slider
+from ..params import Params
+from ..scene import Scene
+from ..torques import TorqueLike, TorqueSum, Viscous
+from .effects import Part, parts_of
+
+__all__ = ["Removal", "leave_out", "removals_of"]
+
+#: What holds belt or tensioner in place is no effect that could be left out.
+_HOLDS = {
+    ("arm", "stiffness"),
+    ("slider", "stiffness"),
+    ("slider", "weight"),
+    ("contact", "quadratic"),
+}
+#: Numbers that may be 0 although something is chosen by default.
+_CHOSEN = {("contact", "damping")}
+#: The static coefficient of a law with a Stribeck curve, and the names of the kinetic one.
+_STATIC, _KINETIC = "mu_s", ("mu_k", "mu")
+
+
+class Removal(NamedTuple):
+    """An effect that can be left out.
+
+    Attributes:
+        name: Its name.
+        how: What to change in the scene.
+        apply: Gives the scene without it.
+    """
+
+    name: str
+    how: str
+    apply: Callable[[Scene], Scene]
+
+
+def removals_of(scene: Scene) -> tuple[Removal, ...]:
+    """Give what can be left out of a scene."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for part in parts_of(scene.params):
+        for name in _optional(part):
+            where = "" if part.pulley is None else scene.params.label(part.pulley)
+            found.setdefault((part.path, name), []).append(where)
+    numbers = [_number(path, name, where) for (path, name), where in found.items()]
+    return (*numbers, *(removal for removal, has in _OTHERS if has(scene)))
+
+
+def leave_out(scene: Scene, removals: Iterable[Removal]) -> Scene:
+    """Give the scene without some effects."""
+    for removal in removals:
+        scene = removal.apply(scene)
+    return scene
+
+
+# --- numbers of parts -----------------------------------------------------------------------------
+
+
+def _optional(part: Part) -> Iterator[str]:
+    """Name the numbers of a part that are there and need not be."""
+    for field in attrs.fields(type(part.part)):  # type: ignore[arg-type]
+        rule = field.metadata.get("rule")
+        if rule is None or rule.rule != "NONNEGATIVE":
+            continue
+        row = (rule.group, rule.name)
+        optional = (field.default == 0.0 and row not in _HOLDS) or row in _CHOSEN
+        if optional and (getattr(part.part, field.name) or 0.0) > 0.0:
+            yield field.name
+
+
+def _number(path: str, name: str, where: list[str]) -> Removal:
+    def apply(scene: Scene) -> Scene:
+        return _with_parts(
+            scene,
+            lambda part: {name: 0.0} if part.path == path and name in _optional(part) else {},
+        )
+
+    places = ", ".join(place for place in where if place)
+    return Removal(
+        f"{path}.{name}", f"{path}.{name} = 0" + (f" of {places}" if places else ""), apply
+    )
+
+
+def _with_parts(scene: Scene, changes: Callable[[Part], dict[str, Any]]) -> Scene:
+    """Give the scene with other numbers in some of its parts."""
+    params = scene.params
+    for part in list(parts_of(params)):
+        changed = changes(part)
+        if changed:
+            old: Any = part.part
+            params = _put(params, part, attrs.evolve(old, **changed))
+    return scene._replace(params=params)
+
+
+def _put(params: Params, where: Part, value: Any) -> Params:
+    if where.pulley is None:
+        return attrs.evolve(params, **{where.path: value})
+    pulleys = list(params.pulleys)
+    pulleys[where.pulley] = attrs.evolve(pulleys[where.pulley], **{where.path: value})
+    return attrs.evolve(params, pulleys=pulleys)
+
+
+# --- what takes more than a number ----------------------------------------------------------------
+
+
+def _has_gravity(scene: Scene) -> bool:
+    return scene.params.gravity != (0.0, 0.0)
+
+
+def _without_gravity(scene: Scene) -> Scene:
+    return scene._replace(params=attrs.evolve(scene.params, gravity=(0.0, 0.0)))
+
+
+def _stribeck_off(part: Part) -> dict[str, Any]:
+    """Give the static coefficient that takes the Stribeck curve away, where there is one."""
+    static = getattr(part.part, _STATIC, None)
+    if part.group != "friction" or static is None:
+        return {}
+    kinetic = next(getattr(part.part, name) for name in _KINETIC if hasattr(part.part, name))
+    return {} if np.all(static == kinetic) else {_STATIC: kinetic}
+
+
+def _has_stribeck(scene: Scene) -> bool:
+    return any(_stribeck_off(part) for part in parts_of(scene.params))
+
+
+def _without_stribeck(scene: Scene) -> Scene:
+    return _with_parts(scene, _stribeck_off)
+
+
+def _sprung(params: Params) -> list[int]:
+    return [k for k in params.mounted if isinstance(params.pulleys[k].mount, (Arm, Slider))]
+
+
+def _has_mounts(scene: Scene) -> bool:
+    return bool(_sprung(scene.params))
+
+
+def _without_mounts(scene: Scene) -> Scene:
+    """Fix the axes where they rest, under the belt that is in place."""
+    params, centers = scene.params, scene.params.centers()
+    pulleys = list(params.pulleys)
+    for k in _sprung(params):
+        x, y = centers[k]
+        pulleys[k] = attrs.evolve(pulleys[k], center=(float(x), float(y)), mount=None)
+    fixed = attrs.evolve(params, belt=params.effective_belt, pulleys=pulleys)
+    return scene._replace(params=fixed)
+
+
+def _has_crank(scene: Scene) -> bool:
+    return any(isinstance(motion, CrankMotion) for motion in (scene.motion or {}).values())
+
+
+def _without_crank(scene: Scene) -> Scene:
+    motion = {
+        pulley: one.speed if isinstance(one, CrankMotion) else one
+        for pulley, one in (scene.motion or {}).items()
+    }
+    return scene._replace(motion=motion)
+
+
+def _parts_of_torque(torque: TorqueLike) -> tuple[Any, ...]:
+    return torque.parts if isinstance(torque, TorqueSum) else (torque,)
+
+
+def _has_harmonics(scene: Scene) -> bool:
+    return any(isinstance(part, Harmonics) for part in _parts_of_torque(scene.torque_fn))
+
+
+def _without_harmonics(scene: Scene) -> Scene:
+    parts = [p for p in _parts_of_torque(scene.torque_fn) if not isinstance(p, Harmonics)]
+    nothing = Viscous(np.zeros(len(scene.params.pulleys)))
+    return scene._replace(torque_fn=TorqueSum(tuple(parts) or (nothing,)))
+
+
+#: What can be left out besides numbers, and which scenes have it. Mounts come last: where their
+#: pulleys rest depends on what else is left out.
+_OTHERS: tuple[tuple[Removal, Callable[[Scene], bool]], ...] = (
+    (Removal("gravity", "gravity = (0, 0)", _without_gravity), _has_gravity),
+    (
+        Removal("Stribeck curve", "friction.mu_s as the kinetic coefficient", _without_stribeck),
+        _has_stribeck,
+    ),
+    (
+        Removal("harmonics of the crank", "the mean speed as its motion", _without_crank),
+        _has_crank,
+    ),
+    (
+        Removal("harmonics of torques", "no Harmonics among the torques", _without_harmonics),
+        _has_harmonics,
+    ),
+    (
+        Removal("motion of mounts", "mount = None, fixed where the belt rests", _without_mounts),
+        _has_mounts,
+    ),
+)

@@ -1,0 +1,117 @@
+"""Creep of a running belt by quasi-static theory: Coulomb friction, an extensible belt, no gravity.
+
+In steady motion c = v / lambda, the stress-free length that passes by in a second, is the same all
+round, with lambda(T) = 1 + T / EA. On the driving pulley the belt sticks from where it enters, with
+the tight side's tension, and slips towards where it leaves; on the driven pulley it sticks with
+the slack side's. So omega_1 R_1 = v_t and omega_2 R_2 = v_s. Balance of forces on an element of an
+arc in slip, with the momentum m c v of the belt, is dH = mu H dphi for H = T - m c^2 lambda. So the
+angle of slip is the same on both pulleys, ln(H_t / H_s) / mu, and the torque of a pulley over its
+radius is (T_t - T_s) - m c (v_t - v_s) = H_t - H_s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, fsolve
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Two pulleys of radii (driving, driven), wraps [rad], the length of both spans together."""
+
+    radii: tuple[float, float]
+    wraps: tuple[float, float]
+    spans: float
+    length: float
+    axial_stiffness: float
+    linear_density: float
+    mu: float
+
+    @classmethod
+    def open(
+        cls, radii: tuple[float, float], apart: float, *, length: float, **belt: float
+    ) -> Drive:
+        """An open drive; lengths of spans and wraps from its right-angled triangle."""
+        lean = math.asin((radii[1] - radii[0]) / apart)
+        wraps = (math.pi - 2.0 * lean, math.pi + 2.0 * lean)
+        return cls(radii, wraps, 2.0 * apart * math.cos(lean), length, **belt)
+
+    def stretch(self, tension: float) -> float:
+        return 1.0 + tension / self.axial_stiffness
+
+
+@dataclass(frozen=True)
+class Creep:
+    """A steady state: tensions [N], speed of the driven pulley, torques [N m], slip angle [rad]."""
+
+    tight: float
+    slack: float
+    omega: float
+    torque: float
+    load: float
+    slip: float
+
+
+def _state(drive: Drive, omega: float, tight: float, slack: float) -> tuple[Creep, float]:
+    """The state with these tensions, and how much longer its belt is than that of the drive."""
+    r_1, r_2 = drive.radii
+    lam_t, lam_s = drive.stretch(tight), drive.stretch(slack)
+    c = omega * r_1 / lam_t
+    momentum = drive.linear_density * c * c
+    h_t, h_s = tight - momentum * lam_t, slack - momentum * lam_s
+    slip = math.log(h_t / h_s) / drive.mu
+    # lambda is linear in H: lambda = at_zero + rise H, and the slipping arc has dphi = dH / (mu H)
+    rise = (lam_t - lam_s) / (h_t - h_s)
+    at_zero = lam_t - rise * h_t
+    sliding = (slip - math.log(lam_t / lam_s) / drive.mu) / at_zero
+    length = (
+        0.5 * drive.spans * (1.0 / lam_t + 1.0 / lam_s)
+        + r_1 * ((drive.wraps[0] - slip) / lam_t + sliding)
+        + r_2 * ((drive.wraps[1] - slip) / lam_s + sliding)
+    )
+    pull = h_t - h_s
+    state = Creep(tight, slack, c * lam_s / r_2, pull * r_1, pull * r_2, slip)
+    return state, length - drive.length
+
+
+def rest(drive: Drive) -> float:
+    """Tension of the belt at rest [N]."""
+    path = drive.spans + sum(r * w for r, w in zip(drive.radii, drive.wraps, strict=True))
+    return drive.axial_stiffness * (path / drive.length - 1.0)
+
+
+def steady(drive: Drive, omega: float, load: Callable[[float], float]) -> Creep:
+    """The steady state at this speed of the driving pulley, with ``load(speed)`` on the other."""
+
+    def misfit(unknown: np.ndarray) -> list[float]:
+        state, longer = _state(drive, omega, *unknown)
+        return [state.load - load(state.omega), longer * drive.axial_stiffness / drive.length]
+
+    t_0 = rest(drive)
+    found = fsolve(misfit, [1.2 * t_0, 0.8 * t_0], xtol=1e-12)
+    assert max(map(abs, misfit(found))) < 1e-9
+    return _state(drive, omega, *found)[0]
+
+
+def full_slip(drive: Drive, omega: float) -> Creep:
+    """The steady state at which the smaller wrap slips all over: no larger load has one."""
+    factor = math.exp(drive.mu * min(drive.wraps))
+
+    def tight(slack: float) -> float:
+        def excess(tight: float) -> float:
+            momentum = drive.linear_density * (omega * drive.radii[0] / drive.stretch(tight)) ** 2
+            h_t = tight - momentum * drive.stretch(tight)
+            return h_t - factor * (slack - momentum * drive.stretch(slack))
+
+        return float(brentq(excess, slack, 1.1 * factor * slack, xtol=1e-13))
+
+    def longer(slack: float) -> float:
+        return _state(drive, omega, tight(slack), slack)[1]
+
+    low = drive.linear_density * (omega * drive.radii[0]) ** 2
+    slack = float(brentq(longer, low + 1e-3 * rest(drive), rest(drive), xtol=1e-13))
+    return _state(drive, omega, tight(slack), slack)[0]

@@ -1,0 +1,297 @@
+"""What explain says may be left out: the removals, the bounds, and whether advice holds."""
+
+from __future__ import annotations
+
+import math
+from itertools import permutations
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn.explaining import ablation
+from beltdyn.explaining.ablation import Answers, LeftOut, answers_of, changes_of, growth_of
+from beltdyn.explaining.removals import Removal, leave_out, removals_of
+from beltdyn.run_warnings import silenced
+
+#: So much that the whole run is the window, however slow the machine.
+ENOUGH = 500.0
+
+
+def rich() -> bd.Scene:
+    """Give a drive of which nearly everything can be left out."""
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+    belt = bd.Belt(
+        length=1.2,
+        n_bodies=40,
+        linear_density=0.1,
+        axial_stiffness=70e3,
+        axial_damping=1.4,
+        bending_stiffness=0.02,
+        bending_damping=1e-6,
+    )
+    law = bd.LuGre(mu_k=0.8, mu_s=0.9, v_stribeck=0.01, sigma=1e4, viscous=1e-3)
+    arm = bd.Arm(
+        pivot=(0.2, -0.1), inertia=2e-3, mass=0.1, stops=(-0.2, 0.2), friction=0.4, damping=0.1
+    )
+    pulleys = (
+        bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01, friction=law),
+        bd.Pulley(
+            center=(0.29, 0.0),
+            radius=0.1,
+            inertia=0.01,
+            drag=bd.Drag(coulomb=0.01, viscous=1e-4, quadratic=1e-6),
+        ),
+    )
+    with_arm = attrs.evolve(pulleys[1], mount=attrs.evolve(arm, stiffness=200.0, preload=-90.0))
+    params = bd.Params(
+        belt=attrs.evolve(belt, length=None),
+        pulleys=(pulleys[0], with_arm),
+        friction=bd.Dahl(mu_k=0.8, sigma=1e4),
+        gravity=(0.0, -9.81),
+    )
+    torque = bd.Viscous([0.0, 1.0]) + bd.Harmonics(1, [2.0], [0.5])
+    crank = bd.CrankMotion(-20.0, [2.0], [0.005], fade=(0.05, 0.1))
+    return bd.Scene(params, torque, 0.02, {0: crank})
+
+
+def all_of(scene: bd.Scene) -> dict[str, Removal]:
+    return {one.name: one for one in removals_of(scene)}
+
+
+# --- removals -------------------------------------------------------------------------------------
+
+
+def test_everything_that_is_there_can_be_left_out() -> None:
+    assert set(all_of(rich())) == {
+        "belt.axial_damping",
+        "belt.bending_stiffness",
+        "belt.bending_damping",
+        "contact.damping",
+        "friction.viscous",
+        "drag.coulomb",
+        "drag.viscous",
+        "drag.quadratic",
+        "mount.mass",
+        "mount.damping",
+        "mount.friction",
+        "gravity",
+        "Stribeck curve",
+        "harmonics of the crank",
+        "harmonics of torques",
+        "motion of mounts",
+    }
+
+
+def test_each_removal_takes_away_its_own_effect_alone() -> None:
+    scene = rich()
+    names = set(all_of(scene))
+    for name, removal in all_of(scene).items():
+        left = removal.apply(scene)
+        gone = {"motion of mounts": {name, "mount.mass", "mount.damping", "mount.friction"}}
+        assert names - set(all_of(left)) == gone.get(name, {name})
+        left.check()
+    bare = leave_out(scene, removals_of(scene))
+    assert not removals_of(bare)
+    assert bare.params.pulleys[1].mount is None and bare.params.gravity == (0.0, 0.0)
+    assert bare.params.friction_on(0).mu_s == 0.8  # type: ignore[union-attr]
+
+
+def test_the_order_of_removals_changes_nothing() -> None:
+    scene = rich()
+    some = [all_of(scene)[name] for name in ("drag.viscous", "gravity", "Stribeck curve")]
+    assert len({leave_out(scene, group).to_toml() for group in permutations(some)}) == 1
+
+
+def test_fixed_axes_stand_where_the_belt_rests() -> None:
+    scene = rich()
+    fixed = all_of(scene)["motion of mounts"].apply(scene)
+    assert np.allclose([p.center for p in fixed.params.pulleys], scene.params.centers())
+    assert fixed.params.belt.length == scene.params.info["length"]
+
+
+# --- bounds ---------------------------------------------------------------------------------------
+
+
+def answers(tension: list[float], scale: float = 100.0) -> Answers:
+    """Give answers of one span: mean tensions over the whole and the fifths; all else the same."""
+    same = np.ones((6, 1))
+    return Answers(
+        values={
+            "tension, mean": np.array(tension)[:, None],
+            "tension, range": same,
+            "speed, mean": same,
+            "speed, range": same,
+        },
+        scales={"tension": scale, "speed": 0.0},
+    )
+
+
+def test_changes_are_over_the_scales() -> None:
+    base = answers([10.0] * 6)
+    changes = changes_of(answers([11.0, 10.0, 10.0, 12.0, 10.0, 10.0]), base)
+    assert changes["tension, mean"] == pytest.approx([0.01, 0.0, 0.0, 0.02, 0.0, 0.0])
+    assert not changes["speed, mean"].any()  # of a drive that stands still, too
+    gone = changes_of(answers([math.nan] * 6), base)
+    assert np.all(np.isinf(gone["tension, mean"]))
+
+
+@pytest.mark.parametrize(
+    ("fifths", "growth"),
+    # The largest of the last two fifths over the largest of the first three, 1 to 10.
+    [([1, 2, 1, 3, 6], 3.0), ([1, 2, 4, 3, 2], 1.0), ([0, 0, 1, 2, 30], 10.0), ([0] * 4 + [1], 10)],
+)
+def test_growth(fifths: list[float], growth: float) -> None:
+    assert growth_of({"tension, mean": np.array([9.0, *fifths])}) == growth
+
+
+def test_answers_of_a_run_that_is_known() -> None:
+    """A pulley under a constant torque, free of the belt's friction: omega = M t / I."""
+    params, _, _, _ = bd.scenes.kubas_case_1()
+    free = attrs.evolve(params, friction=None)
+    torque, inertia = 3.0, free.pulleys[1].inertia
+    with silenced():  # 60 links of the paper's mesh are few, which is no matter here
+        result = bd.simulate(free, bd.PiecewiseLinear([0.0], [[0.0, torque]]), 0.01)
+    seen = answers_of(result)
+    last = torque * 0.01 / inertia
+    assert seen.scales["speed"] == pytest.approx(last, rel=1e-9)
+    middles = [0.5, 0.1, 0.3, 0.5, 0.7, 0.9]
+    assert seen.values["speed, mean"][:, 1] == pytest.approx(np.array(middles) * last, rel=1e-9)
+    # samples at the edges of the fifths belong to both
+    lengths = np.array([1.0, 0.2, 0.2, 0.2, 0.2, 0.2])
+    assert seen.values["speed, range"][:, 1] == pytest.approx(lengths * last, rel=6e-3)
+
+
+def row(name: str, bound: float, may: bool = True) -> LeftOut:
+    return LeftOut(
+        name=name,
+        how="",
+        change={},
+        worst=bound,
+        growth=1.0,
+        bound=bound,
+        cpu_time=0.0,
+        exercised=True,
+        may_be_left_out=may,
+        warned=(),
+        failed="",
+    )
+
+
+def test_bounds_add_up() -> None:
+    rows = [row("a", 0.006), row("b", 0.001), row("c", 0.004), row("d", 0.0, may=False)]
+    assert ablation.removals_that_may_go(rows, 0.01) == ["b", "c"]
+    assert ablation.removals_that_may_go(rows, 0.011) == ["b", "c", "a"]
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def explained() -> bd.Explanation:
+    scene = rich()
+    return bd.explain(*scene[:4], error=0.05, budget=20.0)
+
+
+def test_what_did_not_act_is_named_so(explained: bd.Explanation) -> None:
+    """The crank's harmonics fade in after the window."""
+    assert explained.ablation is not None
+    rows = {one.name: one for one in explained.ablation.rows}
+    crank = rows.pop("harmonics of the crank")
+    assert not crank.exercised and not crank.may_be_left_out and crank.worst == 0.0
+    assert "Not exercised" in str(explained)
+    assert rows["gravity"].exercised and rows["mount.friction"].exercised
+
+
+def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
+    found = explained.ablation
+    assert found is not None
+    for one in found.rows:
+        assert not one.failed, one.failed
+        assert set(one.change) == set(ablation.ANSWERS)
+        assert one.bound >= 3.0 * max(one.change.values()) + 2.0 * found.own_error
+        assert one.may_be_left_out == (one.exercised and one.bound <= 0.05)
+        assert math.isfinite(one.cpu_time)
+    allowed = {one.name for one in found.rows if one.may_be_left_out}
+    assert set(found.advice) <= allowed
+
+
+def test_scenes_without_effects(explained: bd.Explanation) -> None:
+    assert explained.without("gravity").params.gravity == (0.0, 0.0)
+    with pytest.raises(ValueError, match=r"name must be one of belt\.axial_damping, "):
+        explained.without("nothing")
+
+
+def test_a_drive_that_does_not_run_without_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(scene: bd.Scene) -> bd.Scene:
+        raise ValueError("there is nothing left")
+
+    monkeypatch.setattr(ablation, "removals_of", lambda _: (Removal("all", "nothing", fails),))
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+    found = bd.explain(params, torque, 1e-3, budget=0.3)
+    assert found.ablation is not None and not found.ablation.advice
+    (one,) = found.ablation.rows
+    assert one.failed == "there is nothing left" and not one.may_be_left_out
+    assert "there is nothing left" in str(found)
+
+
+def worst_change(scene: bd.Scene, base: bd.Scene, t_end: float) -> float:
+    def run(one: bd.Scene) -> Answers:
+        return answers_of(bd.simulate(*one._replace(t_end=t_end), rtol=1e-3))
+
+    with silenced():  # of the mesh, which is the same in both
+        changes = changes_of(run(scene), run(base))
+    return max(float(change[0]) for change in changes.values())
+
+
+def holds(explanation: bd.Explanation, changed: Any, t_end: float) -> int:
+    """Check the advice, together and each for itself, on another run of the scene; count it."""
+    found = explanation.ablation
+    assert found is not None and found.together is not None
+    rows = {one.name: one for one in found.rows}
+    base = changed(explanation.scene)
+    cases = [(found.advice, found.together.bound)]
+    cases += [((name,), one.bound) for name, one in rows.items() if one.may_be_left_out]
+    for names, bound in cases:
+        assert bound <= explanation.error
+        assert worst_change(changed(explanation.without(*names)), base, t_end) < bound, names
+    return len(found.advice)
+
+
+def test_an_effect_whose_lack_is_warned_of_is_kept() -> None:
+    """Without damping, links that land on a pulley vibrate on its contact: warning "undamped"."""
+    scene = bd.scenes.get("three-pulleys")
+    found = bd.explain(*scene, error=0.5, budget=ENOUGH, method="rodas4").ablation
+    assert found is not None
+    rows = {one.name: one for one in found.rows}
+    assert rows["contact.damping"].warned == ("undamped",) and rows["gravity"].warned == ()
+    assert rows["contact.damping"].bound < 0.5 and not rows["contact.damping"].may_be_left_out
+    assert "contact.damping" not in found.advice
+
+
+@pytest.fixture(scope="module")
+def advised() -> bd.Explanation:
+    """The drive under a crank that is brought to its speed, of which advice has much to say."""
+    run_up = bd.PiecewiseLinear([0.0, 0.02], [[0.0], [-20.0]])
+    scene = rich()._replace(motion={0: run_up}, t_end=0.06)
+    found = bd.explain(*scene, error=0.05, budget=ENOUGH)
+    assert found.window.end == found.window.asked
+    return found
+
+
+@pytest.mark.parametrize("load", [0.0, 0.7])
+def test_advice_holds_over_a_longer_run_and_under_more_load(
+    advised: bd.Explanation, load: float
+) -> None:
+    more = bd.Viscous([0.0, load])  # of 1 N m s
+    assert holds(advised, lambda one: one._replace(torque_fn=one.torque_fn + more), 0.15) >= 5
+
+
+@pytest.mark.slow
+def test_advice_of_the_seven_pulleys_holds_over_their_run() -> None:
+    """From a window of a twelfth of the run."""
+    scene = bd.scenes.get("serpentine")
+    found = bd.explain(*scene._replace(t_end=0.01), error=0.03, budget=ENOUGH)
+    assert holds(found, lambda one: one, scene.t_end) >= 2
