@@ -23,6 +23,7 @@ from dense import MOUNT_STATES
 from laws import EXAMPLES, with_laws
 from oracle_drives import shaken
 from reference_line import spans_away, tension_at_rest
+from reference_mounts import Path
 from reference_string import String
 from test_kernels import available
 
@@ -66,6 +67,8 @@ def at_random(params: bd.Params, seed: int) -> tuple[String, reference.Array, di
     assert isinstance(oracle, String)
     y = shaken(oracle, seed)
     state = oracle.unpack(y)
+    for q, one in zip(state["travel"], oracle.mounts.values(), strict=True):
+        state["t"] = q if isinstance(one, Path) else state["t"]
     # by mass, each on one pulley at most; slip where there is friction
     assert ((oracle.penetration(y) > 0).sum(axis=0) <= 1).all()
     ruled = np.array([law is not None for law in oracle.laws])[:, None]

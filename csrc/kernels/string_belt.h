@@ -131,6 +131,7 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
   const bd_layout *lay = &links->lay;
   const int n = lay->n, friction = law != BD_LAW_NONE;
   const vec radius = splat(pulley->radius), none = splat(0.0), lane = lane_numbers();
+  const mask every = less(lane, splat(WIDTH));
   const vec inv_mass = splat(links->inv_mass), omega = splat(pulley->omega);
   const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
   double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
@@ -159,7 +160,9 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
       }
       const link_end here = at[k], after = ends_behind(lay, i, &here, &at[k + 1]);
       const mask mass = less(lane, splat(n - i));
-      if (!any(less(none, here.p) | less(none, after.p) | less(none, before.right))) {
+      /* a mass on the axis has no penetration that is a number, and must show it */
+      const mask off = less(here.p, none) & less(after.p, none);
+      if (!any(except(every, off) | less(none, before.right))) {
         before = (pressed_links){none, none, none, none, none, none};
         continue;
       }
