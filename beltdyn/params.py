@@ -187,6 +187,11 @@ class Params:
         return preload.Info(self._model.info, lambda: self._rest_tension)
 
     @property
+    def belt_model(self) -> str:
+        """What the belt is made of: "links" or, without bending, "string" (``belt.model``)."""
+        return self._model.belt_model
+
+    @property
     def effective_belt(self) -> Belt:
         """The belt with its length: the one given, or the one found for its preload.
 

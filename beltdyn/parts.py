@@ -56,8 +56,9 @@ class Belt(Printable):
         model: What the belt is made of, MODEL section 2: "links", rigid ones; "string", point
             masses joined by bars that stretch, which resist no bending (EI = 0, mesh "joint"):
             two degrees of freedom each for three, and a step that costs about half; or "auto",
-            the string wherever there is no bending, else links. ``params.info["belt_model"]``
-            says which it is.
+            the string wherever there is no bending, else links. ``params.belt_model`` says which
+            it is. Of a string ``n_bodies`` counts masses, and what is said of link i is that of
+            mass i, of joint i that of the bar before it.
 
     Raises:
         TypeError, ValueError: A field breaks its rule, or both length and preload are given.

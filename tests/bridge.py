@@ -20,7 +20,7 @@ STATE = {"t", *(name for name, *_ in _core.STATE_FIELDS)}
 def oracle_of(params: bd.Params) -> reference.Reference:
     """The same drive as the oracle wants it, built from the user's numbers alone."""
     belt, contact = params.belt, params.effective_contact
-    of_belt = {"links": reference.Reference, "string": String}[params.info["belt_model"]]
+    of_belt = {"links": reference.Reference, "string": String}[params.belt_model]
     return of_belt(
         length=params.effective_belt.length,
         n_bodies=belt.n_bodies,

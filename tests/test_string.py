@@ -446,7 +446,7 @@ def test_which_belt_it_is(model: str, mesh: str, bending: tuple[float, float]) -
             make()
         return
     expected = "string" if may_be and model != "links" else "links"
-    assert make().info["belt_model"] == expected
+    assert make().belt_model == expected
 
 
 def test_auto_is_what_is_chosen_and_nothing_else() -> None:
@@ -475,7 +475,7 @@ def test_toml_says_the_model() -> None:
     assert 'model = "string"' in text
     again = bd.Params.from_toml(text)
     assert again == params
-    assert again.info["belt_model"] == "string"
+    assert again.belt_model == "string"
     with pytest.raises(ValueError, match=r"model"):
         bd.Params.from_toml(text.replace('"string"', '"masses"'))
 

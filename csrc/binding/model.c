@@ -119,8 +119,7 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* --- Model ----------------------------------------------------------------------------------- */
 
-static const char *const meshes[] = {
-    [BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
+static const char *const meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
 static const char *const belt_models[] = {
     [BD_BELT_AUTO] = "auto", [BD_BELT_LINKS] = "links", [BD_BELT_STRING] = "string", NULL};
 
@@ -138,9 +137,9 @@ static int read_choice(const char *field, const char *name, const char *const *n
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *arguments[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                       "gravity", "drag",    "pulley_friction", "mesh",     "outside", "names",
-                       "mounts",  "model",   NULL};
+  char *arguments[] = {"belt",     "centers", "radii",  "inertias",        "contact",
+                       "friction", "gravity", "drag",   "pulley_friction", "mesh",
+                       "outside",  "names",   "mounts", "model",           NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
   bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper", *belt_model = "links";
@@ -312,6 +311,11 @@ static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *key
   return result;
 }
 
+static PyObject *model_belt_model(PyObject *object, void *Py_UNUSED(closure)) {
+  const int string = bd_model_is_string(((bd_core_model *)object)->model);
+  return PyUnicode_FromString(belt_models[string ? BD_BELT_STRING : BD_BELT_LINKS]);
+}
+
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_info *info = &((bd_core_model *)object)->info;
   PyObject *dict = PyDict_New();
@@ -323,10 +327,6 @@ static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
     goto fail;
   BD_INFO(X)
 #undef X
-  const int string = bd_model_is_string(((bd_core_model *)object)->model);
-  if (bd_core_set(dict, "belt_model", PyUnicode_FromString(string ? "string" : "links")) < 0) {
-    goto fail;
-  }
   return dict;
 fail:
   Py_DECREF(dict);
@@ -444,6 +444,8 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
+    {"belt_model", model_belt_model, NULL, "What the belt is made of: \"links\" or \"string\".",
+     NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"energy_terms", model_energy_terms, NULL,

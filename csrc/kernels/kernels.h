@@ -212,8 +212,8 @@ typedef struct bd_ring {
 
 /* Loops of solvers/newton_system.c at one instruction level. */
 typedef struct bd_newton_kernels {
-  int width; /* arcs */
-  int unknowns; /* of a link: 3, or 2 of a mass of a string */
+  int width;                  /* arcs */
+  int unknowns;               /* of a link: 3, or 2 of a mass of a string */
   size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
   /* [1 where links are coupled by full blocks: contact along links] */
   void (*factor[2])(const bd_ring *ring, const bd_blocks *blocks);

@@ -6,7 +6,8 @@
 #include "kernels/link_geometry.h"
 
 /* A vector of links pressed on a pulley: normal forces at their two ends, shares in contact of the
- * halves that belong to the joints there, and their rates. Power lost and energy stored are added. */
+ * halves that belong to the joints there, and their rates. Power lost and energy stored are added.
+ */
 typedef struct pressed_links {
   vec left, right, share_left, share_right, rate_left, rate_right;
 } pressed_links;

@@ -111,8 +111,8 @@ INLINE link_place place_of(const bd_links *links, const bd_contact_pulley *pulle
   const vec vy = load(bd_cfield(lay, y, F_VY) + i) - splat(pulley->vy);
   const vec ex = half * load(co + i), ey = half * load(si + i);
   const vec spin_x = -(w * ey), spin_y = w * ex;
-  return (link_place){{x - ex, x + ex}, {yy - ey, yy + ey}, {vx - spin_x, vx + spin_x},
-                      {vy - spin_y, vy + spin_y}};
+  return (link_place){
+      {x - ex, x + ex}, {yy - ey, yy + ey}, {vx - spin_x, vx + spin_x}, {vy - spin_y, vy + spin_y}};
 }
 
 INLINE link_end end_at(const link_place *at, const int end, vec radius) {

@@ -279,9 +279,9 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
     return joints(links, y, dy, bending, ledger);                                                  \
   }
 #define PRESS(string, ledger)                                                                      \
-  static void press_##string##ledger(                                                              \
-      const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
-      const bd_pressure *pressure, const bd_end_forces *out, const double *y, bd_sums *sums) {     \
+  static void press_##string##ledger(const bd_links *links, const bd_contact_pulley *pulley,       \
+                                     int n_runs, const bd_run *runs, const bd_pressure *pressure,  \
+                                     const bd_end_forces *out, const double *y, bd_sums *sums) {   \
     press(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger);                    \
   }
 #define NEAREST_ENDS(string)                                                                       \
@@ -513,7 +513,8 @@ extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_stri
 #define LAW_AT(name, class, general, text) [BD_LAW_##name] = law_##name,
 #define BOUND(name, class, general, text) [BD_LAW_##name] = bound_##name,
 #define KINETIC(name, class, general, text) [BD_LAW_##name] = kinetic_##name,
-#define CENTRES(name, class, general, text) [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
+#define CENTRES(name, class, general, text)                                                        \
+  [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
 #define RUB_LINKS(name, class, general, text) [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
 #define BARS(name, class, general, text)                                                           \
   [BD_LAW_##name] = {string_contact_##name##_0, string_contact_##name##_1},

@@ -247,10 +247,10 @@ static double string_add_links(const bd_links *links, const bd_tangent *tangent,
   const int friction = pulley->law != BD_LAW_NONE;
   const vec step = splat(g), none = splat(0.0);
   /* by the mass behind: in the place of the mass on which the force acts (string_assemble) */
-  double *const to[3][4] = {{b.back[0], b.back[1], b.back[2], b.back[3]},
-                            {b.xx, b.xy, b.yx, b.yy},
-                            {scratch->behind[0], scratch->behind[1], scratch->behind[2],
-                             scratch->behind[3]}};
+  double *const to[3][4] = {
+      {b.back[0], b.back[1], b.back[2], b.back[3]},
+      {b.xx, b.xy, b.yx, b.yy},
+      {scratch->behind[0], scratch->behind[1], scratch->behind[2], scratch->behind[3]}};
   vec own = none;
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -313,9 +313,9 @@ INLINE void moves_in(const bd_layout *lay, const double *c, int i, const int sol
   const double *vx = bd_cfield(lay, c, F_VX), *vy = bd_cfield(lay, c, F_VY);
   const vec none = splat(0.0);
   const int n = lay->n;
-  moves[0] = (end_move){of_previous(x, i, n), of_previous(y, i, n),
-                        solved ? of_previous(vx, i, n) : none,
-                        solved ? of_previous(vy, i, n) : none};
+  moves[0] =
+      (end_move){of_previous(x, i, n), of_previous(y, i, n), solved ? of_previous(vx, i, n) : none,
+                 solved ? of_previous(vy, i, n) : none};
   moves[1] = (end_move){load(x + i), load(y + i), solved ? load(vx + i) : none,
                         solved ? load(vy + i) : none};
   moves[2] = (end_move){of_next(x, i, n), of_next(y, i, n), solved ? of_next(vx, i, n) : none,

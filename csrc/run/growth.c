@@ -171,8 +171,8 @@ static void displace(bd_sim *sim) {
           : bd_method_tolerance(sim->stepper.method, sim->stepper.model, sim->stepper.rtol);
   const double stretch = sim->stepper.model->info.strain * sim->stepper.model->info.link_length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
-  /* of differences of two numbers evenly spread over +-size, in x and in y; of a string's bars along
-   * their chord alone */
+  /* of differences of two numbers evenly spread over +-size, in x and in y; of a string's bars
+   * along their chord alone */
   t->apart = sqrt(lay->string ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
   t->grown = fmax(100.0, fmin(ERRORS * allowed, LARGE) / t->apart);
   for (int f = F_X; f <= F_Y; ++f) {

@@ -114,8 +114,8 @@ static void point_on(const bd_settling *settling, const bd_route *line, const do
   *phi += round * line->turns * 2.0 * BD_PI;
 }
 
-/* Links with their ends on the circles of contact, which stand for the arcs of the line; of a string
- * the mass at the left end. */
+/* Links with their ends on the circles of contact, which stand for the arcs of the line; of a
+ * string the mass at the left end. */
 static void lay_ends(const bd_settling *settling, const bd_route *line, int i, double *x, double *y,
                      double *phi) {
   const double *raised = settling->sim->stepper.model->contact_radius;
