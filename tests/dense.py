@@ -65,7 +65,9 @@ class Layout:
     def unpack(self, vector: Array, t: float = 0.0) -> dict[str, Any]:
         ends = np.cumsum(list(self.sizes.values()))
         parts = np.split(vector * self.scale, ends[:-1])
-        return {"t": t, **dict(zip(self.sizes, parts, strict=True))}
+        state = {"t": t, **dict(zip(self.sizes, parts, strict=True))}
+        unknown = [name for name in ("phi", "vphi") if not self.sizes[name]]  # to a string
+        return state | {name: np.zeros(self.sizes["x"]) for name in unknown}
 
     def steps(self) -> Array:
         """For differences: 1e-4 of the scales, and for friction of what is as large as N."""

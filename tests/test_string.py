@@ -276,9 +276,9 @@ def test_lateral_vibration_of_a_span() -> None:
     """First lateral frequency of a long span: w = 2 sqrt(T/(m lambda)) sin(pi/2N), N bars free.
 
     With pi/2N for its sine that is pi/L sqrt(T/rho A), of a taut string. The ends are the masses
-    next to the span that a pulley presses, on whose stiffness c2 a span pulls with T/lambda a bar:
-    T/(lambda c2) of a bar further, each. Small: 1e-3 of a bar sideways, which stretches by its
-    square.
+    next to the span that have sunk into a pulley, on whose stiffness c2 a span pulls with T/lambda:
+    T/(lambda c2) of a bar further, each. Small: 1e-5 of a bar sideways, a tenth of what they have
+    sunk in by.
     """
     pulleys = [bd.Pulley(center=(x, 0.0), radius=0.05, inertia=1e6) for x in (0.0, 1.5)]
     contact = bd.Contact(linear=4e9, damping=1e3)
@@ -289,8 +289,8 @@ def test_lateral_vibration_of_a_span() -> None:
     )  # fmt: skip
     rest = bd.settle(params)
     oracle = oracle_of(params)
-    pressed = oracle.contacts(oracle.pack(fields(rest))).normal.sum(axis=0) > 0.0
-    upper = (~pressed) & (rest.y > 0.0)
+    inside = (oracle.along_links_at(oracle.pack(fields(rest))).p_left > 0.0).any(axis=0)
+    upper = (~inside) & (rest.y > 0.0)
     inner = np.flatnonzero(upper)
     assert np.all(np.diff(inner) == 1)
     n_bars = len(inner) + 1
@@ -302,7 +302,7 @@ def test_lateral_vibration_of_a_span() -> None:
     w = 2.0 * math.sqrt(tension / (m * length)) * math.sin(0.5 * math.pi / (n_bars + 2.0 * give))
     shape = np.sin(math.pi * np.arange(1, n_bars) / n_bars)
     vy = rest.vy.copy()
-    vy[inner] += 1e-3 * length * w * shape
+    vy[inner] += 1e-5 * length * w * shape
     period = 2.0 * math.pi / w
     times = np.linspace(0.0, 5.25 * period, 1001)
     run = bd.simulate(
@@ -314,7 +314,7 @@ def test_lateral_vibration_of_a_span() -> None:
     at = times[crossings] - lift[crossings] * (times[1] - times[0]) / np.diff(lift)[crossings]
     assert len(at) == 10
     found = math.pi * (len(at) - 1) / (at[-1] - at[0])
-    assert found == pytest.approx(w, rel=2e-3)
+    assert found == pytest.approx(w, rel=3e-4)
     string_of_length = math.pi / (n_bars * length) * math.sqrt(tension / (m / length))
     assert w == pytest.approx(string_of_length, rel=1e-3)
 
