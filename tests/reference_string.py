@@ -37,8 +37,8 @@ class String(Reference):
         object.__setattr__(self, "contact_radii", self.contact_radii + self.radii * more)
 
     def stretch(self) -> float:
-        """1 + epsilon of the belt line where mounts rest; 1 where no line is: round one pulley, or
-        round pulleys that overlap.
+        """1 + epsilon of the belt line where mounts rest; 1 where no belt lies on one: round one
+        pulley, or pulleys that overlap; slack, or stretched by more than a quarter.
         """
         places = self.centers.copy()
         for (j, one), q in zip(self.mounts.items(), self.rest, strict=True):
@@ -46,7 +46,8 @@ class String(Reference):
         apart = np.hypot(*(places[:, None] - places).T) + 1e300 * np.eye(self.n_pulleys)
         if self.n_pulleys < 2 or np.any(apart < self.radii[:, None] + self.radii):
             return 1.0
-        return spans_away(places, self.radii, self.sides)[0] / self.length
+        stretched = spans_away(places, self.radii, self.sides)[0] / self.length
+        return stretched if 1.0 < stretched <= 1.25 else 1.0
 
     def bars(self, links: Array) -> tuple[Array, Array, Array, Array]:
         """Length, unit vector (..., 2, n_b) and rate of length of the bar before each mass, and how

@@ -121,9 +121,8 @@ def test_mirrored(start: tuple[bd.scenes.Scene, bd.State, bd.Result]) -> None:
     # joint i (left of link i) is, run backwards, the joint left of link n - i
     n = scene.params.belt.n_bodies
     joint = (n - np.arange(n)) % n
-    contact = joint if scene.params.belt.mesh == "joint" else back
-    # as joints, masses
-    back = joint if scene.params.belt.model == "string" else back
+    at_joints = scene.params.belt.mesh == "joint" and scene.params.belt.model == "links"
+    contact = joint if at_joints else back
     phi = -state.phi
     image = attrs.evolve(
         state,
