@@ -123,15 +123,16 @@ static const char *const meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] 
 static const char *const belt_models[] = {
     [BD_BELT_AUTO] = "auto", [BD_BELT_LINKS] = "links", [BD_BELT_STRING] = "string", NULL};
 
-/* The place of a name in a list of them. */
-static int read_choice(const char *field, const char *name, const char *const *names, int *out) {
+/* The place of a name in a list of them, which `choices` is in words. */
+static int read_choice(const char *field, const char *name, const char *const *names,
+                       const char *choices, int *out) {
   for (int k = 0; names[k]; ++k) {
     if (strcmp(name, names[k]) == 0) {
       *out = k;
       return 0;
     }
   }
-  PyErr_Format(PyExc_ValueError, "belt.%s must not be \"%.100s\"", field, name);
+  PyErr_Format(PyExc_ValueError, "belt.%s must be %s, got \"%.100s\"", field, choices, name);
   return -1;
 }
 
@@ -165,8 +166,9 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   scene.pulleys = pulleys;
-  if (read_choice("mesh", mesh, meshes, &scene.belt.mesh) < 0 ||
-      read_choice("model", belt_model, belt_models, &scene.belt.model) < 0) {
+  if (read_choice("mesh", mesh, meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
+      read_choice("model", belt_model, belt_models, "\"auto\", \"links\" or \"string\"",
+                  &scene.belt.model) < 0) {
     PyMem_Free(pulleys);
     Py_DECREF(keep);
     return NULL;
