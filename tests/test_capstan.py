@@ -54,12 +54,13 @@ def drag(request: pytest.FixtureRequest) -> tuple[bd.Params, bd.Result]:
 
 
 def test_the_drum_is_locked_and_slips_everywhere(drag: tuple[bd.Params, bd.Result]) -> None:
-    _, result = drag
+    params, result = drag
     assert np.max(np.abs(result.pulleys.omega[:, 0])) < 1e-6
     on_drum = result.contact.pulley == 0
     assert np.min(np.abs(result.contact.mu[on_drum])) > 0.0
     saturated = np.abs(result.contact.mu[on_drum]) > 0.999 * MU
-    assert saturated.mean() > 0.9  # all but the links that have just arrived
+    # all but the links that have just arrived; of some 15 masses two, which have new bars
+    assert saturated.mean() > (0.9 if params.belt.model == "links" else 0.8)
 
 
 def test_ratio_per_link(drag: tuple[bd.Params, bd.Result]) -> None:
@@ -76,7 +77,9 @@ def test_ratio_per_link(drag: tuple[bd.Params, bd.Result]) -> None:
     saturated = (result.contact.pulley == 0) & (np.abs(result.contact.mu) > 0.9999 * MU)
     force = result.joints.force
     ratios = np.maximum(force / np.roll(force, -1, axis=1), np.roll(force, -1, axis=1) / force)
-    inside = saturated & np.roll(saturated, 1, axis=1) & np.roll(saturated, -1, axis=1)
+    # away from the ends of the wrap, where links, and bars of the masses beside, lie half on it
+    beside = (1, -1) if params.belt.model == "links" else (1, -1, 2, -2)
+    inside = saturated & np.all([np.roll(saturated, k, axis=1) for k in beside], axis=0)
     samples = ratios[inside]
     assert len(samples) > 1000
     bound = (delta**2 / 4 + 1e-3) * (link - 1)

@@ -385,12 +385,14 @@ def at_rest(n_bodies: int, model: str) -> float:
 
 
 def test_string_and_links_rest_at_one_limit() -> None:
-    """The mean tension at rest differs by order 2 in l0; which place of its polygon a belt rests at
-    makes some 1e-4 of it.
+    """Mean tensions at rest differ by order 2 in l0, a quarter each time: 0.04 % with 60 bodies.
+
+    (Settled to 1e-7; which place of its polygon a belt rests at makes some 1e-5 of it.)
     """
-    apart = {n: at_rest(n, "string") / at_rest(n, "links") - 1.0 for n in (30, 60, 120, 240)}
-    for n, most in {30: 0.02, 60: 5e-3, 120: 1.5e-3, 240: 5e-4}.items():
-        assert abs(apart[n]) <= most, apart
+    apart = {n: at_rest(n, "string") / at_rest(n, "links") - 1.0 for n in (60, 120, 240)}
+    assert abs(apart[60]) < 6e-4
+    assert apart[60] / apart[120] == pytest.approx(4.0, rel=0.25), apart
+    assert apart[120] / apart[240] == pytest.approx(4.0, rel=0.25), apart
 
 
 @functools.cache
@@ -412,10 +414,12 @@ def in_steady_motion(n_bodies: int, model: str) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     ("n_bodies", "slack", "creep"),
-    [(60, 0.01, 0.03), pytest.param(240, 1e-3, 5e-3, marks=pytest.mark.slow)],
+    [(60, 0.01, 0.015), pytest.param(240, 1e-3, 2e-3, marks=pytest.mark.slow)],
 )
 def test_string_and_links_run_at_one_limit(n_bodies: int, slack: float, creep: float) -> None:
-    """The paper's drive with 60 N m and EI = 0, in steady motion."""
+    """The paper's drive with 60 N m and EI = 0 in steady motion: slack tension 0.75 % apart with 60
+    bodies, 0.19 % with 120, 0.04 % with 240; creep 1.1, 0.3 and 0.1 % of itself.
+    """
     ours, links = (in_steady_motion(n_bodies, model) for model in ("string", "links"))
     assert ours[0] == pytest.approx(links[0], rel=slack)
     assert ours[1] == pytest.approx(links[1], rel=creep)
