@@ -194,12 +194,12 @@ _SCENES: dict[str, Callable[[], Scene]] = {
         three_pulleys,
         unequal_pulleys,
         flywheel_start,
+        ntarladima_2023,
         serpentine,
         tensioned_alternator,
         crossed_belt,
         conveyor,
         flat_belt_axis,
-        ntarladima_2023,
     )
 }
 

@@ -14,6 +14,7 @@ import beltdyn as bd
 from beltdyn.explaining import ablation
 from beltdyn.explaining.ablation import Answers, LeftOut, answers_of, changes_of, growth_of
 from beltdyn.explaining.removals import Removal, leave_out, removals_of
+from beltdyn.explaining.window import Timed
 from beltdyn.run_warnings import silenced
 
 #: So much that the whole run is the window, however slow the machine.
@@ -192,7 +193,7 @@ def test_bounds_add_up() -> None:
 @pytest.fixture(scope="module")
 def explained() -> bd.Explanation:
     scene = rich()
-    return bd.explain(*scene[:4], error=0.05, budget=20.0)
+    return bd.explain(*scene[:4], error=0.05, budget=ENOUGH)
 
 
 def test_what_did_not_act_is_named_so(explained: bd.Explanation) -> None:
@@ -230,11 +231,31 @@ def test_a_drive_that_does_not_run_without_an_effect(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(ablation, "removals_of", lambda _: (Removal("all", "nothing", fails),))
     params, torque, _, _ = bd.scenes.kubas_case_1()
-    found = bd.explain(params, torque, 1e-3, budget=0.3)
+    found = bd.explain(params, torque, 1e-3, budget=ENOUGH)
     assert found.ablation is not None and not found.ablation.advice
     (one,) = found.ablation.rows
     assert one.failed == "there is nothing left" and not one.may_be_left_out
     assert "there is nothing left" in str(found)
+
+
+def test_runs_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time that is spent, and runs that would take many times the steps of the first."""
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+
+    def run(scene: bd.Scene, _: float, most: int | None) -> Timed:
+        with silenced():
+            result = bd.simulate(scene.params, scene.torque_fn, 1e-3, max_steps=most)
+        return Timed(result, 1.0)
+
+    def stiff(scene: bd.Scene, tighter: float, most: int | None) -> Timed:
+        return run(scene, tighter, most and most // 4)
+
+    none = ablation.ablate(bd.Scene(params, torque, 1e-3), run, 0.5, lambda: 0.0)
+    assert {one.failed for one in none.rows} == {"the budget is spent"}
+    assert none.runs == 2 and none.advice == () and none.together is None
+    monkeypatch.setattr(ablation, "MOST_STEPS", 1)
+    some = ablation.ablate(bd.Scene(params, torque, 1e-3), stiff, 0.5, lambda: 0.5)
+    assert all("the limit of" in one.failed for one in some.rows)
 
 
 def worst_change(scene: bd.Scene, base: bd.Scene, t_end: float) -> float:

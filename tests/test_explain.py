@@ -92,6 +92,29 @@ def test_time_passes_checks_its_argument() -> None:
         sim.time_passes(1.5)  # type: ignore[arg-type]
 
 
+def test_time_passes_refuses_what_does_not_run() -> None:
+    with pytest.raises(RuntimeError, match="has made a step"):
+        _core.Simulation.settle(make_model()).time_passes(3)
+
+
+def test_an_exception_of_a_torque_comes_out_unchanged() -> None:
+    broken = False
+
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        if broken:
+            raise LookupError("no such torque")
+        return [0.0, 0.0]
+
+    model = make_model()
+    rest = _core.Simulation.settle(model)
+    assert rest.advance(INF)
+    sim = make_simulation(model, rest.state(), [("call", torque)])
+    sim.advance(0.0)
+    broken = True
+    with pytest.raises(LookupError, match="no such torque"):
+        sim.time_passes(3)
+
+
 # --- effects --------------------------------------------------------------------------------------
 
 

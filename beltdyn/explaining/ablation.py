@@ -47,8 +47,11 @@ TIGHTER = 0.1
 #: Rounds of runs at most, for the sake of their times.
 MOST_ROUNDS = 3
 
-#: Runs a scene, with its tolerance times a factor.
-Runner = Callable[[Scene, float], Timed]
+#: Without an effect a run may take as many times the steps that it takes with all of them.
+MOST_STEPS = 10
+
+#: Runs a scene, with its tolerance times a factor, in at most so many steps.
+Runner = Callable[[Scene, float, int | None], Timed]
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -85,7 +88,7 @@ class LeftOut:
             there is nothing to warn of.
         warned: Codes of warnings that the run without it has and the run with all effects has not,
             that its results may be less accurate than was asked; see :class:`beltdyn.RunWarning`.
-        failed: Why the run without it failed, or "".
+        failed: Why the run without it failed, or was not made, or "".
     """
 
     name: str
@@ -185,8 +188,8 @@ def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], floa
         scene: The scene.
         run: Runs one.
         error: The error asked for [1].
-        time_left: CPU time that is left [s]. Runs are repeated while there is some, for their
-            times.
+        time_left: CPU time that is left [s]. Without any, what has not been left out so far is
+            not; while there is enough, runs are repeated for their times.
 
     Raises:
         SimulationError: The scene with all its effects does not run.
@@ -195,7 +198,12 @@ def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], floa
     without = {removal.name: [removal] for removal in removals}
     base = _Base(scene, run, error)
     base.compare()
-    rows = {name: base.left_out(name, group) for name, group in without.items()}
+    rows = {}
+    for name, group in without.items():
+        over = time_left() <= 0.0
+        rows[name] = (
+            _unknown(name, group, "the budget is spent") if over else base.left_out(name, group)
+        )
     advice = removals_that_may_go(list(rows.values()), error)
     together = None
     while advice:
@@ -207,7 +215,7 @@ def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], floa
         advice.pop()  # the one that changes most
         together = None
     for _ in range(1, MOST_ROUNDS):
-        if time_left() < base.round_time:
+        if time_left() <= base.round_time:
             break
         base.repeat(without)
     return Ablation(
@@ -217,6 +225,26 @@ def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], floa
         runs=base.runs,
         advice=tuple(removal.name for removal in removals if removal.name in advice),
         together=None if together is None else base.timed(together),
+    )
+
+
+def _how(group: Sequence[Removal]) -> str:
+    return "; ".join(removal.how for removal in group)
+
+
+def _unknown(name: str, group: Sequence[Removal], why: str) -> LeftOut:
+    return LeftOut(
+        name=name,
+        how=_how(group),
+        change={},
+        worst=math.inf,
+        growth=1.0,
+        bound=math.inf,
+        cpu_time=math.nan,
+        exercised=True,
+        may_be_left_out=False,
+        warned=(),
+        failed=why,
     )
 
 
@@ -236,6 +264,7 @@ class _Base:
         self.scene, self.error = scene, error
         self.own_error, self.runs = math.inf, 0
         self.round_time = 0.0
+        self.most_steps: int | None = None
         self.times: dict[str, float] = {}  # the least CPU time, by what is left out
         self._runner = run
 
@@ -243,37 +272,25 @@ class _Base:
         """Run it, and once more at a tighter tolerance."""
         result = self._run("", self.scene)
         self.answers, self.warned = answers_of(result), _accuracy(result)
-        tight = answers_of(self._run("tight", self.scene, TIGHTER))
-        self.own_error = _worst(changes_of(tight, self.answers))
-        self.round_time -= self.times.pop("tight")
+        self.most_steps = MOST_STEPS * result.stats.steps
+        tight = self._runner(self.scene, TIGHTER, None).result
+        self.runs += 1
+        self.own_error = _worst(changes_of(answers_of(tight), self.answers))
 
     def left_out(self, name: str, group: Sequence[Removal]) -> LeftOut:
         """Run without some effects, and compare."""
-        how = "; ".join(removal.how for removal in group)
         try:
             scene = leave_out(self.scene, group)
             result = self._run(name, scene)
             changes = changes_of(answers_of(result), self.answers)
         except (SimulationError, ValueError) as failure:
-            return LeftOut(
-                name=name,
-                how=how,
-                change={},
-                worst=math.inf,
-                growth=1.0,
-                bound=math.inf,
-                cpu_time=math.nan,
-                exercised=True,
-                may_be_left_out=False,
-                warned=(),
-                failed=str(failure),
-            )
+            return _unknown(name, group, str(failure))
         worst, growth = _worst(changes), growth_of(changes)
         bound = SAFETY * growth * worst + RUNS * self.own_error
         warned = tuple(code for code in _accuracy(result) if code not in self.warned)
         return LeftOut(
             name=name,
-            how=how,
+            how=_how(group),
             change={name: float(change[0]) for name, change in changes.items()},
             worst=worst,
             growth=growth,
@@ -298,8 +315,8 @@ class _Base:
             return row
         return attrs.evolve(row, cpu_time=self.times[row.name] / self.times[""] - 1.0)
 
-    def _run(self, name: str, scene: Scene, tighter: float = 1.0) -> Result:
-        timed = self._runner(scene, tighter)
+    def _run(self, name: str, scene: Scene) -> Result:
+        timed = self._runner(scene, 1.0, self.most_steps)
         self.runs += 1
         seconds = timed.result.stats.cpu_time
         if name not in self.times:

@@ -27,8 +27,8 @@ from .window import Drive, Timed, Window, find_window
 
 __all__ = ["Explanation", "explain"]
 
-#: Part of the budget that is planned; times vary.
-_PLANNED = 0.8
+#: Part of the budget that the window is planned for, and that may be spent: times vary.
+_PLANNED, _SPENT = 0.8, 0.9
 #: CPU time of what is no run: passes and their run [s].
 _MEASURING = 0.4
 #: Runs besides those with one effect left out, in such runs: the window is looked for, the run with
@@ -174,11 +174,11 @@ def explain(
         if ablation:
             times = np.linspace(0.0, window.end, _SAMPLES)
 
-            def run(one: Scene, tighter: float) -> Timed:
-                return drive.run(one, window.end, tighter, t_eval=times)
+            def run(one: Scene, tighter: float, most: int | None) -> Timed:
+                return drive.run(one, window.end, tighter, t_eval=times, max_steps=most)
 
             found = ablate(
-                scene, run, asked, lambda: _PLANNED * allowed - (time.thread_time() - begin)
+                scene, run, asked, lambda: _SPENT * allowed - (time.thread_time() - begin)
             )
     motions = as_motions(motion, params.pulley_names)
     return Explanation(

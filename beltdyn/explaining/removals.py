@@ -79,7 +79,8 @@ def _optional(part: Part) -> Iterator[str]:
             continue
         row = (rule.group, rule.name)
         optional = (field.default == 0.0 and row not in _HOLDS) or row in _CHOSEN
-        if optional and (getattr(part.part, field.name) or 0.0) > 0.0:
+        value = getattr(part.part, field.name)
+        if optional and isinstance(value, float) and value > 0.0:
             yield field.name
 
 

@@ -20,7 +20,7 @@ _WIDTH = 98
 _FIXED = "\N{NO-BREAK SPACE}"
 #: A name and its number, or numbers in brackets, and the unit behind it.
 _QUANTITY = re.compile(
-    r"(\S+ = )?(\([^)]*\)|[\d.e+-]+)( (N|kg|m|s|rad|%)([/^][^\s,;]*)?(?=[\s,;.]|$))*"
+    r"(\S+ = )?(\([^)]*\)|[\d.e+-]+)( (N|kg|m|s|rad|%)([/^][^\s,;]*)?(?=[\s,;.:]|$))*"
 )
 
 
@@ -107,7 +107,7 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
     lines = [*_wrapped(head, 0), *_table(rows, "<" + ">" * (len(ANSWERS) + 2))]
     for row in ablation.rows:
         if row.failed:
-            lines += _wrapped(f"{row.name}: the drive does not run without it: {row.failed}", 2)
+            lines += _wrapped(f"{row.name}: no run without it, {row.failed}", 2)
         elif row.warned:
             lines += _wrapped(
                 f"{row.name}: the run without it is warned of: {', '.join(row.warned)}; it is kept",
@@ -171,7 +171,8 @@ def _advice(ablation: Ablation, error: float) -> list[str]:
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %"
+    percent = 100.0 * share
+    return f"{percent:.0f} %" if percent >= 100.0 else f"{percent:.2g} %"
 
 
 def _ns(seconds: float) -> str:
