@@ -212,7 +212,7 @@ def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
     for one in found.rows:
         assert not one.failed, one.failed
         assert set(one.change) == set(ablation.ANSWERS)
-        assert one.bound >= 3.0 * max(one.change.values()) + 2.0 * found.own_error
+        assert one.bound >= 4.0 * max(one.change.values()) + 2.0 * found.own_error
         assert one.may_be_left_out == (one.exercised and one.bound <= 0.05)
         assert math.isfinite(one.cpu_time)
     allowed = {one.name for one in found.rows if one.may_be_left_out}
@@ -288,7 +288,9 @@ def test_an_effect_whose_lack_is_warned_of_is_kept() -> None:
     assert found is not None
     rows = {one.name: one for one in found.rows}
     assert rows["contact.damping"].warned == ("undamped",) and rows["gravity"].warned == ()
-    assert rows["contact.damping"].bound < 0.5 and not rows["contact.damping"].may_be_left_out
+    assert max(rows["contact.damping"].change.values()) < 0.01  # by itself it would pass
+    assert math.isinf(rows["contact.damping"].bound)
+    assert not rows["contact.damping"].may_be_left_out
     assert "contact.damping" not in found.advice
 
 
@@ -314,5 +316,5 @@ def test_advice_holds_over_a_longer_run_and_under_more_load(
 def test_advice_of_the_seven_pulleys_holds_over_their_run() -> None:
     """From a window of a twelfth of the run."""
     scene = bd.scenes.get("serpentine")
-    found = bd.explain(*scene._replace(t_end=0.01), error=0.03, budget=ENOUGH)
+    found = bd.explain(*scene._replace(t_end=0.01), error=0.05, budget=ENOUGH)
     assert holds(found, lambda one: one, scene.t_end) >= 2

@@ -110,7 +110,7 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
             lines += _wrapped(f"{row.name}: no run without it, {row.failed}", 2)
         elif row.warned:
             lines += _wrapped(
-                f"{row.name}: the run without it is warned of: {', '.join(row.warned)}; it is kept",
+                f"{row.name}: the run without it is warned of, {', '.join(row.warned)}: it is kept",
                 2,
             )
     lines += _wrapped(
@@ -136,7 +136,7 @@ def _row(row: LeftOut) -> tuple[str, ...]:
         row.name,
         *(_percent(row.change[name]) for name in ANSWERS),
         f"{100.0 * row.cpu_time:+.0f} %",
-        _percent(row.bound),
+        "no bound" if row.warned else _percent(row.bound),
     )
 
 
