@@ -203,6 +203,7 @@ def test_what_did_not_act_is_named_so(explained: bd.Explanation) -> None:
     crank = rows.pop("harmonics of the crank")
     assert not crank.exercised and not crank.may_be_left_out and crank.worst == 0.0
     assert "Not exercised" in str(explained)
+    assert explained.ablation.rounds == 3 and "of one run each" not in str(explained)
     assert rows["gravity"].exercised and rows["mount.friction"].exercised
 
 
@@ -252,7 +253,7 @@ def test_runs_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
 
     none = ablation.ablate(bd.Scene(params, torque, 1e-3), run, 0.5, lambda: 0.0)
     assert {one.failed for one in none.rows} == {"the budget is spent"}
-    assert none.runs == 2 and none.advice == () and none.together is None
+    assert none.runs == 2 and none.rounds == 1 and none.advice == () and none.together is None
     monkeypatch.setattr(ablation, "MOST_STEPS", 1)
     some = ablation.ablate(bd.Scene(params, torque, 1e-3), stiff, 0.5, lambda: 0.5)
     assert all("the limit of" in one.failed for one in some.rows)

@@ -117,6 +117,7 @@ class Ablation:
         own_error: Largest difference of an answer to a run with a tenth of the tolerance [1].
         seconds: CPU time of the run with all effects, without settling [s].
         runs: Number of runs.
+        rounds: How often each was made; of their CPU times the least counts.
         advice: Names of the effects that may be left out together at the error asked for.
         together: All of these left out in one run; None: there are none.
     """
@@ -125,6 +126,7 @@ class Ablation:
     own_error: float
     seconds: float
     runs: int
+    rounds: int
     advice: tuple[str, ...]
     together: LeftOut | None
 
@@ -218,15 +220,16 @@ def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], floa
             break
         advice.pop()  # the one that changes most
         together = None
-    for _ in range(1, MOST_ROUNDS):
-        if time_left() <= base.round_time:
-            break
+    rounds = 1
+    while rounds < MOST_ROUNDS and time_left() > base.round_time:
         base.repeat(without)
+        rounds += 1
     return Ablation(
         rows=tuple(base.timed(row) for row in rows.values()),
         own_error=base.own_error,
         seconds=base.times[""],
         runs=base.runs,
+        rounds=rounds,
         advice=tuple(removal.name for removal in removals if removal.name in advice),
         together=None if together is None else base.timed(together),
     )

@@ -118,7 +118,10 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
         f'over the highest speed. "at most" is {SAFETY:g} times the largest change in a fifth of '
         "this time, times by how much changes are larger late in it than early, plus "
         f"{RUNS:g} times the own error of the runs, {_percent(ablation.own_error)}: for runs like "
-        "this one.",
+        "this one."
+        + (
+            " CPU times are of one run each: small differences are chance." * (ablation.rounds == 1)
+        ),
         2,
     )
     return lines + _advice(ablation, error)
