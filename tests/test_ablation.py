@@ -203,6 +203,7 @@ def test_what_did_not_act_is_named_so(explained: bd.Explanation) -> None:
     crank = rows.pop("harmonics of the crank")
     assert not crank.exercised and not crank.may_be_left_out and crank.worst == 0.0
     assert "Not exercised" in str(explained)
+    assert explained.ablation.rounds == 3 and "of one run each" not in str(explained)
     assert rows["gravity"].exercised and rows["mount.friction"].exercised
 
 
@@ -212,7 +213,7 @@ def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
     for one in found.rows:
         assert not one.failed, one.failed
         assert set(one.change) == set(ablation.ANSWERS)
-        assert one.bound >= 3.0 * max(one.change.values()) + 2.0 * found.own_error
+        assert one.bound >= 4.0 * max(one.change.values()) + 2.0 * found.own_error
         assert one.may_be_left_out == (one.exercised and one.bound <= 0.05)
         assert math.isfinite(one.cpu_time)
     allowed = {one.name for one in found.rows if one.may_be_left_out}
@@ -252,7 +253,7 @@ def test_runs_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
 
     none = ablation.ablate(bd.Scene(params, torque, 1e-3), run, 0.5, lambda: 0.0)
     assert {one.failed for one in none.rows} == {"the budget is spent"}
-    assert none.runs == 2 and none.advice == () and none.together is None
+    assert none.runs == 2 and none.rounds == 1 and none.advice == () and none.together is None
     monkeypatch.setattr(ablation, "MOST_STEPS", 1)
     some = ablation.ablate(bd.Scene(params, torque, 1e-3), stiff, 0.5, lambda: 0.5)
     assert all("the limit of" in one.failed for one in some.rows)
@@ -288,7 +289,9 @@ def test_an_effect_whose_lack_is_warned_of_is_kept() -> None:
     assert found is not None
     rows = {one.name: one for one in found.rows}
     assert rows["contact.damping"].warned == ("undamped",) and rows["gravity"].warned == ()
-    assert rows["contact.damping"].bound < 0.5 and not rows["contact.damping"].may_be_left_out
+    assert max(rows["contact.damping"].change.values()) < 0.01  # by itself it would pass
+    assert math.isinf(rows["contact.damping"].bound)
+    assert not rows["contact.damping"].may_be_left_out
     assert "contact.damping" not in found.advice
 
 
@@ -314,5 +317,5 @@ def test_advice_holds_over_a_longer_run_and_under_more_load(
 def test_advice_of_the_seven_pulleys_holds_over_their_run() -> None:
     """From a window of a twelfth of the run."""
     scene = bd.scenes.get("serpentine")
-    found = bd.explain(*scene._replace(t_end=0.01), error=0.03, budget=ENOUGH)
+    found = bd.explain(*scene._replace(t_end=0.01), error=0.05, budget=ENOUGH)
     assert holds(found, lambda one: one, scene.t_end) >= 2

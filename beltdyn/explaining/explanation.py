@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -85,9 +86,16 @@ class Explanation:
         return leave_out(self.scene, [one for name, one in known.items() if name in names])
 
     def to_dict(self) -> dict[str, Any]:
-        """Give all but the scene as plain dictionaries, lists, texts and numbers, for JSON."""
+        """Give all but the scene as plain dictionaries, lists, texts and numbers, for JSON.
+
+        Numbers that are not finite, such as the bound of what failed, are None.
+        """
         plain: dict[str, Any] = attrs.asdict(
-            self, filter=lambda field, _: field.name not in ("final", "scene")
+            self,
+            filter=lambda field, _: field.name not in ("final", "scene"),
+            value_serializer=lambda _, __, value: (
+                None if isinstance(value, float) and not math.isfinite(value) else value
+            ),
         )
         return plain
 
@@ -123,13 +131,14 @@ def explain(
 
     Compared are the mean and the range of the tension of each span, over the mean tension, and of
     the speed of each pulley, over the highest speed. A bound of what leaving out an effect changes
-    is stated for runs like the one that is explained, longer ones too: three times the largest
+    is stated for runs like the one that is explained, longer ones too: four times the largest
     change over the window or a fifth of it, times by how much changes are larger late in the window
     than early, plus twice the runs' own error, which is measured with a run at a tenth of the
     tolerance. The effect may be left out if that is within the error asked for. Several may be left
     out together as far as their bounds add up to the error asked for, and after a run without all
-    of them has confirmed it. An effect that did nothing in the window is named as not exercised:
-    nothing follows for other runs, as with all that begins to act only after the window.
+    of them has confirmed it. There is no bound where the run without an effect has a warning of its
+    accuracy that the run with it has not. An effect that did nothing in the window is named as not
+    exercised: nothing follows for other runs, as with all that begins to act only after the window.
 
     All runs begin as those of :func:`beltdyn.simulate` do, each of its own drive: at rest under
     preload, or at the speed with which a motion begins. Where the belt's length is found for its

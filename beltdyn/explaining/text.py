@@ -110,7 +110,7 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
             lines += _wrapped(f"{row.name}: no run without it, {row.failed}", 2)
         elif row.warned:
             lines += _wrapped(
-                f"{row.name}: the run without it is warned of: {', '.join(row.warned)}; it is kept",
+                f"{row.name}: the run without it is warned of, {', '.join(row.warned)}: it is kept",
                 2,
             )
     lines += _wrapped(
@@ -118,7 +118,10 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
         f'over the highest speed. "at most" is {SAFETY:g} times the largest change in a fifth of '
         "this time, times by how much changes are larger late in it than early, plus "
         f"{RUNS:g} times the own error of the runs, {_percent(ablation.own_error)}: for runs like "
-        "this one.",
+        "this one."
+        + (
+            " CPU times are of one run each: small differences are chance." * (ablation.rounds == 1)
+        ),
         2,
     )
     return lines + _advice(ablation, error)
@@ -136,7 +139,7 @@ def _row(row: LeftOut) -> tuple[str, ...]:
         row.name,
         *(_percent(row.change[name]) for name in ANSWERS),
         f"{100.0 * row.cpu_time:+.0f} %",
-        _percent(row.bound),
+        "no bound" if row.warned else _percent(row.bound),
     )
 
 
