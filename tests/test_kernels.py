@@ -114,9 +114,10 @@ def check_sine_and_cosine() -> None:
         assert np.max(np.abs(rate[name] - expected)) <= 2e-12 * c * half / m
 
 
+@pytest.mark.parametrize("hunt_crossley", [0.0, 0.3])
 @pytest.mark.parametrize("n_bodies", range(3, 19))
 def test_every_length_of_the_last_vector(
-    monkeypatch: pytest.MonkeyPatch, n_bodies: int, mesh: str
+    monkeypatch: pytest.MonkeyPatch, n_bodies: int, hunt_crossley: float, mesh: str
 ) -> None:
     """A ring is closed within its last vector: one rate at a shaken state against the oracle."""
     base = on_mesh(bd.scenes.kubas_case_1().params, mesh)
@@ -125,7 +126,11 @@ def test_every_length_of_the_last_vector(
     length = belt.length if mesh == "paper" else 2.0 * np.pi * 0.1
     bending_damping = 0.0 if mesh == "string" else 1e-4
     oracle = dataclasses.replace(
-        oracle_of(base), length=length, n_bodies=n_bodies, bending_damping=bending_damping
+        oracle_of(base),
+        length=length,
+        n_bodies=n_bodies,
+        bending_damping=bending_damping,
+        hunt_crossley=hunt_crossley,
     )
     rng = np.random.default_rng(n_bodies)
     around = -2.0 * np.pi * np.arange(n_bodies) / n_bodies  # clockwise round pulley 0, just within
@@ -161,8 +166,8 @@ def test_every_length_of_the_last_vector(
             (length, n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
              belt.bending_stiffness, bending_damping),
             oracle.centers, oracle.radii, oracle.inertias,
-            (contact.quadratic, contact.linear, contact.damping, 0), friction._to_core(),
-            (0.0, 0.0), mesh=belt.mesh, model=belt.model,
+            (contact.quadratic, contact.linear, contact.damping, 0, hunt_crossley),
+            friction._to_core(), (0.0, 0.0), mesh=belt.mesh, model=belt.model,
         )  # fmt: skip
         rate = model.rate(state, torque)
         for name in expected.keys() & {"x", "y", "phi", "vx", "vy", "vphi", "omega", "mu", "slip"}:

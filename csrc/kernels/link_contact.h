@@ -13,10 +13,11 @@ typedef struct pressed_links {
 } pressed_links;
 
 INLINE pressed_links pressed_of(const bd_contact_pulley *pulley, const link_end *a,
-                                const link_end *b, const int ledger, vec *loss, vec *energy) {
+                                const link_end *b, const int ledger, const int hunt_crossley,
+                                vec *loss, vec *energy) {
   const vec none = splat(0.0), one = splat(1.0), half = splat(0.5), third = splat(1.0 / 3.0);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const vec damping = splat(pulley->damping);
+  const contact_damping damping = contact_damping_of(pulley);
   const contact_part part = part_of(a, b);
   const vec share = part.x1 - part.x0, middle = half * (part.x0 + part.x1);
   const vec weight = half * share;
@@ -25,7 +26,8 @@ INLINE pressed_links pressed_of(const bd_contact_pulley *pulley, const link_end 
     const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
     const vec p = fma_(back, a->p, x * b->p), rate = fma_(back, a->rate, x * b->rate);
     const vec elastic = fma_(quadratic, p, linear) * p;
-    const vec q = weight * larger(fma_(damping, rate, elastic), none);
+    const vec damped = damping_at(&damping, elastic, hunt_crossley);
+    const vec q = weight * larger(fma_(damped, rate, elastic), none);
     out.left = fma_(q, back, out.left);
     out.right = fma_(q, x, out.right);
     if (ledger) {
@@ -44,7 +46,8 @@ INLINE pressed_links pressed_of(const bd_contact_pulley *pulley, const link_end 
 /* Normal forces of the links of the runs on one pulley, added at their ends. */
 INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                   const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
-                  const double *y, bd_sums *sums, const int string, const int ledger) {
+                  const double *y, bd_sums *sums, const int string, const int ledger,
+                  const int hunt_crossley) {
   const bd_pressure to = *pressure;
   const vec radius = splat(pulley->radius), none = splat(0.0), rim2 = radius * radius;
   vec loss = none, energy = none;
@@ -60,7 +63,7 @@ INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_
         continue;
       }
       const link_end a = end_at(&at, 0, radius), b = end_at(&at, 1, radius);
-      const pressed_links by = pressed_of(pulley, &a, &b, ledger, &loss, &energy);
+      const pressed_links by = pressed_of(pulley, &a, &b, ledger, hunt_crossley, &loss, &energy);
       store(to.left + i, by.left);
       store(to.right + i, by.right);
       store(to.share_left + i, by.share_left);

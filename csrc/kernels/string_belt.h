@@ -127,7 +127,8 @@ enum { BLOCKS = 8 };
  * more than a bar that touches. */
 INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                            const bd_run *runs, const double *y, double *dy, bd_sums *sums,
-                           const int law, const int general, const int ledger) {
+                           const int law, const int general, const int ledger,
+                           const int hunt_crossley) {
   const bd_layout *lay = &links->lay;
   const int n = lay->n, friction = law != BD_LAW_NONE;
   const vec radius = splat(pulley->radius), none = splat(0.0), lane = lane_numbers();
@@ -146,7 +147,7 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
       const link_end end = one_end(lay, pulley, y, n - 1, radius);
       const link_end first = one_end(lay, pulley, y, 0, radius);
       vec counted[2] = {none, none}; /* with the last bar */
-      before = pressed_of(pulley, &end, &first, 0, &counted[0], &counted[1]);
+      before = pressed_of(pulley, &end, &first, 0, hunt_crossley, &counted[0], &counted[1]);
     }
     link_end at[BLOCKS + 1];
     for (int i = runs[r].begin, k = BLOCKS; i < runs[r].end; i += WIDTH, ++k) {
@@ -166,7 +167,8 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
         before = (pressed_links){none, none, none, none, none, none};
         continue;
       }
-      const pressed_links bar = pressed_of(pulley, &here, &after, ledger, &contact_loss, &energy);
+      const pressed_links bar =
+          pressed_of(pulley, &here, &after, ledger, hunt_crossley, &contact_loss, &energy);
       const vec normal = where(mass, bar.left + from_left(before.right, bar.right));
       vec fx = normal * here.nx, fy = normal * here.ny;
       if (friction) {
@@ -212,7 +214,11 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
   static void string_contact_##law##_##ledger(                                                     \
       const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
       const double *y, double *dy, bd_sums *sums) {                                                \
-    string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, ledger);       \
+    if (pulley->hunt_crossley > 0.0) {                                                             \
+      string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, ledger, 1);  \
+    } else {                                                                                       \
+      string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, ledger, 0);  \
+    }                                                                                              \
   }
 #define LAW(name, class, general, text)                                                            \
   STRING_CONTACT(name, general, 0) STRING_CONTACT(name, general, 1)
