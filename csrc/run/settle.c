@@ -123,9 +123,9 @@ static void lay_ends(const bd_settling *settling, const bd_route *line, int i, d
   point_on(settling, line, raised, i, &x0, &y0, &turned);
   point_on(settling, line, raised, i + 1, &x1, &y1, &turned);
   *phi += remainder(atan2(y1 - y0, x1 - x0) - *phi, 2.0 * BD_PI);
-  const double middle = settling->sim->stepper.model->lay.string ? 0.0 : 0.5;
-  *x = x0 + middle * (x1 - x0);
-  *y = y0 + middle * (y1 - y0);
+  const int string = settling->sim->stepper.model->lay.string;
+  *x = string ? x0 : 0.5 * (x0 + x1);
+  *y = string ? y0 : 0.5 * (y0 + y1);
 }
 
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
