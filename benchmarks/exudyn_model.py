@@ -93,7 +93,9 @@ def package() -> tuple[ModuleType, ModuleType, ModuleType]:
                 importlib.import_module("exudyn.itemInterface"),
                 importlib.import_module("exudyn.beams"),
             )
-        except ImportError as error:
+        except ModuleNotFoundError as error:
+            if error.name != "exudyn":
+                raise
             raise SystemExit(f"{error}: python -m pip install exudyn") from None
 
 
