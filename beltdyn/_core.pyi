@@ -65,7 +65,7 @@ class Model:
         centers: ArrayLike,
         radii: ArrayLike,
         inertias: ArrayLike,
-        contact: tuple[float, float, float, int],
+        contact: tuple[float, float, float, int, float],
         friction: FrictionLaw | None,
         gravity: tuple[float, float],
         drag: Sequence[tuple[float, float, float] | None] | None = None,

@@ -10,6 +10,7 @@ Dahl friction model", equations (2.1)-(2.13).
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import attrs
 
@@ -167,7 +168,12 @@ class Contact(Printable):
     """Normal force between belt and pulley (2.8), per metre of belt.
 
     A link of length l0 that penetrates by p is pushed out by
-    ``max(0, (quadratic p^2 + linear p + damping dp/dt) l0)``.
+    ``max(0, (e (1 + hunt_crossley dp/dt) + damping dp/dt) l0)`` with
+    ``e = quadratic p^2 + linear p``. ``damping`` is the paper's and acts at once where contact
+    begins. That of K. H. Hunt and F. R. E. Crossley ("Coefficient of restitution interpreted as
+    damping in vibroimpact", J. Appl. Mech. 42, 1975, 440-445), ``hunt_crossley``, grows with the
+    force, so that there is no jump; what meets a pulley at the speed v is thrown back with
+    1 - 2/3 hunt_crossley v of it, if little is lost.
 
     Without a stiffness, ``Contact()``, one is chosen that makes the contact give by a hundredth of
     what the belt stretches: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and
@@ -178,11 +184,13 @@ class Contact(Printable):
     Attributes:
         quadratic: c1' [N/m^3], >= 0.
         linear: c2' [N/m^2], >= 0; None: 0 if ``quadratic`` is given, else chosen.
-        damping: b' [N s/m^2], >= 0; None: 0 if a stiffness is given, else chosen.
+        damping: b' [N s/m^2], >= 0; None: 0 if a stiffness or ``hunt_crossley`` is given, else
+            chosen.
         compensate: Whether the contact begins outside of the pulleys' radii by as much as the belt
             sinks in at the preload, MODEL section 3, so that it then runs on these radii and has
             the tension of its strain round them; None: where the stiffness is chosen. Without it
             the belt runs on a circle that is smaller by the depth.
+        hunt_crossley: d [s/m], >= 0: damping in proportion to the elastic force; 0: none.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -192,10 +200,14 @@ class Contact(Printable):
     linear: float | None = None
     damping: float | None = None
     compensate: bool | None = None
+    hunt_crossley: float = 0.0
 
     def __attrs_post_init__(self) -> None:
         given = self.linear is not None or self.quadratic > 0.0
         defaults = {"linear": 0.0, "damping": 0.0, "compensate": False}
-        for name, value in (defaults if given else {"compensate": True}).items():
+        chosen: dict[str, Any] = {"compensate": True}
+        if self.hunt_crossley > 0.0:
+            chosen["damping"] = 0.0
+        for name, value in (defaults if given else chosen).items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value)

@@ -68,7 +68,8 @@
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
   X(contact, damping, NONNEGATIVE, "N s/m^2", "b' per metre of belt (2.8)")                        \
-  X(contact, compensate, FLAG, "1", "whether the belt runs on its pulleys' radii at the preload")
+  X(contact, compensate, FLAG, "1", "whether the belt runs on its pulleys' radii at the preload")  \
+  X(contact, hunt_crossley, NONNEGATIVE, "s/m", "d, damping in proportion to the force (2.8)")
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
 #define BD_LAW_PARAMETERS(name, class, general, text) BD_LAW_##name(X)

@@ -31,6 +31,7 @@ def oracle_of(params: bd.Params) -> reference.Reference:
         radii=np.array([p.radius for p in params.pulleys]),
         inertias=np.array([p.inertia for p in params.pulleys]),
         contact=(contact.quadratic, contact.linear, contact.damping),
+        hunt_crossley=contact.hunt_crossley,
         gravity=params.gravity,
         winding=winding_of(params),
         drag=drag_of(params),

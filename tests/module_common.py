@@ -14,7 +14,7 @@ SCENE = {
     "centers": [(0.0, 0.0), (0.29, 0.0)],
     "radii": [0.1, 0.1],
     "inertias": [0.01, 0.01],
-    "contact": (5e10, 2.5e7, 1e3, 0),
+    "contact": (5e10, 2.5e7, 1e3, 0, 0.0),
     "friction": ("dahl", (1.0, 1e4)),
     "gravity": (0.0, 0.0),
 }

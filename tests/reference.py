@@ -77,6 +77,7 @@ class Reference:
     motion: Mapping[int, Motion] = field(default_factory=dict)  # by pulley
     mesh: str = "paper"  # or "joint"
     sides: tuple[int, ...] | None = None  # of each pulley, +1 inside, -1 outside; None: all inside
+    hunt_crossley: float = 0.0  # d of the contact [s/m]
     compensate: bool = False  # contact radii larger by the depth under the preload (section 3)
     mounts: Mapping[int, Mount] = field(default_factory=dict)  # by pulley
 
@@ -345,7 +346,7 @@ class Reference:
             touch = p > 0
             p_rate = -(vx * outward[0] + vy * outward[1])
             elastic = p * (self.c1 * p + self.c2)
-            normal = np.maximum(elastic + self.b * p_rate, 0.0) * touch
+            normal = np.maximum(self.pressing(elastic, p_rate), 0.0) * touch
             dy[at_ledger + 2] = np.vdot((normal - elastic) * touch, p_rate)
             share, fresh = np.ones_like(p), 0.0
         else:
@@ -451,6 +452,10 @@ class Reference:
             d[2, m] = one.share_rate(rate, zeta)
             work[5] += one.lost(q, rate, zeta, on)
 
+    def pressing(self, elastic: Array, rate: Array) -> Array:
+        """N of section 3 before it is clamped, of the elastic force and the rate of p."""
+        return np.asarray(elastic + (self.b + self.hunt_crossley * elastic) * rate)
+
     def along_links(
         self, left: Array, right: Array, centers: Array, moving: Array | None = None
     ) -> AlongLinks:
@@ -484,13 +489,13 @@ class Reference:
             at = begin + length * x
             p, v = pa + (pb - pa) * at, va + (vb - va) * at
             elastic = (self.c1 * p + self.c2) * p
-            q = np.maximum(elastic + self.b * v, 0.0)
+            q = np.maximum(self.pressing(elastic, v), 0.0)
             weight = 0.5 * length
             n_a += weight * q * (1.0 - at)
             n_b_ += weight * q * at
             power += weight * (q - elastic) * v
             energy += weight * (self.c1 * p**3 / 3.0 + self.c2 * p**2 / 2.0)
-            raw.append(elastic + self.b * v)
+            raw.append(self.pressing(elastic, v))
         # halves of the link: weights 1 - x and x, integrated over the part in contact
         of_b = 0.5 * (end_**2 - begin**2)
         moving = np.where(inside_a, 1.0, -1.0) * zero_rate
@@ -657,7 +662,7 @@ class Reference:
         outward = arm / np.hypot(arm[..., :1, :], arm[..., 1:, :])
         rate = -(velocity[..., None, :, :] * outward).sum(axis=-2)
         p = self.penetration(y)
-        total = self.c1 * p**2 + self.c2 * p + self.b * rate
+        total = self.pressing(self.c1 * p**2 + self.c2 * p, rate)
         return np.where(p > 0, np.maximum(0.0, total), 0.0), np.where(p > 0, 1.0, 0.0)
 
     def contacts(self, y: Array) -> Contacts:
@@ -697,7 +702,7 @@ class Reference:
         touching = contacts.share > 0
         if self.mesh == "paper":
             p = np.maximum(contacts.penetration, 0)
-            raw = self.c1 * p**2 + self.c2 * p + self.b * contacts.rate
+            raw = self.pressing(self.c1 * p**2 + self.c2 * p, contacts.rate)
             return {
                 "penetration": contacts.penetration.ravel(),
                 "force": raw[touching],

@@ -161,7 +161,7 @@ def test_nothing_is_reported_where_nothing_presses() -> None:
     that of Dahl's law, which is its state.
     """
     for law in EXAMPLES.values():
-        model = make_model(friction=law._to_core(), contact=(0.0, 2.5e5, 1e3, 0))
+        model = make_model(friction=law._to_core(), contact=(0.0, 2.5e5, 1e3, 0, 0.0))
         settling = _core.Simulation.settle(model, tolerance=1e-5, friction=True)
         assert settling.advance(INF) is True
         state = settling.state()

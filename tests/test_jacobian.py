@@ -83,7 +83,7 @@ def core_of(oracle: reference.Reference) -> _core.Model:
     belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
             o.bending_stiffness, o.bending_damping)  # fmt: skip
     drag = None if o.drag is None else [tuple(row) for row in o.drag]
-    contact = (*o.contact, int(o.compensate))
+    contact = (*o.contact, int(o.compensate), o.hunt_crossley)
     outside = None if o.sides is None else [side < 0 for side in o.sides]
     return _core.Model(
         belt, o.centers, o.radii, o.inertias, contact, None, o.gravity, drag, laws, o.mesh, outside
@@ -98,7 +98,9 @@ def off_the_kinks(oracle: reference.Reference, state: dict[str, Any]) -> bool:
     y = oracle.pack({k: v for k, v in state.items() if k not in ("mu", "slip")})
     kinks = {name: np.abs(at).min(initial=np.inf) for name, at in oracle.kinks(y).items()}
     deepest = max(float(oracle.penetration(y).max()), 0.0)
-    margin = 2e-8 * (oracle.c2 + 2 * oracle.c1 * deepest) + 1e-2 * oracle.b
+    largest = (oracle.c2 + oracle.c1 * deepest) * deepest
+    damping = oracle.b + oracle.hunt_crossley * largest
+    margin = 2e-8 * (oracle.c2 + 2 * oracle.c1 * deepest) + 1e-2 * damping
     return bool(
         kinks["penetration"] > 1e-7
         and kinks["force"] > margin
@@ -208,6 +210,8 @@ CASES = (
     "stiff friction",
     "hard contact",
     "no damping",
+    "damping by the force",
+    "damping of both kinds",
     "pressed together",
     "bearing drag",
     "overlapping",
@@ -242,6 +246,8 @@ def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -
         "stiff friction": {"friction": bd.Dahl(mu_k=1.0, sigma=1e8)},
         "hard contact": {"contact": hard},
         "no damping": {"axial_damping": 0.0, "contact": soft},
+        "damping by the force": {"contact": attrs.evolve(soft, hunt_crossley=0.5)},
+        "damping of both kinds": {"contact": attrs.evolve(contact, hunt_crossley=0.5)},
         "bearing drag": {
             "pulleys": [
                 attrs.evolve(pulley, drag=bd.Drag(coulomb=c, viscous=0.3, quadratic=0.02))

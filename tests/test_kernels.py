@@ -114,9 +114,10 @@ def check_sine_and_cosine() -> None:
         assert np.max(np.abs(rate[name] - expected)) <= 2e-12 * c * half / m
 
 
+@pytest.mark.parametrize("hunt_crossley", [0.0, 0.3])
 @pytest.mark.parametrize("n_bodies", range(3, 19))
 def test_every_length_of_the_last_vector(
-    monkeypatch: pytest.MonkeyPatch, n_bodies: int, mesh: str
+    monkeypatch: pytest.MonkeyPatch, n_bodies: int, hunt_crossley: float, mesh: str
 ) -> None:
     """A ring is closed within its last vector: one rate at a shaken state against the oracle."""
     base = on_mesh(bd.scenes.kubas_case_1().params, mesh)
@@ -124,7 +125,11 @@ def test_every_length_of_the_last_vector(
     # links short enough to lie on the pulleys
     length = belt.length if mesh == "paper" else 2.0 * np.pi * 0.1
     oracle = dataclasses.replace(
-        oracle_of(base), length=length, n_bodies=n_bodies, bending_damping=1e-4
+        oracle_of(base),
+        length=length,
+        n_bodies=n_bodies,
+        bending_damping=1e-4,
+        hunt_crossley=hunt_crossley,
     )
     rng = np.random.default_rng(n_bodies)
     around = -2.0 * np.pi * np.arange(n_bodies) / n_bodies  # clockwise round pulley 0, just within
@@ -158,8 +163,8 @@ def test_every_length_of_the_last_vector(
             (length, n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
              belt.bending_stiffness, 1e-4),
             oracle.centers, oracle.radii, oracle.inertias,
-            (contact.quadratic, contact.linear, contact.damping, 0), friction._to_core(),
-            (0.0, 0.0), mesh=mesh,
+            (contact.quadratic, contact.linear, contact.damping, 0, hunt_crossley),
+            friction._to_core(), (0.0, 0.0), mesh=mesh,
         )  # fmt: skip
         rate = model.rate(state, torque)
         for name in ("x", "y", "phi", "vx", "vy", "vphi", "omega", "mu", "slip"):

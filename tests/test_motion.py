@@ -660,7 +660,9 @@ def test_a_twin_follows_the_motion(model: Any) -> None:
     """A drive so lightly damped that a twin runs: no difference grows but by the displacement, with
     the torques of the run and the motion called again; the samples are those without guards.
     """
-    light = make_model(belt=(1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), contact=(0.0, 2.5e7, 100.0, 0))
+    light = make_model(
+        belt=(1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), contact=(0.0, 2.5e7, 100.0, 0, 0.0)
+    )
     settling = _core.Simulation.settle(light, tolerance=1e-5)
     assert settling.advance(INF) is True
 

@@ -122,7 +122,20 @@ def joints(make: Callable[[], bd.scenes.Scene], t: float = 0.0) -> Start:
     return lambda: running(scene, t) if t > 0.0 else (scene(), bd.settle(scene().params))
 
 
+def damped_by_force() -> bd.scenes.Scene:
+    """Case 1 with Hunt-Crossley damping of its contact."""
+    scene = bd.scenes.kubas_case_1()
+    contact = attrs.evolve(scene.params.contact, damping=0.0, hunt_crossley=0.5)
+    return scene._replace(params=attrs.evolve(scene.params, contact=contact))
+
+
 CASES |= {
+    "damping by the force, from rest": lambda: (
+        damped_by_force(),
+        bd.settle(damped_by_force().params),
+    ),
+    "joints, damping by the force, from rest": joints(damped_by_force),
+    "joints, damping by the force, running": joints(damped_by_force, 0.28),
     "joints, case 1 from rest": joints(bd.scenes.kubas_case_1),
     "joints, case 1 at the end of its ramp": joints(bd.scenes.kubas_case_1, 0.28),
     "joints, three unequal pulleys": joints(bd.scenes.three_pulleys, 0.22),
@@ -141,6 +154,7 @@ SHORT = (
     "case 1 from rest",
     "a law for each pulley, from rest",
     "joints, case 1 from rest",
+    "joints, damping by the force, from rest",
     "joints, a law for each pulley, from rest",
 )
 

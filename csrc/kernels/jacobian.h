@@ -180,7 +180,7 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
 INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                               const bd_run *runs, const double *y,
                               const bd_contact_tangent *contact, double h, const int law,
-                              const int general) {
+                              const int general, const int hunt_crossley) {
   const int friction = law != BD_LAW_NONE;
   const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
@@ -191,7 +191,8 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
   const vec cu = splat(pulley->vx), cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), omega = splat(pulley->omega), step = splat(h);
   const vec quadratic = splat(pulley->quadratic), twice_quadratic = quadratic + quadratic;
-  const vec linear = splat(pulley->linear), damping = splat(pulley->damping);
+  const vec linear = splat(pulley->linear);
+  const contact_damping damping = contact_damping_of(pulley);
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
   const vec none = splat(0.0), half = splat(0.5);
   for (int r = 0; r < n_runs; ++r) {
@@ -203,8 +204,9 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
       const vec nx = dx * inv, ny = dy * inv, p = radius - rho;
       const vec ux = load(vx + i) - cu, uy = load(vy + i) - cv;
       const vec apart = fma_(ux, nx, uy * ny), around = fnma_(ux, ny, uy * nx);
-      const vec damped = damping * apart;
-      const vec raw = fma_(fma_(quadratic, p, linear), p, -damped);
+      const vec secant = fma_(quadratic, p, linear);
+      const vec damp = damping_at(&damping, secant * p, hunt_crossley);
+      const vec raw = fma_(secant, p, -(damp * apart));
       /* a straight step leaves the rim by this much */
       const vec arc_travel = step * around, leave = half * arc_travel * arc_travel * inv;
       const mask touching = link & less(none, p), pressed = touching & less(none, raw);
@@ -216,8 +218,10 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
                          .normal = normal,
                          .touch = touching};
       const law_slopes slopes = law_slopes_of(&constants, &at, law);
-      const vec stiff = choose(landing, linear, fma_(twice_quadratic, p, linear));
-      const vec lands = where(landing, fma_(linear, p, -damped));
+      const vec of_elastic = choose(landing, linear, fma_(twice_quadratic, p, linear));
+      const vec stiff = stiffness_at(&damping, of_elastic, -apart, hunt_crossley);
+      const vec pressing_damp = hunt_crossley ? choose(landing, damping.linear, damp) : damp;
+      const vec lands = where(landing, fma_(stiff, p, -(damping.linear * apart)));
       store(t.nx + i, where(on, nx));
       store(t.ny + i, where(on, ny));
       store(t.rho + i, where(on, rho));
@@ -234,8 +238,8 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
         store(t.mu + i, where(touching, slopes.by_normal));
       }
       store(t.stiff + i, where(pushing, stiff));
-      store(t.damp + i, where(pushing, damping));
-      store(t.cross + i, where(pushing, damping * around * inv));
+      store(t.damp + i, where(pushing, pressing_damp));
+      store(t.cross + i, where(pushing, pressing_damp * around * inv));
       store(t.apart + i, where(on, apart * inv));
       store(t.gain + i, where(touching, slopes.rate_by_slip));
       store(t.decay + i, where(touching, -slopes.rate_by_state));
@@ -248,7 +252,11 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
   static void linearise_contact_##law(const bd_links *links, const bd_contact_pulley *pulley,      \
                                       int n_runs, const bd_run *runs, const double *y,             \
                                       const bd_contact_tangent *contact, double h) {               \
-    linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general);          \
+    if (pulley->hunt_crossley > 0.0) {                                                             \
+      linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general, 1);     \
+    } else {                                                                                       \
+      linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general, 0);     \
+    }                                                                                              \
   }
 #define LAW(name, class, general, text) LINEARISE(name, general)
 LINEARISE(NONE, 0)

@@ -25,7 +25,7 @@ typedef struct bd_links {
 typedef struct bd_contact_pulley {
   double x, y, vx, vy; /* centre, relative to the origin, and its velocity */
   double radius, omega;
-  double quadratic, linear, damping;
+  double quadratic, linear, damping, hunt_crossley;
   double l0, bound; /* of a link; of the friction state's magnitude after a step */
   int law, slot;    /* BD_LAW_..., BD_LAW_NONE: no friction; friction slot of its links */
   bd_friction friction;

@@ -8,12 +8,12 @@
 /* Normal forces of the links of the runs on one pulley, added at their ends. */
 INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                   const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
-                  const double *y, bd_sums *sums, const int ledger) {
+                  const double *y, bd_sums *sums, const int ledger, const int hunt_crossley) {
   const bd_pressure to = *pressure;
   const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
   const vec rim2 = radius * radius, half = splat(0.5), third = splat(1.0 / 3.0);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const vec damping = splat(pulley->damping);
+  const contact_damping damping = contact_damping_of(pulley);
   vec loss = none, energy = none;
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -35,7 +35,8 @@ INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_
         const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
         const vec p = fma_(back, a.p, x * b.p), rate = fma_(back, a.rate, x * b.rate);
         const vec elastic = fma_(quadratic, p, linear) * p;
-        const vec q = weight * larger(fma_(damping, rate, elastic), none);
+        const vec damped = damping_at(&damping, elastic, hunt_crossley);
+        const vec q = weight * larger(fma_(damped, rate, elastic), none);
         left = fma_(q, back, left);
         right = fma_(q, x, right);
         if (ledger) {

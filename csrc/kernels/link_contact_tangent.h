@@ -13,11 +13,12 @@ typedef struct normal_linear {
   contact_part part;
 } normal_linear;
 
-INLINE normal_linear normals_of(const bd_contact_pulley *pulley, const link_end *ends) {
+INLINE normal_linear normals_of(const bd_contact_pulley *pulley, const link_end *ends,
+                                const int hunt_crossley) {
   const link_end *a = &ends[0], *b = &ends[1];
   const vec none = splat(0.0), one = splat(1.0), half = splat(0.5), two = splat(2.0);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const vec damping = splat(pulley->damping);
+  const contact_damping damping = contact_damping_of(pulley);
   normal_linear n = {.part = part_of(a, b)};
   const contact_part part = n.part;
   const mask cut = less(none, part.moves * part.moves);
@@ -36,11 +37,14 @@ INLINE normal_linear normals_of(const bd_contact_pulley *pulley, const link_end 
   for (int g = -1; g <= 1; g += 2) {
     const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
     const vec p = fma_(back, a->p, x * b->p), rate = fma_(back, a->rate, x * b->rate);
-    const vec raw = fma_(damping, rate, fma_(quadratic, p, linear) * p);
+    const vec elastic = fma_(quadratic, p, linear) * p;
+    const vec damped = damping_at(&damping, elastic, hunt_crossley);
+    const vec raw = fma_(damped, rate, elastic);
     const mask on = less(none, raw);
     const vec q = where(on, raw);
-    const vec stiff = where(on, weight * fma_(two * quadratic, p, linear));
-    const vec damp = where(on, weight * damping);
+    const vec steep = stiffness_at(&damping, fma_(two * quadratic, p, linear), rate, hunt_crossley);
+    const vec stiff = where(on, weight * steep);
+    const vec damp = where(on, weight * damped);
     n.force[0] = fma_(weight * q, back, n.force[0]);
     n.force[1] = fma_(weight * q, x, n.force[1]);
     const vec aa = back * back, ab = back * x, bb = x * x;
@@ -70,7 +74,7 @@ INLINE normal_linear normals_of(const bd_contact_pulley *pulley, const link_end 
  * the rim by (h v_t)^2 / (2 rho), and where it brings an end into contact, forces and derivatives
  * are those of the penetrations then. */
 INLINE void correct(const bd_contact_pulley *pulley, const link_end *ends, double h,
-                    normal_linear *n, vec *correction) {
+                    normal_linear *n, vec *correction, const int hunt_crossley) {
   const vec none = splat(0.0), step = splat(h), bend = splat(0.5 * h * h);
   link_end later[2] = {ends[0], ends[1]};
   vec leave[2];
@@ -86,7 +90,7 @@ INLINE void correct(const bd_contact_pulley *pulley, const link_end *ends, doubl
   if (!any(lands)) {
     return;
   }
-  const normal_linear then = normals_of(pulley, later);
+  const normal_linear then = normals_of(pulley, later, hunt_crossley);
   for (int e = 0; e < 2; ++e) {
     const vec along = step * fma_(then.by[4 * e], ends[0].rate, then.by[4 * e + 1] * ends[1].rate);
     correction[e] = choose(lands, then.force[e] - n->force[e] - along, correction[e]);
@@ -100,7 +104,7 @@ INLINE void correct(const bd_contact_pulley *pulley, const link_end *ends, doubl
 INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
                               const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                               const bd_link_scratch *scratch, const double *y,
-                              const bd_link_tangent *contact, double h) {
+                              const bd_link_tangent *contact, double h, const int hunt_crossley) {
   const bd_link_tangent t = *contact;
   const bd_pressure to = scratch->pressure;
   const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
@@ -110,10 +114,10 @@ INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
       const mask link = less(none, load(links->link_mask + i));
       const link_place at = place_of(links, pulley, y, tangent->cos, tangent->sin, i);
       const link_end ends[2] = {left_end(&at, radius), right_end(&at, radius)};
-      normal_linear n = normals_of(pulley, ends);
+      normal_linear n = normals_of(pulley, ends, hunt_crossley);
       vec correction[2] = {none, none};
       if (h > 0.0) {
-        correct(pulley, ends, h, &n, correction);
+        correct(pulley, ends, h, &n, correction, hunt_crossley);
       }
       const contact_part part = n.part;
       const vec normal[2] = {where(link, n.force[0]), where(link, n.force[1])};
@@ -242,7 +246,11 @@ INLINE void linearise_links(const bd_links *links, const bd_tangent *tangent,
                             const bd_points *points, const bd_link_scratch *scratch,
                             const double *y, const bd_link_tangent *contact, double h,
                             const int law, const int general) {
-  linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h);
+  if (pulley->hunt_crossley > 0.0) {
+    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, 1);
+  } else {
+    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, 0);
+  }
   if (law != BD_LAW_NONE) {
     linearise_friction(links, pulley, n_runs, runs, points, scratch, y, contact, law, general);
   }

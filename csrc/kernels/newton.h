@@ -9,6 +9,7 @@
 #include "kernels/vector.h"
 
 #include "kernels/laws.h"
+#include "kernels/normal_force.h"
 
 #include "kernels/ring.h"
 

@@ -16,6 +16,7 @@
 #include "kernels/vector.h"
 
 #include "kernels/laws.h"
+#include "kernels/normal_force.h"
 
 /* sin and cos together: quadrant by the nearest multiple of pi/2, Cody-Waite reduction with three
  * 33-bit parts (exact for |k| < 2^20), then the polynomials of fdlibm on [-pi/4, pi/4]. Error below
@@ -207,7 +208,7 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
  * of distance. */
 INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                     const bd_run *runs, const double *y, double *dy, bd_sums *sums, const int law,
-                    const int ledger) {
+                    const int ledger, const int hunt_crossley) {
   const bd_layout *lay = &links->lay;
   const int friction = law != BD_LAW_NONE;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
@@ -220,7 +221,8 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
             cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const vec damping = splat(pulley->damping), inv_mass = splat(links->inv_mass);
+  const contact_damping damping = contact_damping_of(pulley);
+  const vec inv_mass = splat(links->inv_mass);
   const vec omega = splat(pulley->omega), none = {0.0};
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
   vec torque = {0.0}, contact_loss = {0.0}, friction_loss = {0.0};
@@ -240,7 +242,7 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
       const vec ux = load(vx + i) - cu, uy = load(vy + i) - cv;
       const vec closing = -fma_(ux, nx, uy * ny);
       const vec elastic = fma_(quadratic, p, linear) * p;
-      const vec raw = fma_(damping, closing, elastic);
+      const vec raw = fma_(damping_at(&damping, elastic, hunt_crossley), closing, elastic);
       const vec normal = where(touch, larger(raw, none));
       vec fx = normal * nx, fy = normal * ny;
       if (friction) {
@@ -280,13 +282,21 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
   static void press_##ledger(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,   \
                              const bd_run *runs, const bd_pressure *pressure,                      \
                              const bd_end_forces *out, const double *y, bd_sums *sums) {           \
-    press(links, pulley, n_runs, runs, pressure, out, y, sums, ledger);                            \
+    if (pulley->hunt_crossley > 0.0) {                                                             \
+      press(links, pulley, n_runs, runs, pressure, out, y, sums, ledger, 1);                       \
+    } else {                                                                                       \
+      press(links, pulley, n_runs, runs, pressure, out, y, sums, ledger, 0);                       \
+    }                                                                                              \
   }
 #define CONTACT(law, ledger)                                                                       \
   static void contact_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,     \
                                        int n_runs, const bd_run *runs, const double *y,            \
                                        double *dy, bd_sums *sums) {                                \
-    contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger);                       \
+    if (pulley->hunt_crossley > 0.0) {                                                             \
+      contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger, 1);                  \
+    } else {                                                                                       \
+      contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger, 0);                  \
+    }                                                                                              \
   }
 #define RUB(law, general, ledger)                                                                  \
   static void rub_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,         \

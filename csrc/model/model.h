@@ -117,6 +117,12 @@ double bd_least_slip(const bd_model *model); /* of all pulleys; INFINITY without
 double bd_friction_state_scale(const bd_model *model, int j);
 
 /* Stiffness of a contact c1 p^2 + c2 p under a force: the root of what its depth is found by. */
+/* Damping under a normal force, of a link [N s/m]; of a metre of belt with b' and force per metre.
+ */
+static inline double bd_contact_damping(const bd_model *model, double linear, double force) {
+  return linear + model->contact.hunt_crossley * force;
+}
+
 static inline double bd_contact_stiffness(double c1, double c2, double force) {
   return sqrt(c2 * c2 + 4.0 * c1 * force);
 }

@@ -58,7 +58,8 @@ static double normal_force(const bd_plan *plan, const contact_point *at, int i, 
   const double dx = at->x - d->x, dy = at->y - d->y;
   const double rho = hypot(dx, dy), p = d->radius - rho;
   const double apart = (at->vx - d->vx) * (dx / rho) + (at->vy - d->vy) * (dy / rho);
-  const double raw = (d->quadratic * p + d->linear) * p - d->damping * apart;
+  const double elastic = (d->quadratic * p + d->linear) * p;
+  const double raw = elastic - (d->damping + d->hunt_crossley * elastic) * apart;
   *share = p > 0.0 ? 1.0 : 0.0;
   return raw > 0.0 && p > 0.0 ? raw : 0.0;
 }

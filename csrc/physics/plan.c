@@ -93,6 +93,7 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
                                                    .quadratic = info->contact_quadratic,
                                                    .linear = info->contact_linear,
                                                    .damping = info->contact_damping,
+                                                   .hunt_crossley = model->contact.hunt_crossley,
                                                    .l0 = info->link_length,
                                                    .slot = model->slot[j]};
     if (plan->friction_on) {

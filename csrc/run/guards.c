@@ -284,9 +284,9 @@ static void check_contact_damping(bd_sim *sim) {
   }
   const double pressure = fmax(0.0, model->info.strain_tension) / smallest;
   const double stiffness = bd_contact_stiffness(contact->quadratic, contact->linear, pressure);
+  const double damping = bd_contact_damping(model, contact->damping, pressure);
   const double density = model->belt.linear_density, critical = 2.0 * sqrt(stiffness * density);
-  if (!model->along_links || !sim->stepper.method->implicit ||
-      contact->damping >= LEAST * critical ||
+  if (!model->along_links || !sim->stepper.method->implicit || damping >= LEAST * critical ||
       sim->stats.largest_step * sqrt(stiffness / density) < ALLOWED) {
     return;
   }
@@ -295,8 +295,7 @@ static void check_contact_damping(bd_sim *sim) {
       "links that come to a pulley vibrate on its contact with %.2g of critical damping, which "
       "steps of %s, up to %.2g s, are too long to follow, so friction and tensions may be off by "
       "several percent: compare with method=\"tsit5\", or give contact.damping >= %.3g N s/m^2",
-      contact->damping / critical, sim->stepper.method->name, sim->stats.largest_step,
-      LEAST * critical);
+      damping / critical, sim->stepper.method->name, sim->stats.largest_step, LEAST * critical);
 }
 
 int bd_guard_look(bd_sim *sim, int now) {

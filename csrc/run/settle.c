@@ -76,7 +76,7 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
   double k = model->shear * info->joint_stiffness / m +
              4.0 * info->bending_stiffness / info->link_inertia +
              (contact + steepest.stiffness) / m;
-  double d = info->contact_damping / m + steepest.damping / m +
+  double d = bd_contact_damping(model, info->contact_damping, normal) / m + steepest.damping / m +
              critical_mass_damping(model, flow, &lowest) +
              model->shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;

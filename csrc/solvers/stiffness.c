@@ -45,7 +45,8 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
       int pulley;
     } parts[] = {
         {joints_k, joints_d, "the belt's joints", -1},
-        {contact / m, info->contact_damping / m, "the contact", -1},
+        {contact / m, bd_contact_damping(model, info->contact_damping, normal) / m, "the contact",
+         -1},
         {friction.stiffness / m, friction.damping / m, "friction", -1},
         {friction.stiffness * of_wrap, friction.damping * of_wrap,
          "a pulley with very small inertia", j},
@@ -83,12 +84,14 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     const double r = model->radius[j], square = mount->lever * mount->lever;
     const double links =
         model->geometry.code == BD_OK ? model->wraps[j].wrap * r / info->link_length : 0.0;
-    const double contact = bd_contact_stiffness(info->contact_quadratic, info->contact_linear,
-                                                tension * info->link_length / r);
+    const double normal = tension * info->link_length / r;
+    const double contact =
+        bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
     const double stiffness = mount->stiffness + mount->stop_stiffness * mount->has_stops +
                              mount->friction * mount->adapts + links * contact * square;
-    const double damping = mount->damping + mount->stop_damping * mount->has_stops +
-                           links * info->contact_damping * square;
+    const double damping =
+        mount->damping + mount->stop_damping * mount->has_stops +
+        links * square * bd_contact_damping(model, info->contact_damping, normal);
     const double own = lambda(stiffness / mount->inertia, damping / mount->inertia);
     if (own > stiff.bound) {
       stiff = (bd_stiffness){.bound = own, .what = "a mount of very small inertia", .pulley = j};
