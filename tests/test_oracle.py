@@ -130,7 +130,10 @@ def damped_by_force() -> bd.scenes.Scene:
 
 
 CASES |= {
-    "damping by the force, running": lambda: running(damped_by_force, 0.28),
+    "damping by the force, from rest": lambda: (
+        damped_by_force(),
+        bd.settle(damped_by_force().params),
+    ),
     "joints, damping by the force, from rest": joints(damped_by_force),
     "joints, damping by the force, running": joints(damped_by_force, 0.28),
     "joints, case 1 from rest": joints(bd.scenes.kubas_case_1),

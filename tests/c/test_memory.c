@@ -108,8 +108,68 @@ static void every_allocation_may_fail(void) {
   }
 }
 
-static const test tests[] = {{"every_allocation_may_fail", every_allocation_may_fail}};
+/* A law of the table with numbers that its parameters' units suggest. */
+static bd_friction typical(int law) {
+  static const struct {
+    const char *unit;
+    double value;
+  } values[] = {{"1", 0.6},   {"1/m", 1e4},   {"m/s", 0.05},
+                {"s/m", 0.1}, {"N/m^2", 2e7}, {"N s/m^2", 400.0}};
+  bd_friction friction = {.law = law};
+  for (size_t k = 0; k < bd_n_parameters; ++k) {
+    const bd_parameter *p = &bd_parameters[k];
+    for (size_t u = 0; u < sizeof values / sizeof values[0]; ++u) {
+      if (strcmp(p->group, bd_law_name(law)) == 0 && strcmp(p->unit, values[u].unit) == 0 &&
+          !p->is_integer) {
+        memcpy((char *)&friction.dahl + p->offset, &values[u].value, sizeof(double));
+      }
+    }
+  }
+  return friction;
+}
+
+/* By every law of friction, both kinds of contact damping and every method: counting_malloc fails
+ * the test while `running`. */
+static void nothing_is_allocated_while_running(void) {
+  static room r;
+  static double row[2][N], span[2][NP], mu[64 * N], slip[8 * N];
+  const double t[] = {0.0, 1e-3};
+  fail_at = 0;
+  for (int law = BD_LAW_NONE; law < BD_N_LAWS; ++law) {
+    for (int by_force = 0; by_force < 2; ++by_force) {
+      const bd_friction friction = law == BD_LAW_NONE ? test_friction : typical(law);
+      bd_scene scene = test_scene();
+      bd_model *model = NULL;
+      bd_state state = state_in(&r);
+      state.mu = mu;
+      state.slip = slip;
+      scene.friction = law == BD_LAW_NONE ? NULL : &friction;
+      scene.contact.hunt_crossley = by_force ? 0.3 : 0.0;
+      CHECK(bd_model_create(&model, &scene, NULL) == BD_OK);
+      CHECK(settle_into(model, &state, NULL) == BD_OK);
+      for (size_t k = 0; bd_method_name(k); ++k) {
+        bd_options options;
+        bd_sim *sim = NULL;
+        bd_options_default(&options);
+        options.method = bd_method_name(k);
+        const bd_output out = {.normal = row[0], .span_tension = span[0]};
+        CHECK(bd_sim_create(&sim, model, &state, NULL, 1e-3, &options, NULL) == BD_OK);
+        CHECK(bd_sim_set_output(sim, 2, t, &out, NULL) == BD_OK);
+        running = 1;
+        CHECK(finish(sim, NULL) == BD_OK);
+        running = 0;
+        bd_sim_free(sim);
+      }
+      bd_model_free(model);
+    }
+  }
+}
+
+static const test tests[] = {
+    {"every_allocation_may_fail", every_allocation_may_fail},
+    {"nothing_is_allocated_while_running", nothing_is_allocated_while_running},
+};
 
 int main(int argc, char **argv) {
-  return run_tests(argc, argv, tests, 1);
+  return run_tests(argc, argv, tests, 2);
 }

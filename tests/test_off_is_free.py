@@ -1,0 +1,203 @@
+"""Off is free: what a scene does not call for has no pass, no state, no byte and no output of its
+own, and a coefficient of 0, or one too small to count, changes nothing but that.
+
+By counters, of the core's own: passes (``Simulation.passes``), numbers in the state, works in it
+and bytes of the whole simulation (``Simulation.sizes``), arrays of samples, evaluations. Two more
+are counted in C: exponentials (``tests/c/test_exponentials.c``) and allocations while running
+(``tests/c/test_memory.c``). ``benchmarks/effects.py`` measures the time.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+from effects import CASES, EFFECTS, bare
+from laws import EXAMPLES, with_laws
+
+import beltdyn as bd
+from beltdyn import _core
+from beltdyn.motions import as_motions, motion_terms
+from beltdyn.torques import as_terms
+
+T_END = 4e-3
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+cases = pytest.mark.parametrize(("name", "mesh"), CASES)
+
+
+class Counted:
+    """What a simulation of a drive takes."""
+
+    def __init__(
+        self, params: bd.Params, method: str = "rodas4", ledger: bool = True, **parts: Any
+    ) -> None:
+        state = bd.settle(params)
+        motion = motion_terms(as_motions(parts.get("motion"), params.pulley_names))
+        torque = as_terms(parts.get("torque", bd.Viscous([0.0, 0.0])), params.pulley_names)
+        self.sim = _core.Simulation(
+            params._model,
+            state._to_core(params.has_friction),
+            torque,
+            T_END,
+            method=method,
+            ledger=ledger,
+            motion=motion,
+        )
+        self.passes, self.sizes = self.sim.passes, self.sim.sizes
+        arrays = self.sim.sample([0.0, T_END])
+        self.widths = {name: array.shape[1] for name, array in arrays.items()}
+
+    def run(self) -> dict[str, Any]:
+        assert self.sim.advance(np.inf)
+        return dict(self.sim.stats)
+
+
+def padded(n: int) -> int:
+    """Numbers that a field of n links can take in the state: whole vectors and their margins."""
+    return n + 3 * 8
+
+
+@cases
+def test_off_is_not_there_and_on_takes_what_it_needs(name: str, mesh: str) -> None:
+    effect, off = EFFECTS[name], Counted(bare(mesh))
+    on = Counted(effect.on(bare(mesh)))
+    assert len(on.passes) == len(off.passes) + effect.passes
+    grown = on.sizes["state"] - off.sizes["state"]
+    if effect.state:
+        n = bare(mesh).belt.n_bodies
+        assert effect.state * n <= grown <= effect.state * padded(n)
+    else:  # of pulleys and mounts a few numbers at most
+        assert grown <= (16 if effect.bytes else 0)
+    assert (on.sizes["bytes"] > off.sizes["bytes"]) == effect.bytes
+    changed = {k for k in on.widths if on.widths[k] != off.widths.get(k)}
+    assert changed == effect.outputs and not set(off.widths) - set(on.widths)
+
+
+@cases
+def test_a_coefficient_of_0_is_off(name: str, mesh: str) -> None:
+    """In every counter, and in the bits of a run."""
+    effect, off = EFFECTS[name], Counted(bare(mesh))
+    if effect.zero is None:
+        assert name == "mounts", "only a mount has no number that is 0 without it"
+        return
+    zero = Counted(effect.zero(bare(mesh)))
+    assert (zero.passes, zero.sizes, zero.widths) == (off.passes, off.sizes, off.widths)
+    assert zero.run() == off.run()
+    found, expected = zero.sim.state(), off.sim.state()
+    for field, values in expected.items():
+        np.testing.assert_array_equal(found[field], values, err_msg=field)
+
+
+@cases
+def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> None:
+    """In fixed steps, so that no choice of steps depends on it: the effect's pass is made, and what
+    it adds is lost. Sums may be in another order where it has kernels of its own; a relative
+    rounding of 1e-16 in each of 2000 steps is 2e-13, over forces that are differences of places,
+    T / (EA / L) = 7 mm, of 1e-16 of 1 m."""
+    effect, params = EFFECTS[name], bare(mesh)
+    torque = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-5.0, 2.0]])
+    # settled without it, so that both begin alike
+    start = bd.settle(params)
+    runs = []
+    for one in (params, effect.tiny(params)):
+        at_rest = np.zeros(len(one.mounted))
+        fields = ("travel", "travel_speed", "mount_friction")
+        begin = attrs.evolve(start, **dict.fromkeys(fields, at_rest))
+        runs.append(bd.simulate(one, torque, T_END, initial=begin, method="rk4", step=2e-6))
+    off, on = runs
+    assert len(on.effects) == len(off.effects) + effect.passes
+    assert on.stats.steps == off.stats.steps
+    scale = np.abs(off.joints.force).mean()
+    assert np.abs(on.joints.force - off.joints.force).max() <= 1e-9 * scale
+    speeds = np.abs(off.pulleys.omega).max()
+    assert np.abs(on.pulleys.omega - off.pulleys.omega).max() <= 1e-9 * speeds
+    assert np.abs(on.contact.normal - off.contact.normal).max() <= 1e-9 * scale
+
+
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+@pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
+def test_the_ledger_off(mesh: str, method: str) -> None:
+    """One pass less, no column, no evaluation in the middle of a step."""
+    on, off = (Counted(bare(mesh), method, ledger=ledger) for ledger in (True, False))
+    assert set(on.passes) - set(off.passes) == {"energy ledger"}
+    assert on.sizes == off.sizes, "the works stay in the state: the balance of energy needs them"
+    assert set(on.widths) - set(off.widths) == {"energy"}
+    counted, without = on.run(), off.run()
+    more = counted["steps"] if method == "rodas4" else 0
+    assert counted["nfev"] == without["nfev"] + more
+
+
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+def test_motions_and_loads(mesh: str) -> None:
+    """A prescribed motion takes two passes and bytes, and nothing without; loads are terms of the
+    one pass of the pulleys, in bytes what their numbers take."""
+    off = Counted(bare(mesh))
+    moved = Counted(bare(mesh), motion={0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])})
+    assert len(moved.passes) == len(off.passes) + 2 and moved.sizes["bytes"] > off.sizes["bytes"]
+    assert moved.sizes["state"] == off.sizes["state"] and moved.widths == off.widths
+    none = Counted(bare(mesh), motion={})
+    assert (none.passes, none.sizes) == (off.passes, off.sizes)
+    loaded = Counted(bare(mesh), torque=bd.Viscous([0.0, 0.0]) + bd.Load(pulley=1, viscous=0.1))
+    assert loaded.passes == off.passes and loaded.sizes["state"] == off.sizes["state"]
+    assert loaded.sizes["bytes"] > off.sizes["bytes"]
+
+
+def test_what_is_not_asked_for_is_no_array() -> None:
+    """Outputs one by one are in ``test_outputs.py``; here: none of them costs a byte of the
+    simulation, or an evaluation."""
+    params = bare("joint")
+    state = bd.settle(params)._to_core(False)
+    counted = []
+    for names in ([], ["span_tension"], None):
+        sim = _core.Simulation(params._model, state, [], T_END, ledger=False)
+        before = sim.sizes
+        arrays = sim.sample(np.linspace(0.0, T_END, 50), names)
+        assert sim.sizes == before and (names is None or set(arrays) == set(names))
+        assert sim.advance(np.inf)
+        counted.append(dict(sim.stats))
+    assert counted[0] == counted[1] == counted[2]
+
+
+# --- order ----------------------------------------------------------------------------------------
+
+
+def run(params: bd.Params, torque: bd.TorqueLike, **options: Any) -> bd.Result:
+    return bd.simulate(params, torque, T_END, method="rk4", step=2e-6, **options)
+
+
+def test_the_order_of_loads_changes_nothing_but_rounding() -> None:
+    """Sums of four numbers, in another order: a rounding of the torque in each of 2000 steps."""
+    params = drives.on_mesh(drives.plain(), "joint")
+    terms = [
+        bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-5.0, 2.0]]),
+        bd.Viscous([0.01, 0.03]),
+        bd.Load(pulley=1, coulomb=0.3, viscous=0.02),
+        bd.Harmonics(pulley=0, orders=[1.0], amplitudes=[0.7], phases=[0.3]),
+    ]
+    first, *others = (
+        run(params, a + b + c + d, initial=bd.settle(params))
+        for a, b, c, d in itertools.islice(itertools.permutations(terms), 0, None, 5)
+    )
+    for other in others:
+        assert other.effects == first.effects
+        scale = np.abs(first.pulleys.omega).max()
+        assert np.abs(other.pulleys.omega - first.pulleys.omega).max() <= 1e-11 * scale
+        scale = np.abs(first.joints.force).max()
+        assert np.abs(other.joints.force - first.joints.force).max() <= 1e-10 * scale
+
+
+@pytest.mark.parametrize("law", EXAMPLES)
+def test_where_friction_is_given_changes_nothing(law: str) -> None:
+    """For the whole drive, or for each of its pulleys: the same bits."""
+    params = drives.on_mesh(drives.plain(), "joint")
+    torque = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-5.0, 2.0]])
+    whole = attrs.evolve(params, friction=EXAMPLES[law])
+    one, other = run(whole, torque), run(with_laws(params, EXAMPLES[law], EXAMPLES[law]), torque)
+    assert one.effects == other.effects and one.final_state == other.final_state
+    np.testing.assert_array_equal(one.contact.friction, other.contact.friction)
