@@ -74,11 +74,14 @@ class Model:
         outside: Sequence[bool] | None = None,
         names: Sequence[str | None] | None = None,
         mounts: Sequence[MountTerm | None] | None = None,
+        model: str = "links",
     ) -> None: ...
     def check_geometry(self) -> None: ...
     def centers(self, travel: ArrayLike, /) -> NDArray[np.float64]: ...
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
+    @property
+    def belt_model(self) -> str: ...  # "links" or "string"
     @property
     def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
     @property

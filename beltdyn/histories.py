@@ -112,7 +112,8 @@ class BeltHistory(Group):
     Attributes:
         x: Mass centre [m].
         y: Mass centre [m].
-        phi: Angle, continuous [rad].
+        phi: Angle, continuous [rad]. Of a string the direction of the bar behind each mass,
+            continuous along the belt; mass 0 has it within +-pi at every sample.
         vx: Velocity of the mass centre [m/s].
         vy: Velocity of the mass centre [m/s].
         vphi: Angular velocity [rad/s].

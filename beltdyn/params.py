@@ -98,6 +98,7 @@ class Params:
             )
             if self.mounted
             else None,
+            self.belt.model,
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
@@ -144,7 +145,7 @@ class Params:
     @property
     def _in_place(self) -> tuple[preload.Scene, float]:
         """The drive with its pulleys fixed in their places, and the belt line round them [m]."""
-        return (*self._scene[:-1], None), route(self.pulleys).length
+        return preload.in_place(self._scene), route(self.pulleys).length
 
     @functools.cached_property
     def _model(self) -> _core.Model:
@@ -184,6 +185,11 @@ class Params:
         rest, the closed form stands there.
         """
         return preload.Info(self._model.info, lambda: self._rest_tension)
+
+    @property
+    def belt_model(self) -> str:
+        """What the belt is made of: "links" or, without bending, "string" (``belt.model``)."""
+        return self._model.belt_model
 
     @property
     def effective_belt(self) -> Belt:

@@ -25,6 +25,7 @@ _PRELOAD = Rule("belt", "preload", "POSITIVE", "N", "mean tension of the belt at
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
 MESHES = ("joint", "paper")
+BELT_MODELS = ("auto", "links", "string")
 SIDES = ("inside", "outside")
 
 
@@ -53,6 +54,12 @@ class Belt(Printable):
             friction at their joints and their mass at their ends: mean tensions right to some 1 %
             with 60 links (``print(params)`` estimates it), creep less so; or "paper", at the links'
             centres, the paper's own, which takes eight to sixteen times as many links.
+        model: What the belt is made of, MODEL section 2: "links", rigid ones; "string", point
+            masses joined by bars that stretch, which resist no bending (EI = 0, mesh "joint"):
+            two degrees of freedom each for three, and a step that costs about half; or "auto",
+            the string wherever there is no bending, else links. ``params.belt_model`` says which
+            it is. Of a string ``n_bodies`` counts masses, and what is said of link i is that of
+            mass i, of joint i that of the bar before it.
 
     Raises:
         TypeError, ValueError: A field breaks its rule, or both length and preload are given.
@@ -67,6 +74,7 @@ class Belt(Printable):
     bending_stiffness: float = 0.0
     bending_damping: float = 0.0
     mesh: str = attrs.field(default="joint", validator=with_choice("belt.mesh", MESHES))
+    model: str = attrs.field(default="auto", validator=with_choice("belt.model", BELT_MODELS))
 
     def __attrs_post_init__(self) -> None:
         if self.length is not None and self.preload is not None:

@@ -52,6 +52,12 @@ def model_of(scene: Scene, length: float) -> _core.Model:
     return _core.Model((length, *belt), *others)
 
 
+def in_place(scene: Scene) -> Scene:
+    """Give the scene without its mounts, the last but one of its parts."""
+    *others, _mounts, belt_model = scene
+    return (*others, None, belt_model)
+
+
 @functools.lru_cache(maxsize=256)
 def rest_tension(scene: Scene, length: float, tensioning: Tensioning) -> float:
     """Settle a belt and give its mean tension [N].
@@ -174,7 +180,7 @@ def find_length_in_place(scene: Scene, line: float, held: float, tensioning: Ten
     Raises:
         ValueError: As of :func:`first_length`.
     """
-    start = line / first_length((*scene[:-1], None), line, held).length - 1.0
+    start = line / first_length(in_place(scene), line, held).length - 1.0
     radii, outside = scene[2], scene[10]
 
     def shorter(strain: float) -> float:

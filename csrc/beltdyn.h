@@ -79,10 +79,15 @@ int bd_warning_accuracy(int code);
  * centres; contact of the joints, with the links' mass at their ends. */
 enum { BD_MESH_PAPER, BD_MESH_JOINT };
 
+/* What the belt is made of (MODEL section 2): rigid links; a string of point masses, which resists
+ * no bending; a string where there is no bending and the mesh is BD_MESH_JOINT, else links. */
+enum { BD_BELT_AUTO, BD_BELT_LINKS, BD_BELT_STRING };
+
 #define X(group, name, rule, unit, text) BD_TYPE_##rule name;
 typedef struct bd_belt {
   BD_BELT(X)
-  int mesh; /* BD_MESH_... */
+  int mesh;  /* BD_MESH_... */
+  int model; /* BD_BELT_... */
 } bd_belt;
 
 /* Torque against the rotation: coulomb s(omega) + viscous omega + quadratic omega |omega|, s a
@@ -195,6 +200,7 @@ typedef struct bd_info {
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
+int bd_model_is_string(const bd_model *model);
 /* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
  * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels.
  */

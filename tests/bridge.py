@@ -9,6 +9,7 @@ import numpy as np
 import reference
 import reference_mounts
 from laws import oracle_law
+from reference_string import String
 
 import beltdyn as bd
 from beltdyn import _core
@@ -19,7 +20,8 @@ STATE = {"t", *(name for name, *_ in _core.STATE_FIELDS)}
 def oracle_of(params: bd.Params) -> reference.Reference:
     """The same drive as the oracle wants it, built from the user's numbers alone."""
     belt, contact = params.belt, params.effective_contact
-    return reference.Reference(
+    of_belt = {"links": reference.Reference, "string": String}[params.belt_model]
+    return of_belt(
         length=params.effective_belt.length,
         n_bodies=belt.n_bodies,
         linear_density=belt.linear_density,

@@ -30,9 +30,9 @@ def handlers() -> Iterator[None]:
         signal.signal(number, handler)
 
 
-@pytest.fixture(params=["paper", "joint"], scope="module")
+@pytest.fixture(params=["paper", "joint", "string"], scope="module")
 def mesh(request: pytest.FixtureRequest) -> str:
-    """Each discretisation in space (MODEL section 3)."""
+    """Each discretisation in space (MODEL sections 2 and 3), as `drives.on_mesh` takes it."""
     return str(request.param)
 
 

@@ -43,6 +43,8 @@ class Layout:
         units = {"x": 1.0, "y": 1.0, "phi": 1.0 / half, "theta": 1.0 / radius, "slip": 1.0}
         units |= {"vx": w, "vy": w, "vphi": w / half, "omega": w / radius}
         sizes = {name: np.size(state.get(name, ())) for name, *_ in _core.STATE_FIELDS}
+        if oracle.freedoms == 2:  # reported of a string, but no part of its state
+            sizes |= {"phi": 0, "vphi": 0}
         scale = {name: np.full(n, STRETCH * units.get(name, 0.0)) for name, n in sizes.items()}
         friction, by_slip = friction_scales(oracle, state)
         scale["mu"] = np.maximum(friction, STRETCH * by_slip)
@@ -57,12 +59,15 @@ class Layout:
         return cls(sizes, np.concatenate(list(scale.values())), friction)
 
     def pack(self, state: Mapping[str, Any]) -> Array:
-        return np.concatenate([np.ravel(state.get(name, ())) for name in self.sizes]) / self.scale
+        parts = [np.ravel(state[name] if size else ()) for name, size in self.sizes.items()]
+        return np.concatenate(parts) / self.scale
 
     def unpack(self, vector: Array, t: float = 0.0) -> dict[str, Any]:
         ends = np.cumsum(list(self.sizes.values()))
         parts = np.split(vector * self.scale, ends[:-1])
-        return {"t": t, **dict(zip(self.sizes, parts, strict=True))}
+        state = {"t": t, **dict(zip(self.sizes, parts, strict=True))}
+        unknown = [name for name in ("phi", "vphi") if not self.sizes[name]]  # to a string
+        return state | {name: np.zeros(self.sizes["x"]) for name in unknown}
 
     def steps(self) -> Array:
         """For differences: 1e-4 of the scales, and for friction of what is as large as N."""
@@ -181,7 +186,8 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
         state = layout.unpack(vector)
         y = np.zeros(oracle.size)
         links, pulleys, memory = oracle.links(y), oracle.pulleys(y), oracle.memory(y)
-        for row, name in enumerate(("x", "y", "phi")):
+        names = ("x", "y", "phi")[: oracle.freedoms]
+        for row, name in enumerate(names):
             links[0, row], links[1, row] = state[name], state[f"v{name}"]
         pulleys[0], pulleys[1] = state["theta"], state["omega"]
         mounts = oracle.mount_states(y)
@@ -195,7 +201,7 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
         out: dict[str, Any] = {"theta": d_pulleys[0], "omega": d_pulleys[1]}
         for row, name in enumerate(MOUNT_STATES):
             out[name] = oracle.mount_states(dy)[row]
-        for row, name in enumerate(("x", "y", "phi")):
+        for row, name in enumerate(names):
             out[name], out[f"v{name}"] = d_links[0, row], d_links[1, row]
         for row, name in enumerate(("mu", "slip")):
             by_slot = np.zeros((layout.sizes["mu"] // n, n))

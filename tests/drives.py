@@ -42,8 +42,14 @@ def plain() -> bd.Params:
 
 
 def on_mesh(params: bd.Params, mesh: str) -> bd.Params:
-    """The same drive with another discretisation of its belt."""
-    return attrs.evolve(params, belt=attrs.evolve(params.belt, mesh=mesh))
+    """The same drive with another discretisation of its belt: links of a mesh; or a "string", whose
+    belt loses its bending.
+    """
+    changes: dict[str, Any] = {"mesh": mesh, "model": "links"}
+    if mesh == "string":
+        changes = {"mesh": "joint", "model": "string"}
+        changes |= {"bending_stiffness": 0.0, "bending_damping": 0.0}
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, **changes))
 
 
 def plain_scene() -> bd.Scene:

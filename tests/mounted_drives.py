@@ -8,6 +8,7 @@ import attrs
 import numpy as np
 import reference
 from dense import levers
+from drives import on_mesh
 from laws import EXAMPLES, with_laws
 from reference_mounts import Sprung
 
@@ -192,6 +193,11 @@ DRIVES: dict[str, Any] = {
     "arm and path": moved_on_path,
     "no friction": lambda: lawful("none"),
     **{name: lambda name=name: lawful(name) for name in EXAMPLES if name != "dahl"},
+    "string, arm": lambda: on_mesh(tensioner(drag=DRAG), "string"),
+    "string, arm with stops": lambda: on_mesh(stopped(), "string"),
+    "string, slider, gravity": lambda: on_mesh(leaning(), "string"),
+    "string, path": lambda: on_mesh(path(), "string"),
+    "string, arm and slider, three laws": lambda: on_mesh(both(laws=True), "string"),
 }
 
 

@@ -41,7 +41,9 @@ def laid_on_joints(model: ref.Reference, y: ref.Array) -> ref.Array:
     ):
         arm = position - center[:, None]
         on = np.hypot(*arm) < radius * (1 + 1e-9)
-        chord = math.sqrt(contact**2 - 0.25 * model.l0**2)
+        chord = contact  # of the masses of a string
+        if model.freedoms == 3:
+            chord = math.sqrt(contact**2 - 0.25 * model.l0**2)
         position[:, on] = center[:, None] + arm[:, on] * chord / radius
     return y
 
@@ -62,9 +64,9 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
         y = y0.copy()
         links, pulleys, memory = model.links(y), model.pulleys(y), model.memory(y)
         links[0, :2] += scale * rng.uniform(-1, 1, links[0, :2].shape)
-        links[0, 2] += 0.1 * rng.uniform(-1, 1, model.n_bodies)
+        links[0, 2:] += 0.1 * rng.uniform(-1, 1, links[0, 2:].shape)
         links[1, :2] = rng.uniform(-1, 1, links[1, :2].shape)
-        links[1, 2] = 30 * rng.uniform(-1, 1, model.n_bodies)
+        links[1, 2:] = 30 * rng.uniform(-1, 1, links[1, 2:].shape)
         pulleys[:] = rng.uniform(-5, 5, pulleys.shape)
         shake_mounts(model, y, rng, scale)
         touching = model.penetration(y) > 0
@@ -138,12 +140,14 @@ class ByHand:
 
 
 def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
-    """The equations of MODEL section 3 link by link; of the paper's mesh half acts on each end."""
+    """The equations of MODEL section 3 link by link; of the paper's mesh half acts on each end.
+
+    Of a string link i is the bar from mass i to mass i + 1.
+    """
     n_p, n_b, l0 = model.n_pulleys, model.n_bodies, model.l0
     left, right = np.zeros((2, n_p, 2, n_b))
     normal, share, share_rate = np.zeros((3, n_p, n_b))
     place, velocity = model.links(y)[:, :2]
-    angle, spin = model.links(y)[:, 2]
     axes, moving = model.axes(y), model.axis_velocities(y)
     stored = 0.0
 
@@ -155,9 +159,14 @@ def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
 
     def seen(j: int, i: int, along: float) -> tuple[float, float, ref.Array]:
         """Penetration, its rate and the normal of a point of a link, so far from its middle."""
-        e = np.array([math.cos(angle[i]), math.sin(angle[i])])
-        arm = place[:, i] + along * e - axes[j]
-        speed = velocity[:, i] + along * spin[i] * np.array([-e[1], e[0]]) - moving[j]
+        if model.freedoms == 3:
+            angle, spin = model.links(y)[:, 2, i]
+            e = np.array([math.cos(angle), math.sin(angle)])
+            arm = place[:, i] + along * e - axes[j]
+            speed = velocity[:, i] + along * spin * np.array([-e[1], e[0]]) - moving[j]
+        else:
+            mass = i if along < 0 else (i + 1) % n_b
+            arm, speed = place[:, mass] - axes[j], velocity[:, mass] - moving[j]
         outward = arm / math.dist(arm, (0.0, 0.0))
         return model.contact_radii[j] - math.dist(arm, (0.0, 0.0)), -speed @ outward, outward
 

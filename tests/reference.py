@@ -8,7 +8,8 @@ transmission using the Dahl friction model"). SI units, angles in rad.
 Differences from the core by intention: friction memory is kept densely, one state per (pulley,
 link) pair, so a link on two pulleys at once needs no special treatment; the energy ledger is
 integrated with the state. The friction laws are in `reference_friction.py`, mounts of pulleys in
-`reference_mounts.py`; `reference_run.py` integrates the drive by SciPy.
+`reference_mounts.py`, the belt of point masses in `reference_string.py`; `reference_run.py`
+integrates the drive by SciPy.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,8 @@ class Reference:
     (section 3): what is said of (pulley, link) pairs is then of (pulley, joint) pairs, a joint by
     the link on whose left it is.
     """
+
+    freedoms: ClassVar[int] = 3  # coordinates of a link
 
     length: float  # L, stress-free [m]
     n_bodies: int  # n_b
@@ -139,7 +142,11 @@ class Reference:
             "radii": radii,
             "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
             "n_pulleys": n_p,
-            "size": 6 * n_b + 2 * n_p + 2 * n_p * n_b + 3 * len(mounts) + len(columns),
+            "size": 2 * self.freedoms * n_b
+            + 2 * n_p
+            + 2 * n_p * n_b
+            + 3 * len(mounts)
+            + len(columns),
             "laws": tuple(laws),
             "l0": l0,
             "mass": mass,
@@ -201,16 +208,17 @@ class Reference:
 
     def links(self, y: Array) -> Array:
         """View (..., 2, 3, n_b) of the links: [position or velocity, x y phi, link]."""
-        return y[..., : 6 * self.n_bodies].reshape(*y.shape[:-1], 2, 3, self.n_bodies)
+        shape = 2, self.freedoms, self.n_bodies
+        return y[..., : math.prod(shape)].reshape(*y.shape[:-1], *shape)
 
     def pulleys(self, y: Array) -> Array:
         """View (..., 2, n_p): theta and omega."""
-        start = 6 * self.n_bodies
+        start = 2 * self.freedoms * self.n_bodies
         return y[..., start : start + 2 * self.n_pulleys].reshape(*y.shape[:-1], 2, -1)
 
     def memory(self, y: Array) -> Array:
         """View (..., 2, n_p, n_b): z (named mu) and slip of every (pulley, link) pair."""
-        start = 6 * self.n_bodies + 2 * self.n_pulleys
+        start = 2 * (self.freedoms * self.n_bodies + self.n_pulleys)
         stop = self.size - len(self.columns) - 3 * len(self.mounted)
         return y[..., start:stop].reshape(*y.shape[:-1], 2, self.n_pulleys, self.n_bodies)
 
@@ -234,9 +242,8 @@ class Reference:
         """
         y = np.zeros(self.size)
         links, pulleys, memory = self.links(y), self.pulleys(y), self.memory(y)
-        for row, name in enumerate(("x", "y", "phi")):
-            links[0, row] = state[name]
-            links[1, row] = state.get("v" + ("x", "y", "phi")[row], 0.0)
+        for row, name in enumerate(("x", "y", "phi")[: self.freedoms]):
+            links[0, row], links[1, row] = state[name], state.get(f"v{name}", 0.0)
         for row, name in enumerate(("theta", "omega")):
             pulleys[row] = state.get(name, 0.0)
         if self.mounts:
@@ -267,7 +274,7 @@ class Reference:
         state: dict[str, Any] = {
             name: links[..., rate, row, :].copy()
             for rate, group in enumerate(names)
-            for row, name in enumerate(group)
+            for row, name in enumerate(group[: self.freedoms])
         }
         state["theta"], state["omega"] = pulleys[..., 0, :].copy(), pulleys[..., 1, :].copy()
         state["mu"], state["slip"] = memory[..., 0, :, :].copy(), memory[..., 1, :, :].copy()
@@ -288,13 +295,11 @@ class Reference:
         all pulleys at once for the same reason; `joints`, `contacts` and `energy` below say the
         same things again, one at a time, and the tests compare the two.
         """
-        n_b, n_p, half_length = self.n_bodies, self.n_pulleys, 0.5 * self.l0
-        at_memory, at_ledger = 6 * n_b + 2 * n_p, self.size - len(self.columns)
+        n_b, n_p, at_pulleys = self.n_bodies, self.n_pulleys, 2 * self.freedoms * self.n_bodies
+        at_memory, at_ledger = at_pulleys + 2 * n_p, self.size - len(self.columns)
         at_mounts = at_ledger - 3 * len(self.mounted)
-        links = y[: 6 * n_b].reshape(2, 3, n_b)
-        centre = links[:, :2]  # [position or velocity, xy, link]
-        angle = links[:, 2]  # [angle or its rate, link]
-        theta, omega = y[6 * n_b : 6 * n_b + n_p], y[6 * n_b + n_p : at_memory]
+        links = y[:at_pulleys].reshape(2, self.freedoms, n_b)
+        theta, omega = y[at_pulleys : at_pulleys + n_p], y[at_pulleys + n_p : at_memory]
         if self.motion:
             omega, omega_rate = self.prescribed(t, omega)
         z = y[at_memory : at_memory + n_p * n_b].reshape(n_p, n_b)
@@ -303,35 +308,15 @@ class Reference:
             centers, moving = self.axes(y), self.axis_velocities(y)
 
         dy = np.zeros_like(y)
-        d_links = dy[: 6 * n_b].reshape(2, 3, n_b)
+        d_links = dy[:at_pulleys].reshape(2, self.freedoms, n_b)
         d_links[0] = links[1]
-        force, moment = d_links[1, :2], d_links[1, 2]
-
-        # Joints (2.2): stretch vector and its rate between the ends of neighbouring links.
-        half = np.empty((2, 2, n_b))  # from mass centre to right end, and its rate
-        arm = half[0]
-        np.cos(angle[0], arm[0])
-        np.sin(angle[0], arm[1])
-        arm *= half_length
-        np.multiply(arm[0], angle[1], half[1, 1])
-        np.multiply(arm[1], angle[1], half[1, 0])
-        np.negative(half[1, 0], half[1, 0])
-        stretch = (centre - half) - (centre + half).take(self.previous, axis=2)
-        pull = self.c_tra * stretch[0] + self.b_tra * stretch[1]
-        pull_right = pull.take(self.following, axis=1)
-        np.subtract(pull_right, pull, force)
-        both = pull_right + pull
-        bend = angle - angle.take(self.previous, axis=1)
-        bend[0, 0] += 2 * math.pi * self.winding
-        bending = self.c_tor * bend[0] + self.b_tor * bend[1]
-        np.subtract(arm[0] * both[1], arm[1] * both[0], moment)
-        moment += bending.take(self.following) - bending
+        force = d_links[1, :2]
+        left, right, dy[at_ledger + 1] = self._pull(links, d_links[1])
 
         # Contact (2.3)-(2.8) for every (pulley, link) pair, or along the links.
-        point = centre
+        point = links[:, :2]
         along: AlongLinks | None = None
         if self.mesh == "joint":
-            left, right = centre - half, centre + half
             along = self.along_links(left, right, centers, moving)
             at_previous = right.take(self.previous, axis=2)
             point = 0.5 * (at_previous + left)
@@ -389,9 +374,7 @@ class Reference:
         else:
             at_left = along.left_force + 0.5 * at_point
             at_right = along.right_force + 0.5 * at_point.take(self.following, axis=1)
-            force += at_left + at_right
-            turning = at_right - at_left
-            moment += arm[0] * turning[1] - arm[1] * turning[0]
+            self._push(0.5 * (right[0] - left[0]), at_left, at_right, d_links[1])
 
         # Pulleys (2.12), or what it says of the torque if the motion is prescribed.
         drive = np.asarray(torque(t, theta, omega), dtype=float)
@@ -402,7 +385,7 @@ class Reference:
             resisting = self.drag_torque(bearing)
             acting = drive - resisting
             dy[at_ledger + 4] = resisting @ bearing
-        d_omega = dy[6 * n_b + n_p : at_memory]
+        d_omega = dy[at_pulleys + n_p : at_memory]
         d_omega[:] = (acting + grip) / self.inertias
         if self.motion:
             drive = drive.copy()
@@ -418,16 +401,50 @@ class Reference:
             self._move_mounts(y, dy, on_belt.T, resisting, held)
 
         force /= self.mass
-        moment /= self.inertia
+        d_links[1, 2:] /= self.inertia
         if self.gravity[0] or self.gravity[1]:
             force[0] += self.gravity[0]
             force[1] += self.gravity[1]
-        dy[6 * n_b : 6 * n_b + n_p] = omega
+        dy[at_pulleys : at_pulleys + n_p] = omega
         dy[at_ledger] = drive @ omega
-        dy[at_ledger + 1] = self.b_tra * np.vdot(stretch[1], stretch[1])
-        if self.b_tor:
-            dy[at_ledger + 1] += self.b_tor * np.vdot(bend[1], bend[1])
         return dy
+
+    def _pull(self, links: Array, forces: Array) -> tuple[Array, Array, float]:
+        """Joints (2.2): add their forces and moments on the links to `forces` (3, n_b).
+
+        Returns both ends of the links, [position or velocity, xy, link], and the power that is lost
+        in the joints.
+        """
+        centre, angle, half_length = links[:, :2], links[:, 2], 0.5 * self.l0
+        half = np.empty((2, 2, self.n_bodies))  # from mass centre to right end, and its rate
+        arm = half[0]
+        np.cos(angle[0], arm[0])
+        np.sin(angle[0], arm[1])
+        arm *= half_length
+        np.multiply(arm[0], angle[1], half[1, 1])
+        np.multiply(arm[1], angle[1], half[1, 0])
+        np.negative(half[1, 0], half[1, 0])
+        left, right = centre - half, centre + half
+        stretch = left - right.take(self.previous, axis=2)
+        pull = self.c_tra * stretch[0] + self.b_tra * stretch[1]
+        pull_right = pull.take(self.following, axis=1)
+        forces[:2] += pull_right - pull
+        both = pull_right + pull
+        bend = angle - angle.take(self.previous, axis=1)
+        bend[0, 0] += 2 * math.pi * self.winding
+        bending = self.c_tor * bend[0] + self.b_tor * bend[1]
+        forces[2] += arm[0] * both[1] - arm[1] * both[0]
+        forces[2] += bending.take(self.following) - bending
+        lost = self.b_tra * np.vdot(stretch[1], stretch[1])
+        if self.b_tor:
+            lost += self.b_tor * np.vdot(bend[1], bend[1])
+        return left, right, float(lost)
+
+    def _push(self, arm: Array, at_left: Array, at_right: Array, forces: Array) -> None:
+        """Add forces on the links' ends (2, n_b) to `forces`; the arm is half a link."""
+        forces[:2] += at_left + at_right
+        turning = at_right - at_left
+        forces[2] += arm[0] * turning[1] - arm[1] * turning[0]
 
     def _move_mounts(
         self, y: Array, dy: Array, on_belt: Array, resisting: Array, held: Array | None
@@ -507,12 +524,7 @@ class Reference:
 
     def along_links_at(self, y: Array) -> AlongLinks:
         """The same at one state (size,)."""
-        links, e = self.links(y), self.directions(y)
-        half = 0.5 * self.l0 * e
-        half_rate = links[1, 2] * np.stack((-half[1], half[0]))
-        arm = np.stack((half, half_rate))
-        left, right = links[:, :2] - arm, links[:, :2] + arm
-        return self.along_links(left, right, self.axes(y), self.axis_velocities(y))
+        return self.along_links(*self.ends(y), self.axes(y), self.axis_velocities(y))
 
     def prescribed(self, t: float, omega: Array) -> tuple[Array, Array]:
         """Speeds with the prescribed ones in their place, and the rates of these, 0 of others."""
@@ -585,15 +597,18 @@ class Reference:
         phi = self.links(y)[..., 0, 2, :]
         return np.stack((np.cos(phi), np.sin(phi)), axis=-2)
 
+    def ends(self, y: Array) -> tuple[Array, Array]:
+        """Left and right end of each link, (..., 2, 2, n_b): [place or velocity, xy, link]."""
+        links, half = self.links(y), 0.5 * self.l0 * self.directions(y)
+        half_rate = links[..., 1, 2:, :] * np.stack((-half[..., 1, :], half[..., 0, :]), axis=-2)
+        centre, arm = links[..., :2, :], np.stack((half, half_rate), axis=-3)
+        return centre - arm, centre + arm
+
     def joint_vectors(self, y: Array) -> tuple[Array, Array]:
         """Stretch vector d of each joint and its rate (section 2), (..., 2, n_b) each."""
-        links, e = self.links(y), self.directions(y)
-        position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
-        half = 0.5 * self.l0 * e
-        half_rate = links[..., 1, 2:, :] * np.stack((-half[..., 1, :], half[..., 0, :]), axis=-2)
-        d = position - half - np.roll(position + half, 1, axis=-1)
-        d_rate = velocity - half_rate - np.roll(velocity + half_rate, 1, axis=-1)
-        return d, d_rate
+        left, right = self.ends(y)
+        d = left - np.roll(right, 1, axis=-1)
+        return d[..., 0, :, :], d[..., 1, :, :]
 
     def points(self, y: Array) -> tuple[Array, Array]:
         """Mass centres, or joints, and their velocities (section 3), (..., 2, n_b) each."""
@@ -601,14 +616,9 @@ class Reference:
         position, velocity = links[..., 0, :2, :], links[..., 1, :2, :]
         if self.mesh == "paper":
             return position, velocity
-        e = self.directions(y)
-        e_rate = links[..., 1, 2:, :] * np.stack((-e[..., 1, :], e[..., 0, :]), axis=-2)
-
-        def at_joints(r: Array, e: Array) -> Array:
-            r_left, e_left = np.roll(r, 1, axis=-1), np.roll(e, 1, axis=-1)
-            return 0.5 * (r_left + r) + 0.25 * self.l0 * (e_left - e)
-
-        return at_joints(position, e), at_joints(velocity, e_rate)
+        left, right = self.ends(y)
+        mean = 0.5 * (np.roll(right, 1, axis=-1) + left)
+        return mean[..., 0, :, :], mean[..., 1, :, :]
 
     def joint_angles(self, y: Array) -> tuple[Array, Array]:
         """Bend of each joint and its rate, (..., n_b) each; joint 0 closes the winding."""
@@ -638,9 +648,8 @@ class Reference:
         """
         if self.mesh == "paper":
             return self._depth(self.links(y)[..., 0, :2, :], self.centers)
-        centre, arm = self.links(y)[..., 0, :2, :], 0.5 * self.l0 * self.directions(y)
-        centers = self.axes(y)
-        p = np.maximum(self._depth(centre - arm, centers), self._depth(centre + arm, centers))
+        left, right = (self._depth(end[..., 0, :, :], self.axes(y)) for end in self.ends(y))
+        p = np.maximum(left, right)
         return np.maximum(p, np.roll(p, 1, axis=-1))
 
     def _depth(self, position: Array, centers: Array) -> Array:
@@ -732,7 +741,7 @@ class Reference:
         omega = self.pulleys(y)[..., 1, :]
         terms = {
             "translation": 0.5 * self.mass * (links[..., 1, :2, :] ** 2).sum(axis=(-2, -1)),
-            "rotation": 0.5 * self.inertia * (links[..., 1, 2, :] ** 2).sum(axis=-1),
+            "rotation": 0.5 * self.inertia * (links[..., 1, 2:, :] ** 2).sum(axis=(-2, -1)),
             "stretching": 0.5 * self.c_tra * (d**2).sum(axis=(-2, -1)),
             "bending": 0.5 * self.c_tor * (bend**2).sum(axis=-1),
             "contact": contact,
@@ -957,12 +966,14 @@ def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
 def start_state(model: Reference) -> Array:
     """Lay the belt at rest along `belt_line`, which also checks the model's winding.
 
-    Arms and sliders are where they rest, paths where they begin.
+    Arms and sliders are where they rest, paths where they begin. Masses of a string are where the
+    joints of links would be.
     """
     centers = model.axes(model.pack({"x": 0.0, "y": 0.0, "phi": 0.0}))
     x, y, phi, winding, _ = belt_line(
-        centers, model.radii, model.length, model.n_bodies, model.sides
-    )
+        centers, model.radii, model.length, model.n_bodies, model.sides,
+        0.5 if model.freedoms == 3 else 0.0,
+    )  # fmt: skip
     if winding != model.winding:
         raise ValueError(f"winding is {model.winding}, but this order of pulleys gives {winding}")
     return model.pack({"x": x, "y": y, "phi": phi})

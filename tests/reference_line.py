@@ -106,14 +106,15 @@ def belt_line(
     length: float,
     n_bodies: int,
     sides: npt.ArrayLike | None = None,
+    middle: float = 0.5,
 ) -> tuple[Array, Array, Array, int, float]:
     """Links along the tight belt path round pulleys, `sides` +1 inside the loop or -1 outside.
 
     The belt visits the pulleys in the order given: two are run clockwise (section 1), more in the
     sense in which it goes round once, and of two on either side it is crossed and goes round none.
     Links share the path equally, their mass centres on it, their angles along its tangent and
-    continuous; the left end of link 0 is where the belt leaves pulley 0. Returns x, y, phi, winding
-    and the length of the path.
+    continuous; the left end of link 0 is where the belt leaves pulley 0. With `middle` 0 the left
+    ends are returned, not the centres. Returns x, y, phi, winding and the length of the path.
 
     `length` (stress-free) does not move the links; it is only required to be within a factor of two
     of the path.
@@ -133,7 +134,7 @@ def belt_line(
     path = sum(piece[0] for piece in pieces)
     if not 0.5 * path < length < 2 * path:
         raise ValueError(f"belt length {length} m is far from its path, {path} m")
-    s = (np.arange(n_bodies) + 0.5) * path / n_bodies
+    s = (np.arange(n_bodies) + middle) * path / n_bodies
     x, y, phi = np.empty(n_bodies), np.empty(n_bodies), np.empty(n_bodies)
     begin = 0.0
     for piece_length, curvature, point in pieces:

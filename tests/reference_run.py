@@ -50,8 +50,8 @@ def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None
     half = 0.5 * model.l0
     weights = np.full(model.size, 1e30)
     links, pulleys, memory = model.links(weights), model.pulleys(weights), model.memory(weights)
-    links[0] = np.array([stretch, stretch, stretch / half])[:, None]
-    links[1] = np.array([0.1, 0.1, 0.1 / half])[:, None]
+    units = np.array([1.0, 1.0, 1.0 / half])[: model.freedoms, None]
+    links[0], links[1] = stretch * units, 0.1 * units
     pulleys[0], pulleys[1] = 1e-3, 1.0
     for j, law in enumerate(model.laws):
         pressure = model.c_tra * stretch / model.radii[j]
@@ -291,9 +291,10 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
     model.memory(y)[:] = 0.0
     model.ledger(y)[:] = 0.0
     model.mount_states(y)[1:] = 0.0
-    n_b, n, half = model.n_bodies, 3 * model.n_bodies, 0.5 * model.l0
-    unit = np.repeat([1.0, 1.0, 1.0 / half], n_b)  # phi as the shift of a link's end
-    inertia = np.repeat([model.mass, model.mass, model.inertia / half], n_b)
+    n_b, rows, half = model.n_bodies, model.freedoms, 0.5 * model.l0
+    n = rows * n_b
+    unit = np.repeat([1.0, 1.0, 1.0 / half][:rows], n_b)  # phi as the shift of a link's end
+    inertia = np.repeat([model.mass, model.mass, model.inertia / half][:rows], n_b)
     no_torque = np.zeros(model.n_pulleys)
     # travel as the shift of the axis
     sprung = [m for m, one in enumerate(model.mounts.values()) if isinstance(one, Sprung)]
@@ -313,20 +314,20 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
     def stiffness(q: Array) -> Array:
         """-d residual / dq; links three apart share no neighbour, so they are moved together."""
         h = 1e-6 * model.l0
-        matrix = np.zeros((3, n_b, 3, n_b))
+        matrix = np.zeros((rows, n_b, rows, n_b))
         whole = n_b - n_b % 3
         groups = [np.arange(k, whole, 3) for k in range(3)] + [
             np.array([k]) for k in range(whole, n_b)
         ]
         for group in groups:
-            for row in range(3):
-                shift = np.zeros((3, n_b))
+            for row in range(rows):
+                shift = np.zeros((rows, n_b))
                 shift[row, group] = h
                 moved = np.append(shift, np.zeros(len(sprung)))
                 change = (residual(q - moved) - residual(q + moved))[:n]
                 for offset in (-1, 0, 1):
                     at = (group + offset) % n_b
-                    matrix[:, at, row, group] = change.reshape(3, n_b)[:, at] / (2 * h)
+                    matrix[:, at, row, group] = change.reshape(rows, n_b)[:, at] / (2 * h)
         whole_matrix = np.zeros((len(unit), len(unit)))
         whole_matrix[:n, :n] = matrix.reshape(n, n)
         for k in range(n, len(unit)):  # forces have a potential: rows are columns

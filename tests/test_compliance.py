@@ -44,6 +44,7 @@ def drive(
         "linear_density": 0.1,
         "axial_stiffness": EA,
         "axial_damping": 1.4,
+        "model": "links",  # at_rest reads the belt off their angles
         "mesh": "joint",
     }
     return bd.Params(

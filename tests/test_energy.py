@@ -62,7 +62,7 @@ def test_terms_are_those_of_the_oracle(mesh: str) -> None:
         "gravity": terms["gravity"],
     }
     for name, value in expected.items():
-        assert float(value) != 0.0, name
+        assert (float(value) != 0.0) == (name != "bending" or mesh != "string"), name
         # stretches and penetrations of 1e-4 m are differences of positions rounded to 5e-17 m
         assert getattr(energy, name)[-1] == pytest.approx(float(value), rel=1e-10), name
 
@@ -84,10 +84,10 @@ def test_losses_are_losses() -> None:
 
 def test_undamped_drive_conserves_energy(mesh: str) -> None:
     """No damping, no friction, no torque, from a shaken state: the stored energy stays."""
-    base = bd.scenes.three_pulleys().params
+    base = on_mesh(bd.scenes.three_pulleys().params, mesh)
     params = attrs.evolve(
         base,
-        belt=attrs.evolve(base.belt, axial_damping=0.0, mesh=mesh),
+        belt=attrs.evolve(base.belt, axial_damping=0.0),
         contact=attrs.evolve(base.contact, damping=0.0),
         friction=None,
     )

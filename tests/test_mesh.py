@@ -33,6 +33,12 @@ LAWS: dict[str, tuple[Any, ...]] = {
 }
 
 
+@pytest.fixture(params=["paper", "joint"], scope="module")
+def mesh(request: pytest.FixtureRequest) -> str:
+    """Those that links have."""
+    return str(request.param)
+
+
 # -------------------------------------------------------------------- rates
 
 

@@ -73,7 +73,7 @@ def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt
 def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
     for group, kind in CLASSES.items():
         rows = [name for g, name, _ in ROWS if g == group]
-        parts = {"center", "drag", "friction", "mesh", "mount", "name", "preload", "side"}
+        parts = {"center", "drag", "friction", "mesh", "model", "mount", "name", "preload", "side"}
         parts |= {"pivot", "direction", "free_angle", "free_travel", "stops"}
         fields = [field.name for field in attrs.fields(kind)]
         assert [name for name in fields if name in rows or name not in parts] == rows

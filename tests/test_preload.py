@@ -211,7 +211,7 @@ def test_settles_with_the_preload(name: str, mesh: str) -> None:
 
 
 def test_length_and_preload_are_two_names_of_one_belt() -> None:
-    params = drive(preload=400.0)
+    params = drive(preload=400.0, model="links")
     assert params.belt.length is None and params.belt.preload == 400.0
     belt = params.effective_belt
     assert belt == attrs.evolve(params.belt, length=params.info["length"], preload=None)

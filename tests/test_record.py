@@ -63,6 +63,11 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     "frictionless": ({"friction": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
     "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
     "joints": ({"mesh": "joint"}, "terms", 0.02),
+    "string": (
+        {"belt": (1.2, 24, 0.1, 70e3, 1.4, 0.0, 0.0), "mesh": "joint", "model": "string"},
+        "terms",
+        0.02,
+    ),
     "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1)}, "terms", 0.02),
     "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
     "loads": ({}, "loads", 0.02),

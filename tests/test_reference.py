@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import oracle_mounted
+import oracle_string
 import pytest
 import reference as ref
 import reference_run as runs
@@ -65,6 +66,7 @@ MODELS: dict[str, Callable[[], ref.Reference]] = {
         },
     ),
     **oracle_mounted.MODELS,
+    **oracle_string.MODELS,
 }
 
 
@@ -285,11 +287,13 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
         torque_on_pulley[j] += grips[j, i] * at.distance[j, i]
         rub = -0.5 * grips[j, i] * at.tangent[j, :, i]
         at_left[:, i] += rub
-        # a link's friction acts at its middle, a joint's on the ends that meet there
+        # a link's friction acts at its middle, that of a joint or mass on the ends that meet there
         at_right[:, i if model.mesh == "paper" else i - 1] += rub
     for i in range(model.n_bodies):
         right = (i + 1) % model.n_bodies
-        left_end, right_end = at_left[:, i] - pull[:, i], at_right[:, i] + pull[:, right]
+        # of a mass the two ends are those of the bars that meet there
+        at_its_right = at_right[:, i if model.freedoms == 3 else i - 1]
+        left_end, right_end = at_left[:, i] - pull[:, i], at_its_right + pull[:, right]
         force = left_end + right_end + model.mass * np.asarray(model.gravity)
         moment = twist[right] - twist[i]
         for side, at_end in ((+1, right_end), (-1, left_end)):
@@ -306,7 +310,8 @@ def test_rhs_equals_newton_with_the_forces_of_the_outputs(model: ref.Reference, 
     links = model.links(dy)
     # Rounding only: 1e-11 of the largest acceleration.
     np.testing.assert_allclose(links[1, :2], acceleration, atol=1e-11 * abs(acceleration).max())
-    np.testing.assert_allclose(links[1, 2], alpha, atol=1e-11 * abs(alpha).max())
+    for got in links[1, 2:]:
+        np.testing.assert_allclose(got, alpha, atol=1e-11 * abs(alpha).max())
     np.testing.assert_allclose(
         model.pulleys(dy)[1], torque_on_pulley / model.inertias, rtol=1e-11, atol=1e-9
     )
@@ -476,8 +481,8 @@ def test_angular_momentum_rate_is_that_of_external_forces(model: ref.Reference) 
     applied = np.linspace(-20.0, 30.0, model.n_pulleys)
     dy = model.rhs(0.0, y, lambda *_: applied)
     x, a = model.links(y)[0, :2]
-    ax, ay, alpha = model.links(dy)[1]
-    spin = model.mass * (x * ay - a * ax) + model.inertia * alpha
+    ax, ay, *alpha = model.links(dy)[1]
+    spin = model.mass * (x * ay - a * ax) + model.inertia * sum(alpha)
     rate = spin.sum() + np.sum(model.inertias * model.pulleys(dy)[1])
     contact = contact_on_the_belt(model, y)
     axes = model.axes(y)
@@ -590,7 +595,7 @@ def moved(
         return lambda t: (sign * motion(t)[0], sign * motion(t)[1])
 
     changes["motion"] = {j: turned(motion) for j, motion in model.motion.items()}
-    other = ref.Reference(
+    other = type(model)(
         **changes,
         centers=model.centers @ matrix.T + np.asarray(shift),
         gravity=tuple(matrix @ np.asarray(model.gravity)),
@@ -601,7 +606,7 @@ def moved(
         new = dy.copy()
         links = other.links(new)
         links[:, :2] = matrix @ other.links(dy)[:, :2]
-        links[:, 2] *= sign
+        links[:, 2:] *= sign
         other.pulleys(new)[:] *= sign
         other.memory(new)[:] *= sign
         # sliders and paths are turned themselves
@@ -611,7 +616,7 @@ def moved(
 
     y_new = rate_map(y)
     other.links(y_new)[0, :2] += np.asarray(shift)[:, None]
-    other.links(y_new)[0, 2] += turn + (math.pi if mirror else 0.0)
+    other.links(y_new)[0, 2:] += turn + (math.pi if mirror else 0.0)
     return other, y_new, rate_map
 
 
@@ -651,7 +656,7 @@ def test_rhs_does_not_depend_on_the_numbering(model: ref.Reference, first: int) 
     renumbered = y.copy()
     for part in (model.links, model.memory):
         part(renumbered)[:] = np.roll(part(y), -first, axis=-1)
-    model.links(renumbered)[0, 2, -first:] += 2 * math.pi * model.winding
+    model.links(renumbered)[0, 2:, -first:] += 2 * math.pi * model.winding
     rate, rate_new = model.rhs(0.0, y, no_torque), model.rhs(0.0, renumbered, no_torque)
     for part in (model.links, model.memory):
         a, b = np.roll(part(rate), -first, axis=-1), part(rate_new)

@@ -18,9 +18,9 @@ def unbalanced(params: bd.Params, state: bd.State) -> float:
     oracle = oracle_of(params)
     rate = oracle.rhs(0.0, oracle.pack(fields(state)), lambda t, a, b: 0 * a)
     acceleration = oracle.links(rate)[1]
-    moment = oracle.inertia * np.abs(acceleration[2]) / (0.5 * oracle.l0)
     force = oracle.mass * np.hypot(acceleration[0], acceleration[1])
-    return float(max(force.max(), moment.max()) / params.info["strain_tension"])
+    moments = oracle.inertia * np.abs(acceleration[2:]) / (0.5 * oracle.l0)
+    return float(max(force.max(), moments.max(initial=0.0)) / params.info["strain_tension"])
 
 
 def is_still(state: bd.State) -> bool:

@@ -228,9 +228,10 @@ def _mid_span(result: Result) -> Array:
     n_p = len(params.pulleys)
     if n_p == 1:
         return np.asarray(force.mean(axis=1, keepdims=True))
-    half = 0.5 * params.info["link_length"]
+    # Joint i, between the right end of link i - 1 and the left end of link i; of a string the bar
+    # between its masses.
+    half = 0.0 if params.belt_model == "string" else 0.5 * params.info["link_length"]
     tip_x, tip_y = half * np.cos(belt.phi), half * np.sin(belt.phi)
-    # Joint i, between the right end of link i - 1 and the left end of link i.
     x = 0.5 * (belt.x - tip_x + np.roll(belt.x + tip_x, 1, axis=1))
     y = 0.5 * (belt.y - tip_y + np.roll(belt.y + tip_y, 1, axis=1))
     tension = np.full((result.t.size, n_p), np.nan)

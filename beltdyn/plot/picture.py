@@ -256,9 +256,11 @@ class DrivePicture:
         ]
 
     def _ends(self, row: int) -> Array:
-        """Both ends of each link (n_b, 2, 2) [m]."""
+        """Both ends of each link, of a string of the bar behind each mass (n_b, 2, 2) [m]."""
         belt = self._result.belt
         centre = np.stack([belt.x[row], belt.y[row]], axis=-1)
+        if self._result.params.belt_model == "string":
+            return np.stack([centre, np.roll(centre, -1, axis=0)], axis=1)
         along = self._half * np.stack([np.cos(belt.phi[row]), np.sin(belt.phi[row])], axis=-1)
         return np.stack([centre - along, centre + along], axis=1)
 

@@ -6,6 +6,7 @@
  *
  *   | x | y | phi | vx | vy | vphi | mu (slots) | slip (slots) || theta | omega | mounts | work |
  *
+ * A string of point masses has neither phi nor vphi.
  * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
  * kept at rest.
  * Positions are relative to the model's origin and phi to `turns` whole turns, so neither a far
@@ -21,8 +22,8 @@
 #define BD_LANES 8 /* blocks are padded to the widest vector */
 #define BD_ALIGN 64
 
-/* Rows of BD_STATE_FIELDS; of a field of links also the number of its block, F_MU the first of the
- * friction slots'. */
+/* Rows of BD_STATE_FIELDS; of a field of links also the number of its block (bd_block), F_MU the
+ * first of the friction slots'. */
 enum {
 #define X(symbol, name, size, scale, unit, text) F_##symbol,
   BD_STATE_FIELDS(X)
@@ -41,6 +42,7 @@ enum {
 
 typedef struct bd_layout {
   int n, n8, np, slots;
+  int string;             /* 1: of point masses, without phi and vphi */
   int stride;             /* doubles per block */
   int theta, omega, work; /* offsets of the tail */
   int nm;                 /* mounts, */
@@ -50,18 +52,26 @@ typedef struct bd_layout {
   size_t size; /* of the whole vector */
 } bd_layout;
 
+static inline int bd_has_field(const bd_layout *lay, int field) {
+  return !lay->string || (field != F_PHI && field != F_VPHI);
+}
+
+static inline int bd_block(const bd_layout *lay, int field) {
+  return field - lay->string * ((field > F_PHI) + (field > F_VPHI));
+}
+
 static inline double *bd_field(const bd_layout *lay, double *y, int field) {
-  return y + (size_t)field * (size_t)lay->stride + BD_HALO;
+  return y + (size_t)bd_block(lay, field) * (size_t)lay->stride + BD_HALO;
 }
 
 static inline const double *bd_cfield(const bd_layout *lay, const double *y, int field) {
-  return y + (size_t)field * (size_t)lay->stride + BD_HALO;
+  return y + (size_t)bd_block(lay, field) * (size_t)lay->stride + BD_HALO;
 }
 
 /* In front of the first link stands the last one. */
 static inline void bd_close_links(const bd_layout *lay, double *y) {
-  for (int f = F_X; f <= F_VPHI; ++f) {
-    double *v = bd_field(lay, y, f);
+  for (int block = 0; block < bd_block(lay, F_MU); ++block) {
+    double *v = y + (size_t)block * (size_t)lay->stride + BD_HALO;
     v[-1] = v[lay->n - 1];
   }
 }

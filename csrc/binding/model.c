@@ -119,18 +119,35 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* --- Model ----------------------------------------------------------------------------------- */
 
+static const char *const meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
+static const char *const belt_models[] = {
+    [BD_BELT_AUTO] = "auto", [BD_BELT_LINKS] = "links", [BD_BELT_STRING] = "string", NULL};
+
+/* The place of a name in a list of them, which `choices` is in words. */
+static int read_choice(const char *field, const char *name, const char *const *names,
+                       const char *choices, int *out) {
+  for (int k = 0; names[k]; ++k) {
+    if (strcmp(name, names[k]) == 0) {
+      *out = k;
+      return 0;
+    }
+  }
+  PyErr_Format(PyExc_ValueError, "belt.%s must be %s, got \"%.100s\"", field, choices, name);
+  return -1;
+}
+
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *arguments[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                       "gravity", "drag",    "pulley_friction", "mesh",     "outside", "names",
-                       "mounts",  NULL};
+  char *arguments[] = {"belt",     "centers", "radii",  "inertias",        "contact",
+                       "friction", "gravity", "drag",   "pulley_friction", "mesh",
+                       "outside",  "names",   "mounts", "model",           NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
   bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None};
-  const char *mesh = "paper";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOO:Model", arguments, &belt,
+  const char *mesh = "paper", *belt_model = "links";
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOOs:Model", arguments, &belt,
                                    &centers, &radii, &inertias, &contact, &default_friction,
                                    &gravity, &parts.drag, &parts.friction, &mesh, &parts.outside,
-                                   &parts.names, &parts.mounts)) {
+                                   &parts.names, &parts.mounts, &belt_model)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -149,15 +166,13 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   scene.pulleys = pulleys;
-  const int is_joint = strcmp(mesh, "joint") == 0;
-  if (!is_joint && strcmp(mesh, "paper") != 0) {
-    PyErr_Format(PyExc_ValueError, "belt.mesh must be \"joint\" or \"paper\", got \"%.100s\"",
-                 mesh);
+  if (read_choice("mesh", mesh, meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
+      read_choice("model", belt_model, belt_models, "\"auto\", \"links\" or \"string\"",
+                  &scene.belt.model) < 0) {
     PyMem_Free(pulleys);
     Py_DECREF(keep);
     return NULL;
   }
-  scene.belt.mesh = is_joint ? BD_MESH_JOINT : BD_MESH_PAPER;
   scene.friction = default_friction == Py_None ? NULL : &friction;
 
   bd_error err = {0};
@@ -298,6 +313,11 @@ static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *key
   return result;
 }
 
+static PyObject *model_belt_model(PyObject *object, void *Py_UNUSED(closure)) {
+  const int string = bd_model_is_string(((bd_core_model *)object)->model);
+  return PyUnicode_FromString(belt_models[string ? BD_BELT_STRING : BD_BELT_LINKS]);
+}
+
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_info *info = &((bd_core_model *)object)->info;
   PyObject *dict = PyDict_New();
@@ -426,6 +446,8 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
+    {"belt_model", model_belt_model, NULL, "What the belt is made of: \"links\" or \"string\".",
+     NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"energy_terms", model_energy_terms, NULL,
@@ -436,7 +458,8 @@ static PyGetSetDef model_properties[] = {
 PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None)\n--\n\n"
+    "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None,\n"
+    "      model='links')\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
@@ -444,7 +467,8 @@ PyDoc_STRVAR(
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
     "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
     "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
-    "names: a name or None for each, for messages.\n"
+    "names: a name or None for each, for messages. model: \"links\", \"string\" or \"auto\",\n"
+    "MODEL section 2.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
     "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
     "drag. Raises TypeError or ValueError naming field and rule.");

@@ -444,6 +444,7 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
 
 #include "kernels/link_contact_jacobian.h"
 #include "kernels/link_mount.h"
+#include "kernels/string_jacobian.h"
 
 /* Without and with what only general laws of friction need. */
 #define GENERAL(general)                                                                           \
@@ -465,21 +466,23 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
   }
 GENERAL(0)
 GENERAL(1)
-#define ALONG(law, general)                                                                        \
-  static void linearise_links_##law(                                                               \
+#define ALONG(law, general, string)                                                                \
+  static void linearise_links_##law##_##string(                                                    \
       const bd_links *links, const bd_tangent *tangent, const bd_contact_pulley *pulley,           \
       int n_runs, const bd_run *runs, const bd_points *points, const bd_link_scratch *scratch,     \
       const double *y, const bd_link_tangent *contact, double h) {                                 \
     linearise_links(links, tangent, pulley, n_runs, runs, points, scratch, y, contact, h,          \
-                    BD_LAW_##law, general);                                                        \
+                    BD_LAW_##law, general, string);                                                \
   }
-#define LAW(name, class, general, text) ALONG(name, general)
-ALONG(NONE, 0)
+#define LAW(name, class, general, text) ALONG(name, general, 0) ALONG(name, general, 1)
+ALONG(NONE, 0, 0)
+ALONG(NONE, 0, 1)
 BD_LAWS(LAW)
 #undef LAW
 
 const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = WIDTH,
+    .unknowns = 3,
     .ring_row = sizeof(ring_row),
     .ring_ends = sizeof(ring_ends),
     .factor = {ring_factor_0, ring_factor_1},
@@ -496,8 +499,8 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .contact_product = contact_product,
     .finish_contact = {finish_contact_0, finish_contact_1},
     .border_row = border_row,
-#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_links_##name,
-    .linearise_links = {linearise_links_NONE, BD_LAWS(LAW)},
+#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_links_##name##_0,
+    .linearise_links = {linearise_links_NONE_0, BD_LAWS(LAW)},
 #undef LAW
     .add_link_correction = add_link_correction,
     .add_links = add_links,
@@ -510,5 +513,33 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .move_links = move_links,
     .mount_row = mount_row,
     .finish_moved = finish_moved,
+    .sum_runs = sum_runs,
+};
+
+const bd_newton_kernels PASTE(bd_newton_string_, BD_LEVEL) = {
+    .width = WIDTH,
+    .unknowns = 2,
+    .ring_row = sizeof(string_row),
+    .ring_ends = sizeof(string_ends),
+    .factor = {NULL, string_factor},
+    .solve = {NULL, string_solve},
+    .linearise_joints = string_linearise_joints,
+    .diagonal = string_diagonal,
+    .joints_product = string_joints_product,
+    .finish_links = string_finish_links,
+#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_links_##name##_1,
+    .linearise_links = {linearise_links_NONE_1, BD_LAWS(LAW)},
+#undef LAW
+    .add_link_correction = add_link_correction,
+    .add_links = string_add_links,
+    .assemble = string_assemble,
+    .joints_to_links = string_joints_to_links,
+    .link_product = string_link_product,
+    .add_turning = string_add_turning,
+    .finish_joints = string_finish_joints,
+    .ring_product = string_ring_product,
+    .move_links = string_move_links,
+    .mount_row = string_mount_row,
+    .finish_moved = string_finish_moved,
     .sum_runs = sum_runs,
 };

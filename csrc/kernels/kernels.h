@@ -56,6 +56,7 @@ typedef struct bd_run {
 typedef struct bd_sums {
   double torque, contact_loss, friction_loss;
   double contact_energy; /* of press, where power is asked for */
+  double force[2];       /* on the belt, of a string */
 } bd_sums;
 
 enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
@@ -65,10 +66,12 @@ struct bd_newton_kernels;
 typedef struct bd_kernels {
   const char *level;
   const struct bd_newton_kernels *newton;
+  const struct bd_kernels *string; /* for belts that are strings; NULL in those */
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
-  /* Adds the contact of the links' centres in the runs with one pulley. Variants [law][ledger]. */
+  /* Adds the contact of the links' centres, or of a string along its bars, in the runs with one
+   * pulley. Variants [law][ledger]. */
   void (*contact[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                                 const bd_run *runs, const double *y, double *dy, bd_sums *sums);
   /* Contact along the links. Directions of the links at y, into links->cos, sin, for all that
@@ -131,7 +134,8 @@ typedef struct bd_blocks {
   const double *cos, *sin, *spin;
   double *xx, *xy, *yx, *yy, *pp;
   /* Contact along the links, where `full`: the diagonal's xp, yp, px, py; and what couples a link
-   * to the one before it, and that one to it, by rows. */
+   * to the one before it, and that one to it, by rows. Of a string, whose masses have x and y, the
+   * first four of each are the whole coupling. */
   double *xp, *yp, *px, *py, *back[9], *forward[9];
 } bd_blocks;
 
@@ -209,6 +213,7 @@ typedef struct bd_ring {
 /* Loops of solvers/newton_system.c at one instruction level. */
 typedef struct bd_newton_kernels {
   int width;                  /* arcs */
+  int unknowns;               /* of a link: 3, or 2 of a mass of a string */
   size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
   /* [1 where links are coupled by full blocks: contact along links] */
   void (*factor[2])(const bd_ring *ring, const bd_blocks *blocks);
@@ -284,6 +289,6 @@ typedef struct bd_newton_kernels {
   double (*sum_runs)(int n_runs, const bd_run *runs, const double *array);
 } bd_newton_kernels;
 
-extern const bd_newton_kernels bd_newton_baseline;
+extern const bd_newton_kernels bd_newton_baseline, bd_newton_string_baseline;
 
 #endif

@@ -5,19 +5,55 @@
  */
 #include "kernels/link_geometry.h"
 
+/* A vector of links pressed on a pulley: normal forces at their two ends, shares in contact of the
+ * halves that belong to the joints there, and their rates. Power lost and energy stored are added.
+ */
+typedef struct pressed_links {
+  vec left, right, share_left, share_right, rate_left, rate_right;
+} pressed_links;
+
+INLINE pressed_links pressed_of(const bd_contact_pulley *pulley, const link_end *a,
+                                const link_end *b, const int ledger, const int hunt_crossley,
+                                vec *loss, vec *energy) {
+  const vec none = splat(0.0), one = splat(1.0), half = splat(0.5), third = splat(1.0 / 3.0);
+  const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
+  const contact_damping damping = contact_damping_of(pulley);
+  const contact_part part = part_of(a, b);
+  const vec share = part.x1 - part.x0, middle = half * (part.x0 + part.x1);
+  const vec weight = half * share;
+  pressed_links out = {.left = none, .right = none};
+  for (int g = -1; g <= 1; g += 2) {
+    const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
+    const vec p = fma_(back, a->p, x * b->p), rate = fma_(back, a->rate, x * b->rate);
+    const vec elastic = fma_(quadratic, p, linear) * p;
+    const vec damped = damping_at(&damping, elastic, hunt_crossley);
+    const vec q = weight * larger(fma_(damped, rate, elastic), none);
+    out.left = fma_(q, back, out.left);
+    out.right = fma_(q, x, out.right);
+    if (ledger) {
+      *loss = fma_(fnma_(weight, elastic, q), rate, *loss);
+      *energy = fma_(weight * p * p, fma_(third * quadratic, p, half * linear), *energy);
+    }
+  }
+  const vec turning = part.moves * part.cut_rate;
+  out.share_right = half * fnma_(part.x0, part.x0, part.x1 * part.x1);
+  out.share_left = share - out.share_right;
+  out.rate_left = turning * (one - part.cut);
+  out.rate_right = turning * part.cut;
+  return out;
+}
+
 /* Normal forces of the links of the runs on one pulley, added at their ends. */
 INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                   const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
-                  const double *y, bd_sums *sums, const int ledger, const int hunt_crossley) {
+                  const double *y, bd_sums *sums, const int string, const int ledger,
+                  const int hunt_crossley) {
   const bd_pressure to = *pressure;
-  const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
-  const vec rim2 = radius * radius, half = splat(0.5), third = splat(1.0 / 3.0);
-  const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
-  const contact_damping damping = contact_damping_of(pulley);
+  const vec radius = splat(pulley->radius), none = splat(0.0), rim2 = radius * radius;
   vec loss = none, energy = none;
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-      const link_place at = place_of(links, pulley, y, links->cos, links->sin, i);
+      const link_place at = place_of(links, pulley, y, links->cos, links->sin, i, string);
       if (!any(less(nearer_end(&at), rim2))) {
         double *const cleared[] = {to.left,        to.right,     to.share_left,
                                    to.share_right, to.rate_left, to.rate_right};
@@ -26,36 +62,18 @@ INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_
         }
         continue;
       }
-      const link_end a = left_end(&at, radius), b = right_end(&at, radius);
-      const contact_part part = part_of(&a, &b);
-      const vec share = part.x1 - part.x0, middle = half * (part.x0 + part.x1);
-      const vec weight = half * share;
-      vec left = none, right = none;
-      for (int g = -1; g <= 1; g += 2) {
-        const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
-        const vec p = fma_(back, a.p, x * b.p), rate = fma_(back, a.rate, x * b.rate);
-        const vec elastic = fma_(quadratic, p, linear) * p;
-        const vec damped = damping_at(&damping, elastic, hunt_crossley);
-        const vec q = weight * larger(fma_(damped, rate, elastic), none);
-        left = fma_(q, back, left);
-        right = fma_(q, x, right);
-        if (ledger) {
-          loss = fma_(fnma_(weight, elastic, q), rate, loss);
-          energy = fma_(weight * p * p, fma_(third * quadratic, p, half * linear), energy);
-        }
-      }
-      store(to.left + i, left);
-      store(to.right + i, right);
-      const vec of_right = half * fnma_(part.x0, part.x0, part.x1 * part.x1);
-      const vec turning = part.moves * part.cut_rate;
-      store(to.share_left + i, share - of_right);
-      store(to.share_right + i, of_right);
-      store(to.rate_left + i, turning * (one - part.cut));
-      store(to.rate_right + i, turning * part.cut);
-      store(out->left_x + i, fma_(left, a.nx, load(out->left_x + i)));
-      store(out->left_y + i, fma_(left, a.ny, load(out->left_y + i)));
-      store(out->right_x + i, fma_(right, b.nx, load(out->right_x + i)));
-      store(out->right_y + i, fma_(right, b.ny, load(out->right_y + i)));
+      const link_end a = end_at(&at, 0, radius), b = end_at(&at, 1, radius);
+      const pressed_links by = pressed_of(pulley, &a, &b, ledger, hunt_crossley, &loss, &energy);
+      store(to.left + i, by.left);
+      store(to.right + i, by.right);
+      store(to.share_left + i, by.share_left);
+      store(to.share_right + i, by.share_right);
+      store(to.rate_left + i, by.rate_left);
+      store(to.rate_right + i, by.rate_right);
+      store(out->left_x + i, fma_(by.left, a.nx, load(out->left_x + i)));
+      store(out->left_y + i, fma_(by.left, a.ny, load(out->left_y + i)));
+      store(out->right_x + i, fma_(by.right, b.nx, load(out->right_x + i)));
+      store(out->right_y + i, fma_(by.right, b.ny, load(out->right_y + i)));
     }
   }
   close_runs((double *[]){to.right, to.share_right, to.rate_right}, 3, n_runs, runs, links->lay.n,
@@ -162,11 +180,11 @@ static void scatter_forces(const bd_links *links, const double *co, const double
 }
 
 /* Squared distance from a pulley's axis of the nearer end of each link of the runs. */
-static void nearest_ends(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                         const bd_run *runs, const double *y, double *nearest) {
+INLINE void nearest_ends(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                         const bd_run *runs, const double *y, double *nearest, const int string) {
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-      const link_place at = place_of(links, pulley, y, links->cos, links->sin, i);
+      const link_place at = place_of(links, pulley, y, links->cos, links->sin, i, string);
       store(nearest + i, nearer_end(&at));
     }
   }

@@ -115,6 +115,9 @@ INLINE link_force normal_forces(const link_linear *link, const link_move *move, 
   return force_of_ends(c, s, fx[0], fy[0], fx[1], fy[1]);
 }
 
+/* Of the ends that meet there, a joint is the mean. */
+#define HALF 0.5
+
 /* Friction at a joint as linearised, for one g. */
 typedef struct joint_linear {
   vec nx, ny, rho, force, force_over_rho, apart, omega, slip;
@@ -132,12 +135,13 @@ INLINE joint_linear joint_linear_of(const bd_link_tangent *t, const bd_contact_p
                         .slip = load(t->slip + i)};
 }
 
-/* Slip velocity of a joint by a move of one of its ends, of which it is half. */
-INLINE vec slip_of(const joint_linear *joint, const end_move *move) {
+/* Slip velocity of a joint by a move of one of its ends, of which it takes part in `share`: half,
+ * but for the masses of a string. */
+INLINE vec slip_of(const joint_linear *joint, const end_move *move, const double share) {
   const vec rn = fma_(joint->nx, move->x, joint->ny * move->y);
   const vec rt = fnma_(joint->ny, move->x, joint->nx * move->y);
   const vec vt = fnma_(joint->ny, move->vx, joint->nx * move->vy);
-  return splat(0.5) * fnma_(joint->apart, rt, fnma_(joint->omega, rn, vt));
+  return splat(share) * fnma_(joint->apart, rt, fnma_(joint->omega, rn, vt));
 }
 
 /* Force on the belt, and torque on the pulley. */
@@ -146,10 +150,11 @@ typedef struct joint_force {
 } joint_force;
 
 /* ... by that move, which makes the friction force larger by `more`. */
-INLINE joint_force friction_by(const joint_linear *joint, const end_move *move, vec more) {
-  const vec half = splat(0.5);
-  const vec rn = half * fma_(joint->nx, move->x, joint->ny * move->y);
-  const vec rt = half * fnma_(joint->ny, move->x, joint->nx * move->y);
+INLINE joint_force friction_by(const joint_linear *joint, const end_move *move, vec more,
+                               const double share) {
+  const vec part = splat(share);
+  const vec rn = part * fma_(joint->nx, move->x, joint->ny * move->y);
+  const vec rt = part * fnma_(joint->ny, move->x, joint->nx * move->y);
   const vec along = joint->force_over_rho * rt;
   return (joint_force){.x = fma_(along, joint->nx, more * joint->ny),
                        .y = fnma_(more, joint->nx, along * joint->ny),
@@ -164,7 +169,8 @@ INLINE joint_force friction_column(const joint_linear *joint, const link_normals
   vec pressed[4];
   pressing(at, &move, pressed);
   const end_move *end = &move.end[right];
-  return friction_by(joint, end, fma_(joint->slip, slip_of(joint, end), product4(total, pressed)));
+  const vec slide = slip_of(joint, end, HALF);
+  return friction_by(joint, end, fma_(joint->slip, slide, product4(total, pressed)), HALF);
 }
 
 /* --- what a step does beyond the tangent ---------------------------------------------------------
@@ -226,12 +232,9 @@ INLINE void add_normals(const bd_tangent *tangent, int i, const bd_link_tangent 
   add_to(out->right_y, i, right * link.at.ny[1]);
 }
 
-/* Friction, into the joints' columns, the border and what solves need for g; returns what the
- * pulley's own equation gets. */
-INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pulley, int i,
-                        const bd_link_tangent *t, double g, const bd_link_scratch *scratch,
-                        double *column_x, double *column_y) {
-  const vec step = splat(g);
+/* For one g, what the state of friction does within the step is put into what slip and penetrations
+ * do to the friction force: `total`. */
+INLINE void eliminate_state(const bd_link_tangent *t, int i, vec step, vec *total) {
   const vec decay_factor = 1.0 / fma_(step, load(t->decay + i), splat(1.0));
   const vec by_state = load(t->by_state + i), change = step * decay_factor;
   const vec state_by_slip = change * load(t->gain + i);
@@ -239,13 +242,32 @@ INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pull
   store(t->state_by_slip + i, state_by_slip);
   store(t->given_state + i, by_state * decay_factor);
   store(t->slip + i, fma_(by_state, state_by_slip, load(t->by_slip + i)));
-  vec total[8];
   for (int m = 0; m < 8; ++m) {
     const vec state_by = change * load(t->gains[m] + i);
     total[m] = fma_(by_state, state_by, load(t->direct[m] + i));
     store(t->state_by[m] + i, state_by);
     store(t->total[m] + i, total[m]);
   }
+}
+
+/* What a pulley's spin does to the friction at a joint, into its column; returns what the pulley's
+ * own equation gets. */
+INLINE vec add_spin(const joint_linear *joint, int i, vec step, double *column_x,
+                    double *column_y) {
+  const vec spin_column = step * joint->slip * joint->rho;
+  store(column_x + i, joint->ny * spin_column);
+  store(column_y + i, -joint->nx * spin_column);
+  return spin_column * joint->rho;
+}
+
+/* Friction, into the joints' columns, the border and what solves need for g; returns what the
+ * pulley's own equation gets. */
+INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pulley, int i,
+                        const bd_link_tangent *t, double g, const bd_link_scratch *scratch,
+                        double *column_x, double *column_y) {
+  const vec step = splat(g);
+  vec total[8];
+  eliminate_state(t, i, step, total);
   const joint_linear joint = joint_linear_of(t, pulley, i);
   for (int side = 0; side < 2; ++side) { /* the link before the joint, the one behind it */
     const int at = i - 1 + side;
@@ -262,12 +284,9 @@ INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pull
       store(row[k] + i, -step * f.torque);
     }
   }
-  const vec spin_column = step * joint.slip * joint.rho;
-  store(column_x + i, joint.ny * spin_column);
-  store(column_y + i, -joint.nx * spin_column);
   add_to(scratch->forces.joint_x, i, joint.force * joint.ny);
   add_to(scratch->forces.joint_y, i, -(joint.force * joint.nx));
-  return spin_column * joint.rho;
+  return add_spin(&joint, i, step, column_x, column_y);
 }
 
 /* A row by links from what stands with the joints before and behind them. */
@@ -414,10 +433,11 @@ static double link_product(const bd_links *links, const bd_tangent *tangent,
         more += product_with(t->total + 4, i, pressed);
         pressing(&normals, &before, pressed);
         more += product_with(t->total, i, pressed);
-        more =
-            fma_(joint.slip, slip_of(&joint, &before.end[1]) + slip_of(&joint, &here.end[0]), more);
-        const joint_force one = friction_by(&joint, &before.end[1], more);
-        const joint_force other = friction_by(&joint, &here.end[0], splat(0.0));
+        const vec slide =
+            slip_of(&joint, &before.end[1], HALF) + slip_of(&joint, &here.end[0], HALF);
+        more = fma_(joint.slip, slide, more);
+        const joint_force one = friction_by(&joint, &before.end[1], more, HALF);
+        const joint_force other = friction_by(&joint, &here.end[0], splat(0.0), HALF);
         add_to(fx, i, g2 * (one.x + other.x));
         add_to(fy, i, g2 * (one.y + other.y));
         torque = fma_(g2, one.torque + other.torque, torque);
@@ -455,7 +475,7 @@ static void finish_joints(const bd_links *links, const bd_tangent *tangent,
       const mask link = less(splat(0.0), load(links->link_mask + i));
       const link_normals normals[2] = {normals_before(t, i), link_linear_of(t, i).at};
       vec pressed[4];
-      vec slide = slip_of(&joint, &before.end[1]) + slip_of(&joint, &here.end[0]);
+      vec slide = slip_of(&joint, &before.end[1], HALF) + slip_of(&joint, &here.end[0], HALF);
       slide = where(less(splat(0.0), joint.rho), fnma_(joint.rho, spin, slide));
       vec z = load(t->decay_factor + i) * load(cz + i);
       z = fma_(load(t->state_by_slip + i), slide, z);

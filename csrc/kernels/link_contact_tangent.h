@@ -104,7 +104,8 @@ INLINE void correct(const bd_contact_pulley *pulley, const link_end *ends, doubl
 INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
                               const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                               const bd_link_scratch *scratch, const double *y,
-                              const bd_link_tangent *contact, double h, const int hunt_crossley) {
+                              const bd_link_tangent *contact, double h, const int string,
+                              const int hunt_crossley) {
   const bd_link_tangent t = *contact;
   const bd_pressure to = scratch->pressure;
   const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
@@ -112,8 +113,8 @@ INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       const mask link = less(none, load(links->link_mask + i));
-      const link_place at = place_of(links, pulley, y, tangent->cos, tangent->sin, i);
-      const link_end ends[2] = {left_end(&at, radius), right_end(&at, radius)};
+      const link_place at = place_of(links, pulley, y, tangent->cos, tangent->sin, i, string);
+      const link_end ends[2] = {end_at(&at, 0, radius), end_at(&at, 1, radius)};
       normal_linear n = normals_of(pulley, ends, hunt_crossley);
       vec correction[2] = {none, none};
       if (h > 0.0) {
@@ -166,6 +167,7 @@ INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
                             t.ny[1],
                             t.around[0],
                             t.around[1],
+                            t.normal_over_rho[1],
                             t.correction[1]};
   close_runs(closed, sizeof closed / sizeof closed[0], n_runs, runs, links->lay.n, 0.0);
 }
@@ -174,8 +176,10 @@ INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
 INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                                const bd_run *runs, const bd_points *points,
                                const bd_link_scratch *scratch, const double *y,
-                               const bd_link_tangent *contact, const int law, const int general) {
+                               const bd_link_tangent *contact, const int law, const int general,
+                               const int string) {
   const bd_layout *lay = &links->lay;
+  const joint_points from = points_of(lay, points, y, string);
   const bd_link_tangent t = *contact;
   const double *zs = bd_cfield(lay, y, F_MU + pulley->slot);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), none = splat(0.0);
@@ -184,11 +188,11 @@ INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *p
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       const joint_contact joint = joint_contact_of(links, &scratch->pressure, i);
-      const vec dx = load(points->x + i) - cx, dy = load(points->y + i) - cy;
+      const vec dx = load(from.x + i) - cx, dy = load(from.y + i) - cy;
       vec rho, inv;
       root_and_inverse(fma_(dx, dx, dy * dy), &rho, &inv);
       const vec nx = dx * inv, ny = dy * inv;
-      const vec ux = load(points->vx + i) - cu, uy = load(points->vy + i) - cv;
+      const vec ux = load(from.vx + i) - cu, uy = load(from.vy + i) - cv;
       const vec z = load(zs + i);
       const law_at at = {.z = z,
                          .v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx))),
@@ -245,13 +249,14 @@ INLINE void linearise_links(const bd_links *links, const bd_tangent *tangent,
                             const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                             const bd_points *points, const bd_link_scratch *scratch,
                             const double *y, const bd_link_tangent *contact, double h,
-                            const int law, const int general) {
+                            const int law, const int general, const int string) {
   if (pulley->hunt_crossley > 0.0) {
-    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, 1);
+    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, string, 1);
   } else {
-    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, 0);
+    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, string, 0);
   }
   if (law != BD_LAW_NONE) {
-    linearise_friction(links, pulley, n_runs, runs, points, scratch, y, contact, law, general);
+    linearise_friction(links, pulley, n_runs, runs, points, scratch, y, contact, law, general,
+                       string);
   }
 }

@@ -48,6 +48,14 @@ INLINE contact_part part_of(const link_end *a, const link_end *b) {
   const vec none = splat(0.0), one = splat(1.0);
   const mask in_a = less(none, a->p), in_b = less(none, b->p);
   const mask leaves = except(in_a, in_b), enters = except(in_b, in_a);
+  if (!any(leaves | enters)) { /* on all of their length, or nowhere */
+    return (contact_part){.x0 = none,
+                          .x1 = where(in_b, one),
+                          .cut = none,
+                          .cut_rate = none,
+                          .moves = none,
+                          .inv_difference = one};
+  }
   const vec inv = one / choose(leaves | enters, a->p - b->p, one);
   const vec cut = where(leaves | enters, a->p * inv);
   const vec turning = fnma_(b->p, a->rate, a->p * b->rate) * inv * inv;
@@ -59,38 +67,62 @@ INLINE contact_part part_of(const link_end *a, const link_end *b) {
                         .inv_difference = inv};
 }
 
-/* A vector of links relative to a pulley's axis: centres, and half the link along itself. */
+/* The two ends of a vector of links relative to a pulley's axis: 0 left, 1 right. */
 typedef struct link_place {
-  vec x, y, vx, vy, ex, ey, spin_x, spin_y;
+  vec x[2], y[2], vx[2], vy[2];
 } link_place;
 
-INLINE link_place place_of(const bd_links *links, const bd_contact_pulley *pulley, const double *y,
-                           const double *co, const double *si, int i) {
+/* What stands in v with the links behind those from i on: behind the last one comes the first; the
+ * padding sees itself. */
+INLINE vec of_next(const double *v, int i, int n) {
+  const vec next = load_unaligned(v + i + 1);
+  if (i + WIDTH < n) {
+    return next;
+  }
+  const vec lane = lane_numbers();
+  const mask inner = less(lane, splat(n - 1 - i)), link = less(lane, splat(n - i));
+  return choose(inner, next, choose(link, splat(v[0]), load(v + i)));
+}
+
+/* Of a string: from each mass to the one behind it. */
+INLINE link_place bar_of(const bd_links *links, const bd_contact_pulley *pulley, const double *y,
+                         int i) {
   const bd_layout *lay = &links->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const vec cx = splat(pulley->x), cy = splat(pulley->y);
+  const vec cu = splat(pulley->vx), cv = splat(pulley->vy);
+  return (link_place){{load(x + i) - cx, of_next(x, i, lay->n) - cx},
+                      {load(yy + i) - cy, of_next(yy, i, lay->n) - cy},
+                      {load(vx + i) - cu, of_next(vx, i, lay->n) - cu},
+                      {load(vy + i) - cv, of_next(vy, i, lay->n) - cv}};
+}
+
+INLINE link_place place_of(const bd_links *links, const bd_contact_pulley *pulley, const double *y,
+                           const double *co, const double *si, int i, const int string) {
+  const bd_layout *lay = &links->lay;
+  if (string) {
+    return bar_of(links, pulley, y, i);
+  }
   const vec half = splat(links->half), w = load(bd_cfield(lay, y, F_VPHI) + i);
-  link_place at = {.x = load(bd_cfield(lay, y, F_X) + i) - splat(pulley->x),
-                   .y = load(bd_cfield(lay, y, F_Y) + i) - splat(pulley->y),
-                   .vx = load(bd_cfield(lay, y, F_VX) + i) - splat(pulley->vx),
-                   .vy = load(bd_cfield(lay, y, F_VY) + i) - splat(pulley->vy),
-                   .ex = half * load(co + i),
-                   .ey = half * load(si + i)};
-  at.spin_x = -(w * at.ey);
-  at.spin_y = w * at.ex;
-  return at;
+  const vec x = load(bd_cfield(lay, y, F_X) + i) - splat(pulley->x);
+  const vec yy = load(bd_cfield(lay, y, F_Y) + i) - splat(pulley->y);
+  const vec vx = load(bd_cfield(lay, y, F_VX) + i) - splat(pulley->vx);
+  const vec vy = load(bd_cfield(lay, y, F_VY) + i) - splat(pulley->vy);
+  const vec ex = half * load(co + i), ey = half * load(si + i);
+  const vec spin_x = -(w * ey), spin_y = w * ex;
+  return (link_place){
+      {x - ex, x + ex}, {yy - ey, yy + ey}, {vx - spin_x, vx + spin_x}, {vy - spin_y, vy + spin_y}};
 }
 
-INLINE link_end left_end(const link_place *at, vec radius) {
-  return end_of(at->x - at->ex, at->y - at->ey, at->vx - at->spin_x, at->vy - at->spin_y, radius);
-}
-
-INLINE link_end right_end(const link_place *at, vec radius) {
-  return end_of(at->x + at->ex, at->y + at->ey, at->vx + at->spin_x, at->vy + at->spin_y, radius);
+INLINE link_end end_at(const link_place *at, const int end, vec radius) {
+  return end_of(at->x[end], at->y[end], at->vx[end], at->vy[end], radius);
 }
 
 /* Of the nearer end of a link, squared. */
 INLINE vec nearer_end(const link_place *at) {
-  const vec ax = at->x - at->ex, ay = at->y - at->ey, bx = at->x + at->ex, by = at->y + at->ey;
-  const vec a = fma_(ax, ax, ay * ay), b = fma_(bx, bx, by * by);
+  const vec a = fma_(at->x[0], at->x[0], at->y[0] * at->y[0]);
+  const vec b = fma_(at->x[1], at->x[1], at->y[1] * at->y[1]);
   return choose(less(a, b), a, b);
 }
 
@@ -104,6 +136,18 @@ INLINE void close_runs(double *const *arrays, size_t n_arrays, int n_runs, const
       arrays[k][begin - 1] = round ? arrays[k][n - 1] : elsewhere;
     }
   }
+}
+
+typedef struct joint_points {
+  const double *x, *y, *vx, *vy;
+} joint_points;
+
+/* Where friction acts: at the joints; of a string at its masses. */
+INLINE joint_points points_of(const bd_layout *lay, const bd_points *joints, const double *y,
+                              const int string) {
+  return string ? (joint_points){bd_cfield(lay, y, F_X), bd_cfield(lay, y, F_Y),
+                                 bd_cfield(lay, y, F_VX), bd_cfield(lay, y, F_VY)}
+                : (joint_points){joints->x, joints->y, joints->vx, joints->vy};
 }
 
 /* What a joint has of the contact of its two links. */

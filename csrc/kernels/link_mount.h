@@ -37,13 +37,13 @@ static double move_links(const bd_links *links, const bd_tangent *tangent,
       if (friction) {
         const joint_linear joint = joint_linear_of(t, pulley, i);
         const link_normals normals = normals_before(t, i);
-        vec pressed[4], more = (joint.slip + joint.slip) * slip_of(&joint, end);
+        vec pressed[4], more = (joint.slip + joint.slip) * slip_of(&joint, end, HALF);
         pressing(&link.at, &all, pressed);
         more += product_with(t->total + 4, i, pressed);
         pressing(&normals, &all, pressed);
         more += product_with(t->total, i, pressed);
-        const joint_force one = friction_by(&joint, end, more);
-        const joint_force other = friction_by(&joint, end, splat(0.0));
+        const joint_force one = friction_by(&joint, end, more, HALF);
+        const joint_force other = friction_by(&joint, end, splat(0.0), HALF);
         const vec jx = scale * (one.x + other.x), jy = scale * (one.y + other.y);
         add_to(fx, i, jx);
         add_to(fy, i, jy);
@@ -118,7 +118,7 @@ static void finish_moved(const bd_layout *lay, const bd_contact_pulley *pulley, 
       const mask on = less(none, joint.rho);
       const link_normals normals[2] = {normals_before(t, i), link_linear_of(t, i).at};
       vec pressed[4];
-      const vec slide = where(on, two * slip_of(&joint, &all.end[0]));
+      const vec slide = where(on, two * slip_of(&joint, &all.end[0], HALF));
       vec z = load(t->state_by_slip + i) * slide;
       pressing(&normals[0], &all, pressed);
       z += product_with(t->state_by, i, pressed);

@@ -130,12 +130,13 @@ INLINE rates accelerations(const ends *link, const forces *f, const forces *righ
 
 /* No rates: of the links' padding from `begin` on, and of the friction of all. */
 INLINE void clear_others(const bd_layout *lay, double *out, int begin) {
-  for (int f = F_X; f <= F_VPHI; ++f) {
+  const int friction = bd_block(lay, F_MU) * lay->stride;
+  for (int block = 0; block < friction; block += lay->stride) {
     for (int i = begin; i < lay->n8; i += WIDTH) {
-      store(bd_field(lay, out, f) + i, (vec){0.0});
+      store(out + block + BD_HALO + i, (vec){0.0});
     }
   }
-  for (int k = F_MU * lay->stride; k < lay->theta; k += WIDTH) {
+  for (int k = friction; k < lay->theta; k += WIDTH) {
     store(out + k, (vec){0.0});
   }
 }
@@ -273,20 +274,27 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
 }
 
 #include "kernels/link_contact.h"
+#include "kernels/string_belt.h"
 
 #define JOINTS(bending, ledger)                                                                    \
   static double joints_##bending##ledger(const bd_links *links, const double *y, double *dy) {     \
     return joints(links, y, dy, bending, ledger);                                                  \
   }
-#define PRESS(ledger)                                                                              \
-  static void press_##ledger(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,   \
-                             const bd_run *runs, const bd_pressure *pressure,                      \
-                             const bd_end_forces *out, const double *y, bd_sums *sums) {           \
+#define PRESS(string, ledger)                                                                      \
+  static void press_##string##ledger(const bd_links *links, const bd_contact_pulley *pulley,       \
+                                     int n_runs, const bd_run *runs, const bd_pressure *pressure,  \
+                                     const bd_end_forces *out, const double *y, bd_sums *sums) {   \
     if (pulley->hunt_crossley > 0.0) {                                                             \
-      press(links, pulley, n_runs, runs, pressure, out, y, sums, ledger, 1);                       \
+      press(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger, 1);               \
     } else {                                                                                       \
-      press(links, pulley, n_runs, runs, pressure, out, y, sums, ledger, 0);                       \
+      press(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger, 0);               \
     }                                                                                              \
+  }
+#define NEAREST_ENDS(string)                                                                       \
+  static void nearest_ends_##string(const bd_links *links, const bd_contact_pulley *pulley,        \
+                                    int n_runs, const bd_run *runs, const double *y,               \
+                                    double *nearest) {                                             \
+    nearest_ends(links, pulley, n_runs, runs, y, nearest, string);                                 \
   }
 #define CONTACT(law, ledger)                                                                       \
   static void contact_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,     \
@@ -310,8 +318,11 @@ JOINTS(0, 0)
 JOINTS(0, 1)
 JOINTS(1, 0)
 JOINTS(1, 1)
-PRESS(0)
-PRESS(1)
+PRESS(0, 0)
+PRESS(0, 1)
+PRESS(1, 1)
+NEAREST_ENDS(0)
+NEAREST_ENDS(1)
 CONTACT(NONE, 0)
 CONTACT(NONE, 1)
 #define LAW(name, class, general, text)                                                            \
@@ -460,19 +471,24 @@ INLINE void weigh(size_t i, const size_t pair, const int m, const vec *e, double
 
 INLINE double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
                           double *const *k, const double *w) {
+  const int string = lay->string;
   vec he[MAX_VECTORS];
   scaled(h, m, e, he);
   const size_t stride = (size_t)lay->stride;
+  const size_t velocities = (size_t)bd_block(lay, F_VX) * stride;
+  const size_t frictions = (size_t)bd_block(lay, F_MU) * stride;
   const vec none = {0.0};
   errors found = {none, none};
   for (int link = 0; link < lay->n; link += WIDTH) {
     const size_t i = BD_HALO + (size_t)link;
-    weigh(i + F_X * stride, stride, m, he, k, w, &found);
-    weigh(i + F_PHI * stride, 0, m, he, k, w, &found);
-    weigh(i + F_VX * stride, stride, m, he, k, w, &found);
-    weigh(i + F_VPHI * stride, 0, m, he, k, w, &found);
+    weigh(i, stride, m, he, k, w, &found);
+    weigh(i + velocities, stride, m, he, k, w, &found);
+    if (!string) {
+      weigh(i + F_PHI * stride, 0, m, he, k, w, &found);
+      weigh(i + F_VPHI * stride, 0, m, he, k, w, &found);
+    }
     for (int s = 0; s < lay->slots; ++s) {
-      weigh(i + (size_t)(F_MU + s) * stride, 0, m, he, k, w, &found);
+      weigh(i + frictions + (size_t)s * stride, 0, m, he, k, w, &found);
     }
   }
   for (size_t i = (size_t)lay->theta; i < lay->size; i += WIDTH) {
@@ -493,38 +509,48 @@ static double error_norm(const bd_layout *lay, double h, int m, const double *e,
   return INFINITY; /* no such number of vectors */
 }
 
-extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL);
+extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_string_, BD_LEVEL);
 
-const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
+/* Of links, and of a string, whose joints have no bending. */
 #define STRING2(a) #a
 #define STRING(a) STRING2(a)
-    .level = STRING(BD_LEVEL),
+#define SHARED                                                                                     \
+  .level = STRING(BD_LEVEL), .law = {BD_LAWS(LAW_AT)}, .bound = {BD_LAWS(BOUND)},                  \
+  .kinetic = {BD_LAWS(KINETIC)},                                                                   \
+  .find_contact_event = {{find_contact_event_00, find_contact_event_01},                           \
+                         {find_contact_event_10, find_contact_event_11}},                          \
+  .sum_forces = sum_forces, .fastest = fastest, .combine = combine, .error_norm = error_norm
+#define LAW_AT(name, class, general, text) [BD_LAW_##name] = law_##name,
+#define BOUND(name, class, general, text) [BD_LAW_##name] = bound_##name,
+#define KINETIC(name, class, general, text) [BD_LAW_##name] = kinetic_##name,
+#define CENTRES(name, class, general, text)                                                        \
+  [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
+#define RUB_LINKS(name, class, general, text) [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
+#define BARS(name, class, general, text)                                                           \
+  [BD_LAW_##name] = {string_contact_##name##_0, string_contact_##name##_1},
+
+static const bd_kernels string_kernels = {
+    SHARED,
+    .newton = &PASTE(bd_newton_string_, BD_LEVEL),
+    .joints = {{string_joints_0, string_joints_1}},
+    .contact = {{string_contact_NONE_0, string_contact_NONE_1}, BD_LAWS(BARS)},
+    .press = {NULL, press_11},
+    .nearest_ends = nearest_ends_1,
+    .directions = string_directions,
+    .gather_points = string_gather_points,
+    .scatter_forces = string_scatter_forces,
+};
+
+const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
+    SHARED,
     .newton = &PASTE(bd_newton_, BD_LEVEL),
+    .string = &string_kernels,
     .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
-#define LAW(name, class, general, text) [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
-    .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(LAW)},
-#undef LAW
-#define LAW(name, class, general, text) [BD_LAW_##name] = law_##name,
-    .law = {BD_LAWS(LAW)},
-#undef LAW
-#define LAW(name, class, general, text) [BD_LAW_##name] = bound_##name,
-    .bound = {BD_LAWS(LAW)},
-#undef LAW
-#define LAW(name, class, general, text) [BD_LAW_##name] = kinetic_##name,
-    .kinetic = {BD_LAWS(LAW)},
-#undef LAW
-    .find_contact_event = {{find_contact_event_00, find_contact_event_01},
-                           {find_contact_event_10, find_contact_event_11}},
-    .press = {press_0, press_1},
-#define LAW(name, class, general, text) [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
-    .rub = {BD_LAWS(LAW)},
-#undef LAW
-    .nearest_ends = nearest_ends,
-    .sum_forces = sum_forces,
+    .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(CENTRES)},
+    .press = {press_00, press_01},
+    .rub = {BD_LAWS(RUB_LINKS)},
+    .nearest_ends = nearest_ends_0,
     .directions = directions,
     .gather_points = gather_points,
     .scatter_forces = scatter_forces,
-    .fastest = fastest,
-    .combine = combine,
-    .error_norm = error_norm,
 };

@@ -28,6 +28,35 @@ static int check_pair(const char *label, const double pair[2], const char *what,
   return BD_OK;
 }
 
+/* Nothing turns links against each other where joints do not resist bending. */
+static int is_string(const bd_belt *belt) {
+  return belt->model == BD_BELT_STRING ||
+         (belt->model == BD_BELT_AUTO && belt->mesh == BD_MESH_JOINT &&
+          belt->bending_stiffness == 0.0 && belt->bending_damping == 0.0);
+}
+
+static int check_belt_model(const bd_belt *belt, bd_error *err) {
+  if (belt->model < BD_BELT_AUTO || belt->model > BD_BELT_STRING) {
+    return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
+                   "belt.model must be auto, links or string, got %d", belt->model);
+  }
+  if (belt->model != BD_BELT_STRING) {
+    return BD_OK;
+  }
+  if (belt->mesh != BD_MESH_JOINT) {
+    return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
+                   "belt.model \"string\" needs belt.mesh \"joint\": the paper's mesh is one of "
+                   "rigid links");
+  }
+  if (belt->bending_stiffness > 0.0 || belt->bending_damping > 0.0) {
+    return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
+                   "belt.model \"string\" resists no bending: belt.bending_stiffness and "
+                   "belt.bending_damping must be 0, got %g and %g; take \"links\" or \"auto\"",
+                   belt->bending_stiffness, belt->bending_damping);
+  }
+  return BD_OK;
+}
+
 static int check_scene(const bd_scene *scene, bd_error *err) {
   const bd_contact *contact = &scene->contact;
   char label[40];
@@ -57,7 +86,7 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
       return code;
     }
   }
-  if (bd_names_check(scene, err) != BD_OK) {
+  if (bd_names_check(scene, err) != BD_OK || check_belt_model(&scene->belt, err) != BD_OK) {
     return BD_ERR_PARAMETER;
   }
   if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
@@ -90,8 +119,10 @@ static double contact_depth(const bd_model *model, int j, double tension) {
  * the arcs of radius R that they stand for. A compensated contact begins so far outside that the
  * belt, under its preload, sinks in to these. */
 static double contact_radius(const bd_model *model, int j) {
-  const double radius = model->radius[j], a = 0.5 * model->info.link_length / radius;
-  const int sinks = model->contact.compensate && model->geometry.code == BD_OK;
+  const int laid = model->geometry.code == BD_OK, sinks = model->contact.compensate && laid;
+  const double stretched = laid && model->lay.string ? 1.0 + model->info.strain : 1.0;
+  const double radius = model->radius[j];
+  const double a = 0.5 * stretched * model->info.link_length / radius;
   return (model->along_links && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
          (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
@@ -147,7 +178,7 @@ static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots
   lay->np = np;
   lay->slots = slots;
   lay->stride = BD_HALO + (n + 1 + BD_LANES - 1) / BD_LANES * BD_LANES;
-  lay->theta = (F_MU + 2 * slots) * lay->stride;
+  lay->theta = bd_block(lay, F_MU + 2 * slots) * lay->stride;
   lay->omega = lay->theta + np;
   lay->mounted = mounted;
   lay->travel = lay->omega + np;
@@ -425,6 +456,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   model->along_links = scene->belt.mesh == BD_MESH_JOINT;
   model->shear = model->along_links ? 4.0 : 12.0;
+  model->lay.string = is_string(&scene->belt);
   model->lay.np = np;
   derive(model);
   bd_model_fill_mounts(model, scene);
@@ -441,7 +473,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   model->info.n_slots = model->lay.slots;
   model->info.n_mounts = model->lay.nm;
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
-  model->kernels = kernels;
+  model->kernels = model->lay.string ? kernels->string : kernels;
   model->friction_scales_differ = bd_friction_scales_differ(model);
   *out = model;
   return BD_OK;
@@ -460,6 +492,10 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
 
 void bd_model_info(const bd_model *model, bd_info *info) {
   *info = model->info;
+}
+
+int bd_model_is_string(const bd_model *model) {
+  return model->lay.string;
 }
 
 double bd_speed_scale(const bd_model *model) {

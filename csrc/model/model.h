@@ -241,6 +241,9 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
 void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
                   double *y);
 void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state);
+/* Of a string: direction of the bar behind each mass, continuous along the belt, and its rate;
+ * either may be NULL. */
+void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi);
 /* Moves whole turns from phi to *turns once they would cost digits. */
 void bd_state_wind(const bd_layout *lay, double *y, double *turns);
 /* First non-finite entry by name and index; NULL if none. */

@@ -24,7 +24,7 @@ const bd_field_row bd_state_fields[BD_N_FIELDS] = {
 };
 
 int bd_field_pieces(const bd_layout *lay, int row) {
-  return bd_state_fields[row].size == BD_SIZE_SLOTS ? lay->slots : 1;
+  return bd_state_fields[row].size == BD_SIZE_SLOTS ? lay->slots : bd_has_field(lay, row);
 }
 
 int bd_field_length(const bd_layout *lay, int row) {
@@ -46,7 +46,7 @@ size_t bd_field_offset(const bd_layout *lay, int row, int k) {
     return (size_t)(lay->theta + (row - F_THETA) * lay->np);
   }
   const int block = row < F_MU ? row : F_MU + (row - F_MU) * lay->slots + k;
-  return (size_t)block * (size_t)lay->stride + BD_HALO;
+  return (size_t)bd_block(lay, block) * (size_t)lay->stride + BD_HALO;
 }
 
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
@@ -67,7 +67,14 @@ int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
     return -1;
   }
   *body = link;
-  return block < F_MU ? block : F_MU + (block - F_MU) / lay->slots;
+  if (block >= bd_block(lay, F_MU)) {
+    return F_MU + (block - bd_block(lay, F_MU)) / lay->slots;
+  }
+  int row = F_X;
+  while (!bd_has_field(lay, row) || bd_block(lay, row) < block) {
+    ++row;
+  }
+  return row;
 }
 
 /* --- in and out ------------------------------------------------------------------------------ */
@@ -97,7 +104,7 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
 
 /* Angles run on continuously and close with the winding: a step near a turn is one wrapped away. */
 static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
-  const int n = model->lay.n;
+  const int n = model->lay.string ? 0 : model->lay.n;
   for (int i = 0; i < n; ++i) {
     double closing = i == 0 ? 2.0 * BD_PI * model->info.winding : 0.0;
     double turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
@@ -122,6 +129,11 @@ static int touches(const bd_model *model, const bd_state *state, int i, int j) {
   }
   const double dx = state->x[i] - model->origin[0] - at.c[0];
   const double dy = state->y[i] - model->origin[1] - at.c[1];
+  if (model->lay.string) {
+    const int next = i + 1 < model->lay.n ? i + 1 : 0;
+    const double bx = state->x[next] - state->x[i], by = state->y[next] - state->y[i];
+    return fmin(hypot(dx, dy), hypot(dx + bx, dy + by)) < model->contact_radius[j];
+  }
   const double ex = half * cos(state->phi[i]), ey = half * sin(state->phi[i]);
   return fmin(hypot(dx - ex, dy - ey), hypot(dx + ex, dy + ey)) < model->contact_radius[j];
 }
@@ -229,11 +241,32 @@ void bd_state_export(const bd_model *model, const double *y, double turns, bd_st
       }
     }
   }
+  if (lay->string) {
+    bd_state_directions(lay, y, state->phi, state->vphi);
+  }
+}
+
+void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi) {
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  double before = 0.0;
+  for (int i = 0; i < lay->n; ++i) {
+    const int next = i + 1 < lay->n ? i + 1 : 0;
+    const double dx = x[next] - x[i], dy = yy[next] - yy[i];
+    const double du = vx[next] - vx[i], dv = vy[next] - vy[i];
+    before += remainder(atan2(dy, dx) - before, 2.0 * BD_PI);
+    if (phi) {
+      phi[i] = before;
+    }
+    if (vphi) {
+      vphi[i] = (dx * dv - dy * du) / (dx * dx + dy * dy);
+    }
+  }
 }
 
 void bd_state_wind(const bd_layout *lay, double *y, double *turns) {
-  double *phi = bd_field(lay, y, F_PHI);
-  if (fabs(phi[0]) <= MAX_ANGLE) {
+  double *phi = lay->string ? NULL : bd_field(lay, y, F_PHI);
+  if (!phi || fabs(phi[0]) <= MAX_ANGLE) {
     return;
   }
   double whole = rint(phi[0] / (2.0 * BD_PI));

@@ -28,6 +28,9 @@ int bd_centrifugal_rate(bd_plan *plan, double t, double *y, double *dy, bd_error
   const double links = plan->flow / plan->model->info.link_length, scale = links * links;
   add_differences(lay, bd_field(lay, y, F_X), 0.0, scale, bd_field(lay, dy, F_VX));
   add_differences(lay, bd_field(lay, y, F_Y), 0.0, scale, bd_field(lay, dy, F_VY));
-  add_differences(lay, bd_field(lay, y, F_PHI), plan->links.wind, scale, bd_field(lay, dy, F_VPHI));
+  if (!lay->string) {
+    add_differences(lay, bd_field(lay, y, F_PHI), plan->links.wind, scale,
+                    bd_field(lay, dy, F_VPHI));
+  }
   return BD_OK;
 }

@@ -34,6 +34,9 @@ static int always(const bd_model *model, const bd_plan_options *options) {
 }
 
 static const char *label_joints(const bd_plan *plan) {
+  if (plan->model->lay.string) {
+    return "string: axial spring-dampers between point masses";
+  }
   return plan->bending_on ? "joints: axial and bending spring-dampers"
                           : "joints: axial spring-dampers";
 }
@@ -89,7 +92,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   for (int j = 0; j < lay->np; ++j) {
     plan->contact_pulleys[j].omega = y[lay->omega + j];
   }
-  if (plan->model->along_links) {
+  if (plan->model->along_links && !lay->string) {
     bd_link_contact_rate(plan, y, dy);
     return BD_OK;
   }
@@ -99,6 +102,11 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
         &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
         plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
     plan->friction[j] = sums.torque;
+    const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
+    if (m >= 0) { /* of a string */
+      plan->hub[2 * m] = -sums.force[0];
+      plan->hub[2 * m + 1] = -sums.force[1];
+    }
     contact_loss += sums.contact_loss;
     friction_loss += sums.friction_loss;
   }
@@ -236,21 +244,25 @@ static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
   const int n = lay->n;
-  const double *phi = bd_field(lay, y, F_PHI), *vphi = bd_field(lay, y, F_VPHI);
   const double *vx = bd_field(lay, y, F_VX), *vy = bd_field(lay, y, F_VY);
   const double *co = plan->links.cos, *si = plan->links.sin, wind = plan->links.wind;
   double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
-  double *aphi = bd_field(lay, dy, F_VPHI);
   const double mass_damping = plan->mass_damping, pitch = 4.0 * plan->links.half;
   const double circulation_correction =
       (mass_damping - plan->circulation_damping) * bd_plan_circulation(plan, y) +
       (plan->circulation_inertia_scale - 1.0) * bd_plan_circulation(plan, dy);
   for (int i = 0; i < n; ++i) {
-    double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
-                  (i == 0 || i + 1 == n ? wind : 0.0);
     ax[i] -= mass_damping * vx[i] - circulation_correction * co[i];
     ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
-    aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
+  }
+  if (!lay->string) {
+    const double *phi = bd_field(lay, y, F_PHI), *vphi = bd_field(lay, y, F_VPHI);
+    double *aphi = bd_field(lay, dy, F_VPHI);
+    for (int i = 0; i < n; ++i) {
+      double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
+                    (i == 0 || i + 1 == n ? wind : 0.0);
+      aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
+    }
   }
   for (int m = 0; m < lay->nm; ++m) {
     dy[lay->travel_speed + m] -= mass_damping * y[lay->travel_speed + m];

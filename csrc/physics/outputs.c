@@ -12,7 +12,8 @@ typedef struct touch {
   double rho, normal, mu, friction, slip, velocity;
 } touch;
 
-/* Where a link's contact acts: its centre, or the joint on its left, where friction acts. */
+/* Where a link's contact acts: its centre; or the joint on its left, where friction acts, of a
+ * string the mass itself. */
 typedef struct contact_point {
   double x, y, vx, vy;
 } contact_point;
@@ -21,10 +22,10 @@ static contact_point point_of(const bd_plan *plan, const double *y, int i) {
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *w = bd_cfield(lay, y, F_VPHI);
-  if (!plan->model->along_links) {
+  if (!plan->model->along_links || lay->string) {
     return (contact_point){x[i], yy[i], vx[i], vy[i]};
   }
+  const double *w = bd_cfield(lay, y, F_VPHI);
   const int l = i > 0 ? i - 1 : lay->n - 1;
   const double q = 0.5 * plan->links.half;
   const double c = plan->seen.cos[i], s = plan->seen.sin[i];
@@ -100,12 +101,30 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   return 1;
 }
 
+/* Of the bar between mass i - 1 and mass i of a string, along its chord. */
+static void bar_state(const bd_plan *plan, const double *y, int i, double *along, double *rate,
+                      double *squared, double *turn) {
+  const bd_layout *lay = &plan->model->lay;
+  const int l = i > 0 ? i - 1 : lay->n - 1;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double dx = x[i] - x[l], dy = yy[i] - yy[l], length = hypot(dx, dy);
+  *along = length - 2.0 * plan->links.half;
+  *rate = ((vx[i] - vx[l]) * dx + (vy[i] - vy[l]) * dy) / length;
+  *squared = *along * *along;
+  *turn = 0.0;
+}
+
 /* Stretch of the joint on the left of link i and its rate, along the mean direction of its links.
  */
 static void joint_state(const bd_plan *plan, const double *y, int i, double *along, double *rate,
                         double *squared, double *turn) {
   const bd_layout *lay = &plan->model->lay;
   const double half = plan->links.half;
+  if (lay->string) {
+    bar_state(plan, y, i, along, rate, squared, turn);
+    return;
+  }
   int l = i > 0 ? i - 1 : lay->n - 1;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
@@ -249,11 +268,12 @@ double bd_friction_torque(const bd_plan *plan, const double *y, int j, double fo
 static double kinetic_energy(const bd_model *model, const double *y) {
   const bd_layout *lay = &model->lay;
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *w = bd_cfield(lay, y, F_VPHI);
+  const double *w = lay->string ? NULL : bd_cfield(lay, y, F_VPHI);
   const double m = model->info.link_mass, inertia = model->info.link_inertia;
   double sum = 0.0;
   for (int i = 0; i < lay->n; ++i) {
-    sum += 0.5 * m * (vx[i] * vx[i] + vy[i] * vy[i]) + 0.5 * inertia * w[i] * w[i];
+    const double spin = w ? w[i] : 0.0;
+    sum += 0.5 * m * (vx[i] * vx[i] + vy[i] * vy[i]) + 0.5 * inertia * spin * spin;
   }
   for (int j = 0; j < lay->np; ++j) {
     double omega = y[lay->omega + j];
@@ -415,10 +435,16 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   put(out->torque, k, lay->np, torque, 0.0);
   put(out->x, k, lay->n, bd_cfield(lay, y, F_X), model->origin[0]);
   put(out->y, k, lay->n, bd_cfield(lay, y, F_Y), model->origin[1]);
-  put(out->phi, k, lay->n, bd_cfield(lay, y, F_PHI), turns * 2.0 * BD_PI);
   put(out->vx, k, lay->n, bd_cfield(lay, y, F_VX), 0.0);
   put(out->vy, k, lay->n, bd_cfield(lay, y, F_VY), 0.0);
-  put(out->vphi, k, lay->n, bd_cfield(lay, y, F_VPHI), 0.0);
+  if (lay->string && (out->phi || out->vphi)) {
+    const size_t row = k * (size_t)lay->n;
+    bd_state_directions(lay, y, out->phi ? out->phi + row : NULL,
+                        out->vphi ? out->vphi + row : NULL);
+  } else if (!lay->string) {
+    put(out->phi, k, lay->n, bd_cfield(lay, y, F_PHI), turns * 2.0 * BD_PI);
+    put(out->vphi, k, lay->n, bd_cfield(lay, y, F_VPHI), 0.0);
+  }
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->outputs) {
       plan->effects[e]->outputs(plan, y, out, k);

@@ -30,11 +30,33 @@ static void set_links_going(const bd_plan *plan, double *y, double speed) {
   }
 }
 
+/* Masses of a string run towards where the next one stands, each in the time of one bar. On a
+ * circle, where bars turn by 2 a, they are faster than a straight span by a / sin a. */
+static void set_masses_going(const bd_plan *plan, double *y, double speed) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_field(lay, y, F_X), *yy = bd_field(lay, y, F_Y);
+  double *vx = bd_field(lay, y, F_VX), *vy = bd_field(lay, y, F_VY);
+  for (int i = 0; i < lay->n; ++i) {
+    const int before = i > 0 ? i - 1 : lay->n - 1, after = i + 1 < lay->n ? i + 1 : 0;
+    const double ax = x[i] - x[before], ay = yy[i] - yy[before];
+    const double bx = x[after] - x[i], by = yy[after] - yy[i];
+    const double a = 0.5 * atan2(ax * by - ay * bx, ax * bx + ay * by);
+    const double faster = fabs(a) > 1e-6 ? a / sin(a) : 1.0;
+    const double chord = hypot(ax + bx, ay + by);
+    vx[i] = speed * faster * (ax + bx) / chord;
+    vy[i] = speed * faster * (ay + by) / chord;
+  }
+}
+
 /* A link of the paper's mesh is the tangent of a circle and turns it by less than l0 / R. */
 void bd_set_going(const bd_plan *plan, double *y, double speed) {
   const bd_model *model = plan->model;
   const double tension = bd_running_tension(model, speed), half = 0.5 * model->info.link_length;
-  set_links_going(plan, y, speed);
+  if (model->lay.string) {
+    set_masses_going(plan, y, speed);
+  } else {
+    set_links_going(plan, y, speed);
+  }
   for (int j = 0; j < model->lay.np; ++j) {
     const double a = model->along_links ? 0.0 : atan(half / model->radius[j]);
     y[model->lay.omega + j] = model->wraps[j].sense * speed * slower_inside(a) /

@@ -104,6 +104,11 @@ static double apart(const bd_sim *one, const bd_sim *other) {
   const double *cp = other->stepper.plan.links.cos, *sp = other->stepper.plan.links.sin;
   double sum = 0.0;
   for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    if (lay->string) {
+      const double longer = hypot(u[i] - u[l], v[i] - v[l]) - hypot(x[i] - x[l], y[i] - y[l]);
+      sum += longer * longer;
+      continue;
+    }
     double dx = (u[i] - x[i]) - (u[l] - x[l]) - half * (cp[i] - co[i] + cp[l] - co[l]);
     double dy = (v[i] - y[i]) - (v[l] - y[l]) - half * (sp[i] - si[i] + sp[l] - si[l]);
     sum += dx * dx + dy * dy;
@@ -166,8 +171,9 @@ static void displace(bd_sim *sim) {
           : bd_method_tolerance(sim->stepper.method, sim->stepper.model, sim->stepper.rtol);
   const double stretch = sim->stepper.model->info.strain * sim->stepper.model->info.link_length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed) * stretch;
-  /* of differences of two numbers evenly spread over +-size, in x and in y */
-  t->apart = sqrt(4.0 / 3.0) * size / stretch;
+  /* of differences of two numbers evenly spread over +-size, in x and in y; of a string's bars
+   * along their chord alone */
+  t->apart = sqrt(lay->string ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
   t->grown = fmax(100.0, fmin(ERRORS * allowed, LARGE) / t->apart);
   for (int f = F_X; f <= F_Y; ++f) {
     for (int i = 0; i < lay->n; ++i) {

@@ -57,9 +57,27 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
   return BD_OK;
 }
 
+/* A bar's stretch, of a string; *link: the mass behind it. */
+static double widest_bar(const bd_plan *plan, const double *y, int *link) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double l0 = plan->model->info.link_length;
+  double widest = 0.0;
+  *link = 0;
+  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
+    const double gap = fabs(hypot(x[i] - x[l], yy[i] - yy[l]) - l0);
+    *link = gap > widest ? i : *link;
+    widest = fmax(widest, gap);
+  }
+  return widest / l0;
+}
+
 /* A joint's stretch as a vector against the length of a link; *link: its right one. */
 static double widest_gap(const bd_plan *plan, const double *y, int *link) {
   const bd_layout *lay = &plan->model->lay;
+  if (lay->string) {
+    return widest_bar(plan, y, link);
+  }
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *phi = bd_cfield(lay, y, F_PHI);
   double widest = 0.0;
@@ -102,8 +120,9 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
   const double *x = bd_cfield(lay, sim->stepper.y, F_X), *y = bd_cfield(lay, sim->stepper.y, F_Y);
-  const double *phi = bd_cfield(lay, sim->stepper.y, F_PHI),
-               *w = bd_cfield(lay, sim->stepper.y, F_VPHI);
+  const int string = lay->string;
+  const double *phi = string ? NULL : bd_cfield(lay, sim->stepper.y, F_PHI),
+               *w = string ? NULL : bd_cfield(lay, sim->stepper.y, F_VPHI);
   const double *vx = bd_cfield(lay, sim->stepper.y, F_VX),
                *vy = bd_cfield(lay, sim->stepper.y, F_VY);
   const double *co = plan->links.cos, *si = plan->links.sin, half = plan->links.half;
@@ -112,9 +131,16 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   bd_mounts_put(plan, sim->stepper.y);
   *link = 0;
   for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
-    double dx = x[i] - x[l] - half * (co[i] + co[l]), dy = y[i] - y[l] - half * (si[i] + si[l]);
-    double turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
-    double squared = dx * dx + dy * dy;
+    double squared, turn = 0.0;
+    if (string) {
+      const double stretch = hypot(x[i] - x[l], y[i] - y[l]) - 2.0 * half;
+      squared = stretch * stretch;
+    } else {
+      double dx = x[i] - x[l] - half * (co[i] + co[l]), dy = y[i] - y[l] - half * (si[i] + si[l]);
+      turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
+      squared = dx * dx + dy * dy;
+      spin += w[i] * w[i];
+    }
     if (squared > widest) {
       widest = squared;
       *link = i;
@@ -122,7 +148,6 @@ static double survey(bd_sim *sim, double *gap, int *link) {
     axial += squared;
     bending += turn * turn;
     moving += vx[i] * vx[i] + vy[i] * vy[i];
-    spin += w[i] * w[i];
     height += gx * (x[i] + model->origin[0]) + gy * (y[i] + model->origin[1]);
   }
   double energy = 0.5 * (plan->links.stiffness * axial + plan->links.bending * bending +

@@ -114,7 +114,8 @@ static void point_on(const bd_settling *settling, const bd_route *line, const do
   *phi += round * line->turns * 2.0 * BD_PI;
 }
 
-/* Links with their ends on the circles of contact, which stand for the arcs of the line. */
+/* Links with their ends on the circles of contact, which stand for the arcs of the line; of a
+ * string the mass at the left end. */
 static void lay_ends(const bd_settling *settling, const bd_route *line, int i, double *x, double *y,
                      double *phi) {
   const double *raised = settling->sim->stepper.model->contact_radius;
@@ -122,8 +123,9 @@ static void lay_ends(const bd_settling *settling, const bd_route *line, int i, d
   point_on(settling, line, raised, i, &x0, &y0, &turned);
   point_on(settling, line, raised, i + 1, &x1, &y1, &turned);
   *phi += remainder(atan2(y1 - y0, x1 - x0) - *phi, 2.0 * BD_PI);
-  *x = 0.5 * (x0 + x1);
-  *y = 0.5 * (y0 + y1);
+  const int string = settling->sim->stepper.model->lay.string;
+  *x = string ? x0 : 0.5 * (x0 + x1);
+  *y = string ? y0 : 0.5 * (y0 + y1);
 }
 
 /* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
@@ -334,6 +336,9 @@ static double stop(const bd_sim *sim, double *y) {
   const bd_layout *lay = &sim->stepper.model->lay;
   double fastest = 0.0;
   for (int f = F_VX; f <= F_VPHI; ++f) {
+    if (!bd_has_field(lay, f)) {
+      continue;
+    }
     double *v = bd_field(lay, y, f), arm = f == F_VPHI ? sim->stepper.plan.links.half : 1.0;
     for (int i = 0; i < lay->n; ++i) {
       fastest = fmax(fastest, arm * fabs(v[i]));
@@ -402,7 +407,7 @@ static int check_rest(bd_settling *settling) {
   tune_circulation(settling, dy);
   for (int i = 0; i < lay->n; ++i) {
     double fx = bd_field(lay, dy, F_VX)[i], fy = bd_field(lay, dy, F_VY)[i];
-    double turning = bd_field(lay, dy, F_VPHI)[i];
+    double turning = lay->string ? 0.0 : bd_field(lay, dy, F_VPHI)[i];
     worst = fmax(worst, info->link_mass * hypot(fx, fy));
     worst = fmax(worst, info->link_inertia * fabs(turning) / (0.5 * info->link_length));
   }

@@ -8,7 +8,7 @@
 static void wind(bd_stepper *stepper) {
   double before = stepper->turns;
   bd_state_wind(&stepper->model->lay, stepper->y, &stepper->turns);
-  double taken = (stepper->turns - before) * 2.0 * BD_PI;
+  double taken = (stepper->turns - before) * 2.0 * BD_PI; /* 0 of a string */
   for (int k = 0; taken != 0.0 && k < stepper->n_history; ++k) {
     double *phi = bd_field(&stepper->model->lay, stepper->history[k], F_PHI);
     for (int i = 0; i < stepper->model->lay.n; ++i) {

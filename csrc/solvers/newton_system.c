@@ -42,7 +42,9 @@
  * few links hold apart would cost digits where links weigh little against their joints. */
 static const bd_newton_kernels *ring_kernels(const bd_model *model) {
   const bd_newton_kernels *best = model->kernels->newton;
-  return model->lay.n >= 4 * best->width ? best : &bd_newton_baseline;
+  return model->lay.n >= 4 * best->width ? best
+         : model->lay.string             ? &bd_newton_string_baseline
+                                         : &bd_newton_baseline;
 }
 
 /* A law that is not general shares two arrays, and has no part of others. */
@@ -150,11 +152,32 @@ static void carve_link_scratch(bd_carver *carver, const bd_layout *lay, bd_newto
   BD_CARVE(carver, system->mounts, lay->nm);
 }
 
+void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *kernels, int n) {
+  const int width = kernels->width, rows = (n + width - 1) / width;
+  BD_CARVE(carver, ring->base, width);
+  BD_CARVE(carver, ring->shorter, width);
+  ring->rows = bd_carve(carver, (size_t)rows, kernels->ring_row);
+  ring->ends = bd_carve(carver, 1, kernels->ring_ends);
+  double *scratch;
+  BD_CARVE(carver, scratch, kernels->unknowns * width * rows);
+  ring->scratch = scratch;
+  if (!carver->base) {
+    return;
+  }
+  ring->n_rows = rows;
+  const int whole = n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
+  for (int a = 0, first = 0; a < width; ++a) {
+    int shorter = a >= whole;
+    ring->base[a] = first - shorter;
+    ring->shorter[a] = shorter;
+    first += rows - shorter;
+  }
+}
+
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
-  const int width = ring->width, rows = (lay->n + width - 1) / width, np = lay->np;
-  const int bodies = np + lay->nm;
+  const int np = lay->np, bodies = np + lay->nm;
   bd_blocks *b = &system->blocks;
   bd_effects_carve_tangents(carver, &system->at, model);
   double **by_link[] = {&b->xx, &b->xy, &b->yx, &b->yy, &b->pp, &system->x, &system->y, &system->p};
@@ -175,13 +198,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
                     bd_law_is_general(model->friction[j].law));
     }
   }
-  BD_CARVE(carver, system->ring.base, width);
-  BD_CARVE(carver, system->ring.shorter, width);
-  system->ring.rows = bd_carve(carver, (size_t)rows, ring->ring_row);
-  system->ring.ends = bd_carve(carver, 1, ring->ring_ends);
-  double *scratch;
-  BD_CARVE(carver, scratch, 3 * width * rows);
-  system->ring.scratch = scratch;
+  bd_ring_carve(carver, &system->ring, ring, lay->n);
   BD_CARVE(carver, system->border, 3 * bodies * lay->stride);
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, bodies);
@@ -193,15 +210,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   if (!carver->base) {
     return;
   }
-  system->ring.n_rows = rows;
   system->ring_kernels = ring;
-  const int whole = lay->n - width * (rows - 1); /* arcs of `rows` links; the rest have one less */
-  for (int a = 0, first = 0; a < width; ++a) {
-    int shorter = a >= whole;
-    system->ring.base[a] = first - shorter;
-    system->ring.shorter[a] = shorter;
-    first += rows - shorter;
-  }
   b->cos = system->at.joints.cos;
   b->sin = system->at.joints.sin;
   b->spin = system->at.joints.spin;

@@ -36,6 +36,8 @@ typedef struct bd_newton_system {
   double *by_theta, *by_omega, *by_time; /* of the set torques */
 } bd_newton_system;
 
+/* Cuts a ring of n links, at least as many as there are arcs, into arcs. */
+void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *kernels, int n);
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
 /* Refuses a plan with an effect whose derivatives are not known. */
 int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Sums of vectors, at every kernel level that is built in and that the processor has, against plain
- * loops; the exponential against the library's; built with sanitizers by tests/test_c.py.
+ * loops; solves of the ring against dense ones; the exponential against the library's; built with
+ * sanitizers by tests/test_c.py.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <float.h>
@@ -11,6 +12,7 @@
 #include "check.h"
 #include "kernels/kernels.h"
 #include "kernels/vector.h"
+#include "solvers/solvers.h"
 
 enum { LINKS = 13, PULLEYS = 3, STRIDE = BD_HALO + 16, THETA = 8 * STRIDE, SIZE = THETA + 16 };
 
@@ -127,6 +129,221 @@ static void sums_of_any_number_of_vectors(void) {
   CHECK(checked >= 1);
 }
 
+/* --- the ring's linear system ---------------------------------------------------------------- */
+
+enum { MOST = 240, PADDED = MOST + 2 * BD_HALO };
+
+/* A ring of n blocks of 3 x 3, or of 2 x 2 (string), with all that couples them in arrays. */
+typedef struct ring_case {
+  int n, string;
+  double entries[27][PADDED]; /* diagonal, back, forward: 9 each */
+  double cos[PADDED], sin[PADDED], spin[PADDED], right[3][PADDED], x[3][PADDED];
+} ring_case;
+
+static int unknowns_of(const ring_case *c) {
+  return c->string ? 2 : 3;
+}
+
+/* Entries of the couplings up to 1, of either sign; of a row those are at most 3 times as many as
+ * the unknowns of a block, and its diagonal is twice as large as their sum can be. */
+static void make_ring(ring_case *c, int n, int string) {
+  c->n = n;
+  c->string = string;
+  const int size = unknowns_of(c);
+  for (int i = 0; i < n; ++i) {
+    const int at = BD_HALO + i;
+    for (int e = 0; e < 27; ++e) {
+      const int on_diagonal = e < size * size && e % (size + 1) == 0;
+      c->entries[e][at] = next_number() + (on_diagonal ? 2.0 * 3 * size : 0.0);
+    }
+    c->cos[at] = 1.0;
+    for (int u = 0; u < 3; ++u) {
+      c->right[u][at] = c->x[u][at] = next_number();
+    }
+  }
+}
+
+/* Row i of the matrix, block by block, its columns wrapped round the ring; entries are added, for
+ * in a short ring several blocks may be in one place. */
+static void dense_row(const ring_case *c, int i, int u, double *row) {
+  const int size = unknowns_of(c), n = c->n;
+  memset(row, 0, (size_t)(size * n) * sizeof *row);
+  for (int v = 0; v < size; ++v) {
+    const int e = size * u + v, behind = (i + n - 1) % n, ahead = (i + 1) % n;
+    row[size * i + v] += c->entries[e][BD_HALO + i];
+    row[size * behind + v] += c->entries[9 + e][BD_HALO + i];
+    row[size * ahead + v] += c->entries[18 + e][BD_HALO + ahead];
+  }
+}
+
+/* Elimination with pivots; the solution replaces x. */
+static void dense_solve(int n, double *a, double *x) {
+  for (int k = 0; k < n; ++k) {
+    int pivot = k;
+    for (int i = k + 1; i < n; ++i) {
+      pivot = fabs(a[i * n + k]) > fabs(a[pivot * n + k]) ? i : pivot;
+    }
+    for (int j = 0; j < n; ++j) {
+      const double kept = a[k * n + j];
+      a[k * n + j] = a[pivot * n + j];
+      a[pivot * n + j] = kept;
+    }
+    const double kept = x[k];
+    x[k] = x[pivot];
+    x[pivot] = kept;
+    for (int i = k + 1; i < n; ++i) {
+      const double factor = a[i * n + k] / a[k * n + k];
+      for (int j = k; factor != 0.0 && j < n; ++j) {
+        a[i * n + j] -= factor * a[k * n + j];
+      }
+      x[i] -= factor * x[k];
+    }
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    for (int j = k + 1; j < n; ++j) {
+      x[k] -= a[k * n + j] * x[j];
+    }
+    x[k] /= a[k * n + k];
+  }
+}
+
+static void solve_ring(ring_case *c, const bd_kernels *level) {
+  const bd_newton_kernels *kernels = c->string ? level->string->newton : level->newton;
+  double *first[27];
+  for (int e = 0; e < 27; ++e) {
+    first[e] = c->entries[e] + BD_HALO;
+  }
+  const int size = unknowns_of(c);
+  bd_blocks b = {.cos = c->cos + BD_HALO,
+                 .sin = c->sin + BD_HALO,
+                 .spin = c->spin + BD_HALO,
+                 .xx = first[0],
+                 .xy = first[1],
+                 .yx = first[size],
+                 .yy = first[size + 1]};
+  if (!c->string) {
+    b.xp = first[2];
+    b.yp = first[5];
+    b.px = first[6];
+    b.py = first[7];
+    b.pp = first[8];
+  }
+  for (int e = 0; e < size * size; ++e) {
+    b.back[e] = first[9 + e];
+    b.forward[e] = first[18 + e];
+  }
+  bd_ring ring;
+  bd_carver carver = {0};
+  bd_ring_carve(&carver, &ring, kernels, c->n);
+  void *memory = bd_block_new(carver.used);
+  carver = (bd_carver){.base = memory};
+  bd_ring_carve(&carver, &ring, kernels, c->n);
+  double *x = c->x[0] + BD_HALO, *y = c->x[1] + BD_HALO, *p = c->x[2] + BD_HALO;
+  kernels->factor[1](&ring, &b);
+  kernels->solve[1](&ring, 0.0, x, y, p);
+  bd_block_free(memory);
+}
+
+/* Both solutions have errors of rounding only. In every row the diagonal is twice the sum of the
+ * other entries or more (make_ring), all eliminations keep that, so no entry outgrows its row by
+ * more than 3/2, and what a row is wrong by, some 40 roundings of terms up to 2 |x| times the
+ * diagonal, reaches x at most doubled: 2 * 40 * 2 * 2^-53 |x| = 2e-14 |x|. */
+static void check_ring(const bd_kernels *kernels, int n, int string) {
+  ring_case *c = bd_block_new(sizeof *c);
+  make_ring(c, n, string);
+  const int size = unknowns_of(c), all = size * n;
+  double *matrix = bd_block_new((size_t)(all * all) * sizeof *matrix);
+  double *x = bd_block_new((size_t)all * sizeof *x);
+  for (int i = 0; i < n; ++i) {
+    for (int u = 0; u < size; ++u) {
+      dense_row(c, i, u, matrix + (size_t)(size * i + u) * (size_t)all);
+      x[size * i + u] = c->right[u][BD_HALO + i];
+    }
+  }
+  dense_solve(all, matrix, x);
+  solve_ring(c, kernels);
+  double largest_x = 0.0, worst = 0.0;
+  for (int i = 0; i < all; ++i) {
+    largest_x = fmax(largest_x, fabs(x[i]));
+    worst = fmax(worst, fabs(c->x[i % size][BD_HALO + i / size] - x[i]));
+  }
+  CHECK(largest_x > 0.01);
+  CHECK(worst <= 2e-14 * largest_x);
+  bd_block_free(x);
+  bd_block_free(matrix);
+  bd_block_free(c);
+}
+
+/* Every length from 3 links (the shortest belt) or one link an arc on to 33, then longer ones: arcs
+ * of the same and of different lengths. */
+static void rings_against_dense_matrices(void) {
+  const char *const levels[] = {"baseline", "avx2", "avx512"};
+  const int longer[] = {60, 61, MOST};
+  for (int k = 0; k < 3; ++k) {
+    setenv("BELTDYN_KERNELS", levels[k], 1);
+    const bd_kernels *kernels = bd_kernels_choose();
+    for (int string = 0; kernels && string < 2; ++string) {
+      for (int n = kernels->newton->width > 3 ? kernels->newton->width : 3; n <= 33; ++n) {
+        check_ring(kernels, n, string);
+      }
+      for (int m = 0; m < 3; ++m) {
+        check_ring(kernels, longer[m], string);
+      }
+    }
+  }
+}
+
+/* A taut string in a circle as a long step sees it: unit masses, bars whose stiffness along them is
+ * 1e6 and across them, from their tension, 1e3. */
+static void make_bars(ring_case *c, int n) {
+  make_ring(c, n, 1);
+  memset(c->entries, 0, sizeof c->entries);
+  for (int i = 0; i < n; ++i) {
+    const double angle = 2.0 * BD_PI * i / n, ux = cos(angle), uy = sin(angle);
+    const double u[] = {ux * ux, ux * uy, ux * uy, uy * uy};
+    for (int e = 0; e < 4; ++e) {
+      const double one = e % 3 == 0 ? 1.0 : 0.0, bar = 1e6 * u[e] + 1e3 * (one - u[e]);
+      c->entries[e][BD_HALO + i] += one + bar;
+      c->entries[e][BD_HALO + (i + n - 1) % n] += bar;
+      c->entries[9 + e][BD_HALO + i] = c->entries[18 + e][BD_HALO + i] = -bar;
+    }
+  }
+}
+
+/* Such a matrix A is symmetric and positive definite, so what elimination without pivots leaves is
+ * no larger than its largest entries. A row's entries and right-hand side go through some 20
+ * roundings, each 2^-53 of |A| |x| at most; nothing is lost to the ratio of the two stiffnesses. */
+static void stiff_strings_keep_their_digits(void) {
+  const char *const levels[] = {"baseline", "avx2", "avx512"};
+  const int lengths[] = {33, 60, 61, MOST};
+  ring_case *c = bd_block_new(sizeof *c);
+  for (int k = 0; k < 12; ++k) {
+    setenv("BELTDYN_KERNELS", levels[k / 4], 1);
+    const bd_kernels *kernels = bd_kernels_choose();
+    const int n = lengths[k % 4];
+    double row[2 * MOST], norm = 0.0, largest_x = 0.0, worst = 0.0;
+    make_bars(c, n);
+    if (!kernels) {
+      continue;
+    }
+    solve_ring(c, kernels);
+    for (int i = 0; i < 2 * n; ++i) {
+      double left = c->right[i % 2][BD_HALO + i / 2], size = 0.0;
+      dense_row(c, i / 2, i % 2, row);
+      for (int j = 0; j < 2 * n; ++j) {
+        left -= row[j] * c->x[j % 2][BD_HALO + j / 2];
+        size += fabs(row[j]);
+      }
+      norm = fmax(norm, size);
+      worst = fmax(worst, fabs(left));
+      largest_x = fmax(largest_x, fabs(c->x[i % 2][BD_HALO + i / 2]));
+    }
+    CHECK(largest_x > 0.001);
+    CHECK(worst <= 10.0 * DBL_EPSILON * norm * largest_x);
+  }
+  bd_block_free(c);
+}
+
 /* The friction laws' exponential as this file is compiled, against the library's of long doubles
  * (of doubles, to an ulp, where there are no longer ones): an ulp or two, as it says of itself. */
 static void exponentials_have_their_digits(void) {
@@ -168,6 +385,8 @@ static void exponentials_of_every_level(void) {
 
 static const test tests[] = {
     {"sums_of_any_number_of_vectors", sums_of_any_number_of_vectors},
+    {"rings_against_dense_matrices", rings_against_dense_matrices},
+    {"stiff_strings_keep_their_digits", stiff_strings_keep_their_digits},
     {"exponentials_have_their_digits", exponentials_have_their_digits},
     {"exponentials_of_every_level", exponentials_of_every_level},
 };
