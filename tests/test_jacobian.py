@@ -282,9 +282,10 @@ def assert_entries(layout: dense.Layout, j: Array, expected: Array, fastest: flo
 
     Rounding of a rate over the step of 1e-4: forces c times the rounding 5e-17 m of places make
     w^2 5e-17 m of acceleration, over the scale w s and the step 5e-9 w; 1e-7 leaves a decade for
-    sums, and for blocks smaller than w. The chords of a string, up to 0.4 m of which the rest length
-    is taken, are rounded as well, to half as much again. Curvature: steps of 1e-8 m over radii of 0.1 m and over
-    penetrations of 1e-5 m (odd terms; central differences have no even ones), squared.
+    sums, and for blocks smaller than w. The chords of a string, up to 0.4 m from which the rest
+    length is taken, are rounded as well, to half as much again. Curvature: steps of 1e-8 m over
+    radii of 0.1 m and over penetrations of 1e-5 m (odd terms; central differences have no even
+    ones), squared.
     """
     blocks = layout.blocks()
     rounding = 1e-7 if "phi" in blocks else 1.5e-7
