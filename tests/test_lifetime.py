@@ -169,7 +169,7 @@ def test_a_second_copy_of_the_module(model, rest):
     watch = weakref.ref(copy.Simulation), weakref.ref(copy.Model)
     other = copy.Model(
         (1.2, 24, 0.1, 70e3, 1.4, 0.01, 0.0), [(0.0, 0.0), (0.29, 0.0)], [0.1, 0.1], [0.01, 0.01],
-        (5e10, 2.5e7, 1e3, 0), None, (0.0, 0.0),
+        (5e10, 2.5e7, 1e3, 0, 0.0), None, (0.0, 0.0),
     )  # fmt: skip
     settling = copy.Simulation.settle(other, tolerance=1e-4)
     copy.cycle = [other, settling]  # the module is in a cycle with objects of its own types

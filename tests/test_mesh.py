@@ -141,7 +141,7 @@ def test_pulleys_that_one_joint_could_touch(radius: float) -> None:
         assert close == (2.5 * 1.0 / n > 0.25 + 1e-9 and mesh == "joint")
         friction = EXAMPLES["dahl"]._to_core()
         model = _core.Model(
-            belt, centers, np.array([0.1, radius]) * 0.999, np.ones(2), (0.0, 1e6, 0.0, 0),
+            belt, centers, np.array([0.1, radius]) * 0.999, np.ones(2), (0.0, 1e6, 0.0, 0, 0.0),
             friction,
             (0.0, 0.0), mesh=mesh,
         )  # fmt: skip

@@ -125,6 +125,7 @@ def test_signatures_can_be_read():
         "outside",
         "names",
         "mounts",
+        "model",
     ]
     keyword = [
         name

@@ -96,7 +96,7 @@ def test_the_core_has_the_same_rules() -> None:
     def model(names: Any) -> _core.Model:
         return _core.Model(
             (1.2, 60, 0.1, 70e3, 1.4, 0.0, 0.0), centers, radii, [0.01, 0.01],
-            (0.0, 2.5e7, 1e3, 0), None, (0.0, 0.0), names=names,
+            (0.0, 2.5e7, 1e3, 0, 0.0), None, (0.0, 0.0), names=names,
         )  # fmt: skip
 
     for good in (None, [None, None], ["crank", None], ("ö" * 15, "x" * 31)):

@@ -309,7 +309,7 @@ def test_link_on_two_pulleys_at_once(mesh: str) -> None:
     model = _core.Model(
         (belt.length, belt.n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
          belt.bending_stiffness, belt.bending_damping),
-        centers, radii, inertias, (5e8, 2.5e5, 1e3, 0), ("dahl", (1.0, 1e4)), (0.0, 0.0),
+        centers, radii, inertias, (5e8, 2.5e5, 1e3, 0, 0.0), ("dahl", (1.0, 1e4)), (0.0, 0.0),
         mesh=belt.mesh, model=belt.model,
     )  # fmt: skip
     slots = model.info["n_slots"]

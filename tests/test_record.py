@@ -56,7 +56,7 @@ MIXED = [EXAMPLES[name]._to_core() for name in ("lugre", "elastic_plastic")]
 DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
     "plain": ({}, "terms", 0.02),
     "lightly damped": (
-        {"belt": (1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), "contact": (0.0, 2.5e7, 100.0, 0)},
+        {"belt": (1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), "contact": (0.0, 2.5e7, 100.0, 0, 0.0)},
         "terms",
         0.02,
     ),
@@ -68,7 +68,7 @@ DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
         "terms",
         0.02,
     ),
-    "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1)}, "terms", 0.02),
+    "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1, 0.0)}, "terms", 0.02),
     "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
     "loads": ({}, "loads", 0.02),
     "function": ({}, "driven", 0.012),

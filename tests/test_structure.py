@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -86,6 +87,13 @@ def test_the_graph_of_imports_is_that_of_the_package() -> None:
     assert {"beltdyn.params", "beltdyn.run_warnings"} <= graph["beltdyn.result"]
     assert {"beltdyn.plot", "beltdyn.kubas.rows"} <= graph["beltdyn.kubas.figures"]
     assert "beltdyn.plot" in graph["beltdyn.cli"]  # in a function
+
+
+def test_every_folder_of_the_package_is_installed() -> None:
+    folders = {file.parent for file in (ROOT / "beltdyn").rglob("__init__.py")}
+    names = {".".join(folder.relative_to(ROOT).parts) for folder in folders}
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        assert set(tomllib.load(file)["tool"]["setuptools"]["packages"]) == names
 
 
 def test_no_circle_of_imports() -> None:

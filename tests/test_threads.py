@@ -559,7 +559,7 @@ def test_interrupt_of_a_process():
         from beltdyn import _core
         signal.signal(signal.SIGINT, signal.default_int_handler)
         model = _core.Model((1.2, 24, 0.1, 70e3, 1.4, 0.01, 0.0), [(0, 0), (0.29, 0)],
-                            [0.1, 0.1], [0.01, 0.01], (5e10, 2.5e7, 1e3, 0), None, (0, 0))
+                            [0.1, 0.1], [0.01, 0.01], (5e10, 2.5e7, 1e3, 0, 0.0), None, (0, 0))
         settling = _core.Simulation.settle(model, tolerance=1e-300, max_time=1e6)
         print("ready", flush=True)
         settling.advance(float("inf"))
