@@ -22,10 +22,10 @@ static const bd_pulley test_pulleys[NP] = {
 static const bd_friction test_friction = {BD_LAW_dahl, {.dahl = {0.8, 1e4}}};
 
 static inline bd_scene test_scene(void) {
-  return (bd_scene){.belt = {1.1753, N, 0.1, 80e3, 3.0, 0.02, 1e-6, TEST_MESH},
+  return (bd_scene){.belt = {1.1753, N, 0.1, 80e3, 3.0, 0.02, 1e-6, TEST_MESH, BD_BELT_AUTO},
                     .n_pulleys = NP,
                     .pulleys = test_pulleys,
-                    .contact = {5e10, 5e7, 2e3, 0},
+                    .contact = {5e10, 5e7, 2e3, 0, 0.0},
                     .friction = &test_friction,
                     .gravity = {0.0, -9.81}};
 }
