@@ -148,11 +148,9 @@ CASES |= {
 }
 CASES |= {
     "string, case 1 from rest": joints(bd.scenes.kubas_case_1, 0.0, "string"),
-    "string, case 1 at the end of its ramp": joints(bd.scenes.kubas_case_1, 0.28, "string"),
     "string, three unequal pulleys": joints(bd.scenes.three_pulleys, 0.22, "string"),
     "string, bearing drag, running": joints(dragging, 0.2, "string"),
     "string, flywheel, full slip": joints(bd.scenes.flywheel_start, 0.10, "string"),
-    "string, a law for each pulley, running": joints(mixed_two, 0.28, "string"),
     "string, two laws on three pulleys, one without": joints(mixed_three, 0.22, "string"),
     "string, crossed": joints(drives.crossed_scene, 0.1, "string"),
     "string, outside idler": joints(drives.idler_scene, 0.1, "string"),
