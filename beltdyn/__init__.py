@@ -36,7 +36,17 @@ from .accuracy_report import Accuracy, QuantityError
 from .errors import Interrupted, SimulationError
 from .explaining import Explanation, explain
 from .friction import LAWS as _LAWS
-from .friction import Dahl, ElasticPlastic, Friction, LuGre
+from .friction import (
+    Coulomb,
+    CreepRate,
+    Dahl,
+    ElasticPlastic,
+    Friction,
+    Frictionless,
+    LuGre,
+    MaxwellSlip,
+    Threlfall,
+)
 from .histories import Stats
 from .identification import (
     Experiment,
@@ -71,7 +81,9 @@ __all__ = [
     "Belt",
     "BeltdynWarning",
     "Contact",
+    "Coulomb",
     "CrankMotion",
+    "CreepRate",
     "Dahl",
     "Drag",
     "ElasticPlastic",
@@ -79,12 +91,14 @@ __all__ = [
     "Explanation",
     "Free",
     "Friction",
+    "Frictionless",
     "Harmonics",
     "Identification",
     "IdentificationInterrupted",
     "Interrupted",
     "Load",
     "LuGre",
+    "MaxwellSlip",
     "Motion",
     "Params",
     "Path",
@@ -105,6 +119,7 @@ __all__ = [
     "Target",
     "Tensioning",
     "Tensions",
+    "Threlfall",
     "Torque",
     "TorqueSum",
     "Viscous",

@@ -33,8 +33,14 @@ def belt_line(
 def kernel_level() -> str: ...
 def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
 def friction_law(
-    friction: FrictionLaw, link_length: float, z: ArrayLike, v: ArrayLike, normal: ArrayLike
+    friction: FrictionLaw,
+    link_length: float,
+    z: ArrayLike,
+    v: ArrayLike,
+    normal: ArrayLike,
+    element: int = 0,
 ) -> dict[str, NDArray[np.float64]]: ...
+def friction_states(friction: FrictionLaw) -> int: ...
 def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 def span_tension(
     pulley: NDArray[np.int32], force: NDArray[np.float64], n_pulleys: int
@@ -50,7 +56,7 @@ TorqueTerm = tuple[Any, ...]
 #: | (pulley, "crank", t, values, orders, amplitudes, phases, (fade_begin, fade_end))
 MotionTerm = tuple[Any, ...]
 #: name of a row of LAWS, its numbers
-FrictionLaw = tuple[str, tuple[float, ...]]
+FrictionLaw = tuple[str, tuple[float | tuple[float, ...], ...]]
 #: ("arm", pivot, numbers) | ("slider", direction, numbers) | ("path", t, displacement)
 MountTerm = tuple[Any, ...]
 #: STATE_FIELDS by name, and "t"

@@ -64,6 +64,24 @@ def real(name: str, value: object, unit: str = "1") -> float:
     return number
 
 
+def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]:
+    """Check a list of real numbers, at least one; give them as plain floats.
+
+    Raises:
+        TypeError: Not a sequence of real numbers.
+        ValueError: It is empty, or one is NaN or infinite.
+    """
+    if isinstance(value, np.ndarray) and value.ndim == 1:
+        value = value.tolist()
+    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
+        raise TypeError(
+            f"{name} must be a sequence of real numbers{_with_unit(unit)}, got {shown(value)}"
+        )
+    if not value:
+        raise ValueError(f"{name} must have at least one number{_with_unit(unit)}")
+    return tuple(real(f"{name}[{k}]", one, unit) for k, one in enumerate(value))
+
+
 def close_to(name: str, known: Iterable[str]) -> str:
     """Give " (did you mean ...?)" for a misspelt name, or nothing."""
     close = difflib.get_close_matches(name, list(known), n=1)
@@ -165,10 +183,13 @@ def _holds_masked(value: object, masked: Any, depth: int) -> bool:
     )
 
 
-def real_array(name: str, value: Any, *, ndim: int, shape: tuple[int, ...] | None = None) -> Array:
+def real_array(
+    name: str, value: Any, *, ndim: int, most: int = 0, shape: tuple[int, ...] | None = None
+) -> Array:
     """Check an array of finite real numbers; give an immutable C-contiguous float copy.
 
-    Its memory is that of a ``bytes`` object, so it cannot even be made writeable again.
+    It has ``ndim`` dimensions, or up to ``most``. Its memory is that of a ``bytes`` object, so it
+    cannot even be made writeable again.
 
     Raises:
         TypeError: Not real numbers.
@@ -182,7 +203,7 @@ def real_array(name: str, value: Any, *, ndim: int, shape: tuple[int, ...] | Non
     refuse_masked(name, given)  # an object with __array__ may have returned a masked array
     if given.dtype.kind not in "iuf" and given.size:
         raise TypeError(f"{name} must hold real numbers, got {shown(value)}")
-    if given.ndim != ndim:
+    if not ndim <= given.ndim <= max(ndim, most):
         raise ValueError(f"{name} must have {ndim} dimension(s), got shape {given.shape}")
     if shape is not None and given.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {given.shape}")

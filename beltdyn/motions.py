@@ -19,6 +19,7 @@ __all__ = [
     "Motion",
     "MotionLike",
     "as_motions",
+    "described",
     "first_speeds",
     "in_core",
     "motion_terms",
@@ -179,6 +180,12 @@ class CrankMotion:
             f"mean speed {speeds.min():g} to {speeds.max():g} rad/s, harmonics of orders {orders}, "
             f"up to {np.abs(self.amplitudes).max():g} rad{fade}"
         )
+
+
+def described(motion: MotionLike) -> str:
+    """Say in words what motion this is."""
+    speed = motion.speed if isinstance(motion, Motion) else motion
+    return speed.described("", "rad/s") if isinstance(speed, PiecewiseLinear) else str(motion)
 
 
 def in_core(motion: object) -> bool:

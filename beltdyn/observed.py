@@ -20,7 +20,7 @@ from .result import Result
 from .run_warnings import RunWarning
 from .sanity import units
 
-__all__ = ["observe"]
+__all__ = ["in_slip", "observe"]
 
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
@@ -106,7 +106,7 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     most = kinetic * _per_pulley(contact.normal, bins, n_p)
     for k in range(n_p):
         law = params.friction_on(k)
-        held = None if law is None else _in_slip(law, float(kinetic[k]), contact.velocity)
+        held = None if law is None else in_slip(law, float(kinetic[k]), contact.velocity)
         if held is not None:
             most[:, k] = _per_pulley(held * contact.normal, bins, n_p)[:, k]
     tension = params.info["strain_tension"]
@@ -150,7 +150,7 @@ def _tighter(params: Params) -> str:
     return "raise the preload (a shorter belt.length)"
 
 
-def _in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
+def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
     """Give the friction coefficients in slip at these velocities; None if they depend on none.
 
     Interpolated between speeds 5 % apart, a millionth of the highest the least: a law that changes
@@ -161,6 +161,8 @@ def _in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
         return None
     speed = highest * np.geomspace(1e-6, 1.0, 300)
     coefficients = law._in_slip(speed, kinetic)
+    if law.n_states == 0:  # it slips at any load; what counts is what it could give when faster
+        coefficients = np.maximum.accumulate(np.append(coefficients, kinetic)[::-1])[:0:-1]
     if np.ptp(coefficients) <= 1e-6 * kinetic:
         return None
     return np.interp(np.abs(velocity), speed, coefficients)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from . import _core, balance, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
-from .friction import Friction, law_or_none
+from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, travel_text
 from .parts import Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
@@ -47,8 +47,8 @@ class Params:
         pulleys: The pulleys, any sequence; kept as a tuple.
         contact: Normal contact between belt and pulleys; by default stiff enough for its errors to
             stay within 1 %, see :class:`Contact`.
-        friction: Friction law between belt and pulleys, :class:`Dahl`, :class:`LuGre` or
-            :class:`ElasticPlastic`; None for none. A pulley may have its own.
+        friction: Friction law between belt and pulleys, such as :class:`Dahl`; None for none. A
+            pulley may have its own. :mod:`beltdyn.friction` compares the laws.
         gravity: Acceleration (x, y) [m/s^2].
         tensioning: How the belt is brought under preload before a run.
 
@@ -269,7 +269,8 @@ class Params:
     def friction_on(self, pulley: int) -> Friction | None:
         """Give the friction law of a pulley: its own, or that of the drive."""
         own = self.pulleys[pulley].friction
-        return self.friction if own is None else own
+        law = self.friction if own is None else own
+        return None if isinstance(law, Frictionless) else law
 
     @property
     def _slip_limits(self) -> tuple[Array, Array]:
@@ -279,13 +280,13 @@ class Params:
 
     def __str__(self) -> str:
         parts: list[tuple[str, Printable]] = [
-            ("belt", self.effective_belt),
             *((f"pulleys[{k}]", pulley) for k, pulley in enumerate(self.pulleys)),
             ("contact", self.effective_contact),
         ]
         if self.friction is not None:
             parts.append(("friction", self.friction))
-        rows = [
+        rows = self._rows_of_belt()
+        rows += [
             (f"{prefix}.{name}", quantity, text)
             for prefix, part in parts
             for name, quantity, text in part._rows()
@@ -299,7 +300,7 @@ class Params:
         found = f"  preload {asked:g} N: length {info['length']:.6g} m" if asked else ""
         return "\n".join(
             [
-                f"Belt drive, {self.belt.n_bodies} links on {len(self.pulleys)} pulley(s)",
+                f"Belt drive, {sanity.bodies(self)} on {len(self.pulleys)} pulley(s)",
                 *lines(rows, indent="  "),
                 *([found] if found else []),
                 f"  tensioned {self.tensioning.describe(self.pulley_names)}",
@@ -313,6 +314,15 @@ class Params:
                 *(f"  note  {warning}" for warning in sanity.check(self)),
             ]
         )
+
+    def _rows_of_belt(self) -> list[tuple[str, str, str]]:
+        """Name, quantity and meaning of its fields, with what "auto" has chosen."""
+        rows = {name: others for name, *others in self.effective_belt._rows()}
+        if self.belt.model == "auto":
+            rows["model"][0] = f"auto ({self.belt_model})"
+        if self.belt_model == "string":
+            rows["n_bodies"][1] = "number of point masses, n_b"
+        return [(f"belt.{name}", quantity, text) for name, (quantity, text) in rows.items()]
 
     def _mounts_at_rest(self) -> list[str]:
         rest = [

@@ -126,7 +126,7 @@ class Pulley(Printable):
             The first pulley is inside.
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
-            ``Params.friction``.
+            ``Params.friction``, and none where that is None.
         name: What messages and figures call it, and how it can be named wherever a pulley is named
             by its index; None: "pulley 3" and the like. 1 to 31 bytes of UTF-8, printable, no
             number, without spaces at its ends, other than those of the drive's other pulleys.

@@ -1,29 +1,63 @@
-"""Progress over a number of runs."""
+"""Progress on stderr: over the time that is simulated, over a number of runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-__all__ = ["counted"]
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["counted", "over_time"]
+
+
+def _terminal(enabled: bool) -> Console | None:
+    """Give standard error; None if progress is not wanted there, or clutter in a file or pipe."""
+    if not enabled:
+        return None
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    return console if console.is_terminal or console.is_jupyter else None
+
+
+@contextmanager
+def over_time(
+    enabled: bool, label: str, start: float, end: float | None
+) -> Iterator[Callable[[float], None]]:
+    """Show the simulated time, and without an end only that. Gives a function of it."""
+    console = _terminal(enabled)
+    if console is None:
+        yield lambda _time: None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    bar = Progress(
+        TextColumn(label),
+        BarColumn(),
+        TextColumn("t = {task.fields[time]:.4g} s"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(label, total=None if end is None else end - start, time=start)
+        yield lambda now: bar.update(task, completed=now - start, time=now)
 
 
 @contextmanager
 def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int, str], None]]:
-    """Show runs done of all, and which is next, on stderr; nothing in a file or pipe.
+    """Show runs done of all, and which is next.
 
     Gives a function of the number done, the number of all and a text; safe in several threads.
     """
-    if not enabled:
+    console = _terminal(enabled)
+    if console is None:
         yield lambda _done, _all, _text: None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    console = Console(stderr=True)
-    if not (console.is_terminal or console.is_jupyter):
-        yield lambda _done, _all, _text: None
-        return
     bar = Progress(
         TextColumn(label),
         BarColumn(),

@@ -30,6 +30,7 @@ from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
 from .run_warnings import RunWarning
+from .sanity import bodies
 from .spans import span_tension
 from .state import State
 
@@ -201,7 +202,7 @@ class Result:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if self.t.size else "no samples"
         return (
             f"Result({self.status}: {self.t.size} samples, {span}, "
-            f"{self.params.belt.n_bodies} links, {len(self.params.pulleys)} pulley(s); "
+            f"{bodies(self.params)}, {len(self.params.pulleys)} pulley(s); "
             f"{self.stats.method}, {self.stats.steps} steps, {self.stats.cpu_time:.3g} s CPU)"
         )
 

@@ -47,6 +47,12 @@ class Rule(NamedTuple):
             return checks.flag(label, value)
         if (self.group, self.name) not in _OF_CORE:
             return checks.positive(label, value, self.unit)
+        if self.rule == "POSITIVES":
+            return tuple(map(self._number, checks.real_numbers(label, value, self.unit)))
+        return self._number(value)
+
+    def _number(self, value: object) -> float:
+        label = f"{self.group}.{self.name}"
         number = checks.real(label, value, self.unit)
         _core.check_parameter(self.group, self.name, self.group, number)
         return number
@@ -63,7 +69,10 @@ class Rule(NamedTuple):
             return "chosen"
         if self.rule == "FLAG":
             return "yes" if value else "no"
-        number = f"({value[0]:.10g}, {value[1]:.10g})" if self.rule == "PAIR" else f"{value:.10g}"
+        if isinstance(value, tuple):
+            number = f"({', '.join(f'{one:.10g}' for one in value)})"
+        else:
+            number = f"{value:.10g}"
         return number if self.unit == "1" else f"{number} {self.unit}"
 
 

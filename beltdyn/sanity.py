@@ -74,6 +74,8 @@ class Drive(compliance.Drive, Protocol):
     """The part of :class:`beltdyn.Params` that is checked; it imports this module to print them."""
 
     @property
+    def belt_model(self) -> str: ...
+    @property
     def contact(self) -> Contact: ...
     @property
     def _slip_limits(self) -> tuple[Array, Array]: ...
@@ -126,6 +128,12 @@ def mesh_error(params: Drive) -> dict[str, float]:
     return {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
 
 
+def bodies(params: Drive) -> str:
+    """Say of how many links, or point masses, the belt is made."""
+    name = "point masses" if params.belt_model == "string" else "links"
+    return f"{params.belt.n_bodies} {name}"
+
+
 def describe_mesh(params: Drive) -> str:
     """Say in one line what the error of the mesh is."""
     belt, error = params.belt, mesh_error(params)
@@ -136,7 +144,7 @@ def describe_mesh(params: Drive) -> str:
             f"strain, {strain * belt.axial_stiffness:.3g} N ({_percent(error['span_mean'])})"
         )
     return (
-        f"with {belt.n_bodies} links some {_percent(error['span_mean'])} of the mean tension, "
+        f"with {bodies(params)} some {_percent(error['span_mean'])} of the mean tension, "
         f"{_percent(error['tension'])} of its history, several times that of creep; known to a "
         "factor of three"
     )
@@ -165,7 +173,7 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
     if share > MESH and belt.mesh == "joint":
         yield RunWarning(
             code="mesh",
-            text=f"{belt.n_bodies} links are few for pulleys as small as these: mean tensions may "
+            text=f"{bodies(params)} are few for pulleys as small as these: mean tensions may "
             f"be off by some {_percent(share)}, creep by several times that; "
             f"{_links(belt.n_bodies * math.sqrt(share / FINE_MESH))} makes tensions right to about "
             f"{_percent(FINE_MESH)}",
@@ -331,7 +339,7 @@ def _stiffness(friction: Friction) -> str:
     """Quote the stiffness, a parameter per metre of slip, if the law has one."""
     for rule in rules_of(friction.law).values():
         if rule.unit in ("1/m", "N/m^2"):
-            return f"with {rule.name} = {getattr(friction, rule.name):.3g} {rule.unit} "
+            return f"with {rule.name} = {rule.quantity(getattr(friction, rule.name))} "
     return ""
 
 

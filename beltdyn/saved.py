@@ -271,7 +271,9 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     for name, size in _FINAL.items():
         if size == "MOUNTS" and n_m == 0 and name not in values:
             continue  # files of earlier versions
-        shape = (sizes.get(size, n_b),)
+        shape: tuple[int, ...] = (sizes.get(size, n_b),)
+        if size == "STATES" and params.info["n_states"] > 1:
+            shape = (int(params.info["n_states"]), n_b)
         final[name.removeprefix("final_state.")] = npz.number_array(
             name, values[name], np.float64, shape
         )

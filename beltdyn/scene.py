@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from . import toml
 from .checks import positive, shown
-from .motions import CrankMotion, Motion, MotionLike, as_motions
+from .motions import CrankMotion, Motion, MotionLike, as_motions, described
 from .naming import ByPulley, as_pulley, label
 from .params import Params
 from .torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, as_terms
@@ -39,7 +39,7 @@ class Scene(NamedTuple):
 
     def __str__(self) -> str:
         motions = "".join(
-            f"\n  motion of {label(pulley, self.params.pulley_names)}: {motion}"
+            f"\n  motion of {label(pulley, self.params.pulley_names)}: {described(motion)}"
             for pulley, motion in (self.motion or {}).items()
         )
         return f"{self.params}\n  torque {self.torque_fn}{motions}\n  t_end  {self.t_end:g} s"

@@ -24,6 +24,7 @@ from .motions import CrankMotion, Motion, MotionLike, as_motions, first_speeds, 
 from .naming import ByPulley
 from .outputs import LEDGER, chosen, of_core, unchecked
 from .params import Params
+from .progress import over_time
 from .result import Result
 from .run_warnings import RunWarning, issue
 from .scene import Scene
@@ -230,10 +231,7 @@ def _plan(
     """Choose what to run for a budget of CPU time."""
     _check_params(scene.params)
     _check_initial(scene.params, initial)
-    start = 0.0 if initial is None else initial.t
-    end = real("t_end", scene.t_end, "s")
-    if end <= start:
-        raise ValueError(f"t_end must be > initial.t ({start:g} s), got {end:g} s")
+    start, end = _span(initial, scene.t_end)
     others = {name: own[name] for name in own if name not in ("initial", "t_eval")}
     return budgets.plan(
         lambda *args, **options: _simulate(*args, **options)[0],
@@ -274,10 +272,7 @@ def _simulate(
     """
     _check_params(params)
     _check_initial(params, initial)
-    start = 0.0 if initial is None else initial.t
-    end = real("t_end", t_end, "s")
-    if end <= start:
-        raise ValueError(f"t_end must be > initial.t ({start:g} s), got {end:g} s")
+    start, end = _span(initial, t_end)
     times = _sample_times(t_eval, start, end)
     options: dict[str, Any] = {
         "method": one_of("method", method, METHODS),
@@ -315,7 +310,7 @@ def _simulate(
     with _nothing_computed(params):
         sim = _core.Simulation(
             params._model,
-            state._to_core(params.has_friction),
+            state._to_core(params),
             terms,
             end,
             motion=motion_terms(motions),
@@ -368,7 +363,7 @@ def _simulate(
     finishing = False
     escaped = Escaped(sim.stop)
     try:
-        with escaped, stoppable(sim), _progress(progress, "simulating", start, end) as show:
+        with escaped, stoppable(sim), over_time(progress, "simulating", start, end) as show:
             while not sim.advance(_CHUNK if watch is None else _WATCHED):
                 show(sim.time)
                 if watch is not None:
@@ -490,10 +485,10 @@ def settle(
         options["friction"] = False
     if tolerance is not None:
         options["tolerance"] = _positive("tolerance", tolerance, "1")
-    state = None if initial is None else initial._to_core(has_friction)
+    state = None if initial is None else initial._to_core(params)
     sim = _core.Simulation.settle(params._model, state, **options)
     try:
-        with stoppable(sim), _progress(progress, "settling", 0.0, None) as show:
+        with stoppable(sim), over_time(progress, "settling", 0.0, None) as show:
             while not sim.advance(_CHUNK):
                 show(sim.time)
     except SimulationError as error:
@@ -556,6 +551,15 @@ def _check_initial(params: Params, initial: object) -> None:
     initial.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
 
 
+def _span(initial: State | None, t_end: float) -> tuple[float, float]:
+    """Give the times at which a run begins and ends."""
+    start = 0.0 if initial is None else initial.t
+    end = real("t_end", t_end, "s")
+    if end <= start:
+        raise ValueError(f"t_end must be > initial.t ({start:g} s), got {end:g} s")
+    return start, end
+
+
 def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
     if t_eval is None:
         return np.linspace(start, end, _DEFAULT_SAMPLES)
@@ -575,32 +579,3 @@ def _positive(name: str, value: object, unit: str) -> float:
     if value is None:
         return 0.0
     return positive(name, value, unit)
-
-
-@contextmanager
-def _progress(
-    enabled: bool, label: str, start: float, end: float | None
-) -> Iterator[Callable[[float], None]]:
-    """Show progress over simulated time on stderr; without an end only the time."""
-    if not enabled:
-        yield lambda _time: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    if not (console.is_terminal or console.is_jupyter):
-        # In a file or pipe a progress bar would only be clutter.
-        yield lambda _time: None
-        return
-    bar = Progress(
-        TextColumn(label),
-        BarColumn(),
-        TextColumn("t = {task.fields[time]:.4g} s"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task(label, total=None if end is None else end - start, time=start)
-        yield lambda now: bar.update(task, completed=now - start, time=now)

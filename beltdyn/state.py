@@ -31,15 +31,19 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     def array(name: str) -> dict[str, Any]:
         like = {"PULLEYS": "theta", "MOUNTS": "travel"}.get(_SIZES[name], "x")
 
+        several = _SIZES[name] == "STATES"  # one row for each state of a law that has several
+
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
             expected = getattr(state, like).shape
-            if value.shape != expected:
+            if value.shape[-1:] != expected:
                 raise ValueError(
                     f"State.{name} must have shape {expected} like {like}, got {value.shape}"
                 )
 
         return {
-            "converter": lambda value: real_array(f"State.{name}", value, ndim=1),
+            "converter": lambda value: real_array(
+                f"State.{name}", value, ndim=1, most=2 if several else 1
+            ),
             "validator": same_size,
             "eq_key": attrs.cmp_using(eq=np.array_equal),
         }
@@ -54,6 +58,11 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     return [
         field.evolve(**(array if field.name in _SIZES else number)(field.name)) for field in fields
     ]
+
+
+def _saved_shape(values: Mapping[str, Any], name: str) -> tuple[int, ...]:
+    shape: tuple[int, ...] = np.shape(values[name])
+    return shape if _SIZES[name] == "STATES" and len(shape) == 2 else (np.size(values[name]),)
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
@@ -136,7 +145,8 @@ class State:
         vphi: Angular velocities of the links (n_b,) [rad/s].
         mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
             Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
-            of an elastic/plastic one.
+            of an elastic/plastic one; 0 of laws without a state. Of a law with several, such as
+            MaxwellSlip, a row for each (n_states, n_b).
         slip: Slip displacements since contact began (n_b,) [m].
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
@@ -192,7 +202,7 @@ class State:
         for name, size in _SIZES.items():
             shape = getattr(self, name).shape
             expected = (sizes.get(size, n_bodies),)
-            if shape != expected:
+            if shape[-1:] != expected:
                 raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
 
     def tension(self, params: Params) -> Tensions:
@@ -205,7 +215,7 @@ class State:
             ValueError: The state is not one of this drive.
         """
         self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
-        seen = params._model.observe(self._to_core(params.has_friction))
+        seen = params._model.observe(self._to_core(params))
         spans = span_tension(seen["pulley"], seen["force"], len(params.pulleys))
         joints = seen["force"][0]
         return Tensions(joints=joints, spans=spans[0], mean=float(joints.mean()))
@@ -229,7 +239,7 @@ class State:
         """
         self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
         speeds, v = belt_speed("omega", params, omega)
-        core = self._to_core(params.has_friction)
+        core = self._to_core(params)
         if v != 0.0:
             # to the first order the belt has the speed of the rim; then that of where it runs
             first, value = next(iter(speeds.items()))
@@ -244,16 +254,32 @@ class State:
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
         # Without friction the core has no friction state; mu and slip are zero then.
         fields = {name: state[name] for name in _SIZES if np.size(state[name])}
+        several = [name for name in fields if _SIZES[name] == "STATES"]
+        for name in several:
+            if fields[name].size > fields["x"].size:
+                fields[name] = fields[name].reshape(-1, fields["x"].size)
         return cls(**{"t": state["t"], **fields, **changes})
 
-    def _to_core(self, friction: bool) -> dict[str, Any]:
-        return {
-            "t": self.t,
-            **{
-                name: getattr(self, name) if friction or size != "SLOTS" else np.empty(0)
-                for name, size in _SIZES.items()
-            },
-        }
+    def _to_core(self, params: Params) -> dict[str, Any]:
+        counts = {"SLOTS": int(params.has_friction), "STATES": int(params.info["n_states"])}
+
+        def flat(name: str, size: str) -> Array:
+            value: Array = getattr(self, name)
+            count = counts.get(size, 1)
+            if count == 0:
+                return np.empty(0)
+            if value.size != count * value.shape[-1]:
+                if value.any():
+                    rows = value.size // value.shape[-1]
+                    raise ValueError(
+                        f"initial.{name} must have {count} row(s), one for each state of the "
+                        f"friction laws, got {rows}: is it of a drive with other laws? Settle "
+                        "this one, or give a state with zeros"
+                    )
+                return np.zeros(count * value.shape[-1])
+            return value.ravel()
+
+        return {"t": self.t, **{name: flat(name, size) for name, size in _SIZES.items()}}
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file, exactly to ``path``.
@@ -278,7 +304,7 @@ class State:
 
         def build(values: dict[str, Any]) -> State:
             fields: dict[str, Any] = {
-                name: npz.number_array(name, values[name], np.float64, (values[name].size,))
+                name: npz.number_array(name, values[name], np.float64, _saved_shape(values, name))
                 for name, size in _SIZES.items()
                 if size != "MOUNTS" or name in values  # not in the files of earlier versions
             }

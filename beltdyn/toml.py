@@ -20,7 +20,7 @@ import numpy as np
 
 from . import files
 from .checks import Array, close_to, shown
-from .friction import LAWS, Friction
+from .friction import LAWS, Friction, Frictionless
 from .loads import Harmonics, Load, Ramp, SpeedTable, Step
 from .motions import CrankMotion
 from .mounts import Arm, Mount, Slider, Stops
@@ -33,6 +33,7 @@ __all__ = ["SCENE_ONLY", "FileMotion", "read", "structure", "unstructure", "writ
 
 _T = TypeVar("_T")
 
+_FRICTION: dict[str, type] = {Frictionless.law: Frictionless, **LAWS}
 _TORQUES: dict[str, type] = {
     "piecewise_linear": PiecewiseLinear,
     "viscous": Viscous,
@@ -45,7 +46,7 @@ _TORQUES: dict[str, type] = {
 _MOTIONS: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "crank": CrankMotion}
 _MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
 _KIND_OF = {
-    cls: kind for kinds in (LAWS, _TORQUES, _MOTIONS, _MOUNTS) for kind, cls in kinds.items()
+    cls: kind for kinds in (_FRICTION, _TORQUES, _MOTIONS, _MOUNTS) for kind, cls in kinds.items()
 }
 #: What a motion can be in a file.
 FileMotion: TypeAlias = PiecewiseLinear | CrankMotion
@@ -57,6 +58,7 @@ Source = str | os.PathLike[str]
 
 _PLAIN = (
     Array,
+    tuple[float, ...],
     tuple[float, float],
     tuple[float, float] | None,
     Offsets,
@@ -91,6 +93,9 @@ def _converter() -> Any:
         def structure(value: Any, _kind: Any) -> Any:
             fields = dict(_table(value))
             kind = fields.pop("kind", default)
+            known = {field.name for field in attrs.fields(kinds[default])} if default else set()
+            if "kind" not in _table(value) and fields and not known & set(fields):
+                kind = None  # of another kind than that which is meant without
             if not isinstance(kind, str) or kind not in kinds:
                 got = "it is missing" if kind is None else f"got {shown(kind)}"
                 raise ValueError(f"this.kind must be one of {', '.join(kinds)}, {got}")
@@ -118,7 +123,7 @@ def _converter() -> Any:
     converter.register_structure_hook_factory(attrs.has, table_of)
     converter.register_structure_hook_func(_is_list_of_tables, list_of)
     converter.register_structure_hook_func(
-        lambda kind: kind == (Friction | None), by_kind(LAWS, "dahl")
+        lambda kind: kind == (Friction | None), by_kind(_FRICTION, "dahl")
     )
     converter.register_structure_hook_func(
         lambda kind: kind == (Mount | None), by_kind(_MOUNTS, None)

@@ -226,9 +226,13 @@ class PiecewiseLinear(Torque):
 
     def __str__(self) -> str:
         where = f"{self.n_pulleys} pulley(s)" if self.pulley is None else label(self.pulley, ())
+        return self.described(f"{where}, ", "N m")
+
+    def described(self, where: str, unit: str) -> str:
+        """Say in words how many times and which values there are, which may be no torques."""
         return (
             f"piecewise linear, {self.t.size} time(s) from {self.t[0]:g} to {self.t[-1]:g} s, "
-            f"{where}, {self.values.min():g} to {self.values.max():g} N m"
+            f"{where}{self.values.min():g} to {self.values.max():g} {unit}"
         )
 
 

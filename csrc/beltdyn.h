@@ -125,8 +125,16 @@ typedef struct bd_mount {
   const double *t, *displacement; /* copied */
 } bd_mount;
 
+/* A parameter that is a list: of an element of a friction law each; all lists of a law are of one
+ * length. */
+enum { BD_MAX_ELEMENTS = 64 };
+typedef struct bd_numbers {
+  int n;
+  double at[BD_MAX_ELEMENTS];
+} bd_numbers;
+
 /* bd_dahl, bd_lugre, ...: the parameters of each friction law. */
-#define LAW(name, class, general, text)                                                            \
+#define LAW(name, class, general, states, text)                                                    \
   typedef struct bd_##name {                                                                       \
     BD_LAW_##name(X)                                                                               \
   } bd_##name;
@@ -135,7 +143,7 @@ BD_LAWS(LAW)
 
 enum {
   BD_LAW_NONE,
-#define LAW(name, class, general, text) BD_LAW_##name,
+#define LAW(name, class, general, states, text) BD_LAW_##name,
   BD_LAWS(LAW)
 #undef LAW
       BD_N_LAWS
@@ -145,7 +153,7 @@ enum {
 typedef struct bd_friction {
   int law; /* BD_LAW_... */
   union {
-#define LAW(name, class, general, text) bd_##name name;
+#define LAW(name, class, general, states, text) bd_##name name;
     BD_LAWS(LAW)
 #undef LAW
   };
@@ -155,7 +163,7 @@ typedef struct bd_pulley {
   double center[2];
   BD_PULLEY(X)
   bd_drag drag;
-  const bd_friction *friction; /* NULL: that of the scene */
+  const bd_friction *friction; /* NULL: that of the scene; BD_LAW_NONE: no friction here */
   int outside;                 /* of the loop, on the back of the belt */
   const char *name;            /* in messages; NULL: none; at most BD_MAX_NAME bytes of UTF-8 */
   const bd_mount *mount;       /* NULL: the axis is fixed */
@@ -231,9 +239,10 @@ int bd_belt_line(int n_pulleys, const bd_pulley *pulleys, bd_wrap *wraps, double
 
 /* All parameters, those of the friction laws among them: the table of fields.h, with the place of
  * each in the struct of its group. */
+enum { BD_IS_NUMBER, BD_IS_INTEGER, BD_IS_LIST };
 typedef struct bd_parameter {
   const char *group, *name, *unit, *text;
-  int rule, is_integer;
+  int rule, kind; /* BD_IS_NUMBER: double, BD_IS_INTEGER: int, BD_IS_LIST: bd_numbers */
   size_t offset;
 } bd_parameter;
 
@@ -247,7 +256,8 @@ int bd_check_parameter(const char *group, const char *name, const char *label, d
 
 /* --- state ----------------------------------------------------------------------------------- */
 
-/* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major),
+/* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major;
+ * of mu, n_states of each),
  * n_pulleys, n_mounts. phi is continuous: joint 0 carries the winding. */
 typedef struct bd_state {
   double t;
@@ -520,11 +530,19 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
 const char *bd_law_name(int law);
 int bd_law_find(const char *name); /* -1: there is none */
 /* The law of a pulley, its coefficient in full slip, and the slip in which friction is fully
- * developed at rest under preload [m]; without friction 0 and infinite. */
+ * developed at rest under preload [m], 0 of a law without a state; without friction 0 and infinite.
+ */
 int bd_model_friction(const bd_model *model, int pulley, double *kinetic, double *slip);
 
-/* Of a law at one link in contact, its state z, slip velocity v [m/s] and normal force [N]: the
- * force against slip, the rate of the state, and how both change with N, z and v. */
+/* `label` is what messages call it. A law that is none has no parameters. */
+int bd_friction_check(const bd_friction *friction, const char *label, bd_error *err);
+
+/* How many states a law has, of a link; 0: it is a function of slip velocity and normal force. */
+int bd_friction_states(const bd_friction *friction);
+
+/* Of an element of a law (0 of most) at one link in contact, its state z, slip velocity v [m/s] and
+ * normal force [N]: the force against slip, the rate of the state, and how both change with N, z
+ * and v. */
 typedef struct bd_law_point {
   double force, rate;
   double by_normal, by_state, by_slip;
@@ -532,8 +550,8 @@ typedef struct bd_law_point {
 } bd_law_point;
 
 /* l0: stress-free length of a link [m]. Checks the parameters; neither model nor belt is needed. */
-int bd_friction_evaluate(const bd_friction *friction, double l0, double z, double v, double normal,
-                         bd_law_point *out, bd_error *err);
+int bd_friction_evaluate(const bd_friction *friction, double l0, int element, double z, double v,
+                         double normal, bd_law_point *out, bd_error *err);
 
 /* --- friction, closed form ------------------------------------------------------------------- */
 

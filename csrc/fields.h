@@ -12,10 +12,11 @@
 #define BD_TEXT_OF(value) #value
 #define BD_TEXT(macro) BD_TEXT_OF(macro)
 
-/* What a finite number must be: X(rule, wording, least, above, most). From `least` on, or above it,
- * to `most`. */
+/* What a finite number, or each of a list, must be: X(rule, wording, least, above, most). From
+ * `least` on, or above it, to `most`. */
 #define BD_RULES(X)                                                                                \
   X(POSITIVE, "> 0", 0.0, 1, (double)INFINITY)                                                     \
+  X(POSITIVES, "> 0", 0.0, 1, (double)INFINITY)                                                    \
   X(NONNEGATIVE, ">= 0", 0.0, 0, (double)INFINITY)                                                 \
   X(FINITE, "finite", -(double)INFINITY, 0, (double)INFINITY)                                      \
   X(LINKS, "an integer from 3 to " BD_TEXT(BD_MAX_LINKS), 3.0, 0, BD_MAX_LINKS)                    \
@@ -72,24 +73,25 @@
   X(contact, hunt_crossley, NONNEGATIVE, "s/m", "d, damping in proportion to the force (2.8)")
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
-#define BD_LAW_PARAMETERS(name, class, general, text) BD_LAW_##name(X)
+#define BD_LAW_PARAMETERS(name, class, general, states, text) BD_LAW_##name(X)
 #define BD_PARAMETERS(X)                                                                           \
   BD_BELT(X)                                                                                       \
   BD_PULLEY(X) BD_DRAG(X) BD_ARM(X) BD_SLIDER(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double
+#define BD_TYPE_POSITIVES bd_numbers
 #define BD_TYPE_NONNEGATIVE double
 #define BD_TYPE_FINITE double
 #define BD_TYPE_LINKS int
 #define BD_TYPE_FLAG int
 
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
- * size: LINKS n_b values, SLOTS n_b values per friction slot, PULLEYS n_p, MOUNTS one for each
- * pulley with a mount; in this order. scale: what errors are measured by (bd_state_scale): the
- * STRETCH of a joint at rest, that as a SPEED, both over a lever arm (TURN, SPIN), the FRICTION
- * law's own, GRIP that of a mount; NONE: errors are not looked at. With
- * time they are the physical state; to go on bit for bit a run needs more (bd_sim_export). */
+ * size: LINKS n_b values, SLOTS n_b values per friction slot, STATES those times n_states, PULLEYS
+ * n_p, MOUNTS one for each pulley with a mount; in this order. scale: what errors are measured by
+ * (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED, both over a lever arm (TURN,
+ * SPIN), the FRICTION law's own, GRIP that of a mount; NONE: errors are not looked at. With time
+ * they are the physical state; to go on bit for bit a run needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
   X(X, x, LINKS, STRETCH, "m", "mass centre of the link")                                          \
   X(Y, y, LINKS, STRETCH, "m", "mass centre of the link")                                          \
@@ -97,7 +99,7 @@
   X(VX, vx, LINKS, SPEED, "m/s", "velocity of the mass centre")                                    \
   X(VY, vy, LINKS, SPEED, "m/s", "velocity of the mass centre")                                    \
   X(VPHI, vphi, LINKS, SPIN, "rad/s", "angular velocity of the link")                              \
-  X(MU, mu, SLOTS, FRICTION, "its law's", "state of the friction law, z")                          \
+  X(MU, mu, STATES, FRICTION, "its law's", "state of the friction law, z")                         \
   X(SLIP, slip, SLOTS, NONE, "m", "slip displacement since contact began")                         \
   X(THETA, theta, PULLEYS, TURN, "rad", "rotation angle of the pulley")                            \
   X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")                        \
@@ -111,6 +113,7 @@
   X(int, n_pulleys, "pulleys")                                                                     \
   X(int, n_mounts, "pulleys with a mount")                                                         \
   X(int, n_slots, "friction slots per link: 1 unless pulleys overlap; 0 without friction")         \
+  X(int, n_states, "states of friction in a slot: the most that a law in use has")                 \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
   X(double, length, "stress-free length of the belt, L [m]")                                       \
   X(double, link_length, "stress-free length of a link, l0 [m]")                                   \

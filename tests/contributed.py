@@ -229,8 +229,8 @@ def test_results_and_restart_records_know_it(tmp_path: Path, runs: dict[str, bd.
     def simulation(friction: Any, method: str = "rodas4") -> _core.Simulation:
         state = runs["tsit5"].final_state
         terms = bd.Viscous([0.0, 5.0]).terms()
-        return _core.Simulation(drive(friction)._model, state._to_core(True), terms, 0.05,
-                                method=method)  # fmt: skip
+        params = drive(friction)
+        return _core.Simulation(params._model, state._to_core(params), terms, 0.05, method=method)
 
     for method in ("rodas4", "bs32"):
         whole = simulation(law(), method)
@@ -254,7 +254,7 @@ def test_its_name_is_listed() -> None:
     scene = drives.plain_scene()
     with pytest.raises(ValueError, match=r"method must be one of auto, .*, bs32, .*, got 'bs23'"):
         bd.simulate(*scene, method="bs23")
-    state = bd.settle(scene[0])._to_core(True)
+    state = bd.settle(scene[0])._to_core(scene[0])
     with pytest.raises(ValueError, match=r"method must be one of auto, .*, bs32, .*, got \"bs23\""):
         _core.Simulation(scene[0]._model, state, [], 1.0, method="bs23")
     assert "bs32" in CliRunner().invoke(cli.main, ["run", "--help"]).output

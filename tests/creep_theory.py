@@ -115,3 +115,20 @@ def full_slip(drive: Drive, omega: float) -> Creep:
     low = drive.linear_density * (omega * drive.radii[0]) ** 2
     slack = float(brentq(longer, low + 1e-3 * rest(drive), rest(drive), xtol=1e-13))
     return _state(drive, omega, tight(slack), slack)[0]
+
+
+def two_pulley_benchmark() -> Creep:
+    """The steady end of Ntarladima et al. (2023), of the numbers published: 12 rad/s, drag, load.
+
+    They are per metre of the stretched belt, 0.4 pi m, of which the stress-free one is 0.95.
+    """
+    drive = Drive(
+        radii=(0.1, 0.1),
+        wraps=(math.pi, math.pi),
+        spans=0.2 * math.pi,
+        length=0.95 * 0.4 * math.pi,
+        axial_stiffness=0.95 * 8000.0,
+        linear_density=0.8288 / 0.95,
+        mu=0.5,
+    )
+    return steady(drive, 12.0, lambda omega: 2.0 * omega + 25.0)

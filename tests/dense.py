@@ -99,19 +99,22 @@ def friction_scales(oracle: reference.Reference, state: Mapping[str, Any]) -> tu
     friction is as large as N at the joints' stretch, and how the state changes with slip at rest.
     """
     n, zero = oracle.n_bodies, np.zeros(1)
-    slots = np.size(state["mu"]) // n
-    size, by_slip = np.ones((slots, n)), np.zeros((slots, n))
+    rows = np.size(state["mu"]) // n  # of every slot its states
+    size, by_slip = np.ones((rows, n)), np.zeros((rows, n))
+    states = oracle.n_states
     where = {name: value for name, value in state.items() if name not in ("mu", "slip")}
     touch = oracle.penetration(oracle.pack(where)) > 0
     for j, slot in enumerate(slots_of(oracle)):
         law = oracle.laws[j]
-        if law is not None:
+        if law is not None and rows > 0:
             pressure = oracle.c_tra * STRETCH / oracle.radii[j]
             normal = pressure * oracle.l0
-            size[slot, touch[j]] = law.scale(pressure)
+            own = slice(slot * states, slot * states + law.n_states)
+            size[own, touch[j]] = law.scale(pressure)
             step = 1e-12  # m/s; the slope at rest, where a law may have a kink
-            rate = law.rate(zero, zero + step, zero + normal, oracle.l0)
-            by_slip[slot, touch[j]] = rate[0] / step
+            at_rest = zero if law.n_states == 1 else np.zeros((law.n_states, 1))
+            rate = law.rate(at_rest, zero + step, zero + normal, oracle.l0)
+            by_slip[own, touch[j]] = rate.reshape(-1, 1) / step
     return size.ravel(), by_slip.ravel()
 
 
@@ -180,7 +183,7 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
     and of the rates of a slot's pulleys, of which one at most is touched, the sum is taken.
     """
     n, n_p = oracle.n_bodies, oracle.n_pulleys
-    friction = any(oracle.laws)
+    held = [name for name in ("mu", "slip") if layout.sizes[name]]
 
     def rate(vector: Array) -> Array:
         state = layout.unpack(vector)
@@ -193,9 +196,10 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
         mounts = oracle.mount_states(y)
         for row, name in enumerate(MOUNT_STATES if oracle.mounts else ()):
             mounts[row] = state[name]
-        if friction:
-            for row, name in enumerate(("mu", "slip")):
-                memory[row] = state[name].reshape(-1, n)[slots]
+        parts = {"mu": memory[:-1], "slip": memory[-1:]}
+        for name in held:
+            by_slot = state[name].reshape(-1, len(parts[name]), n)
+            parts[name][:] = np.moveaxis(by_slot[slots], 1, 0)
         dy = oracle.rhs(0.0, y, lambda t, theta, omega: np.zeros(n_p))
         d_links, d_pulleys, d_memory = oracle.links(dy), oracle.pulleys(dy), oracle.memory(dy)
         out: dict[str, Any] = {"theta": d_pulleys[0], "omega": d_pulleys[1]}
@@ -203,10 +207,10 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
             out[name] = oracle.mount_states(dy)[row]
         for row, name in enumerate(names):
             out[name], out[f"v{name}"] = d_links[0, row], d_links[1, row]
-        for row, name in enumerate(("mu", "slip")):
-            by_slot = np.zeros((layout.sizes["mu"] // n, n))
-            if friction:
-                np.add.at(by_slot, slots, d_memory[row])
+        parts = {"mu": d_memory[:-1], "slip": d_memory[-1:]}
+        for name in held:
+            by_slot = np.zeros((layout.sizes[name] // (len(parts[name]) * n), len(parts[name]), n))
+            np.add.at(by_slot, slots, np.moveaxis(parts[name], 1, 0))
             out[name] = by_slot
         return layout.pack(out)
 

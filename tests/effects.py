@@ -10,11 +10,10 @@ from typing import Any
 
 import attrs
 import drives
-from laws import EXAMPLES
+from laws import EXAMPLES, times
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.rules import rules_of
 
 #: So small that products with it underflow or are lost against anything they are added to.
 TINY = 1e-200
@@ -121,12 +120,7 @@ EFFECTS: dict[str, Effect] = {
 
 def faint(law: bd.Friction) -> bd.Friction:
     """The same law with forces next to nothing, and the same speeds and displacements."""
-    numbers = {
-        rule.name: FAINT * getattr(law, rule.name)
-        for rule in rules_of(law.law).values()
-        if rule.unit in ("1", "1/m", "s/m", "N/m^2", "N s/m^2")
-    }
-    return attrs.evolve(law, **numbers)
+    return times(law, FAINT, "1", "1/m", "s/m", "N/m^2", "N s/m^2")
 
 
 for law_name, example in EXAMPLES.items():
@@ -134,7 +128,7 @@ for law_name, example in EXAMPLES.items():
         on=lambda params, law=example: attrs.evolve(params, friction=law),
         tiny=lambda params, law=example: attrs.evolve(params, friction=faint(law)),
         zero=lambda params: attrs.evolve(params, friction=None),
-        state=2,
+        state=1 + example.n_states,  # and the slip
         bytes=True,
         outputs=frozenset(name for name, _, size, *_ in _core.OUTPUTS if size == "FRICTION"),
     )

@@ -15,7 +15,7 @@ SCENE = {
     "radii": [0.1, 0.1],
     "inertias": [0.01, 0.01],
     "contact": (5e10, 2.5e7, 1e3, 0, 0.0),
-    "friction": ("dahl", (1.0, 1e4)),
+    "friction": ("dahl", (1.0, 1e4, 0.0, 0.0)),
     "gravity": (0.0, 0.0),
 }
 TORQUE = [("piecewise", [0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]]), ("viscous", [0.0, 16.0])]

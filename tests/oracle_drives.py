@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 import reference as ref
-from reference_friction import Dahl, ElasticPlastic, Law, LuGre
+from reference_friction import (
+    Coulomb,
+    CreepRate,
+    Dahl,
+    ElasticPlastic,
+    Law,
+    LuGre,
+    MaxwellSlip,
+    Threlfall,
+)
 from reference_mounts import Sprung
 
 
@@ -73,14 +82,18 @@ def shaken(model: ref.Reference, seed: int) -> ref.Array:
         y = model.follow(0.0, y)
         links, pulleys, memory = model.links(y), model.pulleys(y), model.memory(y)
         if any(model.laws):
-            memory[0] = rng.uniform(-1, 1, touching.shape) * touching
+            memory[:-1] = rng.uniform(-1, 1, memory[:-1].shape) * touching
             normal = model.contacts(y).normal
             for j, law in enumerate(model.laws):
-                if isinstance(law, ElasticPlastic):
-                    memory[0, j] *= 1.5 * law.mu * normal[j] / (law.stiffness * model.l0)
+                if isinstance(law, ElasticPlastic | MaxwellSlip):
+                    elements = law.elements if isinstance(law, MaxwellSlip) else [law]
+                    memory[len(elements) : -1, j] = 0.0
+                    for e, one in enumerate(elements):
+                        memory[e, j] *= 1.5 * one.mu * normal[j] / (one.stiffness * model.l0)
                 else:
-                    memory[0, j] *= 0.0 if law is None else law.bound
-        memory[1] = 1e-3 * rng.uniform(-1, 1, touching.shape) * touching
+                    memory[:-1, j] *= 0.0 if law is None else law.bound
+                    memory[1:-1, j] = 0.0
+        memory[-1] = 1e-3 * rng.uniform(-1, 1, touching.shape) * touching
         kinks = {name: np.abs(at).min(initial=np.inf) for name, at in model.kinks(y).items()}
         if (
             kinks["penetration"] > 1e-7
@@ -106,20 +119,42 @@ def shake_mounts(
             travel[m] = rng.uniform(one.t[0], one.t[-1])
 
 
-def law_by_hand(
-    law: Law | None, z: float, v: float, normal: float, l0: float
-) -> tuple[float, float]:
-    """F and dz/dt of one link, the equations of MODEL section 4 as they stand there."""
+def law_by_hand(law: Law | None, z: Any, v: float, normal: float, l0: float) -> tuple[float, Any]:
+    """F and dz/dt of one link, the equations of MODEL section 4 as they stand there.
+
+    Of Maxwell slip z and dz/dt have one number for each element.
+    """
+
+    def level(mu: float, mu_s: float, v_stribeck: float) -> float:
+        return mu + (mu_s - mu) * math.exp(-((v / v_stribeck) ** 2)) if mu_s else mu
+
     if law is None:
         return 0.0, 0.0
+    if isinstance(law, MaxwellSlip):
+        share = law.mu_s / sum(law.mu)
+        numbers = zip(law.mu, law.stiffness, law.damping, strict=True)
+        elements = [ElasticPlastic(m, k, c, share * m, law.v_stribeck) for m, k, c in numbers]
+        each = [law_by_hand(one, x, v, normal, l0) for one, x in zip(elements, z, strict=True)]
+        return sum(force for force, _ in each), [rate for _, rate in each]
     if isinstance(law, Dahl):
-        return z * normal, law.sigma * (v - abs(v) * z / law.mu_k)
+        g = level(law.mu_k, law.mu_s, law.v_stribeck)
+        return z * normal, law.sigma * (v - abs(v) * z / g)
     if isinstance(law, LuGre):
         g = law.mu_k + (law.mu_s - law.mu_k) * math.exp(-((v / law.v_stribeck) ** 2))
         h = v - abs(v) * z / g
         return normal * (z + law.damping * h + law.viscous * v), law.sigma * h
+    if isinstance(law, Coulomb):
+        mu = level(law.mu, law.mu_s, law.v_stribeck)
+        return normal * mu * v / math.sqrt(v * v + law.v_reg * law.v_reg), 0.0
+    if isinstance(law, CreepRate):
+        full = math.copysign(law.mu, v)
+        return normal * (full if abs(v) >= law.v_critical else law.mu * v / law.v_critical), 0.0
+    if isinstance(law, Threlfall):
+        mu = law.mu * (1.0 - math.exp(-3.0 * abs(v) / law.v_reg))
+        return normal * math.copysign(mu, v), 0.0
     assert isinstance(law, ElasticPlastic)
-    k, c, limit = law.stiffness * l0, law.damping * l0, law.mu * normal
+    k, c = law.stiffness * l0, law.damping * l0
+    limit = level(law.mu, law.mu_s, law.v_stribeck) * normal
     rate = min(max(v, (-limit - k * z) / c), (limit - k * z) / c)
     return k * z + c * rate, rate
 

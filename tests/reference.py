@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 from reference_friction import Array as Array
-from reference_friction import Dahl, Law
+from reference_friction import Dahl, Law, Stateless, law_states
 from reference_line import belt_line as belt_line
 from reference_line import depth, spans_away, tension_at_rest
 from reference_mounts import MOUNT_LEDGER, Arm, Mount, Sprung, rest_of
@@ -85,6 +85,7 @@ class Reference:
     mounts: Mapping[int, Mount] = field(default_factory=dict)  # by pulley
 
     n_pulleys: int = field(init=False)
+    n_states: int = field(init=False)  # of friction, of every pair
     size: int = field(init=False)
     mounted: tuple[int, ...] = field(init=False)  # pulleys with a mount
     columns: tuple[str, ...] = field(init=False)  # names of the quadratures
@@ -134,6 +135,7 @@ class Reference:
             for j, one in sorted(self.mounts.items())
         }
         columns = (*LEDGER, *MOUNT_LEDGER) if mounts else LEDGER
+        n_states = max(1 if law is None else law.n_states for law in laws)
         derived: dict[str, Any] = {
             "mounts": mounts,
             "mounted": tuple(mounts),
@@ -142,9 +144,10 @@ class Reference:
             "radii": radii,
             "inertias": np.array(self.inertias, dtype=float).reshape(n_p),
             "n_pulleys": n_p,
+            "n_states": n_states,
             "size": 2 * self.freedoms * n_b
             + 2 * n_p
-            + 2 * n_p * n_b
+            + (n_states + 1) * n_p * n_b
             + 3 * len(mounts)
             + len(columns),
             "laws": tuple(laws),
@@ -217,10 +220,12 @@ class Reference:
         return y[..., start : start + 2 * self.n_pulleys].reshape(*y.shape[:-1], 2, -1)
 
     def memory(self, y: Array) -> Array:
-        """View (..., 2, n_p, n_b): z (named mu) and slip of every (pulley, link) pair."""
+        """View (..., n_states + 1, n_p, n_b): states z (named mu) and, in the last row, slip of
+        every (pulley, link) pair.
+        """
         start = 2 * (self.freedoms * self.n_bodies + self.n_pulleys)
         stop = self.size - len(self.columns) - 3 * len(self.mounted)
-        return y[..., start:stop].reshape(*y.shape[:-1], 2, self.n_pulleys, self.n_bodies)
+        return y[..., start:stop].reshape(*y.shape[:-1], -1, self.n_pulleys, self.n_bodies)
 
     def mount_states(self, y: Array) -> Array:
         """View (..., 3, n_m): travel, its rate and the share of friction of every mount."""
@@ -237,8 +242,9 @@ class Reference:
         `travel travel_speed mount_friction` (missing: at rest, a path at the time `t`).
 
         `mu` and `slip` may be (n_p, n_b), or (n_b,): then each value goes to the pulley its link
-        touches (the deeper one, if two), and that of a link in no contact must be 0. Missing
-        velocities, pulley coordinates, memory and ledger are 0.
+        touches (the deeper one, if two), and that of a link in no contact must be 0. Of laws with
+        several states `mu` has an axis of them before these. Missing velocities, pulley
+        coordinates, memory and ledger are 0.
         """
         y = np.zeros(self.size)
         links, pulleys, memory = self.links(y), self.pulleys(y), self.memory(y)
@@ -256,14 +262,14 @@ class Reference:
         penetration = self.penetration(y)
         deepest = penetration.argmax(axis=0)
         touching = penetration.max(axis=0) > 0
-        for row, name in enumerate(("mu", "slip")):
+        for rows, name in ((memory[:-1], "mu"), (memory[-1:], "slip")):
             value = np.asarray(state.get(name, 0.0), dtype=float)
-            if value.ndim == 1:
-                if np.any(value[~touching]):
+            if value.ndim == (1 if len(rows) == 1 else 2):
+                if np.any(value[..., ~touching]):
                     raise ValueError(f"{name} is not 0 on a link that touches no pulley")
-                memory[row, deepest, np.arange(self.n_bodies)] = value
+                rows[:, deepest, np.arange(self.n_bodies)] = value
             else:
-                memory[row] = value
+                rows[:] = value
         self.ledger(y)[:] = state.get("ledger", 0.0)
         return y
 
@@ -277,7 +283,8 @@ class Reference:
             for row, name in enumerate(group[: self.freedoms])
         }
         state["theta"], state["omega"] = pulleys[..., 0, :].copy(), pulleys[..., 1, :].copy()
-        state["mu"], state["slip"] = memory[..., 0, :, :].copy(), memory[..., 1, :, :].copy()
+        mu = memory[..., :-1, :, :] if self.n_states > 1 else memory[..., 0, :, :]
+        state["mu"], state["slip"] = mu.copy(), memory[..., -1, :, :].copy()
         for row, name in enumerate(("travel", "travel_speed", "mount_friction")):
             state[name] = self.mount_states(y)[..., row, :].copy()
         state["ledger"] = self.ledger(y).copy()
@@ -302,7 +309,8 @@ class Reference:
         theta, omega = y[at_pulleys : at_pulleys + n_p], y[at_pulleys + n_p : at_memory]
         if self.motion:
             omega, omega_rate = self.prescribed(t, omega)
-        z = y[at_memory : at_memory + n_p * n_b].reshape(n_p, n_b)
+        at_slip = at_memory + self.n_states * n_p * n_b
+        z = y[at_memory:at_slip].reshape(self.n_states, n_p, n_b)
         centers, moving = self.centers, None
         if self.mounts:
             centers, moving = self.axes(y), self.axis_velocities(y)
@@ -345,18 +353,19 @@ class Reference:
         speed = (vy * outward[0] - vx * outward[1] - omega[:, None] * distance) * touch
         friction: Array | None = None
         if self.mu_k is not None and self.sigma is not None:
-            friction = z * normal
+            friction = z[0] * normal
             z_rate = self.sigma * (speed - np.abs(speed) * z / self.mu_k) - fresh * z * touch
             slip_rate = speed
         elif any(self.laws):
-            friction, z_rate, slip_rate = np.zeros((3, n_p, n_b))
+            friction, slip_rate = np.zeros((2, n_p, n_b))
+            z_rate = np.zeros_like(z)
             for j, law in enumerate(self.laws):
                 if law is not None:
-                    at = z[j], speed[j], normal[j] / share[j], self.l0
+                    at = law_states(law, z, j), speed[j], normal[j] / share[j], self.l0
                     friction[j] = share[j] * law.force(*at) * touch[j]
-                    z_rate[j] = law.rate(*at) * touch[j]
+                    z_rate[: law.n_states, j] = law.rate(*at) * touch[j]
                     slip_rate[j] = speed[j]
-            ruled = np.array([law is not None for law in self.laws])[:, None]
+            ruled = np.array([not isinstance(law, Stateless | None) for law in self.laws])[:, None]
             z_rate -= fresh * z * touch * ruled
         grip = np.zeros(n_p)
         at_point = np.zeros((2, n_b))
@@ -366,8 +375,8 @@ class Reference:
             at_point[0] += np.add.reduce(friction * outward[1], 0)
             at_point[1] -= np.add.reduce(friction * outward[0], 0)
             grip = np.add.reduce(friction * distance, 1)
-            dy[at_memory : at_memory + n_p * n_b] = z_rate.ravel()
-            dy[at_memory + n_p * n_b : at_mounts] = slip_rate.ravel()
+            dy[at_memory:at_slip] = z_rate.ravel()
+            dy[at_slip:at_mounts] = slip_rate.ravel()
             dy[at_ledger + 3] = np.vdot(friction, speed)
         if along is None:
             force += at_point
@@ -689,18 +698,18 @@ class Reference:
         normal, share = self.normals(y)
         touching = share > 0
         whole = np.where(touching, share, 1.0)
-        z = self.memory(y)[..., 0, :, :]
+        z = self.memory(y)[..., :-1, :, :]
         friction = np.zeros_like(normal)
         for j, law in enumerate(self.laws):
             if law is not None:
                 pairs = (..., j, slice(None))
-                at = z[pairs], speed[pairs], normal[pairs] / whole[pairs], self.l0
+                at = law_states(law, z, j), speed[pairs], normal[pairs] / whole[pairs], self.l0
                 friction[pairs] = share[pairs] * law.force(*at)
         mu = np.divide(friction, normal, out=np.zeros_like(normal), where=normal > 0)
         for j, law in enumerate(self.laws):
             if isinstance(law, Dahl):  # F = z N, also where N = 0
                 pairs = (..., j, slice(None))
-                mu[pairs] = np.where(touching[pairs], z[pairs], 0.0)
+                mu[pairs] = np.where(touching[pairs], z[..., 0, j, :], 0.0)
         return Contacts(p, rate, normal, share, friction, mu, speed, outward, tangent, distance)
 
     def kinks(self, y: Array) -> dict[str, Array]:

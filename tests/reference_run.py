@@ -55,7 +55,9 @@ def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None
     pulleys[0], pulleys[1] = 1e-3, 1.0
     for j, law in enumerate(model.laws):
         pressure = model.c_tra * stretch / model.radii[j]
-        memory[0, j] = 1.0 if law is None else law.scale(pressure)
+        memory[:-1, j] = 1.0
+        if law is not None:
+            memory[: law.n_states, j] = law.scale(pressure)
     travel, rate, share = model.mount_states(weights)
     for m, (j, one) in enumerate(model.mounts.items()):
         if isinstance(one, Sprung):
@@ -176,7 +178,7 @@ def integrate(
     excess = 0.0
     for j, law in enumerate(model.laws):
         if law is not None:
-            mu = model.memory(out)[:, 0, j]
+            mu = model.memory(out)[:, :-1, j]
             excess = max(excess, float(np.max(np.abs(mu))) - law.bound)
             np.clip(mu, -law.bound, law.bound, out=mu)
     if model.mounts:

@@ -7,6 +7,7 @@ from itertools import permutations
 from typing import Any
 
 import attrs
+import drives
 import numpy as np
 import pytest
 
@@ -23,33 +24,30 @@ ENOUGH = 500.0
 
 def rich() -> bd.Scene:
     """Give a drive of which nearly everything can be left out."""
-    params, torque, _, _ = bd.scenes.kubas_case_1()
-    belt = bd.Belt(
-        length=1.2,
+    plain = drives.plain()
+    belt = attrs.evolve(
+        plain.belt,
+        length=None,
         n_bodies=40,
-        linear_density=0.1,
-        axial_stiffness=70e3,
-        axial_damping=1.4,
         bending_stiffness=0.02,
         bending_damping=1e-6,
+        mesh="joint",
     )
     law = bd.LuGre(mu_k=0.8, mu_s=0.9, v_stribeck=0.01, sigma=1e4, viscous=1e-3)
     arm = bd.Arm(
         pivot=(0.2, -0.1), inertia=2e-3, mass=0.1, stops=(-0.2, 0.2), friction=0.4, damping=0.1
     )
     pulleys = (
-        bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01, friction=law),
-        bd.Pulley(
-            center=(0.29, 0.0),
-            radius=0.1,
-            inertia=0.01,
+        attrs.evolve(plain.pulleys[0], friction=law),
+        attrs.evolve(
+            plain.pulleys[1],
             drag=bd.Drag(coulomb=0.01, viscous=1e-4, quadratic=1e-6),
+            mount=attrs.evolve(arm, stiffness=200.0, preload=-90.0),
         ),
     )
-    with_arm = attrs.evolve(pulleys[1], mount=attrs.evolve(arm, stiffness=200.0, preload=-90.0))
     params = bd.Params(
-        belt=attrs.evolve(belt, length=None),
-        pulleys=(pulleys[0], with_arm),
+        belt=belt,
+        pulleys=pulleys,
         friction=bd.Dahl(mu_k=0.8, sigma=1e4),
         gravity=(0.0, -9.81),
     )

@@ -230,7 +230,7 @@ def test_any_state(data: st.DataObject) -> None:
     except (TypeError, ValueError) as error:
         assert "State." in str(error)
     else:
-        assert np.isfinite(state.x).all() and state.x.shape == state.mu.shape
+        assert np.isfinite(state.x).all() and state.x.shape == state.mu.shape[-1:]
 
 
 @FUZZ

@@ -17,6 +17,7 @@ from click.testing import CliRunner, Result
 
 import beltdyn as bd
 from beltdyn import cli, kubas
+from beltdyn.cli import commands
 
 SHORT = ("--t-end", "0.002")
 
@@ -73,7 +74,7 @@ def test_animate(
     def simulate(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:
         return bd.simulate(params, torque, t_end, t_eval=[0.0, 1e-3, 2e-3], **options)
 
-    monkeypatch.setattr(cli, "simulate", simulate)  # three samples, so three frames
+    monkeypatch.setattr(commands, "simulate", simulate)  # three samples, so three frames
     film = tmp_path / "run.gif"
     result = call("run", "kubas-case-1", *SHORT, "--animate", film)
     assert result.exit_code == 0
@@ -161,27 +162,29 @@ def never(*_: Any, **__: Any) -> Any:
     raise AssertionError("it ran")
 
 
+@pytest.fixture
+def no_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(commands, "simulate", never)
+
+
 @pytest.mark.parametrize("option", ["--out", "--plot", "--animate"])
 def test_output_that_cannot_be_written_is_found_before_the_run(
-    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str
+    call: Callable[..., Result], tmp_path: Path, no_run: None, option: str
 ) -> None:
-    monkeypatch.setattr(cli, "simulate", never)
     missing = tmp_path / "none" / "run.png"
     refused(call("run", "kubas-case-1", option, missing), "cannot write", "no folder")
     refused(call("run", "kubas-case-1", option, tmp_path), "cannot write", "it is a folder")
 
 
 def test_a_figure_of_an_unknown_kind_is_found_before_the_run(
-    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Callable[..., Result], tmp_path: Path, no_run: None
 ) -> None:
-    monkeypatch.setattr(cli, "simulate", never)
     refused(call("run", "kubas-case-1", "--plot", tmp_path / "run.xyz"), "run.xyz", "png")
 
 
 def test_plot_without_matplotlib_is_said_before_the_run(
-    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_run: None
 ) -> None:
-    monkeypatch.setattr(cli, "simulate", never)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.backend_bases", None)
     plot = tmp_path / "run.png"
@@ -189,16 +192,14 @@ def test_plot_without_matplotlib_is_said_before_the_run(
 
 
 def test_a_film_of_an_unknown_kind_is_found_before_the_run(
-    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Callable[..., Result], tmp_path: Path, no_run: None
 ) -> None:
-    monkeypatch.setattr(cli, "simulate", never)
     refused(call("run", "kubas-case-1", "--animate", tmp_path / "run.avi"), "run.avi", "gif, mp4")
 
 
 def test_a_film_without_its_package_is_said_before_the_run(
-    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_run: None
 ) -> None:
-    monkeypatch.setattr(cli, "simulate", never)
     monkeypatch.setattr(shutil, "which", lambda *_: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     film = tmp_path / "run.mp4"
@@ -227,7 +228,7 @@ def stopping(error: BaseException) -> Callable[..., bd.Result]:
 def test_interrupted_run_writes_the_finished_part(
     call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli, "simulate", stopping(KeyboardInterrupt()))
+    monkeypatch.setattr(commands, "simulate", stopping(KeyboardInterrupt()))
     out, plot = tmp_path / "run.npz", tmp_path / "run.png"
     result = call("run", "kubas-case-1", *SHORT, "--out", out, "--plot", plot)
     assert result.exit_code == 130
@@ -246,7 +247,7 @@ def test_failed_run_writes_the_finished_part(
         late = lambda t, theta, omega: [float("nan") if t > 1e-3 else 0.0, 0.0]  # noqa: E731
         return bd.simulate(params, late, *arguments, **options)
 
-    monkeypatch.setattr(cli, "simulate", simulate)
+    monkeypatch.setattr(commands, "simulate", simulate)
     out = tmp_path / "run.npz"
     result = call("run", "kubas-case-1", *SHORT, "--out", out)
     assert result.exit_code == 1

@@ -9,8 +9,10 @@ import json
 from typing import Any
 
 import attrs
+import drives
 import pytest
 from click.testing import CliRunner
+from laws import EXAMPLES, STRIBECK
 from module_common import INF, make_model, make_simulation, same_bits
 
 import beltdyn as bd
@@ -144,6 +146,8 @@ def test_every_number_that_calls_for_an_effect_is_named(explained: bd.Explanatio
             assert (named in text) == (value != 0.0), named
             seen += named in text
     assert seen > 10  # of belt, contact, friction and arm
+    motion = 'motion of pulley "crank": piecewise linear, 2 time(s) from 0 to 0.1 s, 0 to 100 rad/s'
+    assert motion in text.splitlines()
 
 
 def test_an_effect_goes_when_its_number_does() -> None:
@@ -183,6 +187,26 @@ def test_a_drive_without_friction_has_no_state_of_it() -> None:
     assert without.state.parts["friction"] == 0
     names = [one.name for one in without.passes]
     assert "contact without friction" in names and "contact: friction" not in names
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_law_is_explained_with_its_states(name: str) -> None:
+    """However many a link has, and what calls for it; with its Stribeck curve in the ablation."""
+    params, torque, _, _ = bd.scenes.kubas_case_1()
+    law = STRIBECK.get(name, EXAMPLES[name])
+    seen = bd.explain(attrs.evolve(params, friction=law), torque, 2e-3, **QUICK)
+    assert seen.state.parts["friction"] == (law.n_states + 1) * params.belt.n_bodies
+    assert any("friction." in line for effect in seen.effects for line in effect.because)
+    offered = "Stribeck" in str(seen)
+    assert offered == (name in STRIBECK)
+
+
+def test_the_state_of_a_string_has_no_angles() -> None:
+    params = drives.on_mesh(drives.plain(), "string")
+    seen = bd.explain(params, bd.Viscous([0.0, 1.0]), 2e-3, **QUICK)
+    assert seen.state.parts["links"] == 4 * params.belt.n_bodies
+    assert sum(seen.state.parts.values()) <= seen.state.numbers
+    assert not {"phi", "vphi"} & set(seen.state.fields["links"])
 
 
 # --- as a whole -----------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from click.testing import CliRunner
 
 import beltdyn as bd
 from beltdyn import cli, files
+from beltdyn.cli import commands, written
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX files and processes")
 OLD = b"what was there before"
@@ -42,7 +43,7 @@ def savers(result: bd.Result) -> dict[str, Callable[[Path], object]]:
         "state.npz": result.final_state.save,
         "drive.toml": scene.params.to_toml,
         "scene.toml": scene.to_toml,
-        "run.png": lambda path: cli._draw(result, path),
+        "run.png": lambda path: written._draw(result, path),
         "run.gif": lambda path: film.save(path, dpi=30),
         "run.html": lambda path: film.save(path, dpi=30),
         "run.mp4": lambda path: film.save(path, dpi=40),
@@ -214,7 +215,7 @@ def test_pictures_on_a_disk_that_is_full(
     def fsync(_descriptor: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(cli, "simulate", simulate)
+    monkeypatch.setattr(commands, "simulate", simulate)
     monkeypatch.setattr(os, "fsync", fsync)
     path = tmp_path / name
     path.write_bytes(OLD)
@@ -321,7 +322,7 @@ def test_a_read_only_file_system(
     read_only(monkeypatch, tmp_path)
     with pytest.raises(OSError, match="Read-only file system; the file there is unchanged"):
         result.save(tmp_path / "run.npz")
-    monkeypatch.setattr(cli, "simulate", never)
+    monkeypatch.setattr(commands, "simulate", never)
     for option, name in (("--out", "run.npz"), ("--plot", "a.png"), ("--animate", "a.gif")):
         call = ["run", "kubas-case-1", option, str(tmp_path / name)]
         done = CliRunner().invoke(cli.main, call)

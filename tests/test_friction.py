@@ -155,7 +155,7 @@ def test_memory_does_not_pass_from_pulley_to_pulley(way: float) -> None:
     model = _core.Model(
         (2 * np.pi * ring, n, 0.1, 1e-3, 0.0, 0.0, 0.0),
         np.array([[0.0, 0.0], [0.2, 0.0]]), [radius] * 2, [1.0] * 2,
-        (0.0, 1e-6, 0.0, 0, 0.0), ("dahl", (1.0, 1e-3)), (0.0, 0.0),
+        (0.0, 1e-6, 0.0, 0, 0.0), ("dahl", (1.0, 1e-3, 0.0, 0.0)), (0.0, 0.0),
     )  # fmt: skip
     zero = np.zeros(n)
     state = {name: zero.copy() for name in ("x", "y", "vx", "vy", "vphi", "mu", "slip")}

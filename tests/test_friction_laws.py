@@ -14,10 +14,23 @@ import numpy as np
 import pytest
 import reference as ref
 import scipy.integrate
+import scipy.special
 from laws import core_law
 from oracle_drives import law_by_hand
-from reference_friction import Array, Dahl, ElasticPlastic, Law, LuGre
+from reference_friction import (
+    Array,
+    Coulomb,
+    CreepRate,
+    Dahl,
+    ElasticPlastic,
+    Law,
+    LuGre,
+    MaxwellSlip,
+    Stateless,
+    Threlfall,
+)
 
+import beltdyn as bd
 from beltdyn import _core
 
 Provider = Callable[[Law, float, Array, Array, Array], tuple[Array, Array]]
@@ -32,6 +45,9 @@ def oracle(law: Law, l0: float, z: Array, v: Array, normal: Array) -> tuple[Arra
 
 
 def core(law: Law, l0: float, z: Array, v: Array, normal: Array) -> tuple[Array, Array]:
+    if z.ndim == 2:  # several states: the sum of the elements' forces, and the rate of each
+        each = [_core.friction_law(core_law(law), l0, one, v, normal, e) for e, one in enumerate(z)]
+        return np.sum([out["force"] for out in each], axis=0), np.array([o["rate"] for o in each])
     out = _core.friction_law(core_law(law), l0, z, v, normal)
     return out["force"], out["rate"]
 
@@ -47,7 +63,22 @@ def provider(request: pytest.FixtureRequest) -> Any:
 DAHL = Dahl(mu_k=0.8, sigma=1e4)
 LUGRE = LuGre(mu_k=0.5, mu_s=0.75, v_stribeck=0.02, sigma=1e4, damping=0.3, viscous=0.05)
 ELASTIC = ElasticPlastic(mu=0.5, stiffness=4e8, damping=2.5e4)  # c / k = 62.5 us
-LAWS: dict[str, Law] = {"Dahl": DAHL, "LuGre": LUGRE, "elastic/plastic": ELASTIC}
+COULOMB, CREEP = Coulomb(mu=0.7, v_reg=0.02), CreepRate(mu=0.7, v_critical=0.03)
+THRELFALL = Threlfall(mu=0.7, v_reg=0.05)
+STATELESS = {"Coulomb": COULOMB, "creep rate": CREEP, "Threlfall": THRELFALL}
+MAXWELL = MaxwellSlip(mu=(0.1, 0.25, 0.15), stiffness=(4e8, 1e8, 2e7), damping=(2.5e4, 1e4, 5e3))
+FALLING = {"mu_s": 0.9, "v_stribeck": 0.02}
+LAWS: dict[str, Law] = {
+    "Dahl": DAHL,
+    "LuGre": LUGRE,
+    "elastic/plastic": ELASTIC,
+    **STATELESS,
+    "Maxwell slip": MAXWELL,
+    "Dahl, Stribeck": dataclasses.replace(DAHL, **FALLING),
+    "elastic/plastic, Stribeck": dataclasses.replace(ELASTIC, **FALLING),
+    "Coulomb, Stribeck": dataclasses.replace(COULOMB, **FALLING),
+    "Maxwell slip, Stribeck": dataclasses.replace(MAXWELL, **FALLING),
+}
 
 
 def at_one(
@@ -68,9 +99,11 @@ def random_points(law: Law, seed: int) -> tuple[Array, Array, Array]:
     v = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(-8, 1, n)
     if isinstance(law, ElasticPlastic):
         z = rng.uniform(-2, 2, n) * law.mu * normal / (law.stiffness * L0)
+    elif isinstance(law, MaxwellSlip):
+        z = np.array([random_points(one, seed + 100 * e)[0] for e, one in enumerate(law.elements)])
     else:
         z = rng.uniform(-1, 1, n) * law.bound
-    normal[:20], v[10:30], z[20:40] = 0.0, 0.0, 0.0
+    normal[:20], v[10:30], z[..., 20:40] = 0.0, 0.0, 0.0
     return z, v, normal
 
 
@@ -81,12 +114,18 @@ def rounding(law: Law, z: Array, v: Array, normal: Array) -> tuple[Array, Array]
     """
     if isinstance(law, ElasticPlastic):
         k, c = law.stiffness * L0, law.damping * L0
-        force = k * np.abs(z) + c * np.abs(v) + law.mu * normal
+        force = k * np.abs(z) + c * np.abs(v) + max(law.mu, law.mu_s) * normal
         return 20 * EPS * force, 20 * EPS * force / c
     if isinstance(law, LuGre):
         deflecting = np.abs(v) * (1 + np.abs(z) / law.mu_k)
         force = normal * (np.abs(z) + law.damping * deflecting + law.viscous * np.abs(v))
         return 20 * EPS * force, 20 * EPS * law.sigma * deflecting
+    if isinstance(law, Stateless):
+        most = max(law.mu, getattr(law, "mu_s", 0.0))  # type: ignore[attr-defined]
+        return 20 * EPS * most * normal, 0.0 * z
+    if isinstance(law, MaxwellSlip):
+        each = [rounding(one, x, v, normal) for one, x in zip(law.elements, z, strict=True)]
+        return np.sum([one for one, _ in each], axis=0), np.array([other for _, other in each])
     assert isinstance(law, Dahl)
     rate = law.sigma * np.abs(v) * (1 + np.abs(z) / law.mu_k)
     return 20 * EPS * np.abs(z) * normal, 20 * EPS * rate
@@ -97,10 +136,10 @@ def test_force_and_rate_are_those_of_the_equations(provider: Provider, name: str
     law = LAWS[name]
     z, v, normal = random_points(law, 1)
     force, rate = provider(law, L0, z, v, normal)
-    by_hand = np.array([law_by_hand(law, *p, L0) for p in zip(z, v, normal, strict=True)])
+    by_hand = [law_by_hand(law, *p, L0) for p in zip(z.T, v, normal, strict=True)]
     f_rounding, rate_rounding = rounding(law, z, v, normal)
-    assert np.all(np.abs(force - by_hand[:, 0]) <= f_rounding)
-    assert np.all(np.abs(rate - by_hand[:, 1]) <= rate_rounding)
+    assert np.all(np.abs(force - np.array([force for force, _ in by_hand])) <= f_rounding)
+    assert np.all(np.abs(rate - np.array([rate for _, rate in by_hand]).T) <= rate_rounding)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -137,6 +176,77 @@ def test_elastic_plastic_never_pulls_beyond_its_limit_and_never_drives(provider:
     spring = ELASTIC.stiffness * L0 * z
     lost = force * v - spring * rate
     assert np.all(lost >= -(f_rounding * np.abs(v) + np.abs(spring) * rate_rounding))
+
+
+# -------------------------------------------------------------------- laws without a state
+
+
+@pytest.mark.parametrize("name", STATELESS)
+def test_friction_without_a_state_has_its_published_points(provider: Provider, name: str) -> None:
+    """Nothing at rest, mu N in full slip, and what stands between as it is published: at v_reg
+    Coulomb 1 / sqrt(2), Threlfall 1 - exp(-3) = 0.950213; half of v_critical half of mu.
+    """
+    law = STATELESS[name]
+    points = {
+        "Coulomb": [(0.02, math.sqrt(0.5)), (0.02 * 0.75, 0.6), (2e6, 1.0)],
+        "creep rate": [(0.015, 0.5), (0.03, 1.0), (0.3, 1.0), (1e-9, 1e-9 / 0.03)],
+        "Threlfall": [(0.05, 0.9502129316321360), (0.05 / 3.0, 0.6321205588285577), (2e3, 1.0)],
+    }[name]
+    for v, share in points:
+        for way in (1.0, -1.0):
+            force, rate = at_one(provider, law, 0.0, way * v, 80.0)
+            assert force == pytest.approx(way * share * law.mu * 80.0, rel=1e-14, abs=20 * EPS * 80)
+            assert rate == 0.0
+    assert at_one(provider, law, 0.0, 0.0, 80.0) == (0.0, 0.0)
+    assert at_one(provider, law, 0.0, 0.3, 0.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", STATELESS)
+def test_friction_without_a_state_has_no_hysteresis(provider: Provider, name: str) -> None:
+    """The work of a loop of slip x = a sin(w t), four times that of a quarter, in closed form.
+
+    Summed by the trapezoidal rule, which is exact to rounding for smooth periodic functions; at the
+    corners of the other two (v_critical, v = 0) it errs by the square of its mesh, 1e-7.
+    """
+    law, a, w, n = STATELESS[name], 1e-3, 60.0, 20000
+    t = np.arange(n) * (2 * math.pi / w / n)
+    v = a * w * np.cos(w * t)
+    force, _ = provider(law, L0, np.zeros(n), v, np.full(n, 80.0))
+    ahead, _ = provider(law, L0, np.zeros(n), v[::-1], np.full(n, 80.0))
+    np.testing.assert_array_equal(ahead[::-1], force)  # the way there is the way back
+    work = float(np.sum(force * v)) * 2 * math.pi / w / n
+    full = 4 * law.mu * 80.0 * a
+    u = a * w / law.v_critical if isinstance(law, CreepRate) else a * w / law.v_reg
+    if isinstance(law, CreepRate):
+        # with u sin(c) = 1 the corner: quarter = mu N a (u (c - sin(2 c) / 2) / 2 + cos c)
+        c = math.asin(1 / u)
+        exact, error = full * (u * (c - math.sin(2 * c) / 2) / 2 + math.cos(c)), 1e-7
+    elif isinstance(law, Coulomb):
+        # quarter = mu N a [integral of u s^2 / sqrt(1 + u^2 s^2) over the angle], elliptic
+        m = -u * u
+        e, k = scipy.special.ellipe(m), scipy.special.ellipk(m)
+        exact, error = full * (e - k) / u, 1e-12
+    else:
+        # of s (1 - exp(-3 u s)): a modified Struve function less a modified Bessel function
+        x = 3 * u
+        special = scipy.special.iv(1, x) - scipy.special.modstruve(-1, x)
+        exact, error = full * (1 + math.pi / 2 * special), 1e-9
+    assert work == pytest.approx(exact, rel=error)
+
+
+@pytest.mark.parametrize("name", STATELESS)
+def test_creep_is_the_velocity_that_a_share_of_friction_needs(name: str) -> None:
+    """The closed forms of MODEL section 4 turn those of the force round."""
+    law = STATELESS[name]
+    friction = getattr(bd, type(law).__name__)(**dataclasses.asdict(law))
+    for share in (0.0, 1e-6, 0.3, 0.5, 0.9, 0.999):
+        v = friction.creep(share)
+        force, _ = at_one(core, law, 0.0, v, 80.0)
+        assert force == pytest.approx(share * law.mu * 80.0, abs=40 * EPS * 80.0)
+    for bad in (1.0, -0.1, math.nan):
+        with pytest.raises(ValueError, match=r"^share must "):
+            friction.creep(bad)
+    assert bd.Dahl(mu_k=0.8, sigma=1e4).creep(0.5) == 0.0
 
 
 # -------------------------------------------------------------------- hysteresis loops
@@ -193,10 +303,8 @@ def bristle_pieces(
     With the limit +-g, z - limit falls as exp(-sigma |v| t / g). F = N (z + d dz/dt / sigma + e v).
     """
     for v, duration in legs:
-        if isinstance(law, Dahl):
-            g, damping, constant = law.mu_k, 0.0, 0.0
-        else:
-            g = level(law, v)
+        g, damping, constant = level(law, v), 0.0, 0.0
+        if isinstance(law, LuGre):
             damping, constant = normal * law.damping / law.sigma, normal * law.viscous * v
         limit = math.copysign(g, v)
         decay = law.sigma * abs(v) / g
@@ -205,9 +313,11 @@ def bristle_pieces(
         z = piece.end
 
 
-def level(law: LuGre, v: float) -> float:
-    """g(v)."""
-    return law.mu_k + (law.mu_s - law.mu_k) * math.exp(-((v / law.v_stribeck) ** 2))
+def level(law: Dahl | LuGre | ElasticPlastic, v: float) -> float:
+    """g(v), the coefficient in steady slip."""
+    kinetic = law.mu if isinstance(law, ElasticPlastic) else law.mu_k
+    above = law.mu_s - kinetic if law.mu_s else 0.0
+    return kinetic + (above * math.exp(-((v / law.v_stribeck) ** 2)) if above else 0.0)
 
 
 def elastic_plastic_pieces(
@@ -220,7 +330,7 @@ def elastic_plastic_pieces(
     """
     k, c = law.stiffness * L0, law.damping * L0
     for v, duration in legs:
-        limit = math.copysign(law.mu * normal, v)
+        limit = math.copysign(level(law, v) * normal, v)
         stick = min(max((limit - c * v - k * z) / (k * v), 0.0), duration)
         if stick > 0:
             piece = Piece(v, stick, z, v, 0.0, 0.0, k, c)
@@ -258,6 +368,14 @@ LOOPS: dict[str, tuple[Law, list[Leg]]] = {
     "elastic/plastic, sticks and slips": (ELASTIC, square_wave(-0.05, 500e-6)),
     "elastic/plastic, slips at once": (ELASTIC, square_wave(0.3, 150e-6)),
     "elastic/plastic, mixed": (ELASTIC, [(0.1, 1e-4), (-0.03, 1e-4), (0.01, 1e-4), (-0.2, 3e-4)]),
+    "Dahl, Stribeck": (
+        LAWS["Dahl, Stribeck"],
+        [(0.01, 1e-2), (-0.001, 0.1), (0.03, 3e-3), (-0.02, 8e-3)],
+    ),
+    "elastic/plastic, Stribeck": (
+        LAWS["elastic/plastic, Stribeck"],
+        [(0.1, 1e-4), (-0.03, 5e-4), (0.01, 1e-3), (-0.2, 3e-4), (0.02, 1e-4)],
+    ),
 }
 
 

@@ -10,13 +10,12 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from laws import EXAMPLES
+from laws import EXAMPLES, scaled
 
 import beltdyn as bd
 from beltdyn import _core, observed
 from beltdyn.checks import Array
 from beltdyn.friction import LAWS
-from beltdyn.rules import rules_of
 
 EPS = float(np.finfo(float).eps)
 NORMAL = 5e3  # N/m
@@ -24,9 +23,7 @@ LUGRE = bd.LuGre(mu_k=0.5, mu_s=0.75, v_stribeck=0.02, sigma=1e4, damping=0.3, v
 ELASTIC = bd.ElasticPlastic(mu=0.5, stiffness=4e7, damping=2.5e3)  # mu N / k = 62.5 um
 KNOWN: dict[type[bd.Friction], bd.Friction] = {bd.LuGre: LUGRE, bd.ElasticPlastic: ELASTIC}
 #: One of each law of the table.
-EACH = {
-    name: KNOWN.get(law) or law(**dict.fromkeys(rules_of(name), 1.0)) for name, law in LAWS.items()
-}
+EACH = {name: KNOWN.get(law) or scaled(EXAMPLES[name], 1.25) for name, law in LAWS.items()}
 
 
 def there_and_back(points: int = 2000) -> Array:
@@ -122,9 +119,9 @@ def test_lugre_in_slip_has_its_closed_form_and_others_none() -> None:
     velocity = np.array([-3.0, -0.04, 0.0, 1e-9, 0.01, 0.05, 0.1, 2.0])
     exact = law.mu_k + (law.mu_s - law.mu_k) * np.exp(-((velocity / law.v_stribeck) ** 2))
     exact += law.viscous * np.abs(velocity)
-    found = observed._in_slip(law, law.mu_k, velocity)
+    found = observed.in_slip(law, law.mu_k, velocity)
     assert found is not None
     np.testing.assert_allclose(found, exact, rtol=1e-3)
     for other in (bd.Dahl(mu_k=0.8, sigma=1e4), EXAMPLES["elastic_plastic"]):
-        assert observed._in_slip(other, 0.8, velocity) is None
-    assert observed._in_slip(law, law.mu_k, np.zeros(3)) is None
+        assert observed.in_slip(other, 0.8, velocity) is None
+    assert observed.in_slip(law, law.mu_k, np.zeros(3)) is None

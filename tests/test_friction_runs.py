@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from bridge import fields, oracle_of
 from drives import METHODS
-from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, scaled, with_laws
+from laws import EXAMPLES, PLAIN_LUGRE, STRIBECK, UNDAMPED_LUGRE, scaled, with_laws
 from module_common import INF, TORQUE, make_model, same_bits
 from test_kernels import available
 
@@ -23,16 +23,22 @@ from beltdyn import _core, run_warnings, sanity
 
 Laws = tuple[bd.Friction | None, ...]
 
-LUGRE, ELASTIC = EXAMPLES["lugre"], EXAMPLES["elastic_plastic"]
+LUGRE, ELASTIC, COULOMB = (EXAMPLES[name] for name in ("lugre", "elastic_plastic", "coulomb"))
+DAHL = EXAMPLES["dahl"]
 #: On the two pulleys of the plain drive, with the paper's mesh or with contact of the joints.
 PAIRS: dict[str, Laws] = {
     **{name: (law, law) for name, law in EXAMPLES.items()},
     "lugre, undamped": (UNDAMPED_LUGRE, UNDAMPED_LUGRE),
     "mixed": (scaled(LUGRE, 1.2), ELASTIC),
     "one without": (ELASTIC, None),
+    "no state and one": (COULOMB, LUGRE),
+    "joints, coulomb": (COULOMB, COULOMB),
+    "joints, no state and one": (ELASTIC, scaled(COULOMB, 0.7)),
     "joints, dahl": (EXAMPLES["dahl"], EXAMPLES["dahl"]),
     "joints, mixed": (scaled(LUGRE, 1.2), ELASTIC),
     "joints, one without": (ELASTIC, None),
+    "several states and one": (EXAMPLES["maxwell_slip"], STRIBECK["dahl"]),
+    "joints, several states and none": (STRIBECK["maxwell_slip"], STRIBECK["coulomb"]),
 }
 T_END = 0.05
 TIMES = np.linspace(0.0, T_END, 101)
@@ -48,6 +54,15 @@ def drive(pair: str) -> bd.Params:
 @functools.cache
 def rest(pair: str) -> bd.State:
     return bd.settle(drive(pair))
+
+
+def n_states(params: bd.Params) -> int:
+    states: int = params.info["n_states"]
+    return states
+
+
+def core_rest(pair: str) -> dict[str, Any]:
+    return rest(pair)._to_core(drive(pair))
 
 
 def pull() -> bd.Torque:
@@ -104,38 +119,48 @@ def test_terms_of_the_ledger_are_the_oracles(pair: str) -> None:
 # -------------------------------------------------------------------- bounds
 
 
-def _bounds(pair: str, state: dict[str, Any]) -> np.ndarray:
-    """Of |z|, link by link; infinite where a law has none, 0 where nothing is touched."""
+def _bounds(pair: str, state: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Of |z| (n_states, n_b), link by link; infinite where a law has none, 0 where nothing is
+    touched and of states that its law has not. And which links touch a pulley with friction.
+    """
     oracle = oracle_of(drive(pair))
     place = {name: value for name, value in state.items() if name not in ("mu", "slip")}
     touch = oracle.penetration(oracle.pack(place)) > 0
-    bounds = [0.0 if law is None else law.bound for law in oracle.laws]
-    return np.max(np.where(touch, np.array(bounds)[:, None], 0.0), axis=0)
+    laws = [(0.0, 0) if law is None else (law.bound, law.n_states) for law in oracle.laws]
+    bounds = np.array([[bound if e < n else 0.0 for bound, n in laws]
+                       for e in range(oracle.n_states)])  # fmt: skip
+    rubs = touch & np.array([law is not None for law in oracle.laws])[:, None]
+    return np.max(np.where(touch, bounds[:, :, None], 0.0), axis=1), rubs.any(axis=0)
 
 
 @pytest.mark.parametrize("method", ["tsit5", "lbdf2", "rodas4"])
 @pytest.mark.parametrize("pair", PAIRS)
 def test_states_keep_their_bounds(pair: str, method: str) -> None:
     """At a tolerance that would let them out, at every eighth accepted step; and that of links that
-    touch nothing, or a pulley without friction, is 0.
+    touch nothing, or a pulley without friction, is 0. A law without a state has none in the run.
     """
     params = drive(pair)
     hard = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-150.0, 0.0]])
     sim = _core.Simulation(
-        params._model, rest(pair)._to_core(True), hard.terms(), 0.03, method=method, rtol=1e-2
+        params._model, core_rest(pair), hard.terms(), 0.03, method=method, rtol=1e-2
     )
     looked, finished, reached = 0, False, 0.0
     while not finished:
         finished = sim.advance(0.0)
         state = sim.state()
-        bounds = _bounds(pair, state)
-        assert np.all(np.abs(state["mu"]) <= bounds)
-        assert not state["slip"][bounds == 0.0].any()
-        limited = np.isfinite(bounds) & (bounds > 0)
-        reached = max(reached, np.max(np.abs(state["mu"][limited]) / bounds[limited], initial=0.0))
+        bounds, rubs = _bounds(pair, state)
+        states, n = n_states(params), rubs.size
+        assert not state["slip"][~rubs].any() and state["mu"].size == states * n
+        if states:
+            mu = np.abs(state["mu"].reshape(states, n))
+            assert np.all(mu <= bounds)
+            limited = np.isfinite(bounds) & (bounds > 0)
+            share = mu[limited] / bounds[limited]
+            reached = max(reached, np.max(share, initial=0.0))
         looked += 1
     assert looked > 5
-    finite = [law for law in oracle_of(params).laws if law is not None and np.isfinite(law.bound)]
+    laws = [law for law in oracle_of(params).laws if law is not None]
+    finite = [law for law in laws if 0.0 < law.bound < np.inf]
     assert reached > 0.7 or not finite
 
 
@@ -170,9 +195,10 @@ def test_nothing_is_reported_where_nothing_presses() -> None:
         sample = sim.sample([0.0])
         assert sim.advance(INF) is True
         lifted = (sample["pulley"][0] >= 0) & (sample["normal"][0] == 0.0)
-        assert lifted.sum() > 3 and state["mu"][lifted].any()
+        mu = state["mu"].reshape(law.n_states, lifted.size)
+        assert lifted.sum() > 3 and all(row[lifted].any() for row in mu)
         assert not sample["friction"][0][lifted].any()
-        given = state["mu"][lifted] if isinstance(law, bd.Dahl) else 0.0
+        given = mu[0, lifted] if isinstance(law, bd.Dahl) else 0.0
         assert np.all(sample["mu"][0][lifted] == given)
 
 
@@ -257,7 +283,8 @@ def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch, pair: str) -> None
         params = attrs.evolve(base, belt=belt)
         if start is None:
             start = bd.simulate(params, pull(), 0.03, t_eval=[0.03]).final_state
-        rates.append(params._model.rate(start._to_core(True), np.array([-10.0, 2.0])))
+        core = start._to_core(params)
+        rates.append(params._model.rate(core, np.array([-10.0, 2.0])))
         times = np.linspace(0.03, 0.032, 3)
         runs.append(
             [
@@ -296,7 +323,7 @@ def test_a_run_goes_on_from_its_record_bit_for_bit(pair: str, method: str) -> No
     """In a simulation of its own; in another process: tests/test_record.py."""
 
     def make() -> tuple[Any, dict[str, Any]]:
-        state = rest(pair)._to_core(True)
+        state = core_rest(pair)
         sim = _core.Simulation(drive(pair)._model, state, pull().terms(), 0.02, method=method)
         return sim, sim.sample(np.linspace(0.0, 0.02, 21))
 
@@ -322,7 +349,7 @@ def test_a_record_of_another_law_is_refused() -> None:
 
     def make(*laws: bd.Friction | None) -> Any:
         params = with_laws(drives.plain(), *laws)
-        state = rest("dahl")._to_core(True)
+        state = rest("dahl")._to_core(params)
         return _core.Simulation(params._model, state, pull().terms(), 0.02, method="tsit5")
 
     laws = list(EXAMPLES.values())
@@ -340,10 +367,15 @@ def test_a_record_of_another_law_is_refused() -> None:
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_a_state_goes_out_and_in(pair: str, tmp_path: Any) -> None:
-    """Split in two, a run with a fixed step is that in one, to rounding of the places' origin."""
+    """Split in two, a run with a fixed step is that in one, to rounding of the places' origin.
+
+    Friction without a state is a damper mu N / v_reg near v = 0, of a link at 1e6 / s here.
+    """
     halves = TIMES[:51], TIMES[50:]
-    options: dict[str, Any] = {"method": "rk4", "step": 5e-6}
-    whole = run(pair, "rk4", step=5e-6)
+    sticks = all(law is None or law.n_states for law in PAIRS[pair])
+    step = 5e-6 if sticks else 2e-6
+    options: dict[str, Any] = {"method": "rk4", "step": step}
+    whole = run(pair, "rk4", step=step)
     first = bd.simulate(
         drive(pair), pull(), halves[0][-1], initial=rest(pair), t_eval=halves[0], **options
     )
@@ -370,11 +402,14 @@ def test_a_state_beyond_the_bound_is_refused(name: str) -> None:
 
     def started_with(value: float, at: int = link) -> bd.Result:
         mu = np.zeros_like(state.mu)
-        mu[at] = value
+        mu[..., at] = value
         return bd.simulate(params, still, 1e-6, initial=attrs.evolve(state, mu=mu))
 
     if not np.isfinite(bound):
         started_with(1e-3)
+        return
+    if not law.n_states:  # as one of a law with a state, which it does not use
+        assert not started_with(0.5).final_state.mu.any()
         return
     for value in (bound, -bound):
         started_with(value)
@@ -431,7 +466,9 @@ def test_off_costs_nothing() -> None:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_law_costs_one_slot_and_no_more(name: str) -> None:
     """All laws the same: passes, outputs, columns of energy, bytes of a record, whether the law is
-    the drive's, or the pulleys' own, or one of two.
+    the drive's, or the pulleys' own, or one of two. One without a state has the slip of its slot
+    and nothing else: of each vector in the record, a block of links less; one with several a block
+    more for each.
     """
     law = EXAMPLES[name]._to_core()
 
@@ -449,11 +486,21 @@ def test_a_law_costs_one_slot_and_no_more(name: str) -> None:
 
     dahl = facts()
     assert dahl[2] == 1
-    assert facts(friction=law) == dahl
-    assert facts(friction=None, pulley_friction=[law, law]) == dahl
-    assert facts(friction=None, pulley_friction=[law, None]) == dahl
-    without = facts(friction=None)
-    assert without[4] < dahl[4] and without[2] == 0
+    own = facts(friction=law)
+    assert own[:4] == dahl[:4]
+    assert facts(friction=None, pulley_friction=[law, law]) == own
+    assert facts(friction=None, pulley_friction=[law, None]) == own
+    most = max((dahl, own), key=lambda found: found[4])
+    assert facts(friction=None, pulley_friction=[law, DAHL._to_core()]) == most
+    without, states = facts(friction=None), EXAMPLES[name].n_states
+    assert without[4] < own[4] and without[2] == 0
+    assert np.sign(own[4] - dahl[4]) == np.sign(states - 1)
+    if states > 1:
+        block = dahl[4] - facts(friction=EXAMPLES["coulomb"]._to_core())[4]
+        assert own[4] - dahl[4] == (states - 1) * block
+    if EXAMPLES[name].n_states == 0:  # a block as large as that of the slip, and the link's owner
+        blocks, owners = dahl[4] - own[4], own[4] - without[4] - (dahl[4] - own[4])
+        assert blocks > 0 and blocks % 8 == 0 and 0 < owners < blocks
     assert without[:2] == dahl[:2]
     assert dahl[3].items() - without[3].items() == {
         (column, dahl[3][column]) for column in ("friction", "mu", "slip")
@@ -492,9 +539,9 @@ def test_settling_with_friction(pair: str, pulleys: str) -> None:
     state = bd.settle(params, friction=True, pulleys=pulleys, offset={1: (-0.002, 0.0)})
     assert not any(getattr(state, v).any() for v in ("vx", "vy", "vphi", "omega"))
     assert state.residual is not None and state.residual <= 1e-9
-    assert state.mu.any()
+    assert state.mu.any() == (n_states(params) > 0)
     core = fields(state)
-    assert np.all(np.abs(state.mu) <= _bounds(pair, core))
+    assert np.all(np.abs(state.mu) <= _bounds(pair, core)[0])
     oracle = oracle_of(params)
     rate = oracle.rhs(0.0, oracle.pack(core), lambda t, theta, omega: 0 * omega)
     acceleration = oracle.links(rate)[1]

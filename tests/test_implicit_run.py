@@ -306,7 +306,7 @@ def test_chunks_change_nothing(method: str) -> None:
     ends = []
     for seconds in (np.inf, 0.0):
         run = _core.Simulation(
-            scene.params._model, state._to_core(True), terms, 0.09, **options_of(method)
+            scene.params._model, state._to_core(scene.params), terms, 0.09, **options_of(method)
         )
         calls = 1
         while not run.advance(seconds):

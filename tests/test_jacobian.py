@@ -20,7 +20,7 @@ from bridge import oracle_of
 from drives import LAYOUTS, on_mesh
 from drives import scene as scene_of
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
-from reference_friction import ElasticPlastic, Law
+from reference_friction import ElasticPlastic, Law, MaxwellSlip, Stateless
 from reference_string import as_string
 from test_kernels import available
 
@@ -126,14 +126,18 @@ def shaken(oracle: reference.Reference, state: dict[str, Any], seed: int) -> dic
         if off_the_kinks(oracle, out):
             break
     n_slots = 1 + slots.max() if any(oracle.laws) else 0
-    out["mu"] = 1e-5 * rng.uniform(-1, 1, (n_slots, n))  # where nothing is touched
+    # where nothing is touched; of every slot the states
+    mu = 1e-5 * rng.uniform(-1, 1, (n_slots, oracle.n_states, n))
     out["slip"] = 1e-4 * rng.uniform(-1, 1, n_slots * n)
     at = oracle.contacts(oracle.pack({k: v for k, v in out.items() if k not in ("mu", "slip")}))
     for j, law in enumerate(oracle.laws):
         if law is not None:
             z = friction_states(law, at.velocity[j], at.normal[j], oracle.l0, rng)
-            out["mu"][slots[j]] = np.where(at.penetration[j] > 0, z, out["mu"][slots[j]])
-    out["mu"] = out["mu"].ravel()
+            own = mu[slots[j], : law.n_states]
+            own[:] = np.where(at.penetration[j] > 0, z, own)
+            mu[slots[j], law.n_states :, at.penetration[j] > 0] = 0.0  # not of this law
+    stateless = all(law is None or isinstance(law, Stateless) for law in oracle.laws)
+    out["mu"] = np.empty(0) if stateless else mu.ravel()
     return out
 
 
@@ -143,6 +147,8 @@ def friction_states(
     """Anywhere within nine tenths of the bound; where sticking has one, on both sides of its limit,
     a fifth of it away.
     """
+    if isinstance(law, MaxwellSlip):
+        return np.array([friction_states(one, v, normal, l0, rng) for one in law.elements])
     spread = rng.uniform(-1, 1, len(v))
     if isinstance(law, ElasticPlastic):
         share = np.where(np.abs(spread) < 0.5, 1.6 * spread, spread + np.copysign(0.7, spread))
@@ -166,7 +172,7 @@ def running(mesh: str) -> dict[str, tuple[bd.Params, dict[str, Any]]]:
         scene = scene_of(name)
         params = changed(on_mesh(scene.params, mesh), n_bodies=72)
         final = bd.simulate(params, scene.torque_fn, t, t_eval=[t], rtol=1e-2).final_state
-        found[name] = params, final._to_core(True)
+        found[name] = params, final._to_core(params)
     return found
 
 
@@ -205,6 +211,7 @@ LAW_CASES = {
     "lugre, no Stribeck": attrs.evolve(PLAIN_LUGRE, damping=0.1, viscous=0.05),
 }
 DAHL, LUGRE, ELASTIC = (EXAMPLES[name] for name in ("dahl", "lugre", "elastic_plastic"))
+COULOMB = EXAMPLES["coulomb"]
 
 CASES = (
     "two pulleys",
@@ -223,14 +230,17 @@ CASES = (
     *LAW_CASES,
     "mixed laws",
     "mixed laws, one pulley without",
+    "mixed laws, one without a state",
     "overlapping, mixed laws",
+    "overlapping, mixed, one without a state",
     *LAYOUTS,
 )
 
 
 def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -> Case:
     if name.startswith("overlapping"):
-        mixed = {"friction": (oracle_law(LUGRE), oracle_law(ELASTIC))}
+        one = COULOMB if "a state" in name else LUGRE
+        mixed = {"friction": (oracle_law(one), oracle_law(ELASTIC))}
         belt = next(iter(running.values()))[0].belt
         mesh = "string" if belt.model == "string" else belt.mesh
         return case_of(*crossed(40, mesh=mesh, **(mixed if "mixed" in name else {})))
@@ -266,6 +276,7 @@ def make_case(name: str, running: dict[str, tuple[bd.Params, dict[str, Any]]]) -
     if three:
         changes["mixed laws"] = {"pulleys": own(LUGRE, ELASTIC, None)}  # the drive's is Dahl's
         one_without = {"friction": None, "pulleys": own(ELASTIC, None, LUGRE)}
+        changes["mixed laws, one without a state"] = {"pulleys": own(COULOMB, ELASTIC, LUGRE)}
         changes["mixed laws, one pulley without"] = one_without
     params = changed(params, **changes.get(name, {}))
     if name == "pressed together":  # every joint in compression, by 0.5 % of a link
@@ -497,7 +508,7 @@ def place(
     sink: float,
     v_radial: float,
     v_slide: float,
-    mu: float = 0.5,
+    mu: Any = 0.5,
     law: Law | None = None,
 ) -> Spot:
     """A link of the ring moved onto pulley 0, so deep, with these speeds from and past it; Dahl's
@@ -524,7 +535,9 @@ def place(
             state[speed][one] += faster[k]
     others = np.delete(np.abs(oracle.penetration(packed())), link, axis=1)
     assert others.min() > 1e-6
-    state["mu"].reshape(-1, 24)[dense.slots_of(oracle)[0], link] = mu
+    if state["mu"].size:
+        slots = state["mu"].reshape(-1, oracle.n_states, 24)
+        slots[dense.slots_of(oracle)[0], :, link] = np.ravel(mu)
     return Spot(Case(core_of(oracle), oracle, state), link, radial, across)
 
 
@@ -574,7 +587,8 @@ def test_both_sides_of_sliding_with_every_law(mesh: str, name: str, share: float
 
     slopes = [assert_slope(*sliding(side * 1e-10), side) for side in (1.0, -1.0)]
     still, along = sliding(0.0)
-    rows = [entry(still, field) for field in ("vx", "vy", "mu", "slip")]
+    sizes = still.case.layout.sizes
+    rows = [entry(still, field) for field in ("vx", "vy", "mu", "slip") if sizes[field]]
     mean = 0.5 * (slopes[0] + slopes[1])[rows]
     rest = (still.case.jacobian() @ along)[rows]
     assert rest == pytest.approx(mean, rel=1e-8, abs=1e-9 * still.case.fastest)
@@ -640,7 +654,7 @@ def test_both_sides_of_touching_with_every_law(name: str, v_radial: float) -> No
         for rates in (True, False):
             assert_slope(spot, spot.vector(spot.radial, rates), side)
         slide = assert_slope(spot, spot.vector(spot.across, rates=True), side)
-        for field in ("slip", "mu"):
+        for field in ("slip", "mu") if EXAMPLES[name].n_states else ("slip",):
             assert (slide[entry(spot, field)] != 0.0) <= (side < 0.0), field
 
 

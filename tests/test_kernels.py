@@ -60,7 +60,7 @@ def test_levels_agree(monkeypatch: pytest.MonkeyPatch, n_bodies: int, mesh: str)
         params = attrs.evolve(base.params, belt=belt)
         if start is None:
             start = bd.simulate(params, base.torque_fn, 0.03, t_eval=[0.03]).final_state
-        rates.append(params._model.rate(start._to_core(True), np.array([-10.0, 2.0, 1.0])))
+        rates.append(params._model.rate(start._to_core(params), np.array([-10.0, 2.0, 1.0])))
         times = np.linspace(0.03, 0.032, 3)
         runs.append(bd.simulate(params, base.torque_fn, 0.032, initial=start, t_eval=times))
         assert runs[-1].stats.kernels == level

@@ -5,11 +5,11 @@ the oracle's, their slopes against differences of their values, on both sides of
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from laws import EXAMPLES, core_law
+from laws import EXAMPLES, STRIBECK, core_law
 from reference_friction import Array, LuGre
 from test_friction_laws import (
     ELASTIC,
@@ -26,8 +26,19 @@ from test_friction_laws import (
 from test_kernels import available
 
 from beltdyn import _core
+from beltdyn.friction import Friction
 
-Numbers = tuple[str, tuple[float, ...]]
+
+class Numbers(NamedTuple):
+    """A law as the core takes it, and which of its elements."""
+
+    name: str
+    values: tuple[float | tuple[float, ...], ...]
+    element: int = 0
+
+    def at(self, *point: Array) -> dict[str, Array]:
+        """Force, rate and their slopes at z, v, N."""
+        return _core.friction_law((self.name, self.values), L0, *point, self.element)
 
 
 @pytest.fixture(params=range(3), ids=["baseline", "AVX2", "AVX-512"])
@@ -86,9 +97,11 @@ STEPS = {"v": 1e-6, "normal": 1e-4}
 
 
 def state_scale(numbers: Numbers) -> float:
-    """Size of z at which friction is of the order of the normal force NORMAL."""
+    """Size of z at which friction is of the order of the normal force NORMAL; any, without one."""
     one = np.ones(1)
-    out = _core.friction_law(numbers, L0, 0.0 * one, 0.0 * one, NORMAL * one)
+    if _core.friction_states((numbers.name, numbers.values)) == 0:
+        return 1.0
+    out = numbers.at(0.0 * one, 0.0 * one, NORMAL * one)
     return float(NORMAL / out["by_state"][0])
 
 
@@ -100,10 +113,9 @@ def by_differences(
     Rounding: 100 times the last bit of every term of a first order sum, over the step.
     """
     ahead, behind = (
-        _core.friction_law(numbers, L0, *({**at, name: at[name] + way * h}).values())
-        for way in (1.0, -1.0)
+        numbers.at(*({**at, name: at[name] + way * h}).values()) for way in (1.0, -1.0)
     )
-    here = _core.friction_law(numbers, L0, *at.values())
+    here = numbers.at(*at.values())
     slopes, left = [], []
     for k, value in enumerate(("force", "rate")):
         slopes.append((ahead[value] - behind[value]) / ((at[name] + h) - (at[name] - h)))
@@ -114,19 +126,20 @@ def by_differences(
     return np.array(slopes), np.array(left)
 
 
-def assert_slopes(numbers: Numbers, at: dict[str, Array]) -> None:
+def assert_slopes(numbers: Numbers, at: dict[str, Array], bent: float = 0.0) -> None:
     """All six of the core, of law and points off the kinks, against differences of its value.
 
     Curvature: (1e-6 / 0.02)^2 = 2.5e-9 of a slope, times 6 and some for the third derivative.
+    bent: how much of a slope a corner in it makes between two points of a difference.
     """
-    here = _core.friction_law(numbers, L0, *at.values())
+    here = numbers.at(*at.values())
     for name, columns in SLOPES.items():
         h = STEPS.get(name, 1e-6 * state_scale(numbers))
         slopes, left = by_differences(numbers, at, name, h)
         for column, slope, rounded in zip(columns, slopes, left, strict=True):
             largest = np.max(np.abs(slope))
             error = np.abs(here[column] - slope)
-            assert np.all(error <= 1e-7 * largest + rounded), (name, column)
+            assert np.all(error <= (1e-7 + bent) * largest + rounded), (name, column)
 
 
 def points_of(z: Any, v: Any, normal: Any) -> dict[str, Array]:
@@ -134,28 +147,38 @@ def points_of(z: Any, v: Any, normal: Any) -> dict[str, Array]:
     return dict(zip(("z", "v", "normal"), (np.ravel(a) for a in arrays), strict=True))
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+#: Every law of the table, those with a Stribeck curve and every element of one with several.
+EACH = {name: (law, 0) for name, law in EXAMPLES.items()}
+EACH |= {f"{name}, Stribeck": (law, 0) for name, law in STRIBECK.items()}
+EACH |= {
+    f"{kind}maxwell_slip, element {e}": (law["maxwell_slip"], e)
+    for kind, law in {"": EXAMPLES, "Stribeck, ": STRIBECK}.items()
+    for e in (1, 2)
+}
+
+
+@pytest.mark.parametrize("name", EACH)
 def test_slopes_anywhere(kernels: str, name: str) -> None:
     """Of every law in the table, whatever it is: where slopes to both sides agree, they are the
     law's; elsewhere, at a kink, its are those of one side, and that is rare.
     """
-    numbers, rng, n = EXAMPLES[name]._to_core(), np.random.default_rng(9), 600
+    law, element = EACH[name]
+    numbers, rng, n = Numbers(*law._to_core(), element), np.random.default_rng(9), 600
     scale = state_scale(numbers)
-    bound = min(1.0, _bound(name)) * scale
+    bound = min(1.0, _bound(law)) * scale
     at = points_of(
         bound * rng.uniform(-1, 1, n),
         rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(-5, 1, n),
         rng.uniform(1.0, 300.0, n),
     )
-    here = _core.friction_law(numbers, L0, *at.values())
+    here = numbers.at(*at.values())
     assert all(np.isfinite(column).all() for column in here.values())
     kinks = np.zeros(n, dtype=bool)
     for variable in SLOPES:
         h = STEPS.get(variable, 1e-6 * scale)
         for k, value in enumerate(("force", "rate")):
             ahead, behind = (
-                _core.friction_law(numbers, L0, *({**at, variable: at[variable] + way}).values())
-                for way in (h, -h)
+                numbers.at(*({**at, variable: at[variable] + way}).values()) for way in (h, -h)
             )
             _, left = by_differences(numbers, at, variable, h)
             two = [(ahead[value] - here[value]) / h, (here[value] - behind[value]) / h]
@@ -167,31 +190,38 @@ def test_slopes_anywhere(kernels: str, name: str) -> None:
     assert_slopes(numbers, {variable: a[~kinks] for variable, a in at.items()})
 
 
-def _bound(name: str) -> float:
+def _bound(law: Friction) -> float:
     """Bound of the state over its scale: the law's largest coefficient."""
-    law = EXAMPLES[name]
-    fields = ("mu_k", "mu_s", "mu")
-    return max((getattr(law, field) for field in fields if hasattr(law, field)), default=1.0)
+    found = [getattr(law, field, 0.0) for field in ("mu_k", "mu_s", "mu")]
+    return max(sum(mu) if isinstance(mu, tuple) else mu for mu in found) or 1.0
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", EACH)
 def test_slopes_where_the_slip_velocity_changes_its_sign(kernels: str, name: str) -> None:
-    """On either side, two steps away; at v = 0 the slopes are the mean of both sides."""
-    numbers = EXAMPLES[name]._to_core()
+    """On either side, two steps away; at v = 0 the slopes are the mean of both sides.
+
+    Threlfall's slope, exp(-3 |v| / v_reg), has a corner there: differences give its mean over the
+    step, which is half of 3 h / v_reg less.
+    """
+    law, element = EACH[name]
+    numbers = Numbers(*law._to_core(), element)
     z = state_scale(numbers) * 0.3 * np.array([-1.0, -0.3, 0.0, 0.7, 1.0])
     for side in (2.0, -2.0, 0.0):
-        assert_slopes(numbers, points_of(z[:, None], side * STEPS["v"], [10.0, NORMAL]))
+        corner = side == 0.0 and name == "threlfall"
+        bent = 1.5 * STEPS["v"] / law.v_reg if corner else 0.0  # type: ignore[attr-defined]
+        assert_slopes(numbers, points_of(z[:, None], side * STEPS["v"], [10.0, NORMAL]), bent)
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", EACH)
 def test_slopes_where_the_normal_force_vanishes(kernels: str, name: str) -> None:
     """Just pressed; and N = 0, where what is left are the slopes at constant N."""
-    numbers = EXAMPLES[name]._to_core()
+    law, element = EACH[name]
+    numbers = Numbers(*law._to_core(), element)
     z = state_scale(numbers) * np.array([-0.5, -0.1, 0.2, 0.6])
     v = np.array([-0.3, -1e-3, 2e-3, 0.5])
     assert_slopes(numbers, points_of(z[:, None], v, 2 * STEPS["normal"]))
     at = points_of(z[:, None], v, 0.0)
-    here = _core.friction_law(numbers, L0, *at.values())
+    here = numbers.at(*at.values())
     assert np.all(here["force"] == 0.0)
     for variable in ("z", "v"):
         slopes, left = by_differences(
@@ -207,7 +237,7 @@ def test_slopes_on_both_sides_of_sticking(kernels: str, way: float) -> None:
     """K z + c v at mu N, less or more by three steps of each: first all slopes are those of spring
     and damper, then the force follows N alone and the spring goes to it.
     """
-    numbers = core_law(ELASTIC)
+    numbers = Numbers(*core_law(ELASTIC))
     k, c = ELASTIC.stiffness * L0, ELASTIC.damping * L0
     v = way * np.array([-0.05, -1e-3, 1e-3, 0.02, 0.2])
     limit = way * ELASTIC.mu * NORMAL
@@ -215,7 +245,7 @@ def test_slopes_on_both_sides_of_sticking(kernels: str, way: float) -> None:
     for side in (-1.0, 1.0):
         at = points_of((limit + side * margin - c * v) / k, v, NORMAL)
         assert_slopes(numbers, at)
-        here = _core.friction_law(numbers, L0, *at.values())
+        here = numbers.at(*at.values())
         sticks, slips = float(side < 0), float(side > 0)
         expected = {
             "by_state": sticks * k,
@@ -237,14 +267,16 @@ def test_core_names_what_is_wrong_with_a_law() -> None:
         assert len(rules) == len(numbers)
         for k, (_, field, _, _, _) in enumerate(rules):
             for bad in (-1.0, math.nan, math.inf):
-                broken = (*numbers[:k], bad, *numbers[k + 1 :])
+                value = numbers[k]
+                given = (*value[:-1], bad) if isinstance(value, tuple) else bad
+                broken = (*numbers[:k], given, *numbers[k + 1 :])
                 with pytest.raises(ValueError, match=rf"^friction\.{field} must be "):
                     _core.friction_law((name, broken), L0, one, one, one)
         with pytest.raises(ValueError, match="friction"):
             _core.friction_law((name, numbers[:-1]), L0, one, one, one)
     good = EXAMPLES["dahl"]._to_core()
-    with pytest.raises(ValueError, match="coulomb"):
-        _core.friction_law(("coulomb", (1.0,)), L0, one, one, one)
+    with pytest.raises(ValueError, match="glue"):
+        _core.friction_law(("glue", (1.0,)), L0, one, one, one)
     for length, z, v, normal in [
         (0.0, 1.0, 1.0, 1.0),
         (math.nan, 1.0, 1.0, 1.0),

@@ -260,7 +260,7 @@ GOOD = {
 BAD = {
     "belt": lambda m, s: make_model(n_b=2.5),
     "rule": lambda m, s: make_model(n_b=2),
-    "dahl": lambda m, s: make_model(friction=("dahl", (1.0, "x"))),
+    "dahl": lambda m, s: make_model(friction=("dahl", (1.0, "x", 0.0, 0.0))),
     "path": lambda m, s: _core.dahl_path([0.0, math.nan], 0, 1, 1),
     "rate": lambda m, s: m.rate(s, [1.0]),
     "missing": lambda m, s: m.rate({"t": 0.0, "x": s["x"]}, [1.0, 2.0]),

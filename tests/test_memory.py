@@ -61,9 +61,8 @@ def test_what_the_samples_take_is_what_is_asked_for(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for ledger in (True, False):
-        run = _core.Simulation(
-            scene.params._model, start._to_core(True), scene.torque_fn.terms(), 1.0, ledger=ledger
-        )
+        params, terms = scene.params, scene.torque_fn.terms()
+        run = _core.Simulation(params._model, start._to_core(params), terms, 1.0, ledger=ledger)
         arrays = run.sample(np.linspace(0.0, 1.0, 100)).values()
         held = sum(array.nbytes for array in arrays)
         # What building the ledger takes besides, columns like the times.
@@ -142,7 +141,7 @@ def test_a_control_group_may_leave_less(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.usefixtures("handlers")
 def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) -> None:
     """They are filled without the GIL, so that the timer's thread can send the signal meanwhile."""
-    sim = _core.Simulation(scene.params._model, start._to_core(True), [], 1.0)
+    sim = _core.Simulation(scene.params._model, start._to_core(scene.params), [], 1.0)
     times = np.linspace(0.0, 1.0, MANY)
     timer = threading.Timer(0.02, lambda: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):

@@ -18,7 +18,7 @@ import drives
 import numpy as np
 import pytest
 import reference
-from laws import EXAMPLES, oracle_law
+from laws import EXAMPLES, STRIBECK, oracle_law
 from module_common import INF, TORQUE, make_model, refused
 from test_jacobian import case_of, core_of, crossed
 
@@ -29,6 +29,11 @@ DAHL, LUGRE, ELASTIC = (oracle_law(EXAMPLES[name]) for name in ("dahl", "lugre",
 LAWS: dict[str, tuple[Any, ...]] = {
     **{name: (oracle_law(law),) * 2 for name, law in EXAMPLES.items()},
     "mixed": (LUGRE, ELASTIC),
+    "several states and one": (oracle_law(EXAMPLES["maxwell_slip"]), DAHL),
+    "several states and none": (
+        oracle_law(STRIBECK["maxwell_slip"]),
+        oracle_law(STRIBECK["coulomb"]),
+    ),
     "none": (None, None),
 }
 
@@ -269,6 +274,33 @@ def test_copies_and_printing_say_the_mesh(mesh: str) -> None:
     assert eval(repr(params), vars(bd)) == params
     (line,) = (line for line in str(params).splitlines() if line.split()[0] == "belt.mesh")
     assert mesh in line
+
+
+@pytest.mark.parametrize(
+    ("model", "bending", "shown", "kind"),
+    [
+        ("auto", 0.0, "auto (string)", "point masses"),
+        ("auto", 0.01, "auto (links)", "rigid links"),
+        ("string", 0.0, "string", "point masses"),
+        ("links", 0.0, "links", "rigid links"),
+    ],
+)
+def test_printing_says_which_belt_it_is_and_what_is_counted(
+    model: str, bending: float, shown: str, kind: str
+) -> None:
+    base = drives.plain()
+    belt = attrs.evolve(base.belt, mesh="joint", model=model, bending_stiffness=bending)
+    printed = str(attrs.evolve(base, belt=belt))
+    rows = {line.split()[0]: line.split(maxsplit=2)[1:] for line in printed.splitlines()}
+    assert " ".join(rows["belt.model"]) == shown
+    assert rows["belt.n_bodies"] == ["60", f"number of {kind}, n_b"]
+    bodies = kind.removeprefix("rigid ")
+    assert printed.startswith(f"Belt drive, 60 {bodies} on 2 pulley(s)\n")
+    assert f"error of the mesh: with 60 {bodies} some" in printed
+    coarse = attrs.evolve(base, belt=attrs.evolve(belt, n_bodies=12))
+    assert f"  note  mesh: 12 {bodies} are few" in str(coarse)
+    run = bd.simulate(attrs.evolve(base, belt=belt), drives.plain_scene().torque_fn, 1e-4)
+    assert f" s, 60 {bodies}, 2 pulley(s); " in repr(run)
 
 
 def test_a_saved_result_keeps_its_mesh(mesh: str, tmp_path: Any) -> None:

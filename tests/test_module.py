@@ -41,11 +41,14 @@ def test_tables_are_what_the_objects_use(model, rest):
     outputs = [name for name, _, size, *_ in _core.OUTPUTS if size != "MOUNTS"]
     assert list(simulation.sample([0.0])) == [*outputs, "pulley"]
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
-    assert {size for _, size, *_ in _core.STATE_FIELDS} == {"LINKS", "SLOTS", "PULLEYS", "MOUNTS"}
+    assert {size for _, size, *_ in _core.STATE_FIELDS} == {
+        "LINKS", "SLOTS", "STATES", "PULLEYS", "MOUNTS",
+    }  # fmt: skip
     sizes = {"LINKS", "FRICTION", "PULLEYS", "MOUNTS", "ENERGY"}
     assert {row[2] for row in _core.OUTPUTS} == sizes
     assert [row[0] for row in _core.RULES] == [
         "POSITIVE",
+        "POSITIVES",
         "NONNEGATIVE",
         "FINITE",
         "LINKS",
@@ -310,9 +313,10 @@ def test_model_info(model):
     info = model.info
     assert info["n_bodies"] == N_B and info["n_pulleys"] == N_P and info["winding"] == -1
     assert info["n_slots"] == 1 and make_model(friction=None).info["n_slots"] == 0
+    assert info["n_states"] == 1 and make_model(friction=None).info["n_states"] == 0
     assert info["link_length"] == 1.2 / N_B
     assert info["path_length"] == pytest.approx(0.58 + 0.2 * math.pi, rel=1e-14)
-    integers = {"n_bodies", "n_pulleys", "n_mounts", "n_slots", "winding"}
+    integers = {"n_bodies", "n_pulleys", "n_mounts", "n_slots", "n_states", "winding"}
     assert {name for name, value in info.items() if isinstance(value, int)} == integers
     assert all(type(value) in (int, float) for value in info.values())
     info.clear()
@@ -351,16 +355,16 @@ def test_model_needs_every_argument(name):
         ({"contact": None}, TypeError, "contact must be a tuple of 5 numbers, got NoneType"),
         ({"contact": (1.0, None, 1.0, 0, 0.0)}, TypeError,
          "contact.linear must be a real number, got NoneType"),
-        ({"friction": ("dahl", (1.0,))}, ValueError, "friction must have 2 numbers, got 1"),
-        ({"friction": ("none", ())}, ValueError, "friction: there is no friction law 'none'"),
+        ({"friction": ("dahl", (1.0,))}, ValueError, "friction must have 4 numbers, got 1"),
+        ({"friction": ("glue", ())}, ValueError, "friction: there is no friction law 'glue'"),
         ({"friction": "ab"}, TypeError,
          "friction must be a tuple (name of the law, its numbers), got 'ab'"),
         ({"pulley_friction": [None]}, ValueError,
          "friction must have one entry for each of 2 pulleys, got 1"),
-        ({"pulley_friction": [None, ("dahl", (1.0, -1.0))]}, ValueError,
+        ({"pulley_friction": [None, ("dahl", (1.0, -1.0, 0.0, 0.0))]}, ValueError,
          "pulleys[1].friction.sigma must be > 0 (Dahl stiffness, the slope dmu/ds at mu = 0 "
          "(2.9)), got -1 1/m"),
-        ({"friction": ("dahl", (True, 1e4))}, TypeError,
+        ({"friction": ("dahl", (True, 1e4, 0.0, 0.0))}, TypeError,
          "friction.mu_k must be a real number, got bool"),
         ({"gravity": (0.0, 0.0, 0.0)}, ValueError, "gravity must have shape (2,), got (3,)"),
         ({"gravity": (0.0, -INF)}, ValueError, "gravity[1] must be finite, got -inf"),
@@ -413,7 +417,7 @@ def test_shapes_of_many_dimensions_are_cut_short():
         ({"inertias": [-1, 1]}, r"pulleys\[0\]\.inertia must be > 0"),
         ({"contact": (1.0, -1.0, 1.0, 0, 0.0)}, r"contact\.linear must be >= 0"),
         ({"contact": (1.0, 1.0, 1.0, 2, 0.0)}, r"contact\.compensate must be 0 or 1 .*, got 2$"),
-        ({"friction": ("dahl", (0.0, 1.0))}, r"friction\.mu_k must be > 0"),
+        ({"friction": ("dahl", (0.0, 1.0, 0.0, 0.0))}, r"friction\.mu_k must be > 0"),
         (
             {"centers": np.zeros((0, 2)), "radii": [], "inertias": []},
             "pulleys must hold 1 to 1000 pulleys, got 0",

@@ -23,7 +23,7 @@ from beltdyn import _core
 def test_rate(model, rest):
     state = {**rest, "omega": np.array([0.5, -1.0]), "vx": np.linspace(-1, 1, N_B)}
     rate = model.rate(state, [3.0, 0.0])
-    sizes = {"LINKS": N_B, "SLOTS": N_B, "PULLEYS": N_P, "MOUNTS": 0}
+    sizes = {"LINKS": N_B, "SLOTS": N_B, "STATES": N_B, "PULLEYS": N_P, "MOUNTS": 0}
     for name, size, *_ in _core.STATE_FIELDS:
         assert rate[name].shape == (sizes[size],) and rate[name].dtype == np.float64
     np.testing.assert_array_equal(rate["theta"], state["omega"])

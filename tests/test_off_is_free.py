@@ -17,7 +17,7 @@ import drives
 import numpy as np
 import pytest
 from effects import CASES, EFFECTS, bare
-from laws import EXAMPLES, with_laws
+from laws import EXAMPLES, STRIBECK, with_laws, without_curve
 
 import beltdyn as bd
 from beltdyn import _core
@@ -42,7 +42,7 @@ class Counted:
         torque = as_terms(parts.get("torque", bd.Viscous([0.0, 0.0])), params.pulley_names)
         self.sim = _core.Simulation(
             params._model,
-            state._to_core(params.has_friction),
+            state._to_core(params),
             torque,
             T_END,
             method=method,
@@ -152,7 +152,7 @@ def test_what_is_not_asked_for_is_no_array() -> None:
     """Outputs one by one are in ``test_outputs.py``; here: none of them costs a byte of the
     simulation, or an evaluation."""
     params = bare("joint")
-    state = bd.settle(params)._to_core(False)
+    state = bd.settle(params)._to_core(params)
     counted = []
     for names in ([], ["span_tension"], None):
         sim = _core.Simulation(params._model, state, [], T_END, ledger=False)
@@ -190,6 +190,28 @@ def test_the_order_of_loads_changes_nothing_but_rounding() -> None:
         assert np.abs(other.pulleys.omega - first.pulleys.omega).max() <= 1e-11 * scale
         scale = np.abs(first.joints.force).max()
         assert np.abs(other.joints.force - first.joints.force).max() <= 1e-10 * scale
+
+
+@pytest.mark.parametrize("name", STRIBECK)
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+def test_a_stribeck_curve_costs_no_counter_and_equal_coefficients_are_none(
+    name: str, mesh: str
+) -> None:
+    """Passes, states, bytes and outputs are the same with it; where its static coefficient is the
+    kinetic one, so are all bits of a run.
+    """
+    plain, curved = EXAMPLES[name], STRIBECK[name]
+    equal = without_curve(curved)
+    without = attrs.evolve(equal, v_stribeck=1.0) if name == "lugre" else plain
+    off, on, same = (
+        Counted(attrs.evolve(bare(mesh), friction=law)) for law in (without, curved, equal)
+    )
+    for other in (on, same):
+        assert (other.passes, other.sizes, other.widths) == (off.passes, off.sizes, off.widths)
+    assert same.run() == off.run()
+    found, expected = same.sim.state(), off.sim.state()
+    for field, values in expected.items():
+        np.testing.assert_array_equal(found[field], values, err_msg=field)
 
 
 @pytest.mark.parametrize("law", EXAMPLES)

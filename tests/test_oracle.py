@@ -148,9 +148,16 @@ CASES |= {
 }
 CASES |= {
     "string, case 1 from rest": joints(bd.scenes.kubas_case_1, 0.0, "string"),
+    # without bending the paper's belt slips at 98.5 N m, short of the end of its ramp
+    "string, case 1 at the end of its ramp, full slip": joints(
+        bd.scenes.kubas_case_1, 0.28, "string"
+    ),
+    "string, case 1 on its ramp": joints(bd.scenes.kubas_case_1, 0.2, "string"),
     "string, three unequal pulleys": joints(bd.scenes.three_pulleys, 0.22, "string"),
     "string, bearing drag, running": joints(dragging, 0.2, "string"),
     "string, flywheel, full slip": joints(bd.scenes.flywheel_start, 0.10, "string"),
+    "string, a law for each pulley, full slip": joints(mixed_two, 0.28, "string"),
+    "string, a law for each pulley, running": joints(mixed_two, 0.2, "string"),
     "string, two laws on three pulleys, one without": joints(mixed_three, 0.22, "string"),
     "string, crossed": joints(drives.crossed_scene, 0.1, "string"),
     "string, outside idler": joints(drives.idler_scene, 0.1, "string"),
@@ -193,7 +200,8 @@ def test_core_agrees_with_oracle(case: str) -> None:
         )
     theta = oracle.pulleys(run.y)[..., 0, :]
     _, force = oracle.joints(run.y)
-    state, slip = (memory.sum(axis=-2) for memory in np.moveaxis(oracle.memory(run.y), -3, 0))
+    by_link = oracle.memory(run.y).sum(axis=-2)
+    state, slip = by_link[-1, :-1], by_link[:, -1]
     contacts = oracle.contacts(run.y)
     normal = contacts.normal.sum(axis=-2)
 
@@ -217,12 +225,16 @@ def test_core_agrees_with_oracle(case: str) -> None:
     per_mu = np.divide(developed, kinetic, out=np.zeros_like(kinetic), where=kinetic > 0)
     # in full slip it runs up to decimetres, a quadrature in the oracle, as accurate as the loss
     known = 10e-5 * per_mu[result.contact.pulley] + 1e-6 * np.max(np.abs(slip))
+    if not params.info["n_states"]:
+        # Where a link lands its slip velocity jumps, which the error of a friction state sees and
+        # without one nothing: weights of the stages may count a step of it too much or too little.
+        known += np.max(np.abs(result.contact.velocity)) * WINDOW / result.stats.steps
     assert np.all(np.abs(result.contact.slip - slip) <= known)
     assert np.max(np.abs(result.contact.normal - normal)) <= 1e-6 * tension
     touched = result.contact.pulley
     assert np.array_equal(touched >= 0, (contacts.penetration > 0).any(axis=-2))
     for k, law in enumerate(oracle.laws):
-        error = np.abs(result.final_state.mu - state[-1])[touched[-1] == k]
+        error = np.abs(result.final_state.mu - state)[:, touched[-1] == k]
         assert law is None or np.all(error <= 1e-5 * law.scale(tension / oracle.radii[k]))
 
 
@@ -274,8 +286,14 @@ def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
         oracle.penetration(oracle.pack({**state, "mu": 0 * state["mu"], "slip": 0 * state["slip"]}))
         > 0
     ).any(axis=0)
-    bound = min(law.bound for law in oracle.laws if law is not None)
-    state["mu"] = np.where(touching, rng.uniform(-0.5, 0.5, len(touching)), 0.0) * min(1.0, bound)
+    pressure = params.info["mean_tension"] / np.max(oracle.radii)
+    # a coefficient up to half its bound; a stretch, which has none, well into sliding
+    size = min(
+        0.5 * law.bound if np.isfinite(law.bound) else 5.0 * float(law.scale(pressure))
+        for law in oracle.laws
+        if law is not None
+    )
+    state["mu"] = np.where(touching, rng.uniform(-1.0, 1.0, len(touching)), 0.0) * min(0.5, size)
     state["slip"] = 0 * state["mu"]
     expected = oracle.unpack(oracle.rhs(state["t"], oracle.pack(state), lambda t, a, b: torque))
     rate = params._model.rate(state, torque)
@@ -307,7 +325,8 @@ def test_link_on_two_pulleys_at_once(mesh: str) -> None:
     model = _core.Model(
         (belt.length, belt.n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
          belt.bending_stiffness, belt.bending_damping),
-        centers, radii, inertias, (5e8, 2.5e5, 1e3, 0, 0.0), ("dahl", (1.0, 1e4)), (0.0, 0.0),
+        centers, radii, inertias, (5e8, 2.5e5, 1e3, 0, 0.0), ("dahl", (1.0, 1e4, 0.0, 0.0)),
+        (0.0, 0.0),
         mesh=belt.mesh, model=belt.model,
     )  # fmt: skip
     slots = model.info["n_slots"]

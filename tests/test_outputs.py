@@ -200,7 +200,7 @@ def test_bytes_are_those_of_what_was_asked_for(pair: tuple[bd.Scene, bd.Result])
     for names, width in widths.items():
         of_core = outputs.of_core(outputs.chosen(names, True), ledger=False)
         sim = _core.Simulation(
-            params._model, start(full)._to_core(True), [], 1.0, ledger=False, motion=[]
+            params._model, start(full)._to_core(params), [], 1.0, ledger=False, motion=[]
         )
         arrays = sim.sample(T, of_core)
         assert sum(array.nbytes for array in arrays.values()) == n_t * width
@@ -320,7 +320,7 @@ def test_a_record_is_that_of_any_outputs() -> None:
 
     def new() -> _core.Simulation:
         terms = scene.torque_fn.terms()  # type: ignore[union-attr]
-        return _core.Simulation(scene.params._model, initial._to_core(True), terms, 0.05)
+        return _core.Simulation(scene.params._model, initial._to_core(scene.params), terms, 0.05)
 
     first, whole = new(), new()
     first.sample(times, ["span_tension"])
@@ -337,8 +337,8 @@ def test_a_record_is_that_of_any_outputs() -> None:
 
 
 def test_the_core_takes_names_it_knows_and_no_others() -> None:
-    scene = SCENES["paper"]
-    sim = _core.Simulation(scene.params._model, bd.settle(scene.params)._to_core(True), [], 1.0)
+    params = SCENES["paper"].params
+    sim = _core.Simulation(params._model, bd.settle(params)._to_core(params), [], 1.0)
     for names, error in (("force", TypeError), (["belt.x"], ValueError), ([3], ValueError)):
         with pytest.raises(error, match="outputs"):
             sim.sample(T, names)

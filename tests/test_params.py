@@ -12,7 +12,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from laws import EXAMPLES, typical, with_laws
+from laws import EXAMPLES, STRIBECK, scaled, typical, with_laws
 
 import beltdyn as bd
 from beltdyn import _core
@@ -45,6 +45,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3, "compensate": True},
     **{name: attrs.asdict(law) for name, law in EXAMPLES.items()},
 }
+PAIRS = ("center", "pivot", "direction")
 #: Of mounts the core has numbers that stand together in one field, `stops`.
 STOPS = ("lowest", "highest")
 ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS if row[1] not in STOPS]
@@ -54,6 +55,12 @@ KINDS = {"LINKS": "an integer", "FLAG": "a bool"}
 
 def build(group: str, **changes: Any) -> Any:
     return CLASSES[group](**(GOOD[group] | changes))
+
+
+def as_value(group: str, name: str, value: Any) -> Any:
+    """As the value of a parameter: of a list, in the place of its first."""
+    good = GOOD[group].get(name)
+    return (value, *good[1:]) if isinstance(good, tuple) and name not in PAIRS else value
 
 
 @pytest.fixture
@@ -83,8 +90,8 @@ def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
 @pytest.mark.parametrize(("group", "name"), NUMBERS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
 def test_not_finite_is_refused(group: str, name: str, value: Any) -> None:
-    with pytest.raises(ValueError, match=rf"^{group}\.{name} must be finite"):
-        build(group, **{name: value})
+    with pytest.raises(ValueError, match=rf"^{group}\.{name}(\[0\])? must be finite"):
+        build(group, **{name: as_value(group, name, value)})
 
 
 @pytest.mark.parametrize(("group", "name", "rule"), ROWS)
@@ -98,8 +105,8 @@ def test_wrong_kind_is_refused(group: str, name: str, rule: str, value: Any) -> 
         assert (getattr(build(group, **{name: value}), name) is None) == stays
         return
     kind = KINDS.get(rule, "a real number")
-    with pytest.raises(TypeError, match=rf"^{group}\.{name} must be {kind}.*, got "):
-        build(group, **{name: value})
+    with pytest.raises(TypeError, match=rf"^{group}\.{name}(\[0\])? must be {kind}.*, got "):
+        build(group, **{name: as_value(group, name, value)})
 
 
 def test_messages_name_field_unit_rule_and_value() -> None:
@@ -133,13 +140,57 @@ def test_bounds(group: str, name: str, rule: str) -> None:
         assert getattr(build(group, **{name: -1}), name) == -1.0
         return
     with pytest.raises(ValueError, match=rf"^{group}\.{name} must be >=? 0 .*, got -1"):
-        build(group, **{name: -1})
-    if rule == "POSITIVE":
+        build(group, **{name: as_value(group, name, -1)})
+    if rule in ("POSITIVE", "POSITIVES"):
         for zero in (0, 0.0, -0.0):
             with pytest.raises(ValueError, match=rf"^{group}\.{name} must be > 0 .*, got -?0"):
-                build(group, **{name: zero})
+                build(group, **{name: as_value(group, name, zero)})
     else:
         assert getattr(build(group, **{name: 0}), name) == 0.0
+
+
+def test_lists_of_a_law_have_one_number_for_each_element() -> None:
+    good = GOOD["maxwell_slip"]
+    for name, count in (("stiffness", 2), ("damping", 4)):
+        message = rf"^maxwell_slip\.{name} must have one number for each .*, 3 as .*, got {count}"
+        with pytest.raises(ValueError, match=message):
+            build("maxwell_slip", **{name: (1.0,) * count})
+    for bad, kind in (((), ValueError), (1.0, TypeError), ("12", TypeError), (None, TypeError)):
+        with pytest.raises(kind, match=r"^maxwell_slip\.mu must "):
+            build("maxwell_slip", mu=bad)
+    most = {name: (1.0,) * 64 for name in ("mu", "stiffness", "damping")}
+    assert bd.MaxwellSlip(**most).n_states == 64
+    with pytest.raises(ValueError, match=r"must have 1 to 64 numbers, got 65"):
+        bd.MaxwellSlip(**{name: (1.0,) * 65 for name in most})
+    for same in (list(good["mu"]), np.array(good["mu"])):
+        assert build("maxwell_slip", mu=same) == bd.MaxwellSlip(**good)
+
+
+@pytest.mark.parametrize("name", STRIBECK)
+def test_a_stribeck_curve_has_two_numbers(name: str) -> None:
+    law = STRIBECK[name]
+    for missing, other in (("mu_s", "v_stribeck"), ("v_stribeck", "mu_s")):
+        if attrs.fields_dict(type(law))[missing].default == 0.0:
+            message = rf"^{name}\.{missing} must be > 0, too: a Stribeck curve needs mu_s and "
+            with pytest.raises(ValueError, match=message):
+                attrs.evolve(law, **{missing: 0.0})
+            rows = str(attrs.evolve(law, **{missing: 0.0, other: 0.0}))
+            assert "mu_s" not in rows and "v_stribeck" not in rows
+    assert "mu_s" in str(law) and "v_stribeck" in str(law)
+
+
+def test_one_pulley_of_a_drive_without_friction(params: bd.Params) -> None:
+    """Its links have no friction, and the drive is that with laws on the others alone."""
+    law = EXAMPLES["dahl"]
+    one, other = params.pulleys[0], attrs.evolve(params.pulleys[1], friction=bd.Frictionless())
+    shared = attrs.evolve(params, friction=law, pulleys=(one, other))
+    assert shared.friction_on(0) == law and shared.friction_on(1) is None
+    assert shared._model.friction == with_laws(params, law, None)._model.friction
+    nowhere = attrs.evolve(params, friction=bd.Frictionless())
+    assert not nowhere.has_friction and nowhere.info["n_slots"] == 0
+    assert bd.Params.from_toml(shared.to_toml()) == shared
+    assert str(bd.Frictionless()).split() == ["Frictionless", "law", "none"]
+    assert bd.Frictionless().n_states == 0 and bd.Frictionless().creep(0.5) == 0.0
 
 
 @pytest.mark.parametrize("value", [60.0, np.float64(60.0), "60", math.nan])
@@ -211,7 +262,8 @@ def test_fields_are_of_their_class(params: bd.Params) -> None:
         ({"contact": None}, "contact must be a Contact, got NoneType"),
         (
             {"friction": 1.0},
-            "friction must be a friction law (Dahl, LuGre, ElasticPlastic) or None, got float",
+            "friction must be a friction law (Dahl, LuGre, ElasticPlastic, Coulomb, CreepRate, "
+            "Threlfall, MaxwellSlip, Frictionless) or None, got float",
         ),
         ({"pulleys": [pulley, GOOD["pulley"]]}, "pulleys[1] must be a Pulley, got dict"),
         ({"pulleys": pulley}, "pulleys must be a sequence of Pulley, got Pulley"),
@@ -225,7 +277,7 @@ def test_fields_are_of_their_class(params: bd.Params) -> None:
 
 def test_friction_of_a_pulley_is_a_law(params: bd.Params) -> None:
     pulley = params.pulleys[0]
-    classes = ", ".join(law.__name__ for law in LAWS.values())
+    classes = ", ".join(law.__name__ for law in (*LAWS.values(), bd.Frictionless))
     for bad, kind in ((1.0, "float"), ("dahl", "str"), (GOOD["dahl"], "dict"), (bd.Dahl, "type")):
         message = rf"friction must be a friction law \({classes}\) or None, got {kind}$"
         with pytest.raises(TypeError, match="^pulley." + message):
@@ -242,7 +294,7 @@ def test_laws_are_values(params: bd.Params, name: str) -> None:
     assert law == again and hash(law) == hash(again)
     assert eval(repr(law), vars(bd)) == law
     first = next(iter(GOOD[name]))
-    assert law != attrs.evolve(law, **{first: 2 * GOOD[name][first]})
+    assert law != scaled(law, 2.0)
     with pytest.raises(attrs.exceptions.FrozenInstanceError):
         setattr(law, first, 1.0)
     for drive in (attrs.evolve(params, friction=law), with_laws(params, None, law)):
@@ -263,7 +315,14 @@ def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None
     on_pulley, of_drive = str(with_laws(params, None, law)), str(attrs.evolve(params, friction=law))
     for group, field, _, unit, meaning in _core.PARAMETERS:
         if group == name:
-            quantity = f"{getattr(law, field):.10g}" + ("" if unit == "1" else f" {unit}")
+            value = getattr(law, field)
+            if field in ("mu_s", "v_stribeck") and value == 0.0:
+                continue
+            several = isinstance(value, tuple)
+            number = (
+                f"({', '.join(f'{one:.10g}' for one in value)})" if several else f"{value:.10g}"
+            )
+            quantity = number + ("" if unit == "1" else f" {unit}")
             for lines, label in (
                 (text, field),
                 (on_pulley, f"pulleys[1].friction.{field}"),
@@ -277,16 +336,25 @@ def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_law_is_made_of_typical_numbers(params: bd.Params, name: str) -> None:
-    """As the example is of a law that has none of its own: it settles and holds the belt."""
+    """As the example is of a law that has none of its own: it settles, and holds the belt if it
+    has a state to hold it by.
+    """
     friction = attrs.evolve(params, friction=typical(name))
-    assert bd.settle(friction, friction=True, tolerance=1e-3).mu.any()
+    settled = bd.settle(friction, friction=True, tolerance=1e-3)
+    assert settled.mu.any() == (EXAMPLES[name].n_states > 0)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_numbers_of_laws_have_names(params: bd.Params, name: str) -> None:
     """What `identify` may look for, of the drive's law and of a pulley's."""
     own = attrs.evolve(with_laws(params, None, EXAMPLES[name]), friction=EXAMPLES[name])
-    fields = [field.name for field in attrs.fields(LAWS[name])]
+    numbers = attrs.asdict(EXAMPLES[name])
+    fields = [
+        f"{field}[{e}]" if isinstance(value, tuple) else field
+        for field, value in numbers.items()
+        for e in range(len(value) if isinstance(value, tuple) else 1)
+        if value
+    ]
     for label in [f"{part}.{field}" for part in ("friction", "pulleys[1].friction")
                   for field in fields]:  # fmt: skip
         assert label in names.numbers(own)

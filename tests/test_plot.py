@@ -275,6 +275,25 @@ def test_drive_coloured_by_friction(result: bd.Result, ax: Axes) -> None:
     assert "no contact" in labels(ax)
 
 
+def test_arcs_follow_a_stribeck_curve(result: bd.Result) -> None:
+    """At rest friction may be mu_s before it slips, in fast slip mu_k: as much friction is slip
+    where it is fast and stick where it is slow.
+    """
+    assert isinstance(result.params.friction, bd.Dahl)
+    mu_k, pulley = result.params.friction.mu_k, result.contact.pulley
+    law = attrs.evolve(result.params.friction, mu_s=2.0 * mu_k, v_stribeck=0.01)
+    changed = with_contact(
+        attrs.evolve(result, params=attrs.evolve(result.params, friction=law)),
+        mu=np.where(pulley >= 0, 1.2 * mu_k, 0.0),
+        velocity=np.where(pulley == 0, 1.0, 1e-4),
+    )
+    _, (stick, slip) = parts(bd.plot.drive(changed))
+    for arcs, k in ((stick, 1), (slip, 0)):
+        centre, radius = result.params.pulleys[k].center, result.params.pulleys[k].radius
+        points = np.concatenate(arcs.get_segments()) - centre
+        assert (np.hypot(*points.T) < radius).all()
+
+
 def test_stick_and_slip_arcs(result: bd.Result) -> None:
     """All links of pulley 0 made to slip, none of pulley 1: one arc each, inside the rims."""
     assert result.params.friction is not None

@@ -205,7 +205,7 @@ def test_starts_over_with_a_shorter_step() -> None:
     from beltdyn import _core
 
     params, state = thrust(8e-3, 5e12)
-    sim = _core.Simulation.settle(params._model, state._to_core(True))
+    sim = _core.Simulation.settle(params._model, state._to_core(params))
     while not sim.advance(1.0):
         pass
     stats = sim.stats

@@ -210,7 +210,7 @@ def test_velocities_stretch_nothing_and_do_not_slip(layout: str) -> None:
     sunk = bd.compliance.compliance(params, [state.tension(params).mean] * len(params.pulleys), v)
     rims = state.omega * sunk.radius.mean(axis=1)
     assert rims == pytest.approx(params.route.senses * params.route.senses[0] * v, rel=2e-4)
-    seen = params._model.observe(state._to_core(True))
+    seen = params._model.observe(state._to_core(params))
     pressed, slips = seen["normal"][0], seen["velocity"][0]
     assert abs(np.sum(pressed * slips)) <= 2e-3 * v * np.sum(pressed)
 
@@ -280,7 +280,7 @@ def test_the_core_refuses_friction_and_bad_speeds() -> None:
         _core.Simulation.settle(model, None, friction=True, speed=1.0)
     with pytest.raises(ValueError, match="speed must be finite"):
         _core.Simulation.settle(model, None, speed=math.nan)
-    state = bd.settle(drive("two", 60))._to_core(True)
+    state = bd.settle(drive("two", 60))._to_core(drive("two", 60))
     with pytest.raises(ValueError, match="speed must be finite"):
         model.set_going(state, math.inf)
 

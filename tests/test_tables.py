@@ -60,6 +60,11 @@ def test_every_group_of_parameters_has_its_class() -> None:
     assert {row[0] for row in _core.PARAMETERS} == set(PARTS)
 
 
+#: What a docstring says of a rule, and of parameters whose 0 has a meaning.
+BOUNDS = {"POSITIVE": "> 0", "POSITIVES": "> 0", "NONNEGATIVE": ">= 0", "FINITE": ""}
+WITH_ZERO = {"mu_s": "0: no", "v_stribeck": "> 0"}
+
+
 @pytest.mark.parametrize("group", PARTS)
 def test_parameters_are_fields_in_order_with_their_units(group: str) -> None:
     fields = attrs.fields(PARTS[group])
@@ -73,7 +78,9 @@ def test_parameters_are_fields_in_order_with_their_units(group: str) -> None:
     for rule in rules.values():
         if rule.rule not in ("LINKS", "FLAG"):
             assert says_unit(texts[rule.name], rule.unit), rule
-            bound = {"POSITIVE": "> 0", "NONNEGATIVE": ">= 0", "FINITE": ""}[rule.rule]
+            bound = BOUNDS[rule.rule]
+            if rule.rule == "NONNEGATIVE":
+                bound = WITH_ZERO.get(rule.name, bound)
             assert re.search(rf"(?<![<>=]){bound}(?!\d)", texts[rule.name]), rule
 
 

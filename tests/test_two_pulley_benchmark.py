@@ -33,15 +33,6 @@ THEORY = {"omega": 11.308399, "torque": 47.6168, "tight": 663.170, "slack": 186.
 FINEST = {"omega": 11.325011, "torque": 47.65485, "tight": 664.516, "slack": 186.268}
 PEAK = (0.645, 12.11310)
 MINIMUM = (0.729, 11.36270)
-DRIVE = creep_theory.Drive(
-    radii=(0.1, 0.1),
-    wraps=(math.pi, math.pi),
-    spans=0.2 * math.pi,
-    length=0.38 * math.pi,
-    axial_stiffness=7600.0,
-    linear_density=0.8288 / 0.95,
-    mu=0.5,
-)
 
 
 @functools.cache
@@ -71,7 +62,7 @@ def errors(result: bd.Result, of: dict[str, float]) -> dict[str, float]:
 
 
 def test_theory_gives_the_quoted_numbers() -> None:
-    state = creep_theory.steady(DRIVE, 12.0, lambda omega: 2.0 * omega + 25.0)
+    state = creep_theory.two_pulley_benchmark()
     assert state.omega == pytest.approx(THEORY["omega"], abs=5e-7)
     assert state.load == pytest.approx(THEORY["torque"], abs=5e-5)
     assert state.tight == pytest.approx(THEORY["tight"], abs=5e-4)

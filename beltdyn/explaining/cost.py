@@ -93,13 +93,15 @@ class Step:
         return self.alone - sum(one.per_step for one in self.passes)
 
 
-def size_of(sim: _core.Simulation) -> StateSize:
-    """Give the size of the state of a run."""
+def size_of(sim: _core.Simulation, string: bool) -> StateSize:
+    """Give the size of the state of a run; that of a string has no angles of links."""
     state, sizes = sim.state(), sim.sizes
     names = ("links", _OTHER, "pulleys", "mounts")
     parts = dict.fromkeys(names, 0)
     fields: dict[str, tuple[str, ...]] = dict.fromkeys(names, ())
     for name, size, *_ in _core.STATE_FIELDS:
+        if string and name in ("phi", "vphi"):
+            continue
         part = _PARTS.get(size, _OTHER)
         parts[part] += int(state[name].size)
         fields[part] += (name,)

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import attrs
 
 from .. import _core
-from ..friction import Friction
+from ..friction import Friction, Frictionless
+from ..motions import MotionLike, described
 from ..params import Params
 from ..rules import Printable, Rule
 
@@ -69,7 +70,7 @@ def parts_of(params: Params) -> Iterator[Part]:
 def effects_of(
     params: Params,
     torque: str,
-    motions: Mapping[int, object],
+    motions: Mapping[int, MotionLike],
     rows: Sequence[int],
     passes: Sequence[str],
 ) -> tuple[Effect, ...]:
@@ -100,6 +101,8 @@ def effects_of(
 
 
 def _part(path: str, pulley: int | None, part: object) -> Iterator[Part]:
+    if isinstance(part, Frictionless):
+        return
     if isinstance(part, Friction):
         yield Part("friction", path, pulley, part)
     elif isinstance(part, Printable):
@@ -113,7 +116,7 @@ def _rules(part: Printable) -> list[Rule]:
 
 
 def _reasons(
-    params: Params, torque: str, motions: Mapping[int, object], words: Sequence[str]
+    params: Params, torque: str, motions: Mapping[int, MotionLike], words: Sequence[str]
 ) -> tuple[list[str], list[str]]:
     """Give what calls for an effect, and the numbers that are 0."""
     reasons: list[str] = []
@@ -124,7 +127,7 @@ def _reasons(
     if "torque" in words:
         reasons.append(f"torque: {torque}")
     if "motion" in words:
-        reasons += [f"motion of {params.label(k)}: {motion}" for k, motion in motions.items()]
+        reasons += [f"motion of {params.label(k)}: {described(one)}" for k, one in motions.items()]
     for part in parts_of(params):
         if part.group not in words:
             continue

@@ -192,7 +192,7 @@ def explain(
     motions = as_motions(motion, params.pulley_names)
     return Explanation(
         effects=effects_of(params, _described(torque_fn), motions, sim.effects, sim.passes),
-        state=size_of(sim),
+        state=size_of(sim, scene.params.belt_model == "string"),
         step=step,
         window=window,
         ablation=found,
@@ -207,7 +207,7 @@ def _start(drive: Drive, state: State, method: str) -> _core.Simulation:
     names = scene.params.pulley_names
     return _core.Simulation(
         scene.params._model,
-        state._to_core(scene.params.has_friction),
+        state._to_core(scene.params),
         as_terms(scene.torque_fn, names),
         max(scene.t_end, 2.0 * state.t),
         method=method,

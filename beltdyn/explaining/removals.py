@@ -32,8 +32,8 @@ _HOLDS = {
 }
 #: Numbers that may be 0 although something is chosen by default.
 _CHOSEN = {("contact", "damping")}
-#: The static coefficient of a law with a Stribeck curve, and the names of the kinetic one.
-_STATIC, _KINETIC = "mu_s", ("mu_k", "mu")
+#: A Stribeck curve's numbers, the first of them the static coefficient; names of the kinetic one.
+_STRIBECK, _KINETIC = ("mu_s", "v_stribeck"), ("mu_k", "mu")
 
 
 class Removal(NamedTuple):
@@ -75,7 +75,7 @@ def _optional(part: Part) -> Iterator[str]:
     """Name the numbers of a part that are there and need not be."""
     for field in attrs.fields(type(part.part)):  # type: ignore[arg-type]
         rule = field.metadata.get("rule")
-        if rule is None or rule.rule != "NONNEGATIVE":
+        if rule is None or rule.rule != "NONNEGATIVE" or field.name in _STRIBECK:
             continue
         row = (rule.group, rule.name)
         optional = (field.default == 0.0 and row not in _HOLDS) or row in _CHOSEN
@@ -129,11 +129,13 @@ def _without_gravity(scene: Scene) -> Scene:
 
 def _stribeck_off(part: Part) -> dict[str, Any]:
     """Give the static coefficient that takes the Stribeck curve away, where there is one."""
-    static = getattr(part.part, _STATIC, None)
-    if part.group != "friction" or static is None:
+    name, _ = _STRIBECK
+    static = getattr(part.part, name, 0.0)
+    if part.group != "friction" or static == 0.0:
         return {}
-    kinetic = next(getattr(part.part, name) for name in _KINETIC if hasattr(part.part, name))
-    return {} if np.all(static == kinetic) else {_STATIC: kinetic}
+    kinetic = next(getattr(part.part, one) for one in _KINETIC if hasattr(part.part, one))
+    total = sum(kinetic) if isinstance(kinetic, tuple) else kinetic
+    return {} if static == total else {name: total}
 
 
 def _has_stribeck(scene: Scene) -> bool:

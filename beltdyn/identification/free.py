@@ -110,7 +110,13 @@ def _start(params: Params, free: Free) -> float:
     found = names.read(params, free.name)
     for value in found:
         if not isinstance(value, float):
-            hint = close_to(free.name, names.numbers(params))
+            several = isinstance(value, tuple) and all(isinstance(one, float) for one in value)
+            first = f"{free.name}[0]"
+            hint = (
+                f" (name one of them, such as {first!r})"
+                if several
+                else close_to(free.name, names.numbers(params))
+            )
             raise ValueError(
                 f"{free.name} cannot be free: it is not a real number but {value!r}{hint}"
             )
@@ -126,10 +132,11 @@ def _resolve(params: Params, free: Free) -> Parameter:
     start = _start(params, free)
     rule = names.rule_of(params, free.name) if free.set is None else None
     kind = rule.rule if rule else ""
-    log = start > 0.0 and kind in ("POSITIVE", "NONNEGATIVE")
+    bounded = kind in ("POSITIVE", "POSITIVES", "NONNEGATIVE")
+    log = start > 0.0 and bounded
     if free.scale is not None:
         log = free.scale == "log"
-    least = 0.0 if log or kind in ("POSITIVE", "NONNEGATIVE") else -math.inf
+    least = 0.0 if log or bounded else -math.inf
     low = max(least, -math.inf if free.lower is None else free.lower)
     high = math.inf if free.upper is None else free.upper
     if log and start <= 0.0:

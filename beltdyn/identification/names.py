@@ -106,15 +106,18 @@ def read(params: Params, name: str) -> list[Any]:
 
 
 def rule_of(params: Params, name: str) -> Rule | None:
-    """Give the rule of a named number, None if it has none of its own."""
+    """Give the rule of a named number, None if it has none of its own; of a list, that of all."""
     path = parse(name)
-    if not isinstance(path[-1], str) or path[-1] == "*":
+    if len(path) > 1 and not (isinstance(path[-1], str) and path[-1] != "*"):
+        path = path[:-1]
+    field = path[-1]
+    if not isinstance(field, str) or field == "*":
         return None
     node: Any = params
     for step in path[:-1]:
         node = node[0] if step == "*" else _step(node, step, name)
-    rule: Rule | None = getattr(attrs.fields(type(node)), path[-1]).metadata.get("rule")
-    return rule
+    rule: Rule | None = getattr(attrs.fields(type(node)), field).metadata.get("rule")
+    return rule if path == parse(name) or (rule and rule.rule == "POSITIVES") else None
 
 
 def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:

@@ -76,11 +76,11 @@ def animate(
         colour: What colours the belt, as in :func:`drive`; the scale is one for the whole run.
         panel: What to draw below the drive over time: "tensions", "speeds" or None.
         arcs: Whether to mark where the belt sticks and where it slips.
-        slip_from: A link slips from this share of mu_k on, in (0, 1].
+        slip_from: A link slips from this share of full friction on, in (0, 1].
         links: Links to highlight: an index, a sequence of them, {name: index} or None; one makes
             the motion of the belt visible.
-        limits: Ends of the colour scale; None: the extremes of the run for the tension, -mu_k and
-            mu_k for friction.
+        limits: Ends of the colour scale; None: the extremes of the run for the tension, the kinetic
+            coefficient, to either side, for friction.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule.

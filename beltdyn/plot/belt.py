@@ -131,10 +131,11 @@ def drive(
             "friction" (mu; grey off the pulleys) or None.
         arcs: Whether to mark, within the rims, where the belt sticks and where it slips; not
             for a drive without friction.
-        slip_from: A link counts as slipping from this share of mu_k on, in (0, 1].
+        slip_from: A link counts as slipping from this share of full friction on,
+            in (0, 1]; with a Stribeck curve that at its slip velocity.
         links: Links to highlight: an index, a sequence of them, or {name: index}.
-        limits: Ends of the colour scale; None: least and largest tension at this time, or -mu_k
-            and mu_k for friction.
+        limits: Ends of the colour scale; None: least and largest tension at this time, or the
+            kinetic coefficient, to either side, for friction.
         ax: Axes to draw into; None: those of a new figure.
 
     Raises:

@@ -16,6 +16,8 @@ from matplotlib.patches import Circle, FancyArrowPatch
 from numpy.typing import NDArray
 
 from ..checks import Array, pair, real
+from ..observed import in_slip
+from ..outputs import has
 from ..result import Result
 from . import style
 from .mounting import MountPicture
@@ -40,7 +42,7 @@ class DrivePicture:
         rows: Samples it will be moved to; axes, colours and legend fit all of them.
         colour: "tension", "friction" or None.
         arcs: Whether to mark where the belt sticks and slips.
-        slip_from: A link counts as slipping from this share of mu_k on.
+        slip_from: A link counts as slipping from this share of full friction on.
         links: Links to highlight, by name.
         limits: Ends of the colour scale; None: chosen.
 
@@ -74,6 +76,10 @@ class DrivePicture:
         self._half = result.params.info["link_length"] / 2.0
         self._kinetic, _ = result.params._slip_limits
         self._slip_from = slip_from
+        laws = enumerate(map(result.params.friction_on, range(len(result.params.pulleys))))
+        self._falling = {k: one for k, one in laws if one and getattr(one, "mu_s", 0) > 0}
+        if not has(result.outputs, "contact.velocity"):
+            self._falling = {}
         self._arcs_on = bool(arcs) and has_friction
         self._moves = result.mounts is not None
         self._limits = self._scale(limits)
@@ -268,8 +274,12 @@ class DrivePicture:
         """Find the links that touch a pulley, and those of them that slip."""
         contact = self._result.contact
         on = contact.pulley[rows] >= 0
-        slips = self._slip_from * self._kinetic[contact.pulley[rows]]
-        return on, on & (np.abs(contact.mu[rows]) >= slips)
+        full = self._kinetic[contact.pulley[rows]]
+        for k, law in self._falling.items():
+            held = in_slip(law, float(self._kinetic[k]), contact.velocity[rows])
+            if held is not None:
+                full = np.where(contact.pulley[rows] == k, held, full)
+        return on, on & (np.abs(contact.mu[rows]) >= self._slip_from * full)
 
     def _rim_arcs(self, row: int, chosen: NDArray[np.bool_]) -> list[Array]:
         """One polyline per run of links of the same state on the same pulley."""

@@ -27,10 +27,12 @@ void *bd_carve(bd_carver *carver, size_t count, size_t size) {
 }
 
 void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block) {
-  BD_CARVE(carver, *block, lay->stride);
-  if (carver->base) {
-    *block += BD_HALO;
-  }
+  bd_carve_rows(carver, lay, 1, block);
+}
+
+void bd_carve_rows(bd_carver *carver, const bd_layout *lay, int count, double **rows) {
+  BD_CARVE(carver, *rows, count * lay->stride);
+  *rows = count == 0 ? NULL : carver->base ? *rows + BD_HALO : *rows;
 }
 
 /* aligned_alloc is missing or partial on some platforms: align by hand, keep the heap's own pointer

@@ -4,7 +4,8 @@
  *
  * Layout. One flat, 64-byte aligned vector: LINK_FIELDS blocks of `stride` doubles, then a tail
  *
- *   | x | y | phi | vx | vy | vphi | mu (slots) | slip (slots) || theta | omega | mounts | work |
+ *   | x | y | phi | vx | vy | vphi | mu (slots, states) | slip (slots) || theta | omega | mounts
+ *   | work |
  *
  * A string of point masses has neither phi nor vphi.
  * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
@@ -23,7 +24,7 @@
 #define BD_ALIGN 64
 
 /* Rows of BD_STATE_FIELDS; of a field of links also the number of its block (bd_block), F_MU the
- * first of the friction slots'. */
+ * first of the friction slots' states (bd_f_state). */
 enum {
 #define X(symbol, name, size, scale, unit, text) F_##symbol,
   BD_STATE_FIELDS(X)
@@ -43,6 +44,7 @@ enum {
 typedef struct bd_layout {
   int n, n8, np, slots;
   int string;             /* 1: of point masses, without phi and vphi */
+  int states;             /* of friction, of a link in a slot: the most that a law has */
   int stride;             /* doubles per block */
   int theta, omega, work; /* offsets of the tail */
   int nm;                 /* mounts, */
@@ -76,8 +78,13 @@ static inline void bd_close_links(const bd_layout *lay, double *y) {
   }
 }
 
-static inline int bd_f_slip(const bd_layout *lay) {
-  return F_MU + lay->slots;
+/* Blocks of a friction slot: the first of its states, and its slip. */
+static inline int bd_f_state(const bd_layout *lay, int slot) {
+  return F_MU + slot * lay->states;
+}
+
+static inline int bd_f_slip(const bd_layout *lay, int slot) {
+  return F_MU + lay->slots * lay->states + slot;
 }
 
 /* --- base.c ---------------------------------------------------------------------------------- */
@@ -95,6 +102,8 @@ void *bd_carve(bd_carver *carver, size_t count, size_t size);
 
 /* A block of the links' places, the halo before its first one. */
 void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block);
+/* Several, one after the other at the layout's stride; of 0 NULL. */
+void bd_carve_rows(bd_carver *carver, const bd_layout *lay, int count, double **rows);
 
 void *bd_block_new(size_t size); /* zeroed, aligned to BD_ALIGN */
 void bd_block_free(void *block);

@@ -3,11 +3,13 @@
  * What the parts of the extension module share: objects, the state record, errors, torque terms.
  *
  *   module.c      the module: tables, functions, errors
+ *   build.c       dicts, tuples and lists, item by item
  *   scene.c       the parts of a scene from the arguments of Model; the belt line
  *   model.c       Model, and states in and out
  *   output.c      the arrays a run fills
  *   torque.c      torque terms and motions, and calling Python from the core
- *   simulation.c  Simulation
+ *   simulation.c  Simulation, made and run
+ *   inspect.c     what it shows between its steps
  */
 #ifndef BELTDYN_CORE_H
 #define BELTDYN_CORE_H
@@ -30,8 +32,18 @@ int bd_core_add_simulation(PyObject *module, bd_core_module *state);
 PyObject *bd_core_raise(int code, const bd_error *err);
 PyObject *bd_core_belt_line(PyObject *module, PyObject *args, PyObject *keywords);
 
-/* dict[name] = value, taking the reference of value (NULL: an exception is set already). */
+/* --- building -------------------------------------------------------------------------------- */
+
+/* Each takes the reference of value, which is NULL where an exception is set already. */
+
+/* dict[name] = value. -1 with an exception. */
 int bd_core_set(PyObject *dict, const char *name, PyObject *value);
+/* The tuple with value as its item k, or the list with it at its end; NULL with an exception, the
+ * tuple or list having been freed. */
+PyObject *bd_core_put(PyObject *tuple, Py_ssize_t k, PyObject *value);
+PyObject *bd_core_append(PyObject *list, PyObject *value);
+/* A tuple in the place of a list, which is freed; NULL for NULL. */
+PyObject *bd_core_tuple(PyObject *list);
 
 /* A C number of a struct in fields.h as the Python number of its kind. */
 #define BD_CORE_NUMBER(value)                                                                      \
@@ -39,6 +51,13 @@ int bd_core_set(PyObject *dict, const char *name, PyObject *value);
            : PyLong_FromLong, long                                                                 \
            : PyLong_FromLong, double                                                               \
            : PyFloat_FromDouble)(value)
+
+/* dict[name] = the member of that name of a struct in fields.h: for a row of its table. Does
+ * nothing where dict is NULL; frees it and makes it NULL if that fails. */
+#define BD_CORE_SET_NUMBER(dict, record, name)                                                     \
+  if ((dict) && bd_core_set(dict, #name, BD_CORE_NUMBER((record).name)) < 0) {                     \
+    Py_CLEAR(dict);                                                                                \
+  }
 
 /* --- scene ----------------------------------------------------------------------------------- */
 

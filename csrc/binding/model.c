@@ -10,7 +10,7 @@
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum { SIZE_LINKS, SIZE_SLOTS, SIZE_PULLEYS, SIZE_MOUNTS };
+enum { SIZE_LINKS, SIZE_SLOTS, SIZE_STATES, SIZE_PULLEYS, SIZE_MOUNTS };
 
 /* The name, length kind and pointer of every state field, in the order of BD_STATE_FIELDS. */
 static const struct {
@@ -26,6 +26,7 @@ static const struct {
 static npy_intp length_of(int size, const bd_info *info) {
   return size == SIZE_LINKS    ? info->n_bodies
          : size == SIZE_SLOTS  ? (npy_intp)info->n_slots * info->n_bodies
+         : size == SIZE_STATES ? (npy_intp)info->n_slots * info->n_states * info->n_bodies
          : size == SIZE_MOUNTS ? info->n_mounts
                                : info->n_pulleys;
 }
@@ -319,20 +320,12 @@ static PyObject *model_belt_model(PyObject *object, void *Py_UNUSED(closure)) {
 }
 
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
-  const bd_info *info = &((bd_core_model *)object)->info;
+  const bd_core_model *self = (const bd_core_model *)object;
   PyObject *dict = PyDict_New();
-  if (!dict) {
-    return NULL;
-  }
-#define X(type, name, text)                                                                        \
-  if (bd_core_set(dict, #name, BD_CORE_NUMBER(info->name)) < 0)                                    \
-    goto fail;
+#define X(type, name, text) BD_CORE_SET_NUMBER(dict, self->info, name)
   BD_INFO(X)
 #undef X
   return dict;
-fail:
-  Py_DECREF(dict);
-  return NULL;
 }
 
 PyDoc_STRVAR(
@@ -377,12 +370,7 @@ static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
   for (int j = 0; all && j < self->info.n_pulleys; j++) {
     double kinetic, slip;
     const int law = bd_model_friction(self->model, j, &kinetic, &slip);
-    PyObject *row = Py_BuildValue("(sdd)", bd_law_name(law), kinetic, slip);
-    if (row) {
-      PyTuple_SET_ITEM(all, j, row);
-    } else {
-      Py_CLEAR(all);
-    }
+    all = bd_core_put(all, j, Py_BuildValue("(sdd)", bd_law_name(law), kinetic, slip));
   }
   return all;
 }
@@ -397,12 +385,7 @@ static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) 
   int terms[BD_N_ENERGY], n = bd_model_energy_terms(self->model, terms);
   PyObject *all = PyTuple_New(n);
   for (int k = 0; all && k < n; k++) {
-    PyObject *name = PyUnicode_FromString(names[terms[k]]);
-    if (name) {
-      PyTuple_SET_ITEM(all, k, name);
-    } else {
-      Py_CLEAR(all);
-    }
+    all = bd_core_put(all, k, PyUnicode_FromString(names[terms[k]]));
   }
   return all;
 }

@@ -71,15 +71,6 @@ PyObject *bd_core_raise(int code, const bd_error *err) {
   return NULL;
 }
 
-int bd_core_set(PyObject *dict, const char *name, PyObject *value) {
-  if (!value) {
-    return -1;
-  }
-  int failed = PyDict_SetItemString(dict, name, value);
-  Py_DECREF(value);
-  return failed;
-}
-
 /* --- functions ------------------------------------------------------------------------------- */
 
 PyDoc_STRVAR(kernel_level_doc,
@@ -153,15 +144,16 @@ static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
 }
 
 PyDoc_STRVAR(friction_law_doc,
-             "friction_law(friction, link_length, z, v, normal)\n--\n\n"
+             "friction_law(friction, link_length, z, v, normal, element=0)\n--\n\n"
              "A friction law at single links in contact, as the kernels in use evaluate it.\n\n"
              "friction: (name of a law in LAWS, tuple of its numbers). link_length: l0 [m]. z, v,\n"
-             "normal: state, slip velocity [m/s] and normal force [N], shape (n,). Returns a dict\n"
-             "of arrays (n,): force [N], rate of the state, and how both change: by_normal,\n"
+             "normal: state, slip velocity [m/s] and normal force [N], shape (n,). element: of a\n"
+             "law of several. Returns a dict of arrays (n,): force [N], rate of the state, and how "
+             "both change: by_normal,\n"
              "by_state, by_slip, rate_by_normal, rate_by_state, rate_by_slip.");
 
 static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *names[] = {"friction", "link_length", "z", "v", "normal", NULL};
+  char *names[] = {"friction", "link_length", "z", "v", "normal", "element", NULL};
   static const char *const columns[] = {"force",         "rate",        "by_normal",
                                         "by_state",      "by_slip",     "rate_by_normal",
                                         "rate_by_state", "rate_by_slip"};
@@ -170,8 +162,9 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
   PyArrayObject *given[3] = {NULL, NULL, NULL};
   bd_friction friction = {0};
   double l0, *out[N_COLUMNS];
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOO:friction_law", names, &law, &length,
-                                   &objects[0], &objects[1], &objects[2]) ||
+  int element = 0;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOO|i:friction_law", names, &law, &length,
+                                   &objects[0], &objects[1], &objects[2], &element) ||
       bd_core_read_friction(law, "friction", &friction) < 0 ||
       bd_convert_real(length, "link_length", &l0) < 0) {
     return NULL;
@@ -197,7 +190,7 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
     const double *normal = PyArray_DATA(given[2]);
     bd_law_point p;
     bd_error err = {0};
-    int code = bd_friction_evaluate(&friction, l0, z[i], v[i], normal[i], &p, &err);
+    int code = bd_friction_evaluate(&friction, l0, element, z[i], v[i], normal[i], &p, &err);
     if (code < 0) {
       bd_core_raise(code, &err);
       Py_CLEAR(result);
@@ -214,6 +207,25 @@ done:
     Py_XDECREF(given[k]);
   }
   return result;
+}
+
+PyDoc_STRVAR(
+    friction_states_doc,
+    "friction_states(friction)\n--\n\n"
+    "Checks a law's numbers, and tells how many states a link has under it: 0 of a function\n"
+    "of slip velocity and normal force alone. friction: as in friction_law.");
+
+static PyObject *friction_states(PyObject *Py_UNUSED(module), PyObject *object) {
+  bd_friction friction = {0};
+  bd_error err = {0};
+  if (bd_core_read_friction(object, "friction", &friction) < 0) {
+    return NULL;
+  }
+  int code = bd_friction_check(&friction, bd_law_name(friction.law), &err);
+  if (code < 0) {
+    return bd_core_raise(code, &err);
+  }
+  return PyLong_FromLong(bd_friction_states(&friction));
 }
 
 PyDoc_STRVAR(
@@ -270,6 +282,7 @@ static PyMethodDef functions[] = {
     {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
     {"friction_law", (PyCFunction)(void (*)(void))friction_law, METH_VARARGS | METH_KEYWORDS,
      friction_law_doc},
+    {"friction_states", friction_states, METH_O, friction_states_doc},
     {"belt_line", (PyCFunction)(void (*)(void))bd_core_belt_line, METH_VARARGS | METH_KEYWORDS,
      belt_line_doc},
     {"dahl_slide", (PyCFunction)(void (*)(void))dahl_slide, METH_VARARGS | METH_KEYWORDS,
@@ -298,18 +311,9 @@ static PyObject *table_of(size_t n, size_t width, const char *const *cells) {
   for (size_t i = 0; table && i < n; i++) {
     PyObject *row = PyTuple_New((Py_ssize_t)width);
     for (size_t j = 0; row && j < width; j++) {
-      PyObject *text = PyUnicode_FromString(cells[i * width + j]);
-      if (text) {
-        PyTuple_SET_ITEM(row, (Py_ssize_t)j, text);
-      } else {
-        Py_CLEAR(row);
-      }
+      row = bd_core_put(row, (Py_ssize_t)j, PyUnicode_FromString(cells[i * width + j]));
     }
-    if (row) {
-      PyTuple_SET_ITEM(table, (Py_ssize_t)i, row);
-    } else {
-      Py_CLEAR(table);
-    }
+    table = bd_core_put(table, (Py_ssize_t)i, row);
   }
   return table;
 }
@@ -332,11 +336,7 @@ static PyObject *error_table(void) {
   for (size_t i = 0; table && i < n; i++) {
     PyObject *row =
         Py_BuildValue("(siss)", rows[i].symbol, rows[i].code, rows[i].kind, rows[i].text);
-    if (row) {
-      PyTuple_SET_ITEM(table, (Py_ssize_t)i, row);
-    } else {
-      Py_CLEAR(table);
-    }
+    table = bd_core_put(table, (Py_ssize_t)i, row);
   }
   return table;
 }
@@ -357,41 +357,25 @@ static PyObject *rule_table(void) {
   for (size_t i = 0; table && i < n; i++) {
     PyObject *row = Py_BuildValue("(ssdOd)", rows[i].name, rows[i].wording, rows[i].least,
                                   rows[i].above ? Py_True : Py_False, rows[i].most);
-    if (row) {
-      PyTuple_SET_ITEM(table, (Py_ssize_t)i, row);
-    } else {
-      Py_CLEAR(table);
-    }
+    table = bd_core_put(table, (Py_ssize_t)i, row);
   }
   return table;
 }
 
 static PyObject *method_names(void) {
-  PyObject *list = PyList_New(0), *tuple;
+  PyObject *list = PyList_New(0);
   for (size_t k = 0; list && bd_method_name(k); k++) {
-    PyObject *name = PyUnicode_FromString(bd_method_name(k));
-    if (!name || PyList_Append(list, name) < 0) {
-      Py_CLEAR(list);
-    }
-    Py_XDECREF(name);
+    list = bd_core_append(list, PyUnicode_FromString(bd_method_name(k)));
   }
-  tuple = list ? PyList_AsTuple(list) : NULL;
-  Py_XDECREF(list);
-  return tuple;
+  return bd_core_tuple(list);
 }
 
 static PyObject *effect_table(void) {
-  PyObject *list = PyList_New(0), *tuple;
+  PyObject *list = PyList_New(0);
   for (int k = 0; list && bd_effect_name(k); k++) {
-    PyObject *row = Py_BuildValue("(ss)", bd_effect_name(k), bd_effect_asked_by(k));
-    if (!row || PyList_Append(list, row) < 0) {
-      Py_CLEAR(list);
-    }
-    Py_XDECREF(row);
+    list = bd_core_append(list, Py_BuildValue("(ss)", bd_effect_name(k), bd_effect_asked_by(k)));
   }
-  tuple = list ? PyList_AsTuple(list) : NULL;
-  Py_XDECREF(list);
-  return tuple;
+  return bd_core_tuple(list);
 }
 
 static int add_tables(PyObject *module) {
@@ -401,7 +385,7 @@ static int add_tables(PyObject *module) {
 #undef X
   };
   static const char *const laws[][3] = {
-#define LAW(name, class, general, text) {#name, #class, text},
+#define LAW(name, class, general, states, text) {#name, #class, text},
       BD_LAWS(LAW)
 #undef LAW
   };

@@ -10,12 +10,42 @@
 
 /* --- groups of parameters -------------------------------------------------------------------- */
 
+static int read_list(PyObject *value, const char *name, bd_numbers *list) {
+  if (!PyTuple_Check(value)) {
+    PyErr_Format(PyExc_TypeError, "%s must be a tuple of numbers, got %.100s", name,
+                 Py_TYPE(value)->tp_name);
+    return -1;
+  }
+  if (PyTuple_GET_SIZE(value) > BD_MAX_ELEMENTS) {
+    PyErr_Format(PyExc_ValueError, "%s must have 1 to %d numbers, got %zd", name, BD_MAX_ELEMENTS,
+                 PyTuple_GET_SIZE(value));
+    return -1;
+  }
+  list->n = (int)PyTuple_GET_SIZE(value);
+  for (int e = 0; e < list->n; e++) {
+    char label[BD_NAME_SIZE];
+    PyOS_snprintf(label, sizeof label, "%s[%d]", name, e);
+    if (bd_convert_real(PyTuple_GET_ITEM(value, e), label, &list->at[e]) < 0) {
+      return -1;
+    }
+  }
+  return 0;
+}
+
 /* The core checks the rule itself. */
 static int read_parameter(PyObject *value, const char *label, const bd_parameter *row,
                           char *record) {
   char name[BD_NAME_SIZE];
   PyOS_snprintf(name, sizeof name, "%s.%s", label, row->name);
-  if (!row->is_integer) {
+  if (row->kind == BD_IS_LIST) {
+    bd_numbers list = {0};
+    if (read_list(value, name, &list) < 0) {
+      return -1;
+    }
+    memcpy(record + row->offset, &list, sizeof list);
+    return 0;
+  }
+  if (row->kind == BD_IS_NUMBER) {
     double number;
     if (bd_convert_real(value, name, &number) < 0) {
       return -1;

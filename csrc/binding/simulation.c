@@ -2,40 +2,23 @@
  *
  * Simulation: one run, advanced in chunks of some milliseconds without the GIL.
  *
- * Rules that hold here: every use of the C simulation is inside enter/leave, which set and clear an
- * atomic flag, so a second thread or a torque function that calls back gets a RuntimeError; the
- * arrays the core writes to are held by the Simulation, their users only get views, so they cannot
- * be freed or resized under a run; signals are answered between chunks, where the state is that of
- * a finished step; stop() sets a flag and touches nothing else. Guarded by tests/test_module_run.py
- * and tests/test_threads.py.
+ * Rules that hold here: every use of the C simulation is between bd_core_enter and bd_core_leave,
+ * which set and clear an atomic flag, so a second thread or a torque function that calls back gets
+ * a RuntimeError; the arrays the core writes to are held by the Simulation, their users only get
+ * views, so they cannot be freed or resized under a run; signals are answered between chunks, where
+ * the state is that of a finished step; stop() sets a flag and touches nothing else. Guarded by
+ * tests/test_module_run.py and tests/test_threads.py.
  */
-#include "binding/binding.h"
+#include "binding/simulation.h"
 
-#include <limits.h>
 #include <math.h>
-#include <stdatomic.h>
 #include <stdbool.h>
-#include <stddef.h>
 #include <string.h>
 #include <time.h>
 
-typedef struct {
-  PyObject_HEAD bd_sim *sim; /* NULL only after the garbage collector cleared a cycle */
-  bd_settling *settling;     /* what owns it, if it settles; else NULL */
-  bd_core_model *model;
-  bd_core_call *calls; /* the core's `user` pointers point here */
-  Py_ssize_t n_calls;
-  PyObject *outputs; /* list of the arrays the core writes to; NULL: no sample times */
-  PyObject *passes;
-  volatile int *stop; /* set by stop(), in any thread; looked at here and in the core */
-  double rate;        /* steps per second of wall time, 0: not known yet */
-  int ledger, started;
-  atomic_bool busy;
-} bd_core_sim;
-
 /* --- one user at a time ---------------------------------------------------------------------- */
 
-static int enter(bd_core_sim *self) {
+int bd_core_enter(bd_core_sim *self) {
   if (!self->sim) {
     PyErr_SetString(PyExc_RuntimeError, "the simulation was cleared by the garbage collector");
     return -1;
@@ -49,7 +32,7 @@ static int enter(bd_core_sim *self) {
   return -1;
 }
 
-static void leave(bd_core_sim *self) {
+void bd_core_leave(bd_core_sim *self) {
   atomic_store(&self->busy, false);
 }
 
@@ -59,15 +42,9 @@ static PyObject *passes_of(const bd_sim *sim) {
   PyObject *list = PyList_New(0);
   const char *name;
   for (int k = 0; list && (name = bd_sim_pass(sim, k)); k++) {
-    PyObject *text = PyUnicode_FromString(name);
-    if (!text || PyList_Append(list, text) < 0) {
-      Py_CLEAR(list);
-    }
-    Py_XDECREF(text);
+    list = bd_core_append(list, PyUnicode_FromString(name));
   }
-  PyObject *passes = list ? PyList_AsTuple(list) : NULL;
-  Py_XDECREF(list);
-  return passes;
+  return bd_core_tuple(list);
 }
 
 static void free_core(bd_sim *sim, bd_settling *settling, volatile int *stop) {
@@ -344,7 +321,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
     return NULL;
   }
   PyObject *dict = NULL, *keep = NULL;
-  if (enter(self) < 0) {
+  if (bd_core_enter(self) < 0) {
     goto out;
   }
   bd_error err = {0};
@@ -366,7 +343,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
   } else {
     self->outputs = Py_NewRef(keep);
   }
-  leave(self);
+  bd_core_leave(self);
   if (code < 0) {
     bd_core_raise(code, &err);
   }
@@ -449,7 +426,7 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
     PyErr_Format(PyExc_ValueError, "seconds must be >= 0, got %R", argument);
     return NULL;
   }
-  if (enter(self) < 0) {
+  if (bd_core_enter(self) < 0) {
     return NULL;
   }
   self->started = 1;
@@ -471,7 +448,7 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
     }
     interrupted = code == BD_MORE && PyErr_CheckSignals() < 0;
   } while (code == BD_MORE && !interrupted && now < end);
-  leave(self);
+  bd_core_leave(self);
   if (interrupted || (code < 0 && bd_error_kind(code) == BD_KIND_CALL && !PyErr_Occurred() &&
                       bd_core_check_stop(self->stop) < 0)) {
     return NULL;
@@ -494,271 +471,6 @@ static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
   Py_RETURN_NONE;
 }
 
-/* --- looking --------------------------------------------------------------------------------- */
-
-PyDoc_STRVAR(state_doc,
-             "state($self, /)\n--\n\n"
-             "The state now, a dict of new arrays: STATE_FIELDS by name, and \"t\" [s].\n\n"
-             "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,),\n"
-             "MOUNTS (n_m,).\n"
-             "Raises RuntimeError while the simulation is running.");
-
-static PyObject *sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  bd_core_state state;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  PyObject *dict = NULL;
-  int code = BD_OK;
-  if (!bd_core_state_new(&state, &self->model->info)) {
-    code = bd_sim_state(self->sim, &state.state);
-    if (code >= 0) {
-      dict = bd_core_state_dict(&state, 1);
-    }
-    bd_core_state_release(&state);
-  }
-  leave(self);
-  if (code < 0) {
-    const bd_error err = {.t = NAN, .body = -1, .pulley = -1, .value = NAN};
-    bd_core_raise(code, &err);
-  }
-  return dict;
-}
-
-PyDoc_STRVAR(
-    export_doc,
-    "export_record($self, /)\n--\n\n"
-    "Everything that the run needs to go on bit for bit, as bytes.\n\n"
-    "state() has no step size, history, choice of method and the like. Raises RuntimeError\n"
-    "while the simulation is running or if it settles or has\n"
-    "failed.");
-
-static PyObject *sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  PyObject *bytes = NULL;
-  if (self->settling) {
-    PyErr_SetString(PyExc_RuntimeError, "settling has no restart record: begin it anew");
-  } else {
-    size_t size = bd_sim_export(self->sim, NULL);
-    if (size > 0) {
-      bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
-    } else {
-      PyErr_SetString(PyExc_RuntimeError,
-                      "a run that ended in an error or in an exception of its torque function has "
-                      "no restart record: it may have been in the middle of a step");
-    }
-  }
-  if (bytes) {
-    bd_sim_export(self->sim, PyBytes_AS_STRING(bytes));
-  }
-  leave(self);
-  return bytes;
-}
-
-PyDoc_STRVAR(
-    import_doc,
-    "import_record($self, record, /)\n--\n\n"
-    "Go on from a record of export_record(), of this or of another process.\n\n"
-    "The simulation must be new, made with the same model, torque, t_end and options; its\n"
-    "state is replaced. Sample times are set before; those up to the record's time are\n"
-    "left out. Raises TypeError for what is no bytes-like object, ValueError for a record\n"
-    "that is damaged, or of another run or other kernels, RuntimeError if it is too late.");
-
-static PyObject *sim_import(PyObject *object, PyObject *record) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  Py_buffer view;
-  if (PyObject_GetBuffer(record, &view, PyBUF_SIMPLE) < 0) {
-    return NULL;
-  }
-  int code = -1;
-  bd_error err = {0};
-  if (enter(self) == 0) {
-    code = bd_sim_import(self->sim, view.buf, (size_t)view.len, &err);
-    leave(self);
-    if (code < 0) {
-      bd_core_raise(code, &err);
-    } else {
-      self->started = 1;
-    }
-  }
-  PyBuffer_Release(&view);
-  return code < 0 ? NULL : Py_NewRef(Py_None);
-}
-
-static PyObject *sim_time(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  double t = bd_sim_time(self->sim);
-  leave(self);
-  return PyFloat_FromDouble(t);
-}
-
-static PyObject *sim_samples(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  size_t n = bd_sim_samples(self->sim);
-  leave(self);
-  return PyLong_FromSize_t(n);
-}
-
-static PyObject *sim_stats(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  bd_stats stats = {0};
-  bd_sim_stats(self->sim, &stats);
-  leave(self);
-  PyObject *dict = PyDict_New();
-  if (!dict) {
-    return NULL;
-  }
-#define X(type, name, text)                                                                        \
-  if (bd_core_set(dict, #name, BD_CORE_NUMBER(stats.name)) < 0)                                    \
-    goto fail;
-  BD_STATS(X)
-#undef X
-  return dict;
-fail:
-  Py_DECREF(dict);
-  return NULL;
-}
-
-static PyObject *sim_method(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  const char *name = bd_sim_method(self->sim);
-  leave(self);
-  return PyUnicode_FromString(name);
-}
-
-static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  char text[384];
-  bd_sim_explain(self->sim, text, sizeof text);
-  leave(self);
-  return PyUnicode_FromString(text);
-}
-
-static PyObject *warning_dict(const bd_warning *w, const bd_model *model) {
-  bd_label where = {""};
-  if (w->pulley >= 0) {
-    where = bd_pulley_label(model, w->pulley);
-  } else if (w->body >= 0) {
-    PyOS_snprintf(where.text, sizeof where.text, "link %d", w->body);
-  }
-  PyObject *t = isnan(w->t) ? Py_NewRef(Py_None) : PyFloat_FromDouble(w->t);
-  return t ? Py_BuildValue("{s:s, s:s, s:N, s:s, s:O}", "code", bd_warning_code(w->code), "text",
-                           w->message, "t", t, "where", where.text, "accuracy",
-                           bd_warning_accuracy(w->code) ? Py_True : Py_False)
-           : NULL;
-}
-
-static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  PyObject *list = PyList_New(0);
-  bd_warning w;
-  for (size_t k = 0; list && bd_sim_warning(self->sim, k, &w); k++) {
-    PyObject *dict = warning_dict(&w, self->model->model);
-    if (!dict || PyList_Append(list, dict) < 0) {
-      Py_CLEAR(list);
-    }
-    Py_XDECREF(dict);
-  }
-  leave(self);
-  return list;
-}
-
-/* Fixed when the simulation is made, so this may be read while it runs. */
-static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
-  return Py_NewRef(((bd_core_sim *)object)->passes);
-}
-
-static PyObject *sim_effects(PyObject *object, void *Py_UNUSED(closure)) {
-  const bd_core_sim *self = (bd_core_sim *)object;
-  int rows[BD_MAX_PASSES], n = 0;
-  while (self->sim && n < BD_MAX_PASSES && (rows[n] = bd_sim_effect(self->sim, n)) >= 0) {
-    n++;
-  }
-  PyObject *tuple = PyTuple_New(n);
-  for (int k = 0; tuple && k < n; k++) {
-    PyObject *row = PyLong_FromLong(rows[k]);
-    if (row) {
-      PyTuple_SET_ITEM(tuple, k, row);
-    } else {
-      Py_CLEAR(tuple);
-    }
-  }
-  return tuple;
-}
-
-static PyObject *sim_sizes(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (enter(self) < 0) {
-    return NULL;
-  }
-  bd_sizes sizes;
-  bd_sim_sizes(self->sim, &sizes);
-  leave(self);
-  return Py_BuildValue("{s:n, s:n, s:n}", "state", (Py_ssize_t)sizes.state, "works",
-                       (Py_ssize_t)sizes.works, "bytes", (Py_ssize_t)sizes.bytes);
-}
-
-PyDoc_STRVAR(time_passes_doc,
-             "time_passes($self, rounds, /)\n--\n\n"
-             "Measure what the passes of a step cost at the state now reached, and end the run.\n\n"
-             "rounds: 1 to 101, over all passes, of which medians are taken; some 2 ms each. A\n"
-             "list of (name, calls a step, seconds a call) in the order of a step, last the whole\n"
-             "step, of which the others are parts. Torque functions are called. Raises ValueError\n"
-             "for bad rounds, RuntimeError before the first step.");
-
-static PyObject *sim_time_passes(PyObject *object, PyObject *argument) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  long rounds;
-  if (bd_convert_long(argument, "rounds", &rounds) < 0 || enter(self) < 0) {
-    return NULL;
-  }
-  bd_pass_time times[BD_MAX_PASSES];
-  bd_error err = {0};
-  int n = 0;
-  const int asked = rounds > INT_MAX ? INT_MAX : rounds < 0 ? 0 : (int)rounds;
-  PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
-  const int code = bd_sim_time_passes(self->sim, asked, times, &n, &err);
-  if (thread) {
-    PyEval_RestoreThread(thread);
-  }
-  leave(self);
-  if (code < 0) {
-    return bd_core_raise(code, &err);
-  }
-  PyObject *list = PyList_New(n);
-  for (int k = 0; list && k < n; k++) {
-    PyObject *row = Py_BuildValue("(sdd)", times[k].name, times[k].calls, times[k].seconds);
-    if (row) {
-      PyList_SET_ITEM(list, k, row);
-    } else {
-      Py_CLEAR(list);
-    }
-  }
-  return list;
-}
-
 /* --- the type -------------------------------------------------------------------------------- */
 
 static PyMethodDef sim_methods[] = {
@@ -768,32 +480,11 @@ static PyMethodDef sim_methods[] = {
     {"advance", (PyCFunction)(void (*)(void))sim_advance, METH_VARARGS | METH_KEYWORDS,
      advance_doc},
     {"stop", sim_stop, METH_NOARGS, stop_doc},
-    {"state", sim_state, METH_NOARGS, state_doc},
-    {"export_record", sim_export, METH_NOARGS, export_doc},
-    {"import_record", sim_import, METH_O, import_doc},
-    {"time_passes", sim_time_passes, METH_O, time_passes_doc},
+    {"state", bd_core_sim_state, METH_NOARGS, bd_core_state_doc},
+    {"export_record", bd_core_sim_export, METH_NOARGS, bd_core_export_doc},
+    {"import_record", bd_core_sim_import, METH_O, bd_core_import_doc},
+    {"time_passes", bd_core_sim_time_passes, METH_O, bd_core_time_passes_doc},
     {NULL, NULL, 0, NULL},
-};
-
-static PyGetSetDef sim_properties[] = {
-    {"time", sim_time, NULL, "Simulated time reached [s]. RuntimeError while running.", NULL},
-    {"samples", sim_samples, NULL, "Finished sample rows. RuntimeError while running.", NULL},
-    {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
-    {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
-    {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
-    {"effects", sim_effects, NULL, "Rows of EFFECTS that the plan has, in order of its passes.",
-     NULL},
-    {"sizes", sim_sizes, NULL,
-     "Numbers in the state vector and works in it, bytes of the simulation. RuntimeError while "
-     "running.",
-     NULL},
-    {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
-     NULL},
-    {"warnings", sim_warnings, NULL,
-     "What was noticed so far: dicts of code, text, t, where, accuracy. RuntimeError while "
-     "running.",
-     NULL},
-    {NULL, NULL, NULL, NULL, NULL},
 };
 
 PyDoc_STRVAR(
@@ -816,10 +507,10 @@ PyDoc_STRVAR(
     "Raises TypeError or ValueError naming the argument.");
 
 static PyType_Slot sim_slots[] = {
-    {Py_tp_doc, (void *)sim_doc},   {Py_tp_new, sim_new},
-    {Py_tp_traverse, sim_traverse}, {Py_tp_clear, sim_clear},
-    {Py_tp_dealloc, sim_dealloc},   {Py_tp_methods, sim_methods},
-    {Py_tp_getset, sim_properties}, {0, NULL},
+    {Py_tp_doc, (void *)sim_doc},           {Py_tp_new, sim_new},
+    {Py_tp_traverse, sim_traverse},         {Py_tp_clear, sim_clear},
+    {Py_tp_dealloc, sim_dealloc},           {Py_tp_methods, sim_methods},
+    {Py_tp_getset, bd_core_sim_properties}, {0, NULL},
 };
 
 static PyType_Spec sim_spec = {

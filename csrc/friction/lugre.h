@@ -16,29 +16,21 @@
 #ifdef BD_LAW_FUNCTIONS
 
 typedef struct lugre_constants {
-  vec mu_k, drop, per_v_stribeck, sigma, damping, viscous;
-  int has_stribeck;
+  vec mu_k, sigma, damping, viscous;
+  stribeck curve;
 } lugre_constants;
 
 INLINE lugre_constants lugre_prepare(const bd_lugre *p, double l0) {
   (void)l0;
   return (lugre_constants){.mu_k = splat(p->mu_k),
-                           .drop = splat(p->mu_s - p->mu_k),
-                           .per_v_stribeck = splat(1.0 / p->v_stribeck),
                            .sigma = splat(p->sigma),
                            .damping = splat(p->damping),
                            .viscous = splat(p->viscous),
-                           .has_stribeck = p->mu_s != p->mu_k};
-}
-
-/* What g(v) has above mu_k. Equal coefficients need no exponential. */
-INLINE vec lugre_above(const lugre_constants *c, vec v) {
-  const vec ratio = v * c->per_v_stribeck;
-  return c->has_stribeck ? c->drop * exponential(-(ratio * ratio)) : splat(0.0);
+                           .curve = stribeck_prepare(p->mu_k, p->mu_s, p->v_stribeck)};
 }
 
 INLINE law_value lugre_value(const lugre_constants *c, const law_at *at) {
-  const vec g = c->mu_k + lugre_above(c, at->v);
+  const vec g = c->mu_k + stribeck_above(&c->curve, at->v);
   const vec h = fma_(-magnitude(at->v), at->z / g, at->v);
   const vec mu = fma_(c->damping, h, fma_(c->viscous, at->v, at->z));
   return (law_value){.force = mu * at->normal, .rate = c->sigma * h};
@@ -46,9 +38,9 @@ INLINE law_value lugre_value(const lugre_constants *c, const law_at *at) {
 
 INLINE law_slopes lugre_slopes(const lugre_constants *c, const law_at *at) {
   const vec none = splat(0.0), one = splat(1.0);
-  const vec above = lugre_above(c, at->v), per_g = one / (c->mu_k + above);
+  const vec above = stribeck_above(&c->curve, at->v), per_g = one / (c->mu_k + above);
   const vec share = at->z * per_g, speed = magnitude(at->v);
-  const vec g_slope = -2.0 * at->v * (c->per_v_stribeck * c->per_v_stribeck) * above;
+  const vec g_slope = stribeck_slope(&c->curve, at->v, above);
   const vec against = choose(less(none, at->v), -share, where(less(at->v, none), share));
   const vec h = fma_(-speed, share, at->v), h_by_state = -(speed * per_g);
   const vec h_by_slip = fma_(speed * share * per_g, g_slope, one + against);
@@ -60,10 +52,11 @@ INLINE law_slopes lugre_slopes(const lugre_constants *c, const law_at *at) {
 }
 
 INLINE double lugre_bound(const bd_lugre *p) {
-  return p->mu_s > p->mu_k ? p->mu_s : p->mu_k;
+  return stribeck_highest(p->mu_k, p->mu_s);
 }
 
-INLINE double lugre_kinetic(const bd_lugre *p) {
+INLINE double lugre_kinetic(const bd_lugre *p, int element) {
+  (void)element;
   return p->mu_k;
 }
 

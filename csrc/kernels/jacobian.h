@@ -168,7 +168,7 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
       store(cx + at, where(link, g * (load(cx + at) + v[k])));
       store(cvx + at, where(link, v[k]));
     }
-    for (int k = 0; k < 2 * lay->slots; ++k) {
+    for (int k = 0; k < lay->slots * (lay->states + 1); ++k) {
       const int at = k * stride + i;
       store(cmu + at, where(link, g * load(cmu + at)));
     }
@@ -180,13 +180,12 @@ static void finish_links(const bd_links *links, const bd_stage *stage, int n_col
 INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                               const bd_run *runs, const double *y,
                               const bd_contact_tangent *contact, double h, const int law,
-                              const int general, const int hunt_crossley) {
-  const int friction = law != BD_LAW_NONE;
+                              const int general, const int states, const int hunt_crossley) {
   const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const double *zs = bd_cfield(lay, y, states != 0 ? bd_f_state(lay, pulley->slot) : F_X);
   const vec cx = splat(pulley->x), cy = splat(pulley->y);
   const vec cu = splat(pulley->vx), cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), omega = splat(pulley->omega), step = splat(h);
@@ -213,11 +212,29 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
       const mask landing = except(link & less(leave, fnma_(step, apart, p)), touching);
       const mask on = touching | landing, pushing = pressed | landing;
       const vec slide = fnma_(omega, rho, around), normal = where(pressed, raw);
-      const law_at at = {.z = friction ? load(zs + i) : none,
-                         .v = general ? where(touching, slide) : slide,
-                         .normal = normal,
-                         .touch = touching};
-      const law_slopes slopes = law_slopes_of(&constants, &at, law);
+      law_at at = {
+          .v = general ? where(touching, slide) : slide, .normal = normal, .touch = touching};
+      vec force = none, by_normal = none, by_slip = none;
+      for (int e = 0; e < law_elements(pulley, states); ++e) {
+        const int k = e * lay->stride + i;
+        at.element = e;
+        at.z = states != 0 ? load(zs + k) : none;
+        const law_slopes slopes = law_slopes_of(&constants, &at, law);
+        by_normal = e == 0 ? slopes.by_normal : by_normal + slopes.by_normal;
+        if (general) {
+          const vec own = law_value_of(&constants, &at, law).force;
+          force = e == 0 ? own : force + own;
+          by_slip = e == 0 ? slopes.by_slip : by_slip + slopes.by_slip;
+        }
+        if (general && states != 0) {
+          store(t.by_state + k, where(touching, slopes.by_state));
+          store(t.gain_normal + k, where(touching, slopes.rate_by_normal));
+        }
+        if (states != 0) {
+          store(t.gain + k, where(touching, slopes.rate_by_slip));
+          store(t.decay + k, where(touching, -slopes.rate_by_state));
+        }
+      }
       const vec of_elastic = choose(landing, linear, fma_(twice_quadratic, p, linear));
       const vec stiff = stiffness_at(&damping, of_elastic, -apart, hunt_crossley);
       const vec pressing_damp = hunt_crossley ? choose(landing, damping.linear, damp) : damp;
@@ -228,51 +245,48 @@ INLINE void linearise_contact(const bd_links *links, const bd_contact_pulley *pu
       store(t.normal_over_rho + i, where(pressed, raw * inv));
       store(t.normal + i, normal);
       if (general) {
-        const vec force = law_value_of(&constants, &at, law).force;
         store(t.mu + i, where(pressed, force / choose(pressed, normal, splat(1.0))));
-        store(t.by_normal + i, where(touching, slopes.by_normal));
-        store(t.by_state + i, where(touching, slopes.by_state));
-        store(t.by_slip + i, where(touching, slopes.by_slip));
-        store(t.gain_normal + i, where(touching, slopes.rate_by_normal));
+        store(t.by_normal + i, where(touching, by_normal));
+        store(t.by_slip + i, where(touching, by_slip));
       } else {
-        store(t.mu + i, where(touching, slopes.by_normal));
+        store(t.mu + i, where(touching, by_normal));
       }
       store(t.stiff + i, where(pushing, stiff));
       store(t.damp + i, where(pushing, pressing_damp));
       store(t.cross + i, where(pushing, pressing_damp * around * inv));
       store(t.apart + i, where(on, apart * inv));
-      store(t.gain + i, where(touching, slopes.rate_by_slip));
-      store(t.decay + i, where(touching, -slopes.rate_by_state));
       store(t.normal_correction + i, where(pushing, fnma_(stiff, leave, lands)));
     }
   }
 }
 
-#define LINEARISE(law, general)                                                                    \
+#define LINEARISE(law, general, states)                                                            \
   static void linearise_contact_##law(const bd_links *links, const bd_contact_pulley *pulley,      \
                                       int n_runs, const bd_run *runs, const double *y,             \
                                       const bd_contact_tangent *contact, double h) {               \
     if (pulley->hunt_crossley > 0.0) {                                                             \
-      linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general, 1);     \
+      linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general, states, \
+                        1);                                                                        \
     } else {                                                                                       \
-      linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general, 0);     \
+      linearise_contact(links, pulley, n_runs, runs, y, contact, h, BD_LAW_##law, general, states, \
+                        0);                                                                        \
     }                                                                                              \
   }
-#define LAW(name, class, general, text) LINEARISE(name, general)
-LINEARISE(NONE, 0)
+#define LAW(name, class, general, states, text) LINEARISE(name, general, states)
+LINEARISE(NONE, 0, 0)
 BD_LAWS(LAW)
 #undef LAW
 
 /* Adds to a rate what N will be beyond its tangent; returns its torque on the pulley. */
 INLINE double add_normal_correction(const bd_links *links, const bd_contact_pulley *pulley,
                                     int n_runs, const bd_run *runs,
-                                    const bd_contact_tangent *contact, double *c,
-                                    const int general) {
+                                    const bd_contact_tangent *contact, double *c, const int general,
+                                    const int states) {
   const bd_layout *lay = &links->lay;
   const bd_contact_tangent t = *contact;
   const vec inv_mass = splat(links->inv_mass);
   double *cvx = bd_field(lay, c, F_VX), *cvy = bd_field(lay, c, F_VY);
-  double *cz = bd_field(lay, c, general ? F_MU + pulley->slot : F_X);
+  double *cz = bd_field(lay, c, states != 0 ? bd_f_state(lay, pulley->slot) : F_X);
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -281,8 +295,9 @@ INLINE double add_normal_correction(const bd_links *links, const bd_contact_pull
       store(cvx + i, fma_(inv_mass, fma_(more, nx, drag * ny), load(cvx + i)));
       store(cvy + i, fma_(inv_mass, fnma_(drag, nx, more * ny), load(cvy + i)));
       torque = fma_(drag, load(t.rho + i), torque);
-      if (general) {
-        store(cz + i, fma_(load(t.gain_normal + i), more, load(cz + i)));
+      for (int e = 0; general && e < law_states(pulley, states); ++e) {
+        const int k = e * lay->stride + i;
+        store(cz + k, fma_(load(t.gain_normal + k), more, load(cz + k)));
       }
     }
   }
@@ -307,7 +322,7 @@ INLINE plane_block turned_back(vec nx, vec ny, vec nn, vec nt, vec tn, vec tt) {
  * returns what the pulley's own equation gets. */
 INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                           const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
-                          double *column_x, double *column_y, const int general) {
+                          double *column_x, double *column_y, const int general, const int states) {
   const bd_contact_tangent t = *contact;
   const bd_blocks b = *blocks;
   const vec step = splat(g), g2 = splat(g * g), one = splat(1.0);
@@ -317,15 +332,24 @@ INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       const vec nx = load(t.nx + i), ny = load(t.ny + i), rho = load(t.rho + i);
       const vec mu = load(t.mu + i), apart = load(t.apart + i);
-      const vec decay_factor = 1.0 / fma_(step, load(t.decay + i), one);
-      const vec state_by_slip = step * load(t.gain + i) * decay_factor;
-      vec by_normal = mu, by_slip = load(t.by_state + i) * step * state_by_slip; /* dF, times g */
-      if (general) { /* with what N and v_T do to the state within the step */
-        const vec state_by_normal = step * load(t.gain_normal + i) * decay_factor;
-        by_normal = fma_(load(t.by_state + i), state_by_normal, load(t.by_normal + i));
-        by_slip = fma_(step, load(t.by_slip + i), by_slip);
-        store(t.state_by_normal + i, state_by_normal);
+      /* dF, times g, with what N and v_T do to the states within the step */
+      vec by_normal = general ? load(t.by_normal + i) : mu, by_slip = splat(0.0);
+      for (int e = 0; e < law_states(pulley, states); ++e) {
+        const int k = e * pulley->stride + i;
+        const vec decay_factor = 1.0 / fma_(step, load(t.decay + k), one);
+        const vec state_by_slip = step * load(t.gain + k) * decay_factor;
+        const vec by_state = load(t.by_state + k), slipped = by_state * step * state_by_slip;
+        by_slip = e == 0 ? slipped : by_slip + slipped;
+        if (general) {
+          const vec state_by_normal = step * load(t.gain_normal + k) * decay_factor;
+          by_normal = fma_(by_state, state_by_normal, by_normal);
+          store(t.state_by_normal + k, state_by_normal);
+        }
+        store(t.by_given_state + k, g2 * by_state * decay_factor);
+        store(t.state_by_slip + k, state_by_slip);
+        store(t.decay_factor + k, decay_factor);
       }
+      by_slip = general ? fma_(step, load(t.by_slip + i), by_slip) : by_slip;
       const vec normal = g2 * load(t.normal + i), cross = g2 * load(t.cross + i);
       const vec normal_over_rho = g2 * load(t.normal_over_rho + i);
       const vec stiff = g2 * load(t.stiff + i), press = fma_(step, load(t.damp + i), stiff);
@@ -356,13 +380,10 @@ INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
       store(t.xy + i, by_position.xy);
       store(t.yx + i, by_position.yx);
       store(t.yy + i, by_position.yy);
-      store(t.by_given_state + i, g2 * load(t.by_state + i) * decay_factor);
       store(t.torque_x + i, fnma_(ny, torque_t, nx * torque_n));
       store(t.torque_y + i, fma_(ny, torque_n, nx * torque_t));
       store(t.slide_x + i, fnma_(nx, omega, ny * apart));
       store(t.slide_y + i, -fma_(nx, apart, ny * omega));
-      store(t.state_by_slip + i, state_by_slip);
-      store(t.decay_factor + i, decay_factor);
     }
   }
   return sum(own);
@@ -370,11 +391,11 @@ INLINE double add_contact(const bd_contact_pulley *pulley, int n_runs, const bd_
 
 /* Adds one pulley's contact to g F_q b_q and g F_mu's part; returns the pulley's own. */
 static double contact_product(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                              const bd_run *runs, const bd_contact_tangent *contact, int friction,
+                              const bd_run *runs, const bd_contact_tangent *contact,
                               const double *c, double *x, double *y) {
   const bd_contact_tangent t = *contact;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
-  const double *cz = friction ? bd_cfield(lay, c, F_MU + pulley->slot) : NULL;
+  const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -382,8 +403,9 @@ static double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
       vec fx = fma_(load(t.xy + i), by, fma_(load(t.xx + i), bx, load(x + i)));
       vec fy = fma_(load(t.yy + i), by, fma_(load(t.yx + i), bx, load(y + i)));
       torque = fma_(load(t.torque_y + i), by, fma_(load(t.torque_x + i), bx, torque));
-      if (friction) {
-        const vec change = load(t.by_given_state + i) * load(cz + i);
+      for (int e = 0; e < pulley->states; ++e) {
+        const int k = e * lay->stride + i;
+        const vec change = load(t.by_given_state + k) * load(cz + k);
         fx = fma_(load(t.ny + i), change, fx);
         fy = fnma_(load(t.nx + i), change, fy);
         torque = fma_(load(t.rho + i), change, torque);
@@ -398,12 +420,13 @@ static double contact_product(const bd_layout *lay, const bd_contact_pulley *pul
 /* The friction unknowns of one pulley's contact; everything else of c is solved. */
 INLINE void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                            const bd_run *runs, const bd_contact_tangent *contact, double g,
-                           double angular_acceleration, double *c, const int general) {
+                           double angular_acceleration, double *c, const int general,
+                           const int states) {
   const bd_contact_tangent t = *contact;
   const double *cx = bd_cfield(lay, c, F_X), *cy = bd_cfield(lay, c, F_Y);
   const double *cvx = bd_cfield(lay, c, F_VX), *cvy = bd_cfield(lay, c, F_VY);
-  double *cz = bd_field(lay, c, F_MU + pulley->slot);
-  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  double *cz = bd_field(lay, c, bd_f_state(lay, pulley->slot));
+  double *cslip = bd_field(lay, c, bd_f_slip(lay, pulley->slot));
   const vec spin = splat(angular_acceleration), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -412,17 +435,21 @@ INLINE void finish_contact(const bd_layout *lay, const bd_contact_pulley *pulley
       slide = fma_(load(t.nx + i), load(cvy + i), slide);
       slide = fnma_(load(t.ny + i), load(cvx + i), slide);
       slide = fnma_(load(t.rho + i), spin, slide);
-      vec z = fma_(load(t.state_by_slip + i), slide, load(t.decay_factor + i) * load(cz + i));
-      if (general) {
+      vec normal = splat(0.0); /* -dN */
+      if (general && states != 0) {
         const vec nx = load(t.nx + i), ny = load(t.ny + i);
         const vec rn = fma_(nx, load(cx + i), ny * load(cy + i));
         const vec rt = fnma_(ny, load(cx + i), nx * load(cy + i));
         const vec vn = fma_(nx, load(cvx + i), ny * load(cvy + i));
-        vec normal = fma_(load(t.stiff + i), rn, load(t.damp + i) * vn); /* -dN */
+        normal = fma_(load(t.stiff + i), rn, load(t.damp + i) * vn);
         normal = fma_(load(t.cross + i), rt, normal);
-        z = fnma_(load(t.state_by_normal + i), normal, z);
       }
-      store(cz + i, z);
+      for (int e = 0; e < law_states(pulley, states); ++e) {
+        const int k = e * lay->stride + i;
+        vec z = fma_(load(t.state_by_slip + k), slide, load(t.decay_factor + k) * load(cz + k));
+        z = general ? fnma_(load(t.state_by_normal + k), normal, z) : z;
+        store(cz + k, z);
+      }
       store(cslip + i, fma_(step, slide, load(cslip + i)));
     }
   }
@@ -446,39 +473,48 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
 #include "kernels/link_mount.h"
 #include "kernels/string_jacobian.h"
 
-/* Without and with what only general laws of friction need. */
-#define GENERAL(general)                                                                           \
-  static double add_normal_correction_##general(                                                   \
+/* For each form of friction, with what it needs alone. */
+#define FORM(form, general, states)                                                                \
+  static double add_normal_correction_##form(                                                      \
       const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
       const bd_contact_tangent *contact, double *c) {                                              \
-    return add_normal_correction(links, pulley, n_runs, runs, contact, c, general);                \
+    return add_normal_correction(links, pulley, n_runs, runs, contact, c, general, states);        \
   }                                                                                                \
-  static double add_contact_##general(const bd_contact_pulley *pulley, int n_runs,                 \
-                                      const bd_run *runs, const bd_contact_tangent *contact,       \
-                                      double g, const bd_blocks *blocks, double *column_x,         \
-                                      double *column_y) {                                          \
-    return add_contact(pulley, n_runs, runs, contact, g, blocks, column_x, column_y, general);     \
+  static double add_contact_##form(const bd_contact_pulley *pulley, int n_runs,                    \
+                                   const bd_run *runs, const bd_contact_tangent *contact,          \
+                                   double g, const bd_blocks *blocks, double *column_x,            \
+                                   double *column_y) {                                             \
+    return add_contact(pulley, n_runs, runs, contact, g, blocks, column_x, column_y, general,      \
+                       states);                                                                    \
   }                                                                                                \
-  static void finish_contact_##general(                                                            \
+  static void finish_contact_##form(                                                               \
       const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,       \
       const bd_contact_tangent *contact, double g, double angular_acceleration, double *c) {       \
-    finish_contact(lay, pulley, n_runs, runs, contact, g, angular_acceleration, c, general);       \
+    finish_contact(lay, pulley, n_runs, runs, contact, g, angular_acceleration, c, general,        \
+                   states);                                                                        \
   }
-GENERAL(0)
-GENERAL(1)
-#define ALONG(law, general, string)                                                                \
+FORM(NONE, 0, 0)
+FORM(PLAIN, 0, 1)
+FORM(STATELESS, 1, 0)
+FORM(GENERAL, 1, 1)
+FORM(SEVERAL, 1, BD_SEVERAL)
+#define ALONG(law, general, states, string)                                                        \
   static void linearise_links_##law##_##string(                                                    \
       const bd_links *links, const bd_tangent *tangent, const bd_contact_pulley *pulley,           \
       int n_runs, const bd_run *runs, const bd_points *points, const bd_link_scratch *scratch,     \
       const double *y, const bd_link_tangent *contact, double h) {                                 \
     linearise_links(links, tangent, pulley, n_runs, runs, points, scratch, y, contact, h,          \
-                    BD_LAW_##law, general, string);                                                \
+                    BD_LAW_##law, general, states, string);                                        \
   }
-#define LAW(name, class, general, text) ALONG(name, general, 0) ALONG(name, general, 1)
-ALONG(NONE, 0, 0)
-ALONG(NONE, 0, 1)
+#define LAW(name, class, general, states, text)                                                    \
+  ALONG(name, general, states, 0) ALONG(name, general, states, 1)
+ALONG(NONE, 0, 0, 0)
+ALONG(NONE, 0, 0, 1)
 BD_LAWS(LAW)
 #undef LAW
+
+#define FORMS(function)                                                                            \
+  function##_NONE, function##_PLAIN, function##_STATELESS, function##_GENERAL, function##_SEVERAL
 
 const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .width = WIDTH,
@@ -491,15 +527,15 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .diagonal = diagonal,
     .joints_product = joints_product,
     .finish_links = finish_links,
-#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_contact_##name,
+#define LAW(name, class, general, states, text) [BD_LAW_##name] = linearise_contact_##name,
     .linearise_contact = {linearise_contact_NONE, BD_LAWS(LAW)},
 #undef LAW
-    .add_normal_correction = {add_normal_correction_0, add_normal_correction_1},
-    .add_contact = {add_contact_0, add_contact_1},
+    .add_normal_correction = {FORMS(add_normal_correction)},
+    .add_contact = {FORMS(add_contact)},
     .contact_product = contact_product,
-    .finish_contact = {finish_contact_0, finish_contact_1},
+    .finish_contact = {FORMS(finish_contact)},
     .border_row = border_row,
-#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_links_##name##_0,
+#define LAW(name, class, general, states, text) [BD_LAW_##name] = linearise_links_##name##_0,
     .linearise_links = {linearise_links_NONE_0, BD_LAWS(LAW)},
 #undef LAW
     .add_link_correction = add_link_correction,
@@ -527,7 +563,7 @@ const bd_newton_kernels PASTE(bd_newton_string_, BD_LEVEL) = {
     .diagonal = string_diagonal,
     .joints_product = string_joints_product,
     .finish_links = string_finish_links,
-#define LAW(name, class, general, text) [BD_LAW_##name] = linearise_links_##name##_1,
+#define LAW(name, class, general, states, text) [BD_LAW_##name] = linearise_links_##name##_1,
     .linearise_links = {linearise_links_NONE_1, BD_LAWS(LAW)},
 #undef LAW
     .add_link_correction = add_link_correction,

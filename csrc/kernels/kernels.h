@@ -26,8 +26,9 @@ typedef struct bd_contact_pulley {
   double x, y, vx, vy; /* centre, relative to the origin, and its velocity */
   double radius, omega;
   double quadratic, linear, damping, hunt_crossley;
-  double l0, bound; /* of a link; of the friction state's magnitude after a step */
-  int law, slot;    /* BD_LAW_..., BD_LAW_NONE: no friction; friction slot of its links */
+  double l0, bound;   /* of a link; of the friction state's magnitude after a step */
+  int law, slot;      /* BD_LAW_..., BD_LAW_NONE: no friction; friction slot of its links */
+  int states, stride; /* of friction, of a link; from one to the next in arrays of several */
   bd_friction friction;
 } bd_contact_pulley;
 
@@ -60,6 +61,17 @@ typedef struct bd_sums {
 } bd_sums;
 
 enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
+
+/* Friction as the linear systems see it: none; the state times N; by slip and N alone; by one
+ * state, slip and N; by several states, slip and N. */
+enum {
+  BD_FORM_NONE,
+  BD_FORM_PLAIN,
+  BD_FORM_STATELESS,
+  BD_FORM_GENERAL,
+  BD_FORM_SEVERAL,
+  BD_N_FORMS
+};
 
 struct bd_newton_kernels;
 
@@ -102,11 +114,12 @@ typedef struct bd_kernels {
   int (*find_contact_event[2][2])(const bd_links *links, const bd_contact_pulley *pulley, int index,
                                   const double *owner, const double *nearest, const double *y,
                                   int begin, int end);
-  /* A friction law at one link; its bound and kinetic coefficient. [law] */
-  void (*law[BD_N_LAWS])(const bd_friction *friction, double l0, double z, double v, double normal,
-                         bd_law_point *out);
+  /* An element of a friction law at one link; the law's bound, and the element's kinetic
+   * coefficient. [law] */
+  void (*law[BD_N_LAWS])(const bd_friction *friction, double l0, int element, double z, double v,
+                         double normal, bd_law_point *out);
   double (*bound[BD_N_LAWS])(const bd_friction *friction);
-  double (*kinetic[BD_N_LAWS])(const bd_friction *friction);
+  double (*kinetic[BD_N_LAWS])(const bd_friction *friction, int element);
   /* Largest squared speed of a link. */
   double (*fastest)(const bd_layout *lay, const double *y);
   /* out = y + h sum a[j] k[j], 1 to MAX_VECTORS vectors */
@@ -226,22 +239,24 @@ typedef struct bd_newton_kernels {
   void (*finish_links)(const bd_links *links, const bd_stage *stage, int n_columns,
                        const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);
-  /* Variants [law]; below [general] (friction/laws.h). */
+  /* Variants [law]; below [BD_FORM_...]. */
   void (*linearise_contact[BD_N_LAWS])(const bd_links *links, const bd_contact_pulley *pulley,
                                        int n_runs, const bd_run *runs, const double *y,
                                        const bd_contact_tangent *contact, double h);
-  double (*add_normal_correction[2])(const bd_links *links, const bd_contact_pulley *pulley,
-                                     int n_runs, const bd_run *runs,
-                                     const bd_contact_tangent *contact, double *c);
-  double (*add_contact[2])(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                           const bd_contact_tangent *contact, double g, const bd_blocks *blocks,
-                           double *column_x, double *column_y);
+  double (*add_normal_correction[BD_N_FORMS])(const bd_links *links,
+                                              const bd_contact_pulley *pulley, int n_runs,
+                                              const bd_run *runs, const bd_contact_tangent *contact,
+                                              double *c);
+  double (*add_contact[BD_N_FORMS])(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
+                                    const bd_contact_tangent *contact, double g,
+                                    const bd_blocks *blocks, double *column_x, double *column_y);
   double (*contact_product)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                            const bd_run *runs, const bd_contact_tangent *contact, int friction,
-                            const double *c, double *x, double *y);
-  void (*finish_contact[2])(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                            const bd_run *runs, const bd_contact_tangent *contact, double g,
-                            double angular_acceleration, double *c);
+                            const bd_run *runs, const bd_contact_tangent *contact, const double *c,
+                            double *x, double *y);
+  void (*finish_contact[BD_N_FORMS])(const bd_layout *lay, const bd_contact_pulley *pulley,
+                                     int n_runs, const bd_run *runs,
+                                     const bd_contact_tangent *contact, double g,
+                                     double angular_acceleration, double *c);
   double (*border_row)(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
                        const double *x, const double *y);
   /* The same of contact along the links (link_contact_jacobian.h). */

@@ -7,10 +7,11 @@
 #define BELTDYN_KERNELS_LAWS_H
 
 /* Links that may be in contact: state, slip velocity and normal force, the latter two 0 where they
- * do not touch. */
+ * do not touch; which element of a law of several, and its state. */
 typedef struct law_at {
   vec z, v, normal;
   mask touch;
+  int element;
 } law_at;
 
 typedef struct law_value {
@@ -29,7 +30,7 @@ typedef struct law_slopes {
 
 typedef union law_constants {
   int none;
-#define LAW(name, class, general, text) name##_constants name;
+#define LAW(name, class, general, states, text) name##_constants name;
   BD_LAWS(LAW)
 #undef LAW
 } law_constants;
@@ -37,7 +38,7 @@ typedef union law_constants {
 INLINE law_constants law_prepare(const bd_friction *friction, double l0, const int law) {
   law_constants c = {.none = 0};
   switch (law) {
-#define LAW(name, class, general, text)                                                            \
+#define LAW(name, class, general, states, text)                                                    \
   case BD_LAW_##name:                                                                              \
     c.name = name##_prepare(&friction->name, l0);                                                  \
     break;
@@ -49,7 +50,7 @@ INLINE law_constants law_prepare(const bd_friction *friction, double l0, const i
 
 INLINE law_value law_value_of(const law_constants *c, const law_at *at, const int law) {
   switch (law) {
-#define LAW(name, class, general, text)                                                            \
+#define LAW(name, class, general, states, text)                                                    \
   case BD_LAW_##name:                                                                              \
     return name##_value(&c->name, at);
     BD_LAWS(LAW)
@@ -60,13 +61,43 @@ INLINE law_value law_value_of(const law_constants *c, const law_at *at, const in
 
 INLINE law_slopes law_slopes_of(const law_constants *c, const law_at *at, const int law) {
   switch (law) {
-#define LAW(name, class, general, text)                                                            \
+#define LAW(name, class, general, states, text)                                                    \
   case BD_LAW_##name:                                                                              \
     return name##_slopes(&c->name, at);
     BD_LAWS(LAW)
 #undef LAW
   }
   return (law_slopes){.by_normal = splat(0.0)};
+}
+
+/* States that a link has under a law of the table; of most a constant. */
+INLINE int law_states(const bd_contact_pulley *pulley, const int states) {
+  return states == BD_SEVERAL ? pulley->states : states;
+}
+
+/* A law without a state has one element. */
+INLINE int law_elements(const bd_contact_pulley *pulley, const int states) {
+  return states == 0 ? 1 : law_states(pulley, states);
+}
+
+/* Force of all elements on links at place i, at what `common` has besides the state; their rates
+ * are added to those in `rates`, less what belt that comes into contact takes of the mean. */
+INLINE vec law_act(const law_constants *c, const law_at *common, const bd_contact_pulley *pulley,
+                   const double *zs, double *rates, int i, const vec *fresh, const int law,
+                   const int states) {
+  vec force = splat(0.0);
+  for (int e = 0; e < law_elements(pulley, states); ++e) {
+    const int k = e * pulley->stride + i;
+    law_at at = *common;
+    at.element = e;
+    at.z = states != 0 ? load(zs + k) : splat(0.0);
+    const law_value value = law_value_of(c, &at, law);
+    force = e == 0 ? value.force : force + value.force;
+    if (states != 0) {
+      store(rates + k, load(rates + k) + (fresh ? fnma_(*fresh, at.z, value.rate) : value.rate));
+    }
+  }
+  return force;
 }
 
 #endif

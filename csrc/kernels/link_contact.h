@@ -85,11 +85,11 @@ INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_
 INLINE void rub(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                 const bd_run *runs, const bd_points *points, const bd_pressure *pressure,
                 const bd_end_forces *out, const double *y, double *dy, bd_sums *sums, const int law,
-                const int general, const int ledger) {
+                const int general, const int states, const int ledger) {
   const bd_layout *lay = &links->lay;
-  const double *zs = bd_cfield(lay, y, F_MU + pulley->slot);
-  double *oz = bd_field(lay, dy, F_MU + pulley->slot);
-  double *oslip = bd_field(lay, dy, bd_f_slip(lay) + pulley->slot);
+  const double *zs = bd_cfield(lay, y, bd_f_state(lay, pulley->slot));
+  double *oz = bd_field(lay, dy, bd_f_state(lay, pulley->slot));
+  double *oslip = bd_field(lay, dy, bd_f_slip(lay, pulley->slot));
   const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx);
   const vec cv = splat(pulley->vy), omega = splat(pulley->omega);
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
@@ -106,14 +106,11 @@ INLINE void rub(const bd_links *links, const bd_contact_pulley *pulley, int n_ru
       const vec nx = dx * inv, ny = dy_ * inv;
       const vec ux = load(points->vx + i) - cu, uy = load(points->vy + i) - cv;
       const vec v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx)));
-      const vec z = load(zs + i);
-      const law_at at = {.z = z,
-                         .v = v,
+      const law_at at = {.v = v,
                          .normal = general ? joint.normal * joint.inv_share : joint.normal,
                          .touch = joint.touch};
-      const law_value value = law_value_of(&constants, &at, law);
-      const vec force = general ? where(joint.touch, value.force * joint.share) : value.force;
-      store(oz + i, load(oz + i) + fnma_(joint.fresh, z, value.rate));
+      const vec mean = law_act(&constants, &at, pulley, zs, oz, i, &joint.fresh, law, states);
+      const vec force = general ? where(joint.touch, mean * joint.share) : mean;
       store(oslip + i, load(oslip + i) + v);
       store(out->joint_x + i, fma_(force, ny, load(out->joint_x + i)));
       store(out->joint_y + i, fnma_(force, nx, load(out->joint_y + i)));

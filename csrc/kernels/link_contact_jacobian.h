@@ -182,7 +182,8 @@ static double add_link_correction(const bd_links *links, const bd_contact_pulley
                                   const bd_end_forces *out, double *c) {
   const bd_link_tangent t = *contact;
   const int friction = pulley->law != BD_LAW_NONE;
-  double *cz = bd_field(&links->lay, c, friction ? F_MU + pulley->slot : F_X);
+  const int stride = links->lay.stride;
+  double *cz = bd_field(&links->lay, c, bd_f_state(&links->lay, pulley->slot));
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -196,7 +197,9 @@ static double add_link_correction(const bd_links *links, const bd_contact_pulley
         const vec drag = load(t.by_normal + i) * more;
         store(out->joint_x + i, fma_(drag, load(t.joint_ny + i), load(out->joint_x + i)));
         store(out->joint_y + i, fnma_(drag, load(t.joint_nx + i), load(out->joint_y + i)));
-        store(cz + i, fma_(load(t.gain_normal + i), more, load(cz + i)));
+        for (int k = i; k < i + pulley->states * stride; k += stride) {
+          store(cz + k, fma_(load(t.gain_normal + k), more, load(cz + k)));
+        }
         torque = fma_(drag, load(t.rho + i), torque);
       }
     }
@@ -232,20 +235,30 @@ INLINE void add_normals(const bd_tangent *tangent, int i, const bd_link_tangent 
   add_to(out->right_y, i, right * link.at.ny[1]);
 }
 
-/* For one g, what the state of friction does within the step is put into what slip and penetrations
+/* For one g, what the states of friction do within the step is put into what slip and penetrations
  * do to the friction force: `total`. */
-INLINE void eliminate_state(const bd_link_tangent *t, int i, vec step, vec *total) {
-  const vec decay_factor = 1.0 / fma_(step, load(t->decay + i), splat(1.0));
-  const vec by_state = load(t->by_state + i), change = step * decay_factor;
-  const vec state_by_slip = change * load(t->gain + i);
-  store(t->decay_factor + i, decay_factor);
-  store(t->state_by_slip + i, state_by_slip);
-  store(t->given_state + i, by_state * decay_factor);
-  store(t->slip + i, fma_(by_state, state_by_slip, load(t->by_slip + i)));
+INLINE void eliminate_states(const bd_contact_pulley *pulley, const bd_link_tangent *t, int i,
+                             vec step, vec *total) {
+  vec slip = load(t->by_slip + i);
   for (int m = 0; m < 8; ++m) {
-    const vec state_by = change * load(t->gains[m] + i);
-    total[m] = fma_(by_state, state_by, load(t->direct[m] + i));
-    store(t->state_by[m] + i, state_by);
+    total[m] = load(t->direct[m] + i);
+  }
+  for (int k = i; k < i + pulley->states * pulley->stride; k += pulley->stride) {
+    const vec decay_factor = 1.0 / fma_(step, load(t->decay + k), splat(1.0));
+    const vec by_state = load(t->by_state + k), change = step * decay_factor;
+    const vec state_by_slip = change * load(t->gain + k);
+    store(t->decay_factor + k, decay_factor);
+    store(t->state_by_slip + k, state_by_slip);
+    store(t->given_state + k, by_state * decay_factor);
+    slip = fma_(by_state, state_by_slip, slip);
+    for (int m = 0; m < 8; ++m) {
+      const vec state_by = change * load(t->gains[m] + k);
+      total[m] = fma_(by_state, state_by, total[m]);
+      store(t->state_by[m] + k, state_by);
+    }
+  }
+  store(t->slip + i, slip);
+  for (int m = 0; m < 8; ++m) {
     store(t->total[m] + i, total[m]);
   }
 }
@@ -267,7 +280,7 @@ INLINE vec add_friction(const bd_tangent *tangent, const bd_contact_pulley *pull
                         double *column_x, double *column_y) {
   const vec step = splat(g);
   vec total[8];
-  eliminate_state(t, i, step, total);
+  eliminate_states(pulley, t, i, step, total);
   const joint_linear joint = joint_linear_of(t, pulley, i);
   for (int side = 0; side < 2; ++side) { /* the link before the joint, the one behind it */
     const int at = i - 1 + side;
@@ -412,7 +425,7 @@ static double link_product(const bd_links *links, const bd_tangent *tangent,
                            double *fy, double *x, double *y, double *p) {
   const bd_link_tangent *t = contact;
   const int friction = pulley->law != BD_LAW_NONE;
-  const double *cz = bd_cfield(&links->lay, c, friction ? F_MU + pulley->slot : F_X);
+  const double *cz = bd_cfield(&links->lay, c, bd_f_state(&links->lay, pulley->slot));
   const vec g2 = splat(g * g);
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
@@ -428,7 +441,12 @@ static double link_product(const bd_links *links, const bd_tangent *tangent,
         const joint_linear joint = joint_linear_of(t, pulley, i);
         const link_move before = move_in(links, tangent, c, i - 1, 0);
         const link_normals normals = normals_before(t, i);
-        vec pressed[4], more = load(t->given_state + i) * load(cz + i);
+        vec pressed[4], more = splat(0.0);
+        for (int e = 0; e < pulley->states; ++e) {
+          const int k = e * pulley->stride + i;
+          const vec given = load(t->given_state + k) * load(cz + k);
+          more = e == 0 ? given : more + given;
+        }
         pressing(&link.at, &here, pressed);
         more += product_with(t->total + 4, i, pressed);
         pressing(&normals, &before, pressed);
@@ -464,8 +482,8 @@ static void finish_joints(const bd_links *links, const bd_tangent *tangent,
                           double *c) {
   const bd_layout *lay = &links->lay;
   const bd_link_tangent *t = contact;
-  double *cz = bd_field(lay, c, F_MU + pulley->slot);
-  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  double *cz = bd_field(lay, c, bd_f_state(lay, pulley->slot));
+  double *cslip = bd_field(lay, c, bd_f_slip(lay, pulley->slot));
   const vec spin = splat(angular_acceleration), step = splat(g);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -474,16 +492,18 @@ static void finish_joints(const bd_links *links, const bd_tangent *tangent,
       const link_move here = move_in(links, tangent, c, i, 1);
       const mask link = less(splat(0.0), load(links->link_mask + i));
       const link_normals normals[2] = {normals_before(t, i), link_linear_of(t, i).at};
-      vec pressed[4];
+      vec pressed[2][4];
       vec slide = slip_of(&joint, &before.end[1], HALF) + slip_of(&joint, &here.end[0], HALF);
       slide = where(less(splat(0.0), joint.rho), fnma_(joint.rho, spin, slide));
-      vec z = load(t->decay_factor + i) * load(cz + i);
-      z = fma_(load(t->state_by_slip + i), slide, z);
-      pressing(&normals[0], &before, pressed);
-      z += product_with(t->state_by, i, pressed);
-      pressing(&normals[1], &here, pressed);
-      z += product_with(t->state_by + 4, i, pressed);
-      store(cz + i, where(link, z));
+      pressing(&normals[0], &before, pressed[0]);
+      pressing(&normals[1], &here, pressed[1]);
+      for (int k = i; k < i + pulley->states * pulley->stride; k += pulley->stride) {
+        vec z = load(t->decay_factor + k) * load(cz + k);
+        z = fma_(load(t->state_by_slip + k), slide, z);
+        z += product_with(t->state_by, k, pressed[0]);
+        z += product_with(t->state_by + 4, k, pressed[1]);
+        store(cz + k, where(link, z));
+      }
       store(cslip + i, where(link, fma_(step, slide, load(cslip + i))));
     }
   }

@@ -172,16 +172,50 @@ INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
   close_runs(closed, sizeof closed / sizeof closed[0], n_runs, runs, links->lay.n, 0.0);
 }
 
-/* Joints: friction, by slip, state, and all that p and p' of the four ends do to it. */
+/* A state of friction at joints: what it does to the force; its rate by slip, itself, and all that
+ * p and p' of the four ends do to it, through N, the share and, while belt comes into contact, the
+ * rate of that. Into the rows that begin at `row`. */
+INLINE void linearise_state(const bd_link_scratch *scratch, const joint_contact *joint,
+                            const law_at *at, const law_slopes *slopes, int row, int i,
+                            const bd_link_tangent *t, const int general) {
+  const vec none = splat(0.0), share = general ? joint->share : splat(1.0);
+  const int k = row + i;
+  store(t->by_state + k, where(joint->touch, share * slopes->by_state));
+  store(t->gain + k, where(joint->touch, slopes->rate_by_slip));
+  store(t->decay + k, where(joint->touch, joint->fresh - slopes->rate_by_state));
+  const vec gain_normal =
+      general ? where(joint->touch, slopes->rate_by_normal * joint->inv_share) : none;
+  store(t->gain_normal + k, gain_normal);
+  const vec per_share = where(less(none, joint->fresh), at->z / (joint->share + splat(FRESH)));
+  const vec gain_share = fnma_(gain_normal, at->normal, joint->fresh * per_share);
+  for (int m = 0; m < 4; ++m) {
+    const vec before = load_unaligned(t->by[4 + m] + i - 1), behind = load(t->by[m] + i);
+    vec gain[2] = {gain_normal * before, gain_normal * behind};
+    for (int side = 0; side < 2; ++side) {
+      const double *share_by = scratch->share_by[2 * (1 - side) + m % 2] + i - (1 - side);
+      const double *rate_by = scratch->rate_by[2 * (1 - side) + m % 2] + i - (1 - side);
+      const vec place = load_unaligned(share_by);
+      if (m < 2) {
+        gain[side] = fma_(gain_share, place, gain[side]);
+        gain[side] = fnma_(per_share, load_unaligned(rate_by), gain[side]);
+      } else {
+        gain[side] = fnma_(per_share, place, gain[side]);
+      }
+      store(t->gains[4 * side + m] + k, where(joint->touch, gain[side]));
+    }
+  }
+}
+
+/* Joints: friction, by slip, states, and all that p and p' of the four ends do to it. */
 INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                                const bd_run *runs, const bd_points *points,
                                const bd_link_scratch *scratch, const double *y,
                                const bd_link_tangent *contact, const int law, const int general,
-                               const int string) {
+                               const int states, const int string) {
   const bd_layout *lay = &links->lay;
   const joint_points from = points_of(lay, points, y, string);
   const bd_link_tangent t = *contact;
-  const double *zs = bd_cfield(lay, y, F_MU + pulley->slot);
+  const double *zs = bd_cfield(lay, y, bd_f_state(lay, pulley->slot));
   const vec cx = splat(pulley->x), cy = splat(pulley->y), none = splat(0.0);
   const vec cu = splat(pulley->vx), cv = splat(pulley->vy), omega = splat(pulley->omega);
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
@@ -193,14 +227,23 @@ INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *p
       root_and_inverse(fma_(dx, dx, dy * dy), &rho, &inv);
       const vec nx = dx * inv, ny = dy * inv;
       const vec ux = load(from.vx + i) - cu, uy = load(from.vy + i) - cv;
-      const vec z = load(zs + i);
-      const law_at at = {.z = z,
-                         .v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx))),
-                         .normal = general ? joint.normal * joint.inv_share : joint.normal,
-                         .touch = joint.touch};
-      const law_slopes slopes = law_slopes_of(&constants, &at, law);
+      law_at at = {.v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx))),
+                   .normal = general ? joint.normal * joint.inv_share : joint.normal,
+                   .touch = joint.touch};
       const vec share = general ? joint.share : splat(1.0);
-      const vec value = law_value_of(&constants, &at, law).force;
+      vec value = none, force_by_normal = none, by_slip = none;
+      for (int e = 0; e < law_elements(pulley, states); ++e) {
+        at.element = e;
+        at.z = states != 0 ? load(zs + e * lay->stride + i) : none;
+        const law_slopes slopes = law_slopes_of(&constants, &at, law);
+        const vec force = law_value_of(&constants, &at, law).force;
+        value = e == 0 ? force : value + force;
+        force_by_normal = e == 0 ? slopes.by_normal : force_by_normal + slopes.by_normal;
+        by_slip = e == 0 ? slopes.by_slip : by_slip + slopes.by_slip;
+        if (states != 0) {
+          linearise_state(scratch, &joint, &at, &slopes, e * lay->stride, i, &t, general);
+        }
+      }
       const vec force = where(joint.touch, share * value);
       store(t.joint_nx + i, where(joint.touch, nx));
       store(t.joint_ny + i, where(joint.touch, ny));
@@ -208,37 +251,20 @@ INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *p
       store(t.force + i, force);
       store(t.force_over_rho + i, force * inv);
       store(t.apart + i, where(joint.touch, fma_(ux, nx, uy * ny) * inv));
-      const vec by_normal = where(joint.touch, slopes.by_normal);
+      const vec by_normal = where(joint.touch, force_by_normal);
       store(t.by_normal + i, by_normal);
-      store(t.by_state + i, where(joint.touch, share * slopes.by_state));
-      store(t.by_slip + i, where(joint.touch, share * slopes.by_slip));
-      store(t.gain + i, where(joint.touch, slopes.rate_by_slip));
-      store(t.decay + i, where(joint.touch, joint.fresh - slopes.rate_by_state));
-      const vec gain_normal =
-          general ? where(joint.touch, slopes.rate_by_normal * joint.inv_share) : none;
-      store(t.gain_normal + i, gain_normal);
-      /* by the share, and by its rate while belt comes into contact */
+      store(t.by_slip + i, where(joint.touch, share * by_slip));
       const vec by_share =
-          general ? where(joint.touch, fnma_(slopes.by_normal, at.normal, value)) : none;
-      const vec per_share = where(less(none, joint.fresh), z / (joint.share + splat(FRESH)));
-      const vec gain_share = fnma_(gain_normal, at.normal, joint.fresh * per_share);
+          general ? where(joint.touch, fnma_(force_by_normal, at.normal, value)) : none;
       for (int m = 0; m < 4; ++m) {
         const vec before = load_unaligned(t.by[4 + m] + i - 1), behind = load(t.by[m] + i);
         vec direct[2] = {by_normal * before, by_normal * behind};
-        vec gain[2] = {gain_normal * before, gain_normal * behind};
         for (int side = 0; side < 2; ++side) {
-          const double *share_by = scratch->share_by[2 * (1 - side) + m % 2] + i - (1 - side);
-          const double *rate_by = scratch->rate_by[2 * (1 - side) + m % 2] + i - (1 - side);
-          const vec place = load_unaligned(share_by);
           if (m < 2) {
-            direct[side] = fma_(by_share, place, direct[side]);
-            gain[side] = fma_(gain_share, place, gain[side]);
-            gain[side] = fnma_(per_share, load_unaligned(rate_by), gain[side]);
-          } else {
-            gain[side] = fnma_(per_share, place, gain[side]);
+            const double *share_by = scratch->share_by[2 * (1 - side) + m % 2] + i - (1 - side);
+            direct[side] = fma_(by_share, load_unaligned(share_by), direct[side]);
           }
           store(t.direct[4 * side + m] + i, where(joint.touch, direct[side]));
-          store(t.gains[4 * side + m] + i, where(joint.touch, gain[side]));
         }
       }
     }
@@ -249,7 +275,7 @@ INLINE void linearise_links(const bd_links *links, const bd_tangent *tangent,
                             const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
                             const bd_points *points, const bd_link_scratch *scratch,
                             const double *y, const bd_link_tangent *contact, double h,
-                            const int law, const int general, const int string) {
+                            const int law, const int general, const int states, const int string) {
   if (pulley->hunt_crossley > 0.0) {
     linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, string, 1);
   } else {
@@ -257,6 +283,6 @@ INLINE void linearise_links(const bd_links *links, const bd_tangent *tangent,
   }
   if (law != BD_LAW_NONE) {
     linearise_friction(links, pulley, n_runs, runs, points, scratch, y, contact, law, general,
-                       string);
+                       states, string);
   }
 }

@@ -108,8 +108,8 @@ static void finish_moved(const bd_layout *lay, const bd_contact_pulley *pulley, 
                          const bd_run *runs, const bd_link_tangent *contact, double g,
                          const double move[4], double *c) {
   const bd_link_tangent *t = contact;
-  double *cz = bd_field(lay, c, F_MU + pulley->slot);
-  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  double *cz = bd_field(lay, c, bd_f_state(lay, pulley->slot));
+  double *cslip = bd_field(lay, c, bd_f_slip(lay, pulley->slot));
   const link_move all = all_links(move);
   const vec step = splat(g), two = splat(2.0), none = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
@@ -117,14 +117,16 @@ static void finish_moved(const bd_layout *lay, const bd_contact_pulley *pulley, 
       const joint_linear joint = joint_linear_of(t, pulley, i);
       const mask on = less(none, joint.rho);
       const link_normals normals[2] = {normals_before(t, i), link_linear_of(t, i).at};
-      vec pressed[4];
+      vec pressed[2][4];
       const vec slide = where(on, two * slip_of(&joint, &all.end[0], HALF));
-      vec z = load(t->state_by_slip + i) * slide;
-      pressing(&normals[0], &all, pressed);
-      z += product_with(t->state_by, i, pressed);
-      pressing(&normals[1], &all, pressed);
-      z += product_with(t->state_by + 4, i, pressed);
-      add_to(cz, i, where(on, z));
+      pressing(&normals[0], &all, pressed[0]);
+      pressing(&normals[1], &all, pressed[1]);
+      for (int k = i; k < i + pulley->states * pulley->stride; k += pulley->stride) {
+        vec z = load(t->state_by_slip + k) * slide;
+        z += product_with(t->state_by, k, pressed[0]);
+        z += product_with(t->state_by + 4, k, pressed[1]);
+        add_to(cz, k, where(on, z));
+      }
       add_to(cslip, i, step * slide);
     }
   }

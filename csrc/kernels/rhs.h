@@ -209,15 +209,15 @@ INLINE double joints(const bd_links *links, const double *y, double *out, const 
  * of distance. */
 INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                     const bd_run *runs, const double *y, double *dy, bd_sums *sums, const int law,
-                    const int ledger, const int hunt_crossley) {
+                    const int states, const int ledger, const int hunt_crossley) {
   const bd_layout *lay = &links->lay;
-  const int friction = law != BD_LAW_NONE;
+  const int friction = law != BD_LAW_NONE, at_states = bd_f_state(lay, pulley->slot);
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const double *zs = bd_cfield(lay, y, states != 0 ? at_states : F_X);
   double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
-  double *oz = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
-  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  double *oz = bd_field(lay, dy, states != 0 ? at_states : F_X);
+  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay, pulley->slot) : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), cu = splat(pulley->vx),
             cv = splat(pulley->vy);
   const vec radius = splat(pulley->radius), rim2 = splat(pulley->radius * pulley->radius);
@@ -249,12 +249,10 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
       if (friction) {
         const vec slide = fma_(uy, nx, -(ux * ny)) - omega * rho;
         const vec v = where(touch, slide);
-        const law_at at = {.z = load(zs + i), .v = v, .normal = normal, .touch = touch};
-        const law_value value = law_value_of(&constants, &at, law);
-        const vec tangential = value.force;
+        const law_at at = {.v = v, .normal = normal, .touch = touch};
+        const vec tangential = law_act(&constants, &at, pulley, zs, oz, i, NULL, law, states);
         fx = fma_(tangential, ny, fx);
         fy = fma_(-tangential, nx, fy);
-        store(oz + i, load(oz + i) + value.rate);
         store(oslip + i, load(oslip + i) + v);
         torque = fma_(tangential, rho, torque);
         if (ledger) {
@@ -296,23 +294,23 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
                                     double *nearest) {                                             \
     nearest_ends(links, pulley, n_runs, runs, y, nearest, string);                                 \
   }
-#define CONTACT(law, ledger)                                                                       \
+#define CONTACT(law, states, ledger)                                                               \
   static void contact_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,     \
                                        int n_runs, const bd_run *runs, const double *y,            \
                                        double *dy, bd_sums *sums) {                                \
     if (pulley->hunt_crossley > 0.0) {                                                             \
-      contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger, 1);                  \
+      contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, states, ledger, 1);          \
     } else {                                                                                       \
-      contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, ledger, 0);                  \
+      contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, states, ledger, 0);          \
     }                                                                                              \
   }
-#define RUB(law, general, ledger)                                                                  \
+#define RUB(law, general, states, ledger)                                                          \
   static void rub_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,         \
                                    int n_runs, const bd_run *runs, const bd_points *points,        \
                                    const bd_pressure *pressure, const bd_end_forces *out,          \
                                    const double *y, double *dy, bd_sums *sums) {                   \
     rub(links, pulley, n_runs, runs, points, pressure, out, y, dy, sums, BD_LAW_##law, general,    \
-        ledger);                                                                                   \
+        states, ledger);                                                                           \
   }
 JOINTS(0, 0)
 JOINTS(0, 1)
@@ -323,19 +321,21 @@ PRESS(0, 1)
 PRESS(1, 1)
 NEAREST_ENDS(0)
 NEAREST_ENDS(1)
-CONTACT(NONE, 0)
-CONTACT(NONE, 1)
-#define LAW(name, class, general, text)                                                            \
-  CONTACT(name, 0) CONTACT(name, 1) RUB(name, general, 0) RUB(name, general, 1)
+CONTACT(NONE, 0, 0)
+CONTACT(NONE, 0, 1)
+#define LAW(name, class, general, states, text)                                                    \
+  CONTACT(name, states, 0)                                                                         \
+  CONTACT(name, states, 1)                                                                         \
+  RUB(name, general, states, 0) RUB(name, general, states, 1)
 BD_LAWS(LAW)
 #undef LAW
 
 /* One law at one link, and what its header says of its parameters. */
-#define LAW(name, class, general, text)                                                            \
-  static void law_##name(const bd_friction *friction, double l0, double z, double v,               \
+#define LAW(name, class, general, states, text)                                                    \
+  static void law_##name(const bd_friction *friction, double l0, int element, double z, double v,  \
                          double normal, bd_law_point *out) {                                       \
     const name##_constants c = name##_prepare(&friction->name, l0);                                \
-    const law_at at = {splat(z), splat(v), splat(normal), less(splat(0.0), splat(1.0))};           \
+    const law_at at = {splat(z), splat(v), splat(normal), less(splat(0.0), splat(1.0)), element};  \
     const law_value value = name##_value(&c, &at);                                                 \
     const law_slopes slopes = name##_slopes(&c, &at);                                              \
     *out = (bd_law_point){first_of(value.force),          first_of(value.rate),                    \
@@ -346,8 +346,8 @@ BD_LAWS(LAW)
   static double bound_##name(const bd_friction *friction) {                                        \
     return name##_bound(&friction->name);                                                          \
   }                                                                                                \
-  static double kinetic_##name(const bd_friction *friction) {                                      \
-    return name##_kinetic(&friction->name);                                                        \
+  static double kinetic_##name(const bd_friction *friction, int element) {                         \
+    return name##_kinetic(&friction->name, element);                                               \
   }
 BD_LAWS(LAW)
 #undef LAW
@@ -359,8 +359,8 @@ INLINE int find_contact_event(const bd_links *links, const bd_contact_pulley *pu
                               int begin, int end, const int friction, const int of_joints) {
   const bd_layout *lay = &links->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *mu = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
-  const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  const double *mu = bd_cfield(lay, y, friction ? bd_f_state(lay, pulley->slot) : F_X);
+  const double *slip = bd_cfield(lay, y, friction ? bd_f_slip(lay, pulley->slot) : F_Y);
   const vec cx = splat(pulley->x), cy = splat(pulley->y), none = {0.0};
   const vec rim2 = splat(pulley->radius * pulley->radius), deep2 = splat(0.25) * rim2;
   const vec limit = splat(pulley->bound), id = splat(index), free = splat(-0.5);
@@ -376,9 +376,15 @@ INLINE int find_contact_event(const bd_links *links, const bd_contact_pulley *pu
       }
       found |= less(rho2, deep2);
       if (friction) {
-        const vec size = magnitude(load(mu + i)), holder = load(owner + i);
+        vec size = none, moved = magnitude(load(slip + i));
+        const vec holder = load(owner + i);
+        for (int e = 0; e < lay->states; ++e) {
+          const vec z = magnitude(load(mu + e * lay->stride + i));
+          size = e < law_elements(pulley, pulley->states) ? larger(z, size) : size;
+          moved += z;
+        }
         const mask in_contact = less(rho2, rim2), mine = less(magnitude(holder - id), splat(0.5));
-        const mask not_reset = less(none, size + magnitude(load(slip + i)));
+        const mask not_reset = less(none, moved);
         found |= (in_contact ^ mine) | (in_contact & less(limit, size)) |
                  (less(holder, free) & not_reset);
       }
@@ -487,7 +493,7 @@ INLINE double error_fixed(const bd_layout *lay, double h, const int m, const dou
       weigh(i + F_PHI * stride, 0, m, he, k, w, &found);
       weigh(i + F_VPHI * stride, 0, m, he, k, w, &found);
     }
-    for (int s = 0; s < lay->slots; ++s) {
+    for (int s = 0; s < lay->slots * lay->states; ++s) {
       weigh(i + frictions + (size_t)s * stride, 0, m, he, k, w, &found);
     }
   }
@@ -520,13 +526,14 @@ extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_stri
   .find_contact_event = {{find_contact_event_00, find_contact_event_01},                           \
                          {find_contact_event_10, find_contact_event_11}},                          \
   .sum_forces = sum_forces, .fastest = fastest, .combine = combine, .error_norm = error_norm
-#define LAW_AT(name, class, general, text) [BD_LAW_##name] = law_##name,
-#define BOUND(name, class, general, text) [BD_LAW_##name] = bound_##name,
-#define KINETIC(name, class, general, text) [BD_LAW_##name] = kinetic_##name,
-#define CENTRES(name, class, general, text)                                                        \
+#define LAW_AT(name, class, general, states, text) [BD_LAW_##name] = law_##name,
+#define BOUND(name, class, general, states, text) [BD_LAW_##name] = bound_##name,
+#define KINETIC(name, class, general, states, text) [BD_LAW_##name] = kinetic_##name,
+#define CENTRES(name, class, general, states, text)                                                \
   [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
-#define RUB_LINKS(name, class, general, text) [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
-#define BARS(name, class, general, text)                                                           \
+#define RUB_LINKS(name, class, general, states, text)                                              \
+  [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
+#define BARS(name, class, general, states, text)                                                   \
   [BD_LAW_##name] = {string_contact_##name##_0, string_contact_##name##_1},
 
 static const bd_kernels string_kernels = {

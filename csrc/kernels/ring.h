@@ -15,8 +15,10 @@
  *   link i to i - 1     [-k 1 | q_{i-1} ; k e'_i | -e'_i.q_{i-1} - bending]
  *   link i - 1 to i     [-k 1 | -q_i ; -k e'_{i-1} | -e'_{i-1}.q_i - bending]
  * The diagonal blocks are those of an inertia plus stiffness and damping, positive definite but for
- * friction and links in compression, which is why no pivot is sought; a solve that went wrong shows
- * in numbers that are not finite or in the step's error. Guarded by tests/test_jacobian.py.
+ * friction and links in compression, which is why no pivot is sought among links; a solve that went
+ * wrong shows in numbers that are not finite or in the step's error. Within a block it is: of a
+ * link in full slip, which is pressed back along n + mu t whichever way it moves against n, the
+ * entry xx is 0 where n is at the angle of friction to y. Guarded by tests/test_jacobian.py.
  */
 /* Steps of the cyclic reduction, log2 of the arcs. */
 enum { REDUCTIONS = WIDTH == 8 ? 3 : WIDTH == 4 ? 2 : WIDTH == 2 ? 1 : 0 };
@@ -55,53 +57,45 @@ INLINE void places_of(const bd_ring *ring, ptrdiff_t *at) {
 
 /* --- 3 x 3 blocks, rows first ---------------------------------------------------------------- */
 
-/* L and U: l10 l20 l21, u01 u02 u12, reciprocal pivots; by minors, so that one division does. */
-INLINE void decompose(vec *lu, const vec *d) {
-  const vec m11 = fnma_(d[3], d[1], d[0] * d[4]), m12 = fnma_(d[3], d[2], d[0] * d[5]);
-  const vec m21 = fnma_(d[6], d[1], d[0] * d[7]), m22 = fnma_(d[6], d[2], d[0] * d[8]);
-  const vec last = fnma_(m12, m21, m11 * m22), first = d[0] * m11;
-  const vec share = 1.0 / (first * last);
-  const vec per_d00 = m11 * last * share, per_m11 = d[0] * last * share;
-  lu[0] = d[3] * per_d00;
-  lu[1] = d[6] * per_d00;
-  lu[2] = m21 * per_m11;
-  lu[3] = d[1];
-  lu[4] = d[2];
-  lu[5] = m12 * per_d00;
-  lu[6] = per_d00;
-  lu[7] = d[0] * per_m11;
-  lu[8] = first * first * share;
+/* D = [A b; c d], A of x and y: A^-1, A^-1 b, c A^-1 and 1 / (d - c A^-1 b), by determinants, so
+ * that one division does. No single entry of A is a pivot. Its determinant keeps its digits: along
+ * an arc the joint ahead holds a link as much in one direction as in another, and only contact is
+ * stiffer.
+ */
+INLINE void decompose(vec *f, const vec *d) {
+  const vec of_a = fnma_(d[3], d[1], d[0] * d[4]);
+  const vec b0 = fnma_(d[1], d[5], d[4] * d[2]), b1 = fnma_(d[3], d[2], d[0] * d[5]);
+  const vec of_all = fnma_(d[7], b1, fnma_(d[6], b0, d[8] * of_a));
+  const vec share = 1.0 / (of_a * of_all), per_a = of_all * share;
+  f[0] = d[4] * per_a;
+  f[1] = -d[1] * per_a;
+  f[2] = -d[3] * per_a;
+  f[3] = d[0] * per_a;
+  f[4] = b0 * per_a;
+  f[5] = b1 * per_a;
+  f[6] = fma_(d[6], f[0], d[7] * f[2]);
+  f[7] = fma_(d[6], f[1], d[7] * f[3]);
+  f[8] = of_a * of_a * share;
 }
 
 /* x = D^-1 b, three entries `step` apart */
-INLINE void substitute(const vec *lu, const vec *b, vec *x, const int step) {
-  const vec y1 = fnma_(lu[0], b[0], b[step]);
-  const vec y2 = fnma_(lu[2], y1, fnma_(lu[1], b[0], b[2 * step]));
-  x[2 * step] = y2 * lu[8];
-  x[step] = fnma_(lu[5], x[2 * step], y1) * lu[7];
-  x[0] = fnma_(lu[4], x[2 * step], fnma_(lu[3], x[step], b[0])) * lu[6];
+INLINE void substitute(const vec *f, const vec *b, vec *x, const int step) {
+  const vec last = fnma_(f[7], b[step], fnma_(f[6], b[0], b[2 * step])) * f[8];
+  x[0] = fnma_(f[4], last, fma_(f[1], b[step], f[0] * b[0]));
+  x[step] = fnma_(f[5], last, fma_(f[3], b[step], f[2] * b[0]));
+  x[2 * step] = last;
 }
 
-/* x = b D^-1, one row */
-INLINE void substitute_row(const vec *lu, const vec *b, vec *x) {
-  const vec y0 = b[0] * lu[6];
-  const vec y1 = fnma_(y0, lu[3], b[1]) * lu[7];
-  x[2] = fnma_(y1, lu[5], fnma_(y0, lu[4], b[2])) * lu[8];
-  x[1] = fnma_(x[2], lu[2], y1);
-  x[0] = fnma_(x[2], lu[1], fnma_(x[1], lu[0], y0));
-}
-
-INLINE void invert(const vec *lu, vec *x) {
-  const vec one = splat(1.0);
-  x[6] = fma_(lu[2], lu[0], -lu[1]) * lu[8];
-  x[7] = -lu[2] * lu[8];
-  x[8] = lu[8];
-  x[3] = -fma_(lu[5], x[6], lu[0]) * lu[7];
-  x[4] = fnma_(lu[5], x[7], one) * lu[7];
-  x[5] = -lu[5] * x[8] * lu[7];
-  x[0] = fnma_(lu[4], x[6], fnma_(lu[3], x[3], one)) * lu[6];
-  x[1] = -fma_(lu[4], x[7], lu[3] * x[4]) * lu[6];
-  x[2] = -fma_(lu[4], x[8], lu[3] * x[5]) * lu[6];
+INLINE void invert(const vec *f, vec *x) {
+  x[2] = -f[4] * f[8];
+  x[5] = -f[5] * f[8];
+  x[6] = -f[6] * f[8];
+  x[7] = -f[7] * f[8];
+  x[8] = f[8];
+  x[0] = fnma_(f[4], x[6], f[0]);
+  x[1] = fnma_(f[4], x[7], f[1]);
+  x[3] = fnma_(f[5], x[6], f[2]);
+  x[4] = fnma_(f[5], x[7], f[3]);
 }
 
 /* out -= a x for one column, its entries `step` apart */
@@ -135,40 +129,81 @@ INLINE void take_product(const vec *a, const vec *b, vec *out) {
 
 /* --- separators ------------------------------------------------------------------------------ */
 
-INLINE void all_before(const vec *block, const int distance, vec *out) {
-  for (int i = 0; i < 9; ++i) {
+INLINE void all_before(const vec *block, const int n, const int distance, vec *out) {
+  for (int i = 0; i < n; ++i) {
     out[i] = from_before(block[i], distance);
   }
 }
 
-INLINE void all_after(const vec *block, const int distance, vec *out) {
-  for (int i = 0; i < 9; ++i) {
+INLINE void all_after(const vec *block, const int n, const int distance, vec *out) {
+  for (int i = 0; i < n; ++i) {
     out[i] = from_after(block[i], distance);
+  }
+}
+
+/* A separator's block: L and U, l10 l20 l21, u01 u02 u12 and reciprocal pivots, by minors, its
+ * first two rows exchanged (last entry: 1) where that makes the first pivot larger. By A^-1 the
+ * digits would be lost by which the belt between separators is stiffer along itself than across. */
+enum { ENDS_LU = 10 };
+
+INLINE void decompose_end(vec *lu, const vec *given) {
+  const mask exchanged = less(magnitude(given[0]), magnitude(given[3]));
+  vec d[9];
+  for (int i = 0; i < 3; ++i) {
+    d[i] = choose(exchanged, given[3 + i], given[i]);
+    d[3 + i] = choose(exchanged, given[i], given[3 + i]);
+    d[6 + i] = given[6 + i];
+  }
+  const vec m11 = fnma_(d[3], d[1], d[0] * d[4]), m12 = fnma_(d[3], d[2], d[0] * d[5]);
+  const vec m21 = fnma_(d[6], d[1], d[0] * d[7]), m22 = fnma_(d[6], d[2], d[0] * d[8]);
+  const vec last = fnma_(m12, m21, m11 * m22), first = d[0] * m11;
+  const vec share = 1.0 / (first * last);
+  const vec per_d00 = m11 * last * share, per_m11 = d[0] * last * share;
+  lu[0] = d[3] * per_d00;
+  lu[1] = d[6] * per_d00;
+  lu[2] = m21 * per_m11;
+  lu[3] = d[1];
+  lu[4] = d[2];
+  lu[5] = m12 * per_d00;
+  lu[6] = per_d00;
+  lu[7] = d[0] * per_m11;
+  lu[8] = first * first * share;
+  lu[9] = where(exchanged, splat(1.0));
+}
+
+/* x = b D^-1, row by row */
+INLINE void divide_rows(const vec *lu, const vec *b, vec *x) {
+  const mask exchanged = less(splat(0.0), lu[9]);
+  for (int r = 0; r < 9; r += 3) {
+    const vec y0 = b[r] * lu[6];
+    const vec y1 = fnma_(y0, lu[3], b[r + 1]) * lu[7];
+    const vec x2 = fnma_(y1, lu[5], fnma_(y0, lu[4], b[r + 2])) * lu[8];
+    const vec x1 = fnma_(x2, lu[2], y1);
+    const vec x0 = fnma_(x2, lu[1], fnma_(x1, lu[0], y0));
+    x[r] = choose(exchanged, x1, x0);
+    x[r + 1] = choose(exchanged, x0, x1);
+    x[r + 2] = x2;
   }
 }
 
 /* One step: every separator is freed of those `distance` before and after it, and is left coupled
  * to those twice as far. */
 INLINE void reduce(const int distance, vec *d, vec *left, vec *right, vec *before, vec *after) {
-  vec lu[9], near[9], far[9], new_left[9], new_right[9];
-  decompose(lu, d);
+  vec lu[ENDS_LU], near[9], far[ENDS_LU], new_left[9], new_right[9];
+  decompose_end(lu, d);
   for (int i = 0; i < 9; ++i) {
     new_left[i] = new_right[i] = splat(0.0);
   }
-  all_before(lu, distance, far);
-  for (int r = 0; r < 9; r += 3) {
-    substitute_row(far, left + r, before + r);
-  }
-  all_after(lu, distance, far);
-  for (int r = 0; r < 9; r += 3) {
-    substitute_row(far, right + r, after + r);
-  }
-  all_before(right, distance, near);
-  all_before(left, distance, far);
+  all_before(lu, ENDS_LU, distance, far);
+  divide_rows(far, left, before);
+  all_after(lu, ENDS_LU, distance, far);
+  divide_rows(far, right, after);
+  all_before(right, 9, distance, near);
+  all_before(left, 9, distance, far);
   take_product(before, near, d);
   take_product(before, far, new_left);
-  all_after(left, distance, near);
-  all_after(right, distance, far);
+  all_after(left, 9, distance, near);
+  all_after(right, 9, distance, far);
   take_product(after, near, d);
   take_product(after, far, new_right);
   for (int i = 0; i < 9; ++i) {
@@ -180,7 +215,7 @@ INLINE void reduce(const int distance, vec *d, vec *left, vec *right, vec *befor
 /* The last step: the separator before is the one after. */
 INLINE void reduce_last(vec *d, vec *left, const vec *right, vec *before) {
   enum { HALF = WIDTH / 2 };
-  vec lu[9], far[9];
+  vec lu[ENDS_LU], far[ENDS_LU];
   for (int i = 0; i < 9; ++i) {
     left[i] += right[i];
   }
@@ -190,17 +225,15 @@ INLINE void reduce_last(vec *d, vec *left, const vec *right, vec *before) {
     }
     return;
   }
-  decompose(lu, d);
-  all_before(lu, HALF, far);
-  for (int r = 0; r < 9; r += 3) {
-    substitute_row(far, left + r, before + r);
-  }
-  all_before(left, HALF, far);
+  decompose_end(lu, d);
+  all_before(lu, ENDS_LU, HALF, far);
+  divide_rows(far, left, before);
+  all_before(left, 9, HALF, far);
   take_product(before, far, d);
 }
 
 static void separators_factor(ring_ends *ends, vec *d, vec *left, vec *right) {
-  vec lu[9];
+  vec lu[ENDS_LU];
   if (REDUCTIONS > 1) {
     reduce(1, d, left, right, ends->before[0], ends->after[0]);
   }
@@ -208,8 +241,11 @@ static void separators_factor(ring_ends *ends, vec *d, vec *left, vec *right) {
     reduce(2, d, left, right, ends->before[1], ends->after[1]);
   }
   reduce_last(d, left, right, ends->before[REDUCTIONS > 0 ? REDUCTIONS - 1 : 0]);
-  decompose(lu, d);
-  invert(lu, ends->inverse);
+  decompose_end(lu, d);
+  for (int i = 0; i < 9; ++i) {
+    d[i] = splat(i % 4 == 0 ? 1.0 : 0.0);
+  }
+  divide_rows(lu, d, ends->inverse);
 }
 
 INLINE void take_neighbours(const ring_ends *ends, const int step, vec *r) {

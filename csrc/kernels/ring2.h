@@ -61,28 +61,44 @@ INLINE square with_part(square a, vec f, square b) {
 
 /* L and U: l10 in the place yx, u01 in xy, the reciprocal pivots in xx and yy; by the determinant,
  * so that one division does. Products with D^-1 itself would lose the digits by which the belt is
- * stiffer along itself than across. */
-INLINE square decomposed(square d) {
-  const vec determinant = fnma_(d.yx, d.xy, d.xx * d.yy), share = 1.0 / (d.xx * determinant);
+ * stiffer along itself than across. Rows are exchanged where that makes the first pivot larger
+ * (ring.h says when it may be 0). */
+typedef struct square_factors {
+  square lu;
+  vec exchanged; /* 1, or 0 */
+} square_factors;
+
+INLINE square_factors decomposed(square d) {
+  const mask exchanged = less(magnitude(d.xx), magnitude(d.yx));
+  const vec xx = choose(exchanged, d.yx, d.xx), xy = choose(exchanged, d.yy, d.xy);
+  const vec yx = choose(exchanged, d.xx, d.yx), yy = choose(exchanged, d.xy, d.yy);
+  const vec determinant = fnma_(yx, xy, xx * yy), share = 1.0 / (xx * determinant);
   const vec per_xx = determinant * share;
-  return (square){per_xx, d.xy, d.yx * per_xx, d.xx * d.xx * share};
+  return (square_factors){{per_xx, xy, yx * per_xx, xx * xx * share}, where(exchanged, splat(1.0))};
 }
 
 /* D^-1 b, and b D^-1 */
-INLINE square divided(square lu, square b) {
+INLINE square divided(square_factors f, square given) {
+  const mask exchanged = less(splat(0.0), f.exchanged);
+  const square lu = f.lu,
+               b = {choose(exchanged, given.yx, given.xx), choose(exchanged, given.yy, given.xy),
+                    choose(exchanged, given.xx, given.yx), choose(exchanged, given.xy, given.yy)};
   const vec yx = fnma_(lu.yx, b.xx, b.yx) * lu.yy, yy = fnma_(lu.yx, b.xy, b.yy) * lu.yy;
   return (square){fnma_(lu.xy, yx, b.xx) * lu.xx, fnma_(lu.xy, yy, b.xy) * lu.xx, yx, yy};
 }
 
-INLINE square divided_rows(square b, square lu) {
+INLINE square divided_rows(square b, square_factors f) {
+  const mask exchanged = less(splat(0.0), f.exchanged);
+  const square lu = f.lu;
   const vec left_x = b.xx * lu.xx, left_y = b.yx * lu.xx;
   const vec xy = fnma_(left_x, lu.xy, b.xy) * lu.yy, yy = fnma_(left_y, lu.xy, b.yy) * lu.yy;
-  return (square){fnma_(xy, lu.yx, left_x), xy, fnma_(yy, lu.yx, left_y), yy};
+  const vec xx = fnma_(xy, lu.yx, left_x), yx = fnma_(yy, lu.yx, left_y);
+  return (square){choose(exchanged, xy, xx), choose(exchanged, xx, xy), choose(exchanged, yy, yx),
+                  choose(exchanged, yx, yy)};
 }
 
-INLINE square inverse_of(square lu) {
-  const vec yx = -lu.yx * lu.yy, xy = -lu.xy * lu.yy * lu.xx;
-  return (square){fnma_(lu.xy, yx, splat(1.0)) * lu.xx, xy, yx, lu.yy};
+INLINE square inverse_of(square_factors f) {
+  return divided_rows(square_of(splat(1.0), splat(0.0)), f);
 }
 
 INLINE square square_before(square a, const int distance) {
@@ -93,6 +109,14 @@ INLINE square square_before(square a, const int distance) {
 INLINE square square_after(square a, const int distance) {
   return (square){from_after(a.xx, distance), from_after(a.xy, distance),
                   from_after(a.yx, distance), from_after(a.yy, distance)};
+}
+
+INLINE square_factors factors_before(square_factors f, const int distance) {
+  return (square_factors){square_before(f.lu, distance), from_before(f.exchanged, distance)};
+}
+
+INLINE square_factors factors_after(square_factors f, const int distance) {
+  return (square_factors){square_after(f.lu, distance), from_after(f.exchanged, distance)};
 }
 
 INLINE pair pair_before(pair a, const int distance) {
@@ -114,9 +138,10 @@ typedef struct coupled_ends {
  * to those twice as far. */
 INLINE coupled_ends string_reduce(coupled_ends s, const int distance, square *before,
                                   square *after) {
-  const square none = square_of(splat(0.0), splat(0.0)), lu = decomposed(s.d);
-  const square by_before = divided_rows(s.left, square_before(lu, distance));
-  const square by_after = divided_rows(s.right, square_after(lu, distance));
+  const square none = square_of(splat(0.0), splat(0.0));
+  const square_factors own = decomposed(s.d);
+  const square by_before = divided_rows(s.left, factors_before(own, distance));
+  const square by_after = divided_rows(s.right, factors_after(own, distance));
   *before = by_before;
   *after = by_after;
   s.d = less_product(s.d, by_before, square_before(s.right, distance));
@@ -139,7 +164,7 @@ INLINE void string_factor_ends(string_ends *ends, coupled_ends s) {
   if (HALF == 0) {
     s.d = sum_of(s.d, both);
   } else {
-    const square by_before = divided_rows(both, square_before(decomposed(s.d), HALF));
+    const square by_before = divided_rows(both, factors_before(decomposed(s.d), HALF));
     ends->before[REDUCTIONS > 0 ? REDUCTIONS - 1 : 0] = by_before;
     s.d = less_product(s.d, by_before, square_before(both, HALF));
   }
@@ -189,12 +214,12 @@ static void string_factor(const bd_ring *ring, const bd_blocks *b) {
   square own = none;
   row[0].back = back;
   for (int j = 1; j < m; ++j) {
-    const square lu = decomposed(d);
+    const square_factors here = decomposed(d);
     back = gather_square(b->back, at, j);
     forward = gather_square(b->forward, at, j);
     const square coupled = j == 1 ? with_part(none, whole, forward) : forward;
-    const square next = divided(lu, coupled), over = divided(lu, left);
-    row[j - 1].inverse = inverse_of(lu);
+    const square next = divided(here, coupled), over = divided(here, left);
+    row[j - 1].inverse = inverse_of(here);
     row[j - 1].to_separator = to_separator;
     row[j - 1].next = next;
     row[j - 1].left = over;

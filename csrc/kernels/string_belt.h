@@ -127,17 +127,18 @@ enum { BLOCKS = 8 };
  * more than a bar that touches. */
 INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                            const bd_run *runs, const double *y, double *dy, bd_sums *sums,
-                           const int law, const int general, const int ledger,
+                           const int law, const int general, const int states, const int ledger,
                            const int hunt_crossley) {
   const bd_layout *lay = &links->lay;
   const int n = lay->n, friction = law != BD_LAW_NONE;
   const vec radius = splat(pulley->radius), none = splat(0.0), lane = lane_numbers();
   const mask every = less(lane, splat(WIDTH));
   const vec inv_mass = splat(links->inv_mass), omega = splat(pulley->omega);
-  const double *zs = bd_cfield(lay, y, friction ? F_MU + pulley->slot : F_X);
+  const int at_states = states != 0 ? bd_f_state(lay, pulley->slot) : F_X;
+  const double *zs = bd_cfield(lay, y, at_states);
   double *ovx = bd_field(lay, dy, F_VX), *ovy = bd_field(lay, dy, F_VY);
-  double *oz = bd_field(lay, dy, friction ? F_MU + pulley->slot : F_X);
-  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay) + pulley->slot : F_Y);
+  double *oz = bd_field(lay, dy, at_states);
+  double *oslip = bd_field(lay, dy, friction ? bd_f_slip(lay, pulley->slot) : F_Y);
   const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
   vec torque = none, friction_loss = none, contact_loss = none, energy = none;
   vec sum_x = none, sum_y = none;
@@ -175,19 +176,17 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
         const vec share = bar.share_left + from_left(before.share_right, bar.share_right);
         const vec fresh = bar.rate_left + from_left(before.rate_right, bar.rate_right);
         const mask touch = mass & less(none, share);
-        const vec rho = radius - here.p, z = load(zs + i);
+        const vec rho = radius - here.p;
         const vec v = where(touch, fnma_(omega, rho, here.around));
         const vec pressing = general ? where(touch, normal / choose(touch, share, splat(1.0)))
                                      : where(touch, normal);
-        const law_at state = {.z = z, .v = v, .normal = pressing, .touch = touch};
-        const law_value value = law_value_of(&constants, &state, law);
-        const vec force = general ? where(touch, value.force * share) : value.force;
-        vec rate = value.rate;
-        if (any(touch & less(none, fresh))) {
-          const vec diluted = where(touch, larger(fresh, none) / (share + splat(FRESH)));
-          rate = fnma_(diluted, z, rate);
+        vec diluted = none;
+        if (states != 0 && any(touch & less(none, fresh))) {
+          diluted = where(touch, larger(fresh, none) / (share + splat(FRESH)));
         }
-        store(oz + i, load(oz + i) + rate);
+        const law_at acting = {.v = v, .normal = pressing, .touch = touch};
+        const vec mean = law_act(&constants, &acting, pulley, zs, oz, i, &diluted, law, states);
+        const vec force = general ? where(touch, mean * share) : mean;
         store(oslip + i, load(oslip + i) + v);
         fx = fma_(force, here.ny, fx);
         fy = fnma_(force, here.nx, fy);
@@ -210,20 +209,22 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
                     .force = {sum(sum_x), sum(sum_y)}};
 }
 
-#define STRING_CONTACT(law, general, ledger)                                                       \
+#define STRING_CONTACT(law, general, states, ledger)                                               \
   static void string_contact_##law##_##ledger(                                                     \
       const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
       const double *y, double *dy, bd_sums *sums) {                                                \
     if (pulley->hunt_crossley > 0.0) {                                                             \
-      string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, ledger, 1);  \
+      string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, states,      \
+                     ledger, 1);                                                                   \
     } else {                                                                                       \
-      string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, ledger, 0);  \
+      string_contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, general, states,      \
+                     ledger, 0);                                                                   \
     }                                                                                              \
   }
-#define LAW(name, class, general, text)                                                            \
-  STRING_CONTACT(name, general, 0) STRING_CONTACT(name, general, 1)
-STRING_CONTACT(NONE, 0, 0)
-STRING_CONTACT(NONE, 0, 1)
+#define LAW(name, class, general, states, text)                                                    \
+  STRING_CONTACT(name, general, states, 0) STRING_CONTACT(name, general, states, 1)
+STRING_CONTACT(NONE, 0, 0, 0)
+STRING_CONTACT(NONE, 0, 0, 1)
 BD_LAWS(LAW)
 #undef LAW
 

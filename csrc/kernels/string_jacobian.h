@@ -123,7 +123,7 @@ static void string_finish_links(const bd_links *links, const bd_stage *stage, in
       store(cx + at, where(mass, g * (load(cx + at) + v[k])));
       store(cvx + at, where(mass, v[k]));
     }
-    for (int k = 0; k < 2 * lay->slots; ++k) {
+    for (int k = 0; k < lay->slots * (lay->states + 1); ++k) {
       const size_t at = (size_t)k * stride + (size_t)i;
       store(cmu + at, where(mass, g * load(cmu + at)));
     }
@@ -256,7 +256,7 @@ static double string_add_links(const bd_links *links, const bd_tangent *tangent,
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       vec total[8];
       if (friction) {
-        eliminate_state(t, i, step, total);
+        eliminate_states(pulley, t, i, step, total);
       }
       mass_linear mass = mass_linear_of(t, pulley, i);
       if (friction) {
@@ -352,7 +352,7 @@ static double string_link_product(const bd_links *links, const bd_tangent *tange
   (void)tangent, (void)p;
   const bd_layout *lay = &links->lay;
   const int friction = pulley->law != BD_LAW_NONE;
-  const double *cz = bd_cfield(lay, c, friction ? F_MU + pulley->slot : F_X);
+  const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
   const vec g2 = splat(g * g);
   vec torque = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
@@ -361,7 +361,9 @@ static double string_link_product(const bd_links *links, const bd_tangent *tange
       vec given = splat(0.0);
       if (friction) {
         load_by_masses(contact->total, i, mass.friction_by);
-        given = load(contact->given_state + i) * load(cz + i);
+        for (int k = i; k < i + pulley->states * pulley->stride; k += pulley->stride) {
+          given = fma_(load(contact->given_state + k), load(cz + k), given);
+        }
       }
       end_move moves[3];
       moves_in(lay, c, i, 0, moves);
@@ -383,11 +385,11 @@ static void string_add_turning(const bd_layout *lay, const double *turning, doub
   (void)lay, (void)turning, (void)g, (void)c, (void)p;
 }
 
-/* Slip velocity and state of friction of the masses by moves of the three. */
-INLINE vec state_by(const bd_link_tangent *t, mass_linear *mass, int i, const end_move moves[3],
+/* A state of friction of the masses, in the rows at place k, by moves of the three. */
+INLINE vec state_by(const bd_link_tangent *t, mass_linear *mass, int k, const end_move moves[3],
                     vec slide) {
-  load_by_masses(t->state_by, i, mass->friction_by);
-  vec z = load(t->state_by_slip + i) * slide;
+  load_by_masses(t->state_by, k, mass->friction_by);
+  vec z = load(t->state_by_slip + k) * slide;
   for (int m = 0; m < 3; ++m) {
     z += penetration_product(mass, m, &moves[m], mass->friction_by);
   }
@@ -400,8 +402,8 @@ static void string_finish_joints(const bd_links *links, const bd_tangent *tangen
                                  double angular_acceleration, double *c) {
   (void)tangent;
   const bd_layout *lay = &links->lay;
-  double *cz = bd_field(lay, c, F_MU + pulley->slot);
-  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  double *cz = bd_field(lay, c, bd_f_state(lay, pulley->slot));
+  double *cslip = bd_field(lay, c, bd_f_slip(lay, pulley->slot));
   const vec spin = splat(angular_acceleration), step = splat(g), none = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
@@ -411,9 +413,11 @@ static void string_finish_joints(const bd_links *links, const bd_tangent *tangen
       moves_in(lay, c, i, 1, moves);
       vec slide = slip_of(&mass.friction, &moves[1], 1.0);
       slide = where(less(none, mass.friction.rho), fnma_(mass.friction.rho, spin, slide));
-      const vec z = fma_(load(contact->decay_factor + i), load(cz + i),
-                         state_by(contact, &mass, i, moves, slide));
-      store(cz + i, where(link, z));
+      for (int k = i; k < i + pulley->states * pulley->stride; k += pulley->stride) {
+        const vec z = fma_(load(contact->decay_factor + k), load(cz + k),
+                           state_by(contact, &mass, k, moves, slide));
+        store(cz + k, where(link, z));
+      }
       store(cslip + i, where(link, fma_(step, slide, load(cslip + i))));
     }
   }
@@ -507,8 +511,8 @@ static void string_mount_row(const bd_links *links, const bd_tangent *tangent,
 static void string_finish_moved(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
                                 const bd_run *runs, const bd_link_tangent *contact, double g,
                                 const double move[4], double *c) {
-  double *cz = bd_field(lay, c, F_MU + pulley->slot);
-  double *cslip = bd_field(lay, c, bd_f_slip(lay) + pulley->slot);
+  double *cz = bd_field(lay, c, bd_f_state(lay, pulley->slot));
+  double *cslip = bd_field(lay, c, bd_f_slip(lay, pulley->slot));
   const vec step = splat(g), none = splat(0.0);
   end_move moves[3];
   all_masses(move, moves);
@@ -517,7 +521,9 @@ static void string_finish_moved(const bd_layout *lay, const bd_contact_pulley *p
       mass_linear mass = mass_linear_of(contact, pulley, i);
       const mask on = less(none, mass.friction.rho);
       const vec slide = where(on, slip_of(&mass.friction, &moves[1], 1.0));
-      add_to(cz, i, where(on, state_by(contact, &mass, i, moves, slide)));
+      for (int k = i; k < i + pulley->states * pulley->stride; k += pulley->stride) {
+        add_to(cz, k, where(on, state_by(contact, &mass, k, moves, slide)));
+      }
       add_to(cslip, i, step * slide);
     }
   }

@@ -172,13 +172,15 @@ static int colour_pulleys(const bd_model *model) {
   return slots;
 }
 
-static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots, int drag) {
+static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots, int states,
+                    int drag) {
   lay->n = n;
   lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
   lay->np = np;
   lay->slots = slots;
+  lay->states = states;
   lay->stride = BD_HALO + (n + 1 + BD_LANES - 1) / BD_LANES * BD_LANES;
-  lay->theta = bd_block(lay, F_MU + 2 * slots) * lay->stride;
+  lay->theta = bd_block(lay, F_MU + slots * (states + 1)) * lay->stride;
   lay->omega = lay->theta + np;
   lay->mounted = mounted;
   lay->travel = lay->omega + np;
@@ -444,7 +446,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     }
     const bd_friction *friction = scene->pulleys[j].friction;
     friction = friction ? friction : scene->friction;
-    if (friction) {
+    if (friction && friction->law != BD_LAW_NONE) {
       model->friction[j] = *friction;
       model->has_friction = 1;
     }
@@ -469,8 +471,9 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   model->colours = colour_pulleys(model);
   check_room(model);
   lay_out(&model->lay, model->mounted, scene->belt.n_bodies, np,
-          model->has_friction ? model->colours : 0, drag);
+          model->has_friction ? model->colours : 0, bd_friction_most_states(model), drag);
   model->info.n_slots = model->lay.slots;
+  model->info.n_states = model->lay.states;
   model->info.n_mounts = model->lay.nm;
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
   model->kernels = model->lay.string ? kernels->string : kernels;

@@ -81,7 +81,9 @@ struct bd_model {
 
 /* --- parameters.c ----------------------------------------------------------------------------- */
 
-double bd_parameter_value(const bd_parameter *row, const void *group);
+/* Of a parameter, into at most BD_MAX_ELEMENTS; returns how many, 1 but of a list. */
+int bd_parameter_values(const bd_parameter *row, const void *group, double *values);
+int bd_parameters_list_length(const char *group, const void *record); /* 0: it has no lists */
 /* All of a group against their rules; `label` is what messages call it. */
 int bd_parameters_check(const char *group, const char *label, const void *record, bd_error *err);
 
@@ -96,12 +98,14 @@ bd_label bd_pulleys_label(const bd_model *model, int j, int k);
 
 const char *bd_law_text(int law); /* as in "contact with ... friction" */
 int bd_law_is_general(int law);
-int bd_friction_check(const bd_friction *friction, const char *label, bd_error *err);
-/* Of a link on pulley j; without friction all 0. */
-void bd_friction_at(const bd_model *model, int j, double z, double v, double normal,
+int bd_law_form(int law); /* which loops of the linear systems it needs: BD_FORM_... */
+int bd_friction_most_states(const bd_model *model); /* of all pulleys */
+/* Of a link on pulley j, an element of its law with its state; without friction all 0. */
+void bd_friction_at(const bd_model *model, int j, int element, double z, double v, double normal,
                     bd_law_point *out);
-/* Bound of the state after a step (INFINITY: none); coefficient in full slip. */
-double bd_friction_bound(const bd_model *model, int j);
+/* Bound of a state after a step (INFINITY: none; 0 of one that the law does not have); coefficient
+ * in full slip. */
+double bd_friction_bound(const bd_model *model, int j, int element);
 double bd_friction_kinetic(const bd_model *model, int j);
 /* As seen by a link that sticks under a normal force: stiffness [N/m] and damping [N s/m]; and the
  * rate at which the state of a general law adapts in full slip, at 1 m/s [1/s]. */
@@ -111,10 +115,10 @@ typedef struct bd_friction_stiffness {
 bd_friction_stiffness bd_friction_stiffness_of(const bd_model *model, int j, double normal);
 /* At rest under preload: the slip in which friction is fully developed [m]; the state that is worth
  * the normal force. Of pulleys with friction. */
-double bd_friction_slip(const bd_model *model, int j);
+double bd_friction_slip(const bd_model *model, int j); /* 0 of a law without a state */
 int bd_friction_scales_differ(const bd_model *model);
-double bd_least_slip(const bd_model *model); /* of all pulleys; INFINITY without friction */
-double bd_friction_state_scale(const bd_model *model, int j);
+double bd_least_slip(const bd_model *model); /* of all laws with a state; INFINITY: there is none */
+double bd_friction_state_scale(const bd_model *model, int j, int element); /* or INFINITY */
 
 /* Stiffness of a contact c1 p^2 + c2 p under a force: the root of what its depth is found by. */
 /* Damping under a normal force, of a link [N s/m]; of a metre of belt with b' and force per metre.
@@ -205,7 +209,7 @@ void bd_belt_line_pull(const bd_wrap *wrap, double pull[2]);
 
 /* --- state.c --------------------------------------------------------------------------------- */
 
-enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_PULLEYS, BD_SIZE_MOUNTS };
+enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_STATES, BD_SIZE_PULLEYS, BD_SIZE_MOUNTS };
 enum {
   BD_SCALE_NONE,
   BD_SCALE_STRETCH,

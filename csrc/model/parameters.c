@@ -34,7 +34,10 @@ const bd_parameter bd_parameters[] = {
    unit,                                                                                           \
    text,                                                                                           \
    RULE_##rule,                                                                                    \
-   _Generic(((bd_##group *)0)->name, int : 1, double : 0),                                         \
+   _Generic(((bd_##group *)0)->name, double                                                        \
+            : BD_IS_NUMBER, int                                                                    \
+            : BD_IS_INTEGER, bd_numbers                                                            \
+            : BD_IS_LIST),                                                                         \
    offsetof(bd_##group, name)},
     BD_PARAMETERS(X)
 #undef X
@@ -43,16 +46,36 @@ const bd_parameter bd_parameters[] = {
 enum { N_PARAMETERS = sizeof bd_parameters / sizeof bd_parameters[0] };
 const size_t bd_n_parameters = N_PARAMETERS;
 
-double bd_parameter_value(const bd_parameter *row, const void *group) {
-  const char *field = (const char *)group + row->offset;
-  int count;
-  double number;
-  if (row->is_integer) {
-    memcpy(&count, field, sizeof count);
-    return count;
+/* Of a number 1. */
+static int list_length(const bd_parameter *row, const void *group) {
+  int n = 1;
+  if (row->kind == BD_IS_LIST) {
+    memcpy(&n, (const char *)group + row->offset + offsetof(bd_numbers, n), sizeof n);
   }
-  memcpy(&number, field, sizeof number);
-  return number;
+  return n;
+}
+
+int bd_parameter_values(const bd_parameter *row, const void *group, double *values) {
+  const char *field = (const char *)group + row->offset;
+  const int n = list_length(row, group);
+  int count;
+  if (row->kind == BD_IS_INTEGER) {
+    memcpy(&count, field, sizeof count);
+    values[0] = count;
+  } else {
+    field += row->kind == BD_IS_LIST ? offsetof(bd_numbers, at) : 0;
+    memcpy(values, field, (size_t)n * sizeof *values);
+  }
+  return n;
+}
+
+int bd_parameters_list_length(const char *group, const void *record) {
+  for (size_t k = 0; k < bd_n_parameters; ++k) {
+    if (bd_parameters[k].kind == BD_IS_LIST && strcmp(bd_parameters[k].group, group) == 0) {
+      return list_length(&bd_parameters[k], record);
+    }
+  }
+  return 0;
 }
 
 static int check(const bd_parameter *row, const char *label, double value, bd_error *err) {
@@ -70,12 +93,39 @@ static int check(const bd_parameter *row, const char *label, double value, bd_er
                     value, bare ? "" : " ", bare ? "" : row->unit);
 }
 
+static int check_length(const bd_parameter *row, const char *label, int n, int expected,
+                        bd_error *err) {
+  char field[64];
+  snprintf(field, sizeof field, "%s.%s", label, row->name);
+  if (n < 1 || n > BD_MAX_ELEMENTS) {
+    return bd_fail(err, BD_ERR_PARAMETER, field, "%s must have 1 to %d numbers (%s), got %d", field,
+                   BD_MAX_ELEMENTS, row->text, n);
+  }
+  if (n != expected) {
+    return bd_fail(err, BD_ERR_PARAMETER, field,
+                   "%s must have one number for each element, %d as the other lists, got %d", field,
+                   expected, n);
+  }
+  return BD_OK;
+}
+
 int bd_parameters_check(const char *group, const char *label, const void *record, bd_error *err) {
+  const int elements = bd_parameters_list_length(group, record);
+  double values[BD_MAX_ELEMENTS];
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     const bd_parameter *row = &bd_parameters[k];
-    if (strcmp(row->group, group) == 0 &&
-        check(row, label, bd_parameter_value(row, record), err) != BD_OK) {
+    if (strcmp(row->group, group) != 0) {
+      continue;
+    }
+    const int length = list_length(row, record);
+    if (row->kind == BD_IS_LIST && check_length(row, label, length, elements, err) != BD_OK) {
       return BD_ERR_PARAMETER;
+    }
+    const int n = bd_parameter_values(row, record, values);
+    for (int e = 0; e < n; ++e) {
+      if (check(row, label, values[e], err) != BD_OK) {
+        return BD_ERR_PARAMETER;
+      }
     }
   }
   return BD_OK;

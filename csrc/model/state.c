@@ -12,6 +12,7 @@
 /* Beyond this the angles of a long-running belt would cost digits of the joints' stretch, so whole
  * turns are kept apart; below it a state comes back to the last bit. */
 #define MAX_ANGLE 50.0
+#define FAR_STATE 300.0
 #define LARGEST_ANGLE 1e9 /* beyond it an angle has no digits left for a step's turn */
 
 /* --- the table ------------------------------------------------------------------------------- */
@@ -24,7 +25,10 @@ const bd_field_row bd_state_fields[BD_N_FIELDS] = {
 };
 
 int bd_field_pieces(const bd_layout *lay, int row) {
-  return bd_state_fields[row].size == BD_SIZE_SLOTS ? lay->slots : bd_has_field(lay, row);
+  const int size = bd_state_fields[row].size;
+  return size == BD_SIZE_STATES  ? lay->slots * lay->states
+         : size == BD_SIZE_SLOTS ? lay->slots
+                                 : bd_has_field(lay, row);
 }
 
 int bd_field_length(const bd_layout *lay, int row) {
@@ -45,7 +49,7 @@ size_t bd_field_offset(const bd_layout *lay, int row, int k) {
   if (row >= F_THETA) {
     return (size_t)(lay->theta + (row - F_THETA) * lay->np);
   }
-  const int block = row < F_MU ? row : F_MU + (row - F_MU) * lay->slots + k;
+  const int block = (row < F_MU ? row : row == F_MU ? F_MU : bd_f_slip(lay, 0)) + k;
   return (size_t)bd_block(lay, block) * (size_t)lay->stride + BD_HALO;
 }
 
@@ -68,7 +72,7 @@ int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
   }
   *body = link;
   if (block >= bd_block(lay, F_MU)) {
-    return F_MU + (block - bd_block(lay, F_MU)) / lay->slots;
+    return block < bd_block(lay, bd_f_slip(lay, 0)) ? F_MU : F_SLIP;
   }
   int row = F_X;
   while (!bd_has_field(lay, row) || bd_block(lay, row) < block) {
@@ -138,13 +142,21 @@ static int touches(const bd_model *model, const bd_state *state, int i, int j) {
   return fmin(hypot(dx - ex, dy - ey), hypot(dx + ex, dy + ey)) < model->contact_radius[j];
 }
 
-static double friction_bound(const bd_model *model, const bd_state *state, int slot, int i) {
+/* Of a state's magnitude: that of its law, or where that has none FAR_STATE times its scale, which
+ * no state of its own reaches. */
+static double friction_bound(const bd_model *model, const bd_state *state, int slot, int element,
+                             int i) {
   double largest = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
     if (model->slot[j] != slot || model->friction[j].law == BD_LAW_NONE) {
       continue;
     }
-    const double bound = bd_friction_bound(model, j);
+    /* a state that its law does not use becomes 0 when the run begins */
+    const int used = element < bd_friction_states(&model->friction[j]);
+    double bound = used ? bd_friction_bound(model, j, element) : (double)INFINITY;
+    if (used && isinf(bound)) {
+      bound = FAR_STATE * bd_friction_state_scale(model, j, element);
+    }
     const int before = i > 0 ? i - 1 : model->lay.n - 1;
     if (touches(model, state, i, j) || (model->along_links && touches(model, state, before, j))) {
       return bound;
@@ -155,12 +167,14 @@ static double friction_bound(const bd_model *model, const bd_state *state, int s
 }
 
 static int check_friction(const bd_model *model, const bd_state *state, bd_error *err) {
-  const int n = model->lay.n;
-  for (int k = 0; k < model->lay.slots * n; ++k) {
-    const double bound = friction_bound(model, state, k / n, k % n);
+  const int n = model->lay.n, states = model->lay.states;
+  for (int k = 0; k < model->lay.slots * states * n; ++k) {
+    const int row = k / n;
+    const double bound = friction_bound(model, state, row / states, row % states, k % n);
     if (fabs(state->mu[k]) > bound * (1.0 + 1e-12)) {
       return bd_fail_at(err, BD_ERR_STATE, "mu", state->t, k % n, -1, state->mu[k],
-                        "state mu[%d] must lie within +-%g, the bound of the friction law, got %g",
+                        "state mu[%d] must lie within +-%g, the bound of the friction law, got %g: "
+                        "is it of a drive with another law?",
                         k, bound, state->mu[k]);
     }
   }
@@ -310,6 +324,7 @@ double bd_state_scale(const bd_model *model, int row, int k) {
   const double arm = mount                            ? mount->lever
                      : field->size == BD_SIZE_PULLEYS ? model->radius[k]
                                                       : 0.5 * model->info.link_length;
+  const int states = model->lay.states;
   double least = INFINITY;
   if (mount && mount->kind == BD_MOUNT_PATH) {
     return INFINITY;
@@ -325,8 +340,8 @@ double bd_state_scale(const bd_model *model, int row, int k) {
     return speed / arm;
   case BD_SCALE_FRICTION:
     for (int j = 0; j < model->lay.np; ++j) {
-      if (model->slot[j] == k && model->friction[j].law != BD_LAW_NONE) {
-        least = fmin(least, bd_friction_state_scale(model, j));
+      if (model->slot[j] == k / states) {
+        least = fmin(least, bd_friction_state_scale(model, j, k % states));
       }
     }
     return least;

@@ -12,14 +12,14 @@ double bd_turning_speed(const bd_model *model, int j) {
   return model->info.drag_speed / model->radius[j];
 }
 
-bd_resisting bd_coulomb(double size, double omega, double w0) {
+bd_resisting bd_coulomb_drag(double size, double omega, double w0) {
   double w2 = omega * omega + w0 * w0;
   return (bd_resisting){.torque = size * (omega / sqrt(w2)),
                         .slope = size * (w0 / w2) * (w0 / sqrt(w2))};
 }
 
 bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0) {
-  const bd_resisting coulomb = bd_coulomb(drag->coulomb, omega, w0);
+  const bd_resisting coulomb = bd_coulomb_drag(drag->coulomb, omega, w0);
   return (bd_resisting){
       .torque = coulomb.torque + (drag->viscous + drag->quadratic * fabs(omega)) * omega,
       .slope = coulomb.slope + drag->viscous + 2.0 * drag->quadratic * fabs(omega)};

@@ -4,8 +4,8 @@
  * by coefficients or from a table over speed, and harmonics over an angle. Their derivatives are
  * those of the formulas; on a kink of a table, of the piece above it.
  *
- * Against the rotation is with the smooth sign of bearing drag, bd_coulomb, so a load has a slope
- * at rest. Guarded by tests/test_loads.py.
+ * Against the rotation is with the smooth sign of bearing drag, bd_coulomb_drag, so a load has a
+ * slope at rest. Guarded by tests/test_loads.py.
  */
 #include <math.h>
 #include <string.h>
@@ -132,9 +132,9 @@ bd_load_value bd_load_at(const bd_torque_set *set, const bd_torque_term *term, c
   }
   double torque, slope; /* the slope over |omega|: over omega it is that times the sign */
   look_up(term, fabs(speed), &torque, &slope);
-  const bd_resisting at = bd_coulomb(torque, speed, w0);
+  const bd_resisting at = bd_coulomb_drag(torque, speed, w0);
   return (bd_load_value){.torque = -at.torque,
-                         .by_omega = -at.slope - bd_coulomb(slope, fabs(speed), w0).torque};
+                         .by_omega = -at.slope - bd_coulomb_drag(slope, fabs(speed), w0).torque};
 }
 
 double bd_load_factor(const bd_torque_term *term, double t, double t_piece) {

@@ -87,17 +87,23 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   double ux = at.vx - d->vx, uy = at.vy - d->vy;
   out->velocity = uy * nx - ux * ny - y[lay->omega + j] * out->rho;
   const int friction = d->law != BD_LAW_NONE;
-  double z = friction ? bd_cfield(lay, y, F_MU + d->slot)[i] : 0.0;
+  const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
+  double z = d->states > 0 ? states[0] : 0.0;
   z = z > d->bound ? d->bound : z < -d->bound ? -d->bound : z;
   out->mu = z;
   out->friction = z * out->normal;
   if (bd_law_is_general(d->law)) {
     bd_law_point point;
-    bd_friction_at(plan->model, j, z, out->velocity, out->normal / share, &point);
-    out->friction = share * point.force;
+    double force = 0.0;
+    for (int e = 0; e < (d->states > 0 ? d->states : 1); ++e) {
+      bd_friction_at(plan->model, j, e, e == 0 ? z : states[e * lay->stride], out->velocity,
+                     out->normal / share, &point);
+      force = e == 0 ? point.force : force + point.force;
+    }
+    out->friction = share * force;
     out->mu = out->normal > 0.0 ? out->friction / out->normal : 0.0;
   }
-  out->slip = friction ? bd_cfield(lay, y, bd_f_slip(lay) + d->slot)[i] : 0.0;
+  out->slip = friction ? bd_cfield(lay, y, bd_f_slip(lay, d->slot))[i] : 0.0;
   return 1;
 }
 

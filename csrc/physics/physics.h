@@ -136,7 +136,7 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
 typedef struct bd_plan bd_plan;
 
 /* The longest: with every law. */
-#define BD_LAW_TEXT(name, class, general, text) " with " text
+#define BD_LAW_TEXT(name, class, general, states, text) " with " text
 #define BD_CONTACT_NAME "contact" BD_LAWS(BD_LAW_TEXT) " without friction"
 
 typedef struct bd_plan_options {
@@ -221,7 +221,7 @@ typedef struct bd_resisting {
 } bd_resisting;
 
 /* `size` times the smooth sign, omega / sqrt(omega^2 + w0^2). */
-bd_resisting bd_coulomb(double size, double omega, double w0);
+bd_resisting bd_coulomb_drag(double size, double omega, double w0);
 /* All that a bd_drag says, of bearings or of a load; and a bound of its derivative for the speeds
  * at which a belt under this tension can run. */
 bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);

@@ -95,11 +95,15 @@ void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *o
                                                    .damping = info->contact_damping,
                                                    .hunt_crossley = model->contact.hunt_crossley,
                                                    .l0 = info->link_length,
+                                                   .stride = model->lay.stride,
                                                    .slot = model->slot[j]};
-    if (plan->friction_on) {
+    /* at rest a law without a state has no force: settling goes on without it */
+    const int states = bd_friction_states(&model->friction[j]);
+    if (plan->friction_on && (states > 0 || !options->settling)) {
       plan->contact_pulleys[j].law = model->friction[j].law;
       plan->contact_pulleys[j].friction = model->friction[j];
-      plan->contact_pulleys[j].bound = bd_friction_bound(model, j);
+      plan->contact_pulleys[j].states = states;
+      plan->contact_pulleys[j].bound = bd_friction_bound(model, j, 0);
     }
   }
   name_contact(plan);
@@ -145,9 +149,14 @@ enum { FREE = -1, RELEASED = -2 };
 /* MODEL section 4: a link that touches no pulley has no friction state. */
 static void reset_friction_state(const bd_layout *lay, double *y, int slot, double *owner,
                                  int begin, int end) {
-  double *mu = bd_field(lay, y, F_MU + slot), *slip = bd_field(lay, y, bd_f_slip(lay) + slot);
+  double *slip = bd_field(lay, y, bd_f_slip(lay, slot));
+  for (int e = 0; e < lay->states; ++e) {
+    double *mu = bd_field(lay, y, bd_f_state(lay, slot) + e);
+    for (int i = begin; i < end; ++i) {
+      mu[i] = owner[i] < 0 ? 0.0 : mu[i];
+    }
+  }
   for (int i = begin; i < end; ++i) {
-    mu[i] = owner[i] < 0 ? 0.0 : mu[i];
     slip[i] = owner[i] < 0 ? 0.0 : slip[i];
     owner[i] = owner[i] < 0 ? FREE : owner[i];
   }
@@ -183,6 +192,9 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y) {
     for (int i = 0; pulley->law != BD_LAW_NONE && i < lay->n; ++i) {
       if (squared_distance(plan, y, i, j) < pulley->radius * pulley->radius) {
         plan->owner[pulley->slot * lay->n8 + i] = j;
+        for (int e = pulley->states; e < lay->states; ++e) {
+          bd_field(lay, y, bd_f_state(lay, pulley->slot) + e)[i] = 0.0;
+        }
       }
     }
   }
@@ -196,10 +208,10 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
                                   double tolerance, int *changed, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-  const double limit = pulley->bound, rim2 = pulley->radius * pulley->radius;
+  const double rim2 = pulley->radius * pulley->radius;
   const int friction = pulley->law != BD_LAW_NONE;
-  double *mu = friction ? bd_field(lay, y, F_MU + pulley->slot) : NULL;
-  double *slip = friction ? bd_field(lay, y, bd_f_slip(lay) + pulley->slot) : NULL;
+  double *mu = friction ? bd_field(lay, y, bd_f_state(lay, pulley->slot)) : NULL;
+  double *slip = friction ? bd_field(lay, y, bd_f_slip(lay, pulley->slot)) : NULL;
   double *owner = plan->owner + pulley->slot * lay->n8;
   for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
     const double rho2 = squared_distance(plan, y, i, j);
@@ -209,19 +221,25 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
                         "contact is too soft for this tension, or a torque or a speed out of scale",
                         i, bd_pulley_label(plan->model, j).text, t);
     }
-    if (!mu) {
+    if (!friction) {
       continue;
     }
     int in_contact = rho2 < rim2;
-    if (in_contact && owner[i] != j && owner[i] != FREE) {
-      mu[i] = slip[i] = 0.0; /* from one pulley straight on to the next */
+    const int moved_on = in_contact && owner[i] != j && owner[i] != FREE;
+    if (moved_on) { /* from one pulley straight to the next */
+      slip[i] = 0.0;
       *changed = 1;
     }
     plan->contacts_changed += in_contact != (owner[i] == j);
     owner[i] = in_contact ? j : owner[i] == j ? RELEASED : owner[i];
-    if (in_contact && fabs(mu[i]) > limit) {
-      *changed |= fabs(mu[i]) > limit * (1.0 + tolerance);
-      mu[i] = copysign(limit, mu[i]);
+    for (int e = 0; in_contact && e < lay->states; ++e) {
+      double *z = &mu[e * lay->stride + i];
+      const double limit = e < pulley->states ? pulley->bound : 0.0;
+      *z = moved_on ? 0.0 : *z;
+      if (fabs(*z) > limit) {
+        *changed |= fabs(*z) > limit * (1.0 + tolerance);
+        *z = copysign(limit, *z);
+      }
     }
   }
   return BD_OK;

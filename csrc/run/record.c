@@ -241,10 +241,11 @@ static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice) {
 
 /* All parameters of a group. */
 static uint64_t hash_group(uint64_t sum, const char *group, const void *values) {
+  double numbers[BD_MAX_ELEMENTS];
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     if (strcmp(bd_parameters[k].group, group) == 0) {
-      const double value = bd_parameter_value(&bd_parameters[k], values);
-      sum = hash(sum, &value, sizeof value);
+      const int n = bd_parameter_values(&bd_parameters[k], values, numbers);
+      sum = hash(sum, numbers, (size_t)n * sizeof *numbers);
     }
   }
   return sum;

@@ -593,7 +593,7 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   }
   stop(settling->sim, stepper->y);
   if (!stepper->plan.friction_on) {
-    for (int f = F_MU; f < F_MU + 2 * model->lay.slots; ++f) {
+    for (int f = F_MU; f < bd_f_slip(&model->lay, model->lay.slots); ++f) {
       memset(bd_field(&model->lay, stepper->y, f), 0, (size_t)model->lay.n * sizeof *stepper->y);
     }
   }

@@ -22,13 +22,19 @@ static void wind(bd_stepper *stepper) {
 static void reset_friction(bd_stepper *stepper) {
   const bd_layout *lay = &stepper->model->lay;
   for (int s = 0; s < lay->slots; ++s) {
-    const double *mu = bd_cfield(lay, stepper->y, F_MU + s);
+    const double *slip = bd_cfield(lay, stepper->y, bd_f_slip(lay, s));
     for (int k = 0; k < stepper->n_history; ++k) {
-      double *mu_before = bd_field(lay, stepper->history[k], F_MU + s);
-      double *slip_before = bd_field(lay, stepper->history[k], bd_f_slip(lay) + s);
+      double *before = stepper->history[k];
+      for (int f = bd_f_state(lay, s); f < bd_f_state(lay, s + 1); ++f) {
+        const double *mu = bd_cfield(lay, stepper->y, f);
+        double *mu_before = bd_field(lay, before, f);
+        for (int i = 0; i < lay->n; ++i) {
+          mu_before[i] = mu[i] == 0.0 ? 0.0 : mu_before[i];
+        }
+      }
+      double *slip_before = bd_field(lay, before, bd_f_slip(lay, s));
       for (int i = 0; i < lay->n; ++i) {
-        mu_before[i] = mu[i] == 0.0 ? 0.0 : mu_before[i];
-        slip_before[i] = mu[i] == 0.0 ? 0.0 : slip_before[i];
+        slip_before[i] = slip[i] == 0.0 ? 0.0 : slip_before[i];
       }
     }
   }

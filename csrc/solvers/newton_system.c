@@ -47,46 +47,50 @@ static const bd_newton_kernels *ring_kernels(const bd_model *model) {
                                          : &bd_newton_baseline;
 }
 
-/* A law that is not general shares two arrays, and has no part of others. */
+/* A law that is not general shares two arrays, and has no part of others; of states there are as
+ * many rows as the law has. */
 static void carve_contact(bd_carver *carver, const bd_layout *lay, bd_contact_tangent *contact,
-                          int general) {
-  double **fields[] = {&contact->nx,
-                       &contact->ny,
-                       &contact->rho,
-                       &contact->normal,
-                       &contact->normal_over_rho,
-                       &contact->mu,
-                       &contact->stiff,
-                       &contact->damp,
-                       &contact->cross,
-                       &contact->apart,
-                       &contact->gain,
-                       &contact->decay,
-                       &contact->xx,
-                       &contact->xy,
-                       &contact->yx,
-                       &contact->yy,
-                       &contact->by_given_state,
-                       &contact->torque_x,
-                       &contact->torque_y,
-                       &contact->row_x,
-                       &contact->row_y,
-                       &contact->slide_x,
-                       &contact->slide_y,
-                       &contact->state_by_slip,
-                       &contact->decay_factor,
-                       &contact->normal_correction};
-  double **more[] = {&contact->by_normal, &contact->by_state, &contact->by_slip,
-                     &contact->gain_normal, &contact->state_by_normal};
+                          const bd_friction *friction) {
+  const int general = bd_law_is_general(friction->law), states = bd_friction_states(friction);
+  double **const fields[] = {&contact->nx,
+                             &contact->ny,
+                             &contact->rho,
+                             &contact->normal,
+                             &contact->mu,
+                             &contact->stiff,
+                             &contact->damp,
+                             &contact->normal_over_rho,
+                             &contact->cross,
+                             &contact->apart,
+                             &contact->xx,
+                             &contact->xy,
+                             &contact->yx,
+                             &contact->yy,
+                             &contact->torque_x,
+                             &contact->torque_y,
+                             &contact->row_x,
+                             &contact->row_y,
+                             &contact->slide_x,
+                             &contact->slide_y,
+                             &contact->normal_correction};
+  double **const of_states[] = {&contact->gain, &contact->decay, &contact->by_given_state,
+                                &contact->state_by_slip, &contact->decay_factor};
+  double **const more[] = {&contact->by_state, &contact->gain_normal, &contact->state_by_normal};
   for (size_t k = 0; k < sizeof fields / sizeof fields[0]; ++k) {
     bd_carve_links(carver, lay, fields[k]);
   }
-  for (size_t k = 0; general && k < sizeof more / sizeof more[0]; ++k) {
-    bd_carve_links(carver, lay, more[k]);
+  for (size_t k = 0; k < sizeof of_states / sizeof of_states[0]; ++k) {
+    bd_carve_rows(carver, lay, states, of_states[k]);
   }
-  if (!general) {
+  if (general) {
+    bd_carve_links(carver, lay, &contact->by_normal);
+    bd_carve_links(carver, lay, &contact->by_slip);
+  } else {
     contact->by_normal = contact->mu;
     contact->by_state = contact->normal;
+  }
+  for (size_t k = 0; general && k < sizeof more / sizeof more[0]; ++k) {
+    bd_carve_rows(carver, lay, states, more[k]);
   }
 }
 
@@ -97,21 +101,28 @@ static void carve_all(bd_carver *carver, const bd_layout *lay, double **const *a
 }
 
 /* The same of contact along the links. */
-static void carve_links(bd_carver *carver, const bd_layout *lay, bd_link_tangent *t) {
-  double **const single[] = {
-      &t->joint_nx,    &t->joint_ny,       &t->rho,      &t->force,       &t->apart,
-      &t->by_slip,     &t->force_over_rho, &t->by_state, &t->gain,        &t->by_normal,
-      &t->decay,       &t->gain_normal,    &t->slip,     &t->given_state, &t->state_by_slip,
-      &t->decay_factor};
+static void carve_links(bd_carver *carver, const bd_layout *lay, bd_link_tangent *t,
+                        const bd_friction *friction) {
+  const int states = bd_friction_states(friction);
+  double **const single[] = {&t->joint_nx, &t->joint_ny, &t->rho,  &t->force,    &t->force_over_rho,
+                             &t->apart,    &t->by_slip,  &t->slip, &t->by_normal};
+  double **const of_states[] = {&t->by_state,    &t->gain,        &t->decay,
+                                &t->gain_normal, &t->given_state, &t->state_by_slip,
+                                &t->decay_factor};
   carve_all(carver, lay, single, sizeof single / sizeof single[0]);
+  for (size_t k = 0; k < sizeof of_states / sizeof of_states[0]; ++k) {
+    bd_carve_rows(carver, lay, states, of_states[k]);
+  }
   for (int e = 0; e < 2; ++e) {
     double **const ends[] = {&t->nx[e],     &t->ny[e],        &t->normal[e], &t->normal_over_rho[e],
                              &t->around[e], &t->correction[e]};
     carve_all(carver, lay, ends, sizeof ends / sizeof ends[0]);
   }
   for (int m = 0; m < 8; ++m) {
-    double **const by[] = {&t->by[m], &t->direct[m], &t->gains[m], &t->total[m], &t->state_by[m]};
+    double **const by[] = {&t->by[m], &t->direct[m], &t->total[m]};
     carve_all(carver, lay, by, sizeof by / sizeof by[0]);
+    bd_carve_rows(carver, lay, states, &t->gains[m]);
+    bd_carve_rows(carver, lay, states, &t->state_by[m]);
   }
 }
 
@@ -191,11 +202,12 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
     BD_CARVE(carver, system->contact, np);
   }
   for (int j = 0; j < np; ++j) {
+    const bd_friction *friction = &model->friction[j];
     if (model->along_links) {
-      carve_links(carver, lay, carver->base ? &system->along[j] : &(bd_link_tangent){0});
+      carve_links(carver, lay, carver->base ? &system->along[j] : &(bd_link_tangent){0}, friction);
     } else {
       carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
-                    bd_law_is_general(model->friction[j].law));
+                    friction);
     }
   }
   bd_ring_carve(carver, &system->ring, ring, lay->n);
@@ -280,8 +292,8 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
     double torque =
         along_links(plan)
             ? kernels->add_link_correction(links, pulley, n_runs, runs, &system->along[j], out, c)
-            : kernels->add_normal_correction[bd_law_is_general(pulley->law)](
-                  links, pulley, n_runs, runs, &system->contact[j], c);
+            : kernels->add_normal_correction[bd_law_form(pulley->law)](links, pulley, n_runs, runs,
+                                                                       &system->contact[j], c);
     c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
     if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
       const double *a = system->at.mounts[m].at.a;
@@ -465,7 +477,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   for (int j = 0; !along && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     double *z = border_of(system, lay, j);
-    system->own[j] = kernels->add_contact[bd_law_is_general(pulley->law)](
+    system->own[j] = kernels->add_contact[bd_law_form(pulley->law)](
         pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g, b, z,
         z + lay->stride);
   }
@@ -524,10 +536,10 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     if (m >= 0) {
       sum_of(system, plan, j, before);
     }
-    rhs[j] = along ? kernels->link_product(links, joints, pulley, n_runs, runs, &system->along[j],
-                                           g, c, system->joint_x, system->joint_y, x, y, p)
-                   : kernels->contact_product(lay, pulley, n_runs, runs, &system->contact[j],
-                                              pulley->law != BD_LAW_NONE, c, x, y);
+    rhs[j] =
+        along ? kernels->link_product(links, joints, pulley, n_runs, runs, &system->along[j], g, c,
+                                      system->joint_x, system->joint_y, x, y, p)
+              : kernels->contact_product(lay, pulley, n_runs, runs, &system->contact[j], c, x, y);
     if (m >= 0) {
       sum_of(system, plan, j, given);
       given[0] -= before[0];
@@ -579,7 +591,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
         bd_mount_finish_joints(system, plan, mount_of(plan, j), c);
       }
     } else {
-      kernels->finish_contact[bd_law_is_general(pulley->law)](
+      kernels->finish_contact[bd_law_form(pulley->law)](
           lay, pulley, n_runs, runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
     }
   }

@@ -63,18 +63,19 @@ void bd_stepper_weigh(bd_stepper *stepper) {
 void bd_stepper_weigh_friction(bd_stepper *stepper) {
   const bd_model *model = stepper->model;
   const bd_layout *lay = &model->lay;
-  for (int k = 0; model->friction_scales_differ && k < lay->slots; ++k) {
+  for (int k = 0; model->friction_scales_differ && k < lay->slots * lay->states; ++k) {
+    const int slot = k / lay->states, element = k % lay->states;
     double *w = stepper->weights + bd_field_offset(lay, F_MU, k);
-    const double *owner = stepper->plan.owner + k * lay->n8;
+    const double *owner = stepper->plan.owner + slot * lay->n8;
     double least = (double)INFINITY;
     for (int j = 0; j < lay->np; ++j) {
-      if (model->slot[j] == k && model->friction[j].law != BD_LAW_NONE) {
-        least = fmin(least, 1.0 / bd_friction_state_scale(model, j));
+      if (model->slot[j] == slot && model->friction[j].law != BD_LAW_NONE) {
+        least = fmin(least, 1.0 / bd_friction_state_scale(model, j, element));
       }
     }
     for (int i = 0; i < lay->n; ++i) {
       const int j = (int)owner[i];
-      w[i] = j >= 0 ? 1.0 / bd_friction_state_scale(model, j) : least;
+      w[i] = j >= 0 ? 1.0 / bd_friction_state_scale(model, j, element) : least;
     }
   }
 }

@@ -19,7 +19,7 @@ static const bd_pulley test_pulleys[NP] = {
     {.center = {0.0, 0.0}, .radius = 0.08, .inertia = 0.01, .drag = {0.02, 1e-3, 1e-5}},
     {.center = {0.16, 0.22}, .radius = 0.035, .inertia = 0.0015},
     {.center = {0.26, -0.04}, .radius = 0.06, .inertia = 0.001, .drag = {0.01, 0, 0}}};
-static const bd_friction test_friction = {BD_LAW_dahl, {.dahl = {0.8, 1e4}}};
+static const bd_friction test_friction = {BD_LAW_dahl, {.dahl = {0.8, 1e4, 0.0, 0.0}}};
 
 static inline bd_scene test_scene(void) {
   return (bd_scene){.belt = {1.1753, N, 0.1, 80e3, 3.0, 0.02, 1e-6, TEST_MESH, BD_BELT_AUTO},

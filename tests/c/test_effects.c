@@ -92,16 +92,26 @@ static int slots_of(const bd_friction *friction, const bd_friction *own, size_t 
 }
 
 /* A drive without friction has no state of it; with any law, on all pulleys or on one, two fields
- * more; the linear systems have more arrays only for pulleys whose law is a general one. */
+ * more, of laws without a state one; the linear systems have rows of states only for pulleys whose
+ * law has one, and more arrays only for pulleys whose law is a general one. */
 static void friction_costs_what_it_needs(void) {
   size_t none, all_none, one, all_one, two, all_two;
   CHECK(slots_of(NULL, NULL, &none, &all_none) == 0);
   CHECK(slots_of(&test_friction, NULL, &one, &all_one) == 1);
   CHECK(one > none && one - none <= 2 * 8 * (BD_HALO + N + 1 + BD_LANES) && all_one > all_none);
   CHECK(slots_of(NULL, &test_friction, &two, &all_two) == 1);
-  CHECK(two == one && all_two == all_one);
+  CHECK(two == one && all_none < all_two && all_two < all_one);
+  const bd_friction stateless[] = {
+      {BD_LAW_coulomb, .coulomb = {0.8, 0.1, 0.0, 0.0}},
+      {BD_LAW_creep_rate, .creep_rate = {0.8, 0.1}},
+      {BD_LAW_threlfall, .threlfall = {0.8, 0.2}},
+  };
+  for (int k = 0; k < 3; ++k) {
+    CHECK(slots_of(&stateless[k], NULL, &two, &all_two) == 1);
+    CHECK(2 * (two - none) == one - none && all_none < all_two && all_two < all_one);
+  }
   const bd_friction others[] = {
-      {BD_LAW_elastic_plastic, .elastic_plastic = {0.8, 2e7, 400.0}},
+      {BD_LAW_elastic_plastic, .elastic_plastic = {0.8, 2e7, 400.0, 0.0, 0.0}},
       {BD_LAW_lugre, .lugre = {0.6, 0.8, 0.05, 1e4, 0.1, 0.02}},
   };
   for (int k = 0; k < 2; ++k) {

@@ -119,9 +119,15 @@ static bd_friction typical(int law) {
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     const bd_parameter *p = &bd_parameters[k];
     for (size_t u = 0; u < sizeof values / sizeof values[0]; ++u) {
-      if (strcmp(p->group, bd_law_name(law)) == 0 && strcmp(p->unit, values[u].unit) == 0 &&
-          !p->is_integer) {
-        memcpy((char *)&friction.dahl + p->offset, &values[u].value, sizeof(double));
+      char *const place = (char *)&friction.dahl + p->offset;
+      const bd_numbers two = {2, {values[u].value, values[u].value}};
+      if (strcmp(p->group, bd_law_name(law)) != 0 || strcmp(p->unit, values[u].unit) != 0) {
+        continue;
+      }
+      if (p->kind == BD_IS_LIST) {
+        memcpy(place, &two, sizeof two);
+      } else {
+        memcpy(place, &values[u].value, sizeof values[u].value);
       }
     }
   }

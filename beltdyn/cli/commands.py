@@ -1,0 +1,321 @@
+"""The commands on a scene: show, run, accuracy, explain; the list of scenes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import __version__, accuracy, sanity, scenes
+from ..accuracy.quantities import QUANTITIES
+from ..accuracy_report import Accuracy
+from ..errors import Interrupted, SimulationError
+from ..explaining import explain
+from ..result import Result
+from ..run_warnings import silenced
+from ..simulation import METHODS, simulate
+from .ending import BAD_INPUT, FAILED, INTERRUPTED, Group, interruptible, reported, stop, warn
+from .written import Outputs, draw_layout, save_figure
+
+__all__ = ["main"]
+
+
+@click.group("beltdyn", cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="beltdyn")
+def main() -> None:
+    """Dynamics of belt drives.
+
+    \b
+    beltdyn scenes                                   list the built-in scenes
+    beltdyn show three-pulleys --plot layout.png     look at one before it runs
+    beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
+    beltdyn run drive.toml --out drive.npz           run a scene of your own
+    beltdyn run drive.toml --outputs span_tension    compute and keep nothing else
+    beltdyn run kubas-case-1 --verify                how accurate is it?
+    beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
+    beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
+    beltdyn explain serpentine                       what does it simulate, why, at what price?
+    beltdyn figures --out figures                    draw the paper's figures
+
+    Write a scene file to start from with
+    beltdyn.scenes.kubas_case_1().to_toml("drive.toml"), and read results with
+    beltdyn.Result.load("drive.npz").
+
+    Exit codes: 0 done, 1 the run failed or a file could not be written, 2 bad input, 130
+    interrupted (Ctrl-C or SIGTERM). What was computed before is written in each case. Warnings
+    go to stderr after the results and do not change the exit code.
+    """
+
+
+@main.command("scenes")
+def list_scenes() -> None:
+    """List the named scenes."""
+    width = max(map(len, scenes.names()))
+    for name in scenes.names():
+        click.echo(f"{name:<{width}}  {scenes.describe(name)}")
+
+
+@main.command()
+@click.argument("scene")
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw the layout here.")
+def show(scene: str, plot: Path | None) -> None:
+    """Show the drive of SCENE before anything runs: its data, and the way of the belt.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file.
+    """
+    outputs = Outputs(None, plot, None, False)
+    outputs.check()
+    with reported():
+        params = _find(scene).params
+    click.echo(f"{params}\n\n{params.route}")
+    if plot is not None:
+        try:
+            draw_layout(params, plot)
+        except OSError as error:
+            stop(f"cannot write {plot}: {error.strerror or error}", FAILED)
+        click.echo(f"written: {plot}")
+
+
+@main.command()
+@click.argument("scene")
+@click.option("--out", type=click.Path(path_type=Path), help="Write the result here (.npz).")
+@click.option("--plot", type=click.Path(path_type=Path), help="Write an overview figure here.")
+@click.option(
+    "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
+)
+@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
+@click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error asked for.")
+@click.option("--step", type=float, help="Fixed step [s] of rk4, lbdf2, lie; else the first step.")
+@click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
+@click.option("--verify", is_flag=True, help="Run again, finer, on other meshes: print the errors.")
+@click.option(
+    "--error", type=float, help="Choose method, rtol and links for this error, 0.01: 1 %."
+)
+@click.option(
+    "--quantity",
+    type=click.Choice(QUANTITIES),
+    default="tension",
+    show_default=True,
+    help="What --error is the error of.",
+)
+@click.option(
+    "--budget", type=float, help="Choose the most accurate of them for this CPU time [s]."
+)
+@click.option(
+    "--outputs", help="What to compute and keep, by comma: pulleys,span_tension,joints.force."
+)
+@click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
+@click.pass_context
+def run(
+    context: click.Context,
+    scene: str,
+    out: Path | None,
+    plot: Path | None,
+    animate: Path | None,
+    method: str,
+    rtol: float,
+    step: float | None,
+    t_end: float | None,
+    verify: bool,
+    error: float | None,
+    quantity: str,
+    budget: float | None,
+    outputs: str | None,
+    verbose: bool,
+    quiet: bool,
+) -> None:
+    """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
+    written_to = Outputs(out, plot, animate, quiet)
+    written_to.check()
+    _check_choice(context, error, budget)
+    if outputs is not None and (plot is not None or animate is not None):
+        stop("--plot and --animate draw from all outputs: leave --outputs out", BAD_INPUT)
+    names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
+    suggestion = None
+    options: dict[str, Any] = {"method": method, "rtol": rtol, "step": step, "budget": budget}
+    with reported():
+        found = _find(scene)
+        if t_end is not None:
+            found = found._replace(t_end=t_end)
+        try:
+            with interruptible(), silenced():
+                if error is not None:
+                    suggestion = accuracy.suggest(found, error, quantity)
+                    found, options = suggestion.scene, suggestion.options
+                result = simulate(
+                    found.params,
+                    found.torque_fn,
+                    found.t_end,
+                    motion=found.motion,
+                    progress=not quiet,
+                    verify=verify,
+                    outputs=names,
+                    **options,
+                )
+        except (SimulationError, Interrupted) as ended:
+            failed = isinstance(ended, SimulationError)
+            written = written_to.write(ended.result)
+            if ended.result:
+                warn(ended.result.warnings, quiet)
+            elif failed:
+                warn(sanity.check(found.params), quiet)
+            stop(f"{ended}{written}", FAILED if failed else INTERRUPTED)
+    try:
+        with interruptible():
+            written = written_to.write(result)
+    except KeyboardInterrupt:
+        stop("interrupted while the result was written", INTERRUPTED)
+    if not quiet:
+        if suggestion is not None:
+            click.echo(f"{suggestion}\n")
+        _print_summary(scene, result, written, verbose or budget is not None)
+        if verify:
+            _print_accuracy(result.accuracy)
+    warn(result.warnings, quiet)
+
+
+def _check_choice(context: click.Context, error: float | None, budget: float | None) -> None:
+    """Stop if what --error or --budget chooses is given as well, or nothing to choose by."""
+
+    def given(name: str) -> bool:
+        return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+
+    if error is None and given("quantity"):
+        stop("--quantity is what --error is the error of: give both, or neither", BAD_INPUT)
+    for option, value in (("--error", error), ("--budget", budget)):
+        if value is None:
+            continue
+        others = ["method", "rtol", "step"] + (["verify", "error"] if option == "--budget" else [])
+        for name in others:
+            if given(name):
+                stop(f"{option} and --{name} must not be given together", BAD_INPUT)
+
+
+@main.command("accuracy")
+@click.argument("scene")
+@click.option(
+    "--quantity",
+    type=click.Choice(QUANTITIES),
+    default="tension",
+    show_default=True,
+    help="What table and figure show the errors of.",
+)
+@click.option("--error", type=float, default=1e-2, show_default=True, help="Error to mark.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write all runs here (.csv).")
+@click.option("--plot", type=click.Path(path_type=Path), help="Write a figure here.")
+@click.option(
+    "--store",
+    type=click.Path(path_type=Path),
+    help="Keep runs here (JSON lines); those there are not repeated.",
+)
+@click.option("--quick", is_flag=True, help="Fewer and coarser meshes, fewer tolerances.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def study_accuracy(
+    scene: str,
+    quantity: str,
+    error: float,
+    out: Path | None,
+    plot: Path | None,
+    store: Path | None,
+    quick: bool,
+    quiet: bool,
+) -> None:
+    """Measure what accuracy costs: SCENE by method, tolerance and number of links.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file. Takes some minutes on two processors, with
+    --quick less than one.
+    """
+    outputs = Outputs(out, plot, None, quiet)
+    outputs.check()
+    kept = "" if store is None else f"; finished runs are in {store}"
+    with reported("read or write", kept):
+        found = _find(scene)
+        options = accuracy.quick(found.params) if quick else {}
+        with interruptible(), silenced():
+            study = accuracy.study(found, store=store, progress=not quiet, **options)
+        text = f"{study}\n\n{study.table(quantity)}"
+        figure = None if plot is None else study.plot(quantity, error=error)
+    written = []
+    try:
+        if out is not None:
+            study.to_csv(out)
+            written.append(str(out))
+        if plot is not None and figure is not None:
+            save_figure(figure, plot)
+            written.append(str(plot))
+    except OSError as failure:
+        stop(f"cannot write {failure.filename}: {failure.strerror}", FAILED)
+    if not quiet:
+        click.echo(text)
+        if written:
+            click.echo(f"written: {', '.join(written)}")
+
+
+@main.command("explain")
+@click.argument("scene")
+@click.option("--error", type=float, default=1e-2, show_default=True, help="Error asked for.")
+@click.option(
+    "--budget", type=float, default=8.0, show_default=True, help="CPU time for it, about [s]."
+)
+@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
+@click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
+def explain_scene(
+    scene: str, error: float, budget: float, method: str, t_end: float | None
+) -> None:
+    """Tell which effects SCENE simulates, what calls for them, what they cost and change.
+
+    SCENE is a name from `beltdyn scenes` or a TOML file. Lists the effects that are on and off, the
+    size of the state by part, the passes of a step with their times on this machine, what leaving
+    out one effect at a time changes, and which may be left out at the error asked for.
+    """
+    with reported():
+        found = _find(scene)
+        with interruptible():
+            explanation = explain(
+                found.params,
+                found.torque_fn,
+                found.t_end if t_end is None else t_end,
+                found.motion,
+                error=error,
+                budget=budget,
+                method=method,
+            )
+    click.echo(str(explanation))
+
+
+def _find(scene: str) -> scenes.Scene:
+    if os.path.isdir(scene):
+        raise ValueError(f"{scene} is a folder, not a scene")
+    if scene.endswith(".toml") or os.path.isfile(scene):
+        return scenes.Scene.from_toml(Path(scene))
+    return scenes.get(scene)
+
+
+def _print_accuracy(report: Accuracy) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    heading, *rows = report.table()
+    table = Table(title="estimated errors", title_justify="left")
+    for k, label in enumerate(heading):
+        table.add_column(label, justify="right" if k else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+    for remark in report.remarks():
+        click.echo(f"  {remark}")
+
+
+def _print_summary(scene: str, result: Result, written: str, verbose: bool) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=scene, show_header=False, title_justify="left")
+    for label, value in result.summary(verbose):
+        table.add_row(label, value)
+    Console().print(table)
+    if written:
+        click.echo(written.strip())

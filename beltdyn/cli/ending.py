@@ -1,0 +1,112 @@
+"""How a command ends: exit codes, errors in one line, signals, warnings."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+import click
+
+from ..errors import Interrupted, SimulationError
+from ..run_warnings import RunWarning
+
+__all__ = [
+    "BAD_INPUT",
+    "FAILED",
+    "INTERRUPTED",
+    "Group",
+    "interruptible",
+    "reported",
+    "stop",
+    "warn",
+]
+
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+#: Signals sent by batch systems and closed terminals; Windows has no SIGHUP.
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+def stop(message: str, code: int) -> NoReturn:
+    """End with a line on stderr and this exit code."""
+    click.echo(f"beltdyn: {message}", err=True)
+    sys.exit(code)
+
+
+def warn(noticed: Iterable[RunWarning], quiet: bool) -> None:
+    """Print each on a line of its own, yellow on a terminal."""
+    if quiet:
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    for one in noticed:
+        line = f"beltdyn: warning: {one}"
+        console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+
+def _interrupt_once(*_: object) -> NoReturn:
+    """Answer the first signal and ignore those after it, so that results are still written."""
+    for one in (signal.SIGINT, *_ENDING):
+        signal.signal(one, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Treat the signals that end a batch job like Ctrl-C, and answer only the first."""
+    before = [(one, signal.signal(one, _interrupt_once)) for one in (signal.SIGINT, *_ENDING)]
+    try:
+        yield
+    finally:
+        for one, old in before:
+            if signal.getsignal(one) is _interrupt_once:  # not so once a signal was answered
+                signal.signal(one, old)
+
+
+@contextmanager
+def reported(access: str = "read", kept: str = "") -> Iterator[None]:
+    """Stop with one line, and the exit code of its kind, at what a scene or its run may raise.
+
+    Args:
+        access: What could not be done to a file, if that is what failed.
+        kept: What an interruption leaves, added to its line.
+    """
+    try:
+        yield
+    except OSError as error:
+        stop(f"cannot {access} {error.filename}: {error.strerror}", BAD_INPUT)
+    except (TypeError, ValueError) as error:
+        stop(str(error), BAD_INPUT)
+    except SimulationError as error:
+        stop(str(error), FAILED)
+    except (Interrupted, KeyboardInterrupt):
+        stop(f"interrupted{kept}", INTERRUPTED)
+
+
+class Group(click.Group):
+    """Reports errors in one line, never as a traceback."""
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run the command and exit; what commands leave to this is said here, too."""
+        try:
+            code = super().main(*args, **(options | {"standalone_mode": False}))
+        except click.exceptions.NoArgsIsHelpError as error:
+            click.echo(error.format_message())
+            sys.exit(0)
+        except click.ClickException as error:
+            context = error.ctx if isinstance(error, click.UsageError) else None
+            hint = f" (try: {context.command_path} --help)" if context else ""
+            stop(f"{error.format_message()}{hint}", BAD_INPUT)
+        except click.Abort:
+            stop("interrupted", INTERRUPTED)
+        except MemoryError as error:
+            stop(str(error) or "out of memory", FAILED)
+        except OSError as error:
+            # Standard output is closed or full: nothing more can be printed there.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+            stop(f"cannot write: {error.strerror}", FAILED)
+        sys.exit(code if isinstance(code, int) else 0)

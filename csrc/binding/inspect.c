@@ -1,0 +1,270 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a Simulation shows between its steps: state, restart record, counters, warnings, passes and
+ * what they cost. Guarded by tests/test_module_run.py and tests/test_record.py.
+ */
+#include "binding/simulation.h"
+
+#include <limits.h>
+#include <math.h>
+
+const char bd_core_state_doc[] =
+    "state($self, /)\n--\n\n"
+    "The state now, a dict of new arrays: STATE_FIELDS by name, and \"t\" [s].\n\n"
+    "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,),\n"
+    "MOUNTS (n_m,).\n"
+    "Raises RuntimeError while the simulation is running.";
+
+PyObject *bd_core_sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  bd_core_state state;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *dict = NULL;
+  int code = BD_OK;
+  if (!bd_core_state_new(&state, &self->model->info)) {
+    code = bd_sim_state(self->sim, &state.state);
+    if (code >= 0) {
+      dict = bd_core_state_dict(&state, 1);
+    }
+    bd_core_state_release(&state);
+  }
+  bd_core_leave(self);
+  if (code < 0) {
+    const bd_error err = {.t = NAN, .body = -1, .pulley = -1, .value = NAN};
+    bd_core_raise(code, &err);
+  }
+  return dict;
+}
+
+const char bd_core_export_doc[] =
+    "export_record($self, /)\n--\n\n"
+    "Everything that the run needs to go on bit for bit, as bytes.\n\n"
+    "state() has no step size, history, choice of method and the like. Raises RuntimeError\n"
+    "while the simulation is running or if it settles or has\n"
+    "failed.";
+
+PyObject *bd_core_sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *bytes = NULL;
+  if (self->settling) {
+    PyErr_SetString(PyExc_RuntimeError, "settling has no restart record: begin it anew");
+  } else {
+    size_t size = bd_sim_export(self->sim, NULL);
+    if (size > 0) {
+      bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
+    } else {
+      PyErr_SetString(PyExc_RuntimeError,
+                      "a run that ended in an error or in an exception of its torque function has "
+                      "no restart record: it may have been in the middle of a step");
+    }
+  }
+  if (bytes) {
+    bd_sim_export(self->sim, PyBytes_AS_STRING(bytes));
+  }
+  bd_core_leave(self);
+  return bytes;
+}
+
+const char bd_core_import_doc[] =
+    "import_record($self, record, /)\n--\n\n"
+    "Go on from a record of export_record(), of this or of another process.\n\n"
+    "The simulation must be new, made with the same model, torque, t_end and options; its\n"
+    "state is replaced. Sample times are set before; those up to the record's time are\n"
+    "left out. Raises TypeError for what is no bytes-like object, ValueError for a record\n"
+    "that is damaged, or of another run or other kernels, RuntimeError if it is too late.";
+
+PyObject *bd_core_sim_import(PyObject *object, PyObject *record) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  Py_buffer view;
+  if (PyObject_GetBuffer(record, &view, PyBUF_SIMPLE) < 0) {
+    return NULL;
+  }
+  int code = -1;
+  bd_error err = {0};
+  if (bd_core_enter(self) == 0) {
+    code = bd_sim_import(self->sim, view.buf, (size_t)view.len, &err);
+    bd_core_leave(self);
+    if (code < 0) {
+      bd_core_raise(code, &err);
+    } else {
+      self->started = 1;
+    }
+  }
+  PyBuffer_Release(&view);
+  return code < 0 ? NULL : Py_NewRef(Py_None);
+}
+
+static PyObject *sim_time(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  double t = bd_sim_time(self->sim);
+  bd_core_leave(self);
+  return PyFloat_FromDouble(t);
+}
+
+static PyObject *sim_samples(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  size_t n = bd_sim_samples(self->sim);
+  bd_core_leave(self);
+  return PyLong_FromSize_t(n);
+}
+
+static PyObject *sim_stats(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  bd_stats stats = {0};
+  bd_sim_stats(self->sim, &stats);
+  bd_core_leave(self);
+  PyObject *dict = PyDict_New();
+#define X(type, name, text) BD_CORE_SET_NUMBER(dict, stats, name)
+  BD_STATS(X)
+#undef X
+  return dict;
+}
+
+static PyObject *sim_method(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  const char *name = bd_sim_method(self->sim);
+  bd_core_leave(self);
+  return PyUnicode_FromString(name);
+}
+
+static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  char text[384];
+  bd_sim_explain(self->sim, text, sizeof text);
+  bd_core_leave(self);
+  return PyUnicode_FromString(text);
+}
+
+static PyObject *warning_dict(const bd_warning *w, const bd_model *model) {
+  bd_label where = {""};
+  if (w->pulley >= 0) {
+    where = bd_pulley_label(model, w->pulley);
+  } else if (w->body >= 0) {
+    PyOS_snprintf(where.text, sizeof where.text, "link %d", w->body);
+  }
+  PyObject *t = isnan(w->t) ? Py_NewRef(Py_None) : PyFloat_FromDouble(w->t);
+  return t ? Py_BuildValue("{s:s, s:s, s:N, s:s, s:O}", "code", bd_warning_code(w->code), "text",
+                           w->message, "t", t, "where", where.text, "accuracy",
+                           bd_warning_accuracy(w->code) ? Py_True : Py_False)
+           : NULL;
+}
+
+static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *list = PyList_New(0);
+  bd_warning w;
+  for (size_t k = 0; list && bd_sim_warning(self->sim, k, &w); k++) {
+    list = bd_core_append(list, warning_dict(&w, self->model->model));
+  }
+  bd_core_leave(self);
+  return list;
+}
+
+/* Fixed when the simulation is made, so this may be read while it runs. */
+static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
+  return Py_NewRef(((bd_core_sim *)object)->passes);
+}
+
+static PyObject *sim_effects(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_sim *self = (bd_core_sim *)object;
+  int rows[BD_MAX_PASSES], n = 0;
+  while (self->sim && n < BD_MAX_PASSES && (rows[n] = bd_sim_effect(self->sim, n)) >= 0) {
+    n++;
+  }
+  PyObject *tuple = PyTuple_New(n);
+  for (int k = 0; tuple && k < n; k++) {
+    tuple = bd_core_put(tuple, k, PyLong_FromLong(rows[k]));
+  }
+  return tuple;
+}
+
+static PyObject *sim_sizes(PyObject *object, void *Py_UNUSED(closure)) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  bd_sizes sizes;
+  bd_sim_sizes(self->sim, &sizes);
+  bd_core_leave(self);
+  return Py_BuildValue("{s:n, s:n, s:n}", "state", (Py_ssize_t)sizes.state, "works",
+                       (Py_ssize_t)sizes.works, "bytes", (Py_ssize_t)sizes.bytes);
+}
+
+const char bd_core_time_passes_doc[] =
+    "time_passes($self, rounds, /)\n--\n\n"
+    "Measure what the passes of a step cost at the state now reached, and end the run.\n\n"
+    "rounds: 1 to 101, over all passes, of which medians are taken; some 2 ms each. A\n"
+    "list of (name, calls a step, seconds a call) in the order of a step, last the whole\n"
+    "step, of which the others are parts. Torque functions are called. Raises ValueError\n"
+    "for bad rounds, RuntimeError before the first step.";
+
+PyObject *bd_core_sim_time_passes(PyObject *object, PyObject *argument) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  long rounds;
+  if (bd_convert_long(argument, "rounds", &rounds) < 0 || bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  bd_pass_time times[BD_MAX_PASSES];
+  bd_error err = {0};
+  int n = 0;
+  const int asked = rounds > INT_MAX ? INT_MAX : rounds < 0 ? 0 : (int)rounds;
+  PyThreadState *thread = self->n_calls ? NULL : PyEval_SaveThread();
+  const int code = bd_sim_time_passes(self->sim, asked, times, &n, &err);
+  if (thread) {
+    PyEval_RestoreThread(thread);
+  }
+  bd_core_leave(self);
+  if (code < 0) {
+    return bd_core_raise(code, &err);
+  }
+  PyObject *list = PyList_New(0);
+  for (int k = 0; list && k < n; k++) {
+    list = bd_core_append(list,
+                          Py_BuildValue("(sdd)", times[k].name, times[k].calls, times[k].seconds));
+  }
+  return list;
+}
+
+PyGetSetDef bd_core_sim_properties[] = {
+    {"time", sim_time, NULL, "Simulated time reached [s]. RuntimeError while running.", NULL},
+    {"samples", sim_samples, NULL, "Finished sample rows. RuntimeError while running.", NULL},
+    {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
+    {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
+    {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
+    {"effects", sim_effects, NULL, "Rows of EFFECTS that the plan has, in order of its passes.",
+     NULL},
+    {"sizes", sim_sizes, NULL,
+     "Numbers in the state vector and works in it, bytes of the simulation. RuntimeError while "
+     "running.",
+     NULL},
+    {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
+     NULL},
+    {"warnings", sim_warnings, NULL,
+     "What was noticed so far: dicts of code, text, t, where, accuracy. RuntimeError while "
+     "running.",
+     NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};

@@ -1,0 +1,231 @@
+"""Maxwell slip: one element is the elastic/perfectly plastic law, several have the closed form of
+their loops, and a state of several rows goes through runs, files and settling.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import numpy as np
+import pytest
+from laws import EXAMPLES, STRIBECK, with_laws
+
+import beltdyn as bd
+from beltdyn.checks import Array
+
+METHODS = ("tsit5", "rk4", "rodas4", "lbdf2", "lie")
+MAXWELL = EXAMPLES["maxwell_slip"]
+assert isinstance(MAXWELL, bd.MaxwellSlip)
+NORMAL = 5e3  # N/m
+STILL = bd.PiecewiseLinear([0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]])
+
+
+def alone(law: bd.ElasticPlastic) -> bd.MaxwellSlip:
+    return bd.MaxwellSlip(
+        mu=(law.mu,), stiffness=(law.stiffness,), damping=(law.damping,), mu_s=law.mu_s,
+        v_stribeck=law.v_stribeck,
+    )  # fmt: skip
+
+
+def run(params: bd.Params, **options: Any) -> bd.Result:
+    """A short one, under a torque that makes some of the wrap slip."""
+    torque = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-40.0, 40.0]])
+    if options.get("method") == "rk4":
+        options["step"] = 2e-6
+    return bd.simulate(params, torque, t_end=0.01, t_eval=np.linspace(0.0, 0.01, 6), **options)
+
+
+# -------------------------------------------------------------------- one element
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+@pytest.mark.parametrize("curve", [False, True])
+def test_one_element_is_elastic_plastic_to_the_last_bit(
+    method: str, mesh: str, curve: bool
+) -> None:
+    """Force, state and every step of the run: the same operations in the same order."""
+    law = (STRIBECK if curve else EXAMPLES)["elastic_plastic"]
+    assert isinstance(law, bd.ElasticPlastic)
+    base = drives.on_mesh(drives.plain(), mesh)
+    one, other = (run(with_laws(base, each, each), method=method) for each in (law, alone(law)))
+    assert one.stats.steps == other.stats.steps and one.contact.friction.any()
+    for group, name in (("joints", "force"), ("pulleys", "omega"), ("contact", "friction")):
+        np.testing.assert_array_equal(
+            getattr(getattr(one, group), name), getattr(getattr(other, group), name)
+        )
+    assert one.final_state.mu.shape == other.final_state.mu.shape == (base.belt.n_bodies,)
+    np.testing.assert_array_equal(one.final_state.mu, other.final_state.mu)
+
+
+def test_equal_elements_are_one_of_their_sum() -> None:
+    """Four quarters: powers of two leave every bit of the sums as it is."""
+    law = EXAMPLES["elastic_plastic"]
+    assert isinstance(law, bd.ElasticPlastic)
+    quarters = bd.MaxwellSlip(
+        mu=(law.mu / 4,) * 4, stiffness=(law.stiffness / 4,) * 4, damping=(law.damping / 4,) * 4
+    )
+    base = drives.plain()
+    whole, parts = (run(with_laws(base, each, each), method="tsit5") for each in (law, quarters))
+    for name in ("force", "deformation"):
+        one, other = (getattr(result.joints, name) for result in (whole, parts))
+        assert np.max(np.abs(one - other)) <= 1e-9 * np.max(np.abs(one))
+    mu = parts.final_state.mu
+    assert mu.shape == (4, base.belt.n_bodies) and (mu == mu[0]).all() and mu.any()
+
+
+# -------------------------------------------------------------------- loops
+
+
+def prandtl(law: bd.MaxwellSlip, slip: Array) -> Array:
+    """Friction coefficient along a slow path from rest: each element's stop operator in turn.
+
+    An element follows the path with its stiffness and is held at its limit (Prandtl, Ishlinskii).
+    """
+    total = np.zeros_like(slip)
+    for mu, stiffness in zip(law.mu, law.stiffness, strict=True):
+        force = 0.0
+        for k in range(1, slip.size):
+            force += stiffness / NORMAL * float(slip[k] - slip[k - 1])
+            force = min(max(force, -mu), mu)
+            total[k] += force
+    return total
+
+
+def path_of(*turns: float, step: float = 1e-7) -> Array:
+    """Straight from turn to turn, from 0."""
+    legs = [np.zeros(1)]
+    for begin, end in zip((0.0, *turns), turns, strict=False):
+        legs.append(np.linspace(begin, end, round(abs(end - begin) / step) + 1)[1:])
+    return np.concatenate(legs)
+
+
+TURNS = (2e-4, -1e-4, 3e-5, -6e-5, 1e-5, 2.5e-4, -2.5e-4)
+
+
+def test_a_slow_path_has_the_closed_form_of_stops_in_parallel() -> None:
+    """At 1e-7 m/s dampers carry next to nothing, d v / k = 3e-12 m of 1e-5; an element that begins
+    to slip notices at the next point, a step of 1e-7 m, of which its stiffness makes the error.
+    """
+    slip = path_of(*TURNS)
+    found = MAXWELL.coefficient(slip, velocity=1e-7, normal=NORMAL)
+    error = np.max(np.abs(found - prandtl(MAXWELL, slip)))
+    assert error <= 1.01 * sum(MAXWELL.stiffness) / NORMAL * 1e-7
+    # the first two slip, the third nearly
+    assert 0.9 < np.max(np.abs(found)) / sum(MAXWELL.mu) < 1.0
+
+
+def test_loops_have_the_work_and_the_memory_of_masing() -> None:
+    """The work of a loop of amplitude a is 4 mu_e (a - mu_e n / k_e) of every element that slips;
+    a small loop inside closes, and the path goes on as if it had not been.
+    """
+    a = 1.5e-4
+    loop = path_of(a, -a, a)
+    mu = MAXWELL.coefficient(loop, velocity=1e-7, normal=NORMAL)
+    closed = slice(int(np.argmax(loop)), None)
+    work = np.sum(0.5 * (mu[closed][1:] + mu[closed][:-1]) * np.diff(loop[closed]))
+    onset = [m * NORMAL / k for m, k in zip(MAXWELL.mu, MAXWELL.stiffness, strict=True)]
+    exact = sum(4 * m * (a - s) for m, s in zip(MAXWELL.mu, onset, strict=True) if s < a)
+    assert onset[0] < onset[1] < a < onset[2]  # two of three slip
+    # two corners a loop, at each of which a triangle of a step is wrong
+    assert work == pytest.approx(exact, rel=1e-3)
+    inner = path_of(a, 4e-5, 9e-5, 4e-5, -a)
+    straight = path_of(a, -a)
+    end = MAXWELL.coefficient(inner, velocity=1e-7, normal=NORMAL)[-1]
+    other = MAXWELL.coefficient(straight, velocity=1e-7, normal=NORMAL)[-1]
+    # up to how far the three are past their corners when they notice
+    assert end == pytest.approx(other, abs=2e-7 * sum(MAXWELL.stiffness) / NORMAL)
+
+
+def test_in_full_slip_with_a_stribeck_curve_the_sum_is_that_curve() -> None:
+    law = STRIBECK["maxwell_slip"]
+    assert isinstance(law, bd.MaxwellSlip)
+    path = np.linspace(0.0, 1e-2, 2001)
+    for v in (1e-4, 0.02, 0.05, 0.3):
+        kinetic = sum(law.mu)
+        exact = kinetic + (law.mu_s - kinetic) * np.exp(-((v / law.v_stribeck) ** 2))
+        found = law.coefficient(path, velocity=v, normal=NORMAL)[-1]
+        assert found == pytest.approx(exact, rel=1e-12)
+
+
+# -------------------------------------------------------------------- states of several rows
+
+
+def test_states_of_several_rows_are_saved_and_run_on(tmp_path: Path) -> None:
+    base = with_laws(drives.plain(), MAXWELL, EXAMPLES["dahl"])
+    first = run(base, method="rodas4")
+    state, n = first.final_state, base.belt.n_bodies
+    assert state.mu.shape == (3, n) and base.info["n_states"] == 3
+    # Dahl's pulley uses the first of the rows alone
+    on = first.contact.pulley[-1]
+    assert not state.mu[1:, on == 1].any() and state.mu[0, on == 1].any()
+    assert state.mu[1:, on == 0].any()
+    state.save(tmp_path / "state.npz")
+    again = bd.State.load(tmp_path / "state.npz")
+    assert again == state
+    one, other = (bd.simulate(base, STILL, t_end=0.012, initial=each) for each in (state, again))
+    np.testing.assert_array_equal(one.joints.force, other.joints.force)
+
+
+def test_results_of_several_rows_are_saved(tmp_path: Path) -> None:
+    result = run(with_laws(drives.plain(), MAXWELL, EXAMPLES["dahl"]))
+    result.save(tmp_path / "result.npz")
+    again = bd.Result.load(tmp_path / "result.npz")
+    assert again.final_state == result.final_state
+    np.testing.assert_array_equal(again.joints.force, result.joints.force)
+
+
+def test_a_drive_goes_on_from_its_own_state_however_laws_differ() -> None:
+    """Stretches a thousand times as large on one pulley as on the other, of one element and of
+    lists in opposite order.
+    """
+    soft, hard = (bd.ElasticPlastic(mu=0.8, stiffness=k, damping=1e-5 * k) for k in (1e6, 1e9))
+    lists = [
+        bd.MaxwellSlip(mu=(0.4, 0.4), stiffness=k, damping=(100.0, 100.0))
+        for k in ((1e6, 1e9), (1e9, 1e6))
+    ]
+    for laws in ((soft, hard), lists):
+        params = with_laws(drives.plain(), *laws)
+        state = run(params).final_state
+        assert bd.simulate(params, STILL, t_end=0.0101, initial=state).stats.steps > 0
+
+
+def test_the_mesh_is_verified_from_a_state_of_other_rows() -> None:
+    """That of a drive with another number of elements, but without friction in it."""
+    base = drives.on_mesh(drives.plain(), "joint")
+    other = with_laws(base, EXAMPLES["dahl"], EXAMPLES["dahl"])
+    start = bd.settle(with_laws(base, MAXWELL, MAXWELL))
+    assert start.mu.shape[0] == 3 and not start.mu.any()
+    torque = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-20.0, 20.0]])
+    seen = bd.simulate(other, torque, t_end=0.01, initial=start, verify=True)
+    assert seen.accuracy is not None and seen.accuracy["tension"].space is not None
+
+
+def test_a_state_of_other_laws_is_refused_by_name() -> None:
+    base = drives.plain()
+    of_dahl = run(with_laws(base, EXAMPLES["dahl"], EXAMPLES["dahl"])).final_state
+    several = with_laws(base, MAXWELL, MAXWELL)
+    with pytest.raises(ValueError, match=r"^initial\.mu must have 3 row\(s\), .* got 1: is it of"):
+        bd.simulate(several, STILL, t_end=0.02, initial=of_dahl)
+    # as many rows, but of a coefficient where a stretch is meant
+    elastic = with_laws(base, EXAMPLES["elastic_plastic"], EXAMPLES["elastic_plastic"])
+    with pytest.raises(ValueError, match=r"^state mu\[\d+\] must .* is it of a drive with"):
+        bd.simulate(elastic, STILL, t_end=0.02, initial=of_dahl)
+    # without friction in it, it is one of any law
+    empty = attrs.evolve(of_dahl, mu=np.zeros(base.belt.n_bodies))
+    assert bd.simulate(several, STILL, t_end=0.0101, initial=empty).stats.steps > 0
+    with pytest.raises(ValueError, match=r"^State\.mu must have shape"):
+        attrs.evolve(of_dahl, mu=np.zeros((3, 7)))
+
+
+def test_settling_with_friction_holds_every_element() -> None:
+    params = with_laws(drives.plain(), MAXWELL, MAXWELL)
+    settled = bd.settle(params, friction=True, tolerance=1e-3)
+    assert settled.mu.shape == (3, params.belt.n_bodies) and all(row.any() for row in settled.mu)
+    limits = np.array(MAXWELL.mu)[:, None]
+    stiffness = np.array(MAXWELL.stiffness)[:, None] * params.info["link_length"]
+    seen = params._model.observe(settled._to_core(params))
+    assert np.all(np.abs(stiffness * settled.mu) <= limits * seen["normal"][0] * 1.01 + 1e-9)
