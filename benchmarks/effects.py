@@ -40,7 +40,7 @@ from beltdyn.motions import as_motions, motion_terms
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 from effects import EFFECTS, bare  # noqa: E402
-from laws import EXAMPLES  # noqa: E402
+from laws import EXAMPLES, STRIBECK, without_curve  # noqa: E402
 
 METHODS = ("tsit5", "rodas4", "lbdf2")
 LINKS = 240
@@ -65,6 +65,13 @@ def without_options(tree: Path) -> list[str]:
     for name in taken:
         text = text.replace(f'#include "friction/{name}.h"\n', "")
     laws.write_text(text)
+
+    curve = tree / "csrc/friction/stribeck.h"
+    text = curve.read_text()
+    condition = "mu_s > 0.0 && mu_s != mu_k"
+    assert condition in text
+    curve.write_text(text.replace(condition, "0"))
+    taken.append("Stribeck curve")
 
     effects = tree / "csrc/physics/effects.c"
     text = effects.read_text()
@@ -117,7 +124,7 @@ class Drive:
     def __init__(self, core: Any, params: bd.Params, ledger: bool, motion: Any = None) -> None:
         self.core, self.ledger = core, ledger
         state = bd.settle(params)
-        self.state = state._to_core(params.has_friction)
+        self.state = state._to_core(params)
         self.motion = motion_terms(as_motions(motion, params.pulley_names))
         self.torque = [("piecewise", [0.0, 0.01], [[0.0, 0.0], [-5.0, 2.0]])]
         self.model = params._model if core is _core else self._model_of(params)
@@ -225,6 +232,12 @@ def on(repeats: int, rounds: int) -> list[str]:
         for name, effect in EFFECTS.items():
             if mesh in effect.meshes:
                 row(mesh, name, without, Drive(_core, effect.on(params), ledger=False))
+        for name, law in STRIBECK.items():
+            pair = [
+                Drive(_core, attrs.evolve(params, friction=one), ledger=False)
+                for one in (without_curve(law), law)
+            ]
+            row(mesh, f"Stribeck curve, {name}", *pair)
         motion = {0: bd.PiecewiseLinear([0.0, 1.0], [0.0, 1.0])}
         row(mesh, "prescribed motion", without, Drive(_core, params, False, motion))
         row(mesh, "ledger", without, Drive(_core, params, ledger=True))

@@ -52,16 +52,7 @@ WINDOW = 0.05
 
 
 def theory() -> dict[str, float]:
-    drive = creep_theory.Drive(
-        radii=(0.1, 0.1),
-        wraps=(math.pi, math.pi),
-        spans=0.2 * math.pi,
-        length=0.38 * math.pi,
-        axial_stiffness=7600.0,
-        linear_density=0.8288 / 0.95,
-        mu=0.5,
-    )
-    state = creep_theory.steady(drive, 12.0, lambda omega: 2.0 * omega + 25.0)
+    state = creep_theory.two_pulley_benchmark()
     return {
         "speed": state.omega,
         "torque": state.torque,

@@ -52,7 +52,7 @@ def memory_lines(sizes: tuple[int, ...]) -> list[str]:
             [pulley.center for pulley in p], [pulley.radius for pulley in p], 1.2, n
         )
         state = bd.State(x=x, y=y, phi=phi, theta=np.zeros(len(p)))
-        core = state._to_core(True)
+        core = state._to_core(scene.params)
         terms = scene.torque_fn.terms()
         before = allocated()
         simulation = _core.Simulation(scene.params._model, core, terms, 1.0)

@@ -82,7 +82,7 @@ def main() -> None:
     repeats, t_end = (3, 0.1) if arguments.quick else (21, 1.0)
     scene = bd.scenes.kubas_case_1()
     rest = bd.settle(scene.params)
-    state = rest._to_core(True)
+    state = rest._to_core(scene.params)
     lines = [
         f"case 1, {t_end:g} s simulated, 1001 samples: CPU s of the core",
         *common.machine(),

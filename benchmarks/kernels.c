@@ -208,9 +208,9 @@ static void row_add_contact(bench *b) {
                                  &system->along[j], system->stage.g, &system->blocks,
                                  &system->scratch, column_x, column_y, system->rows + BD_HALO);
     } else {
-      sink += kernels->add_contact[bd_law_is_general(pulley->law)](
-          pulley, n_runs, runs, &system->contact[j], system->stage.g, &system->blocks, column_x,
-          column_y);
+      sink += kernels->add_contact[bd_law_form(pulley->law)](pulley, n_runs, runs,
+                                                             &system->contact[j], system->stage.g,
+                                                             &system->blocks, column_x, column_y);
     }
   }
 }
@@ -229,9 +229,9 @@ static void row_finish_contact(bench *b) {
       kernels->finish_joints(&b->plan.links, &system->at.joints, pulley, n_runs, runs,
                              &system->along[j], system->stage.g, 1.0, b->stage[1]);
     } else {
-      kernels->finish_contact[bd_law_is_general(pulley->law)](&b->model->lay, pulley, n_runs, runs,
-                                                              &system->contact[j], system->stage.g,
-                                                              1.0, b->stage[1]);
+      kernels->finish_contact[bd_law_form(pulley->law)](&b->model->lay, pulley, n_runs, runs,
+                                                        &system->contact[j], system->stage.g, 1.0,
+                                                        b->stage[1]);
     }
   }
 }
@@ -312,8 +312,17 @@ static void read_friction(bd_friction *friction) {
   }
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     if (friction->law != BD_LAW_NONE && strcmp(bd_parameters[k].group, name) == 0) {
-      const double value = number();
-      memcpy((char *)&friction->dahl + bd_parameters[k].offset, &value, sizeof value);
+      char *const place = (char *)&friction->dahl + bd_parameters[k].offset;
+      if (bd_parameters[k].kind == BD_IS_LIST) {
+        bd_numbers list = {(int)number(), {0.0}};
+        for (int e = 0; e < list.n && e < BD_MAX_ELEMENTS; ++e) {
+          list.at[e] = number();
+        }
+        memcpy(place, &list, sizeof list);
+      } else {
+        const double value = number();
+        memcpy(place, &value, sizeof value);
+      }
     }
   }
 }
@@ -352,8 +361,9 @@ static void read_drive(drive *d) {
   d->scene.pulleys = pulleys;
   double **const links[] = {&d->state.x,  &d->state.y,    &d->state.phi, &d->state.vx,
                             &d->state.vy, &d->state.vphi, &d->state.mu,  &d->state.slip};
+  const int states = bd_friction_states(&d->friction);
   for (size_t k = 0; k < sizeof links / sizeof links[0]; ++k) {
-    *links[k] = numbers(n);
+    *links[k] = numbers(links[k] == &d->state.mu && states > 1 ? states * n : n);
   }
   d->state.theta = numbers(np);
   d->state.omega = numbers(np);

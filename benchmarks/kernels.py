@@ -102,7 +102,9 @@ def drawn_out(state: bd.State, params: bd.Params, n: int) -> dict[str, np.ndarra
         return np.asarray(np.interp(at, np.arange(few + 1), [*values, values[0] + closing]))
 
     out = {name: along(np.ravel(getattr(state, name)), turn if name == "phi" else 0.0)
-           for name in ("x", "y", "phi", "vx", "vy", "vphi", "mu", "slip")}  # fmt: skip
+           for name in ("x", "y", "phi", "vx", "vy", "vphi")}  # fmt: skip
+    for name in ("mu", "slip"):  # of some laws several rows
+        out[name] = np.concatenate([along(row) for row in np.atleast_2d(getattr(state, name))])
     for pulley in params.pulleys:
         x, y = pulley.center
         depth = along(circle(pulley.radius, params, few) - np.hypot(state.x - x, state.y - y))
@@ -122,6 +124,9 @@ def laws(dahl: bd.Dahl) -> dict[str, bd.Friction | None]:
         "LuGre, mu_s = mu_k": lugre,
         "LuGre": attrs.evolve(lugre, mu_s=1.3 * mu),
         "ElasticPlastic": bd.ElasticPlastic(mu=mu, stiffness=5e7, damping=500.0),
+        "MaxwellSlip, 4": bd.MaxwellSlip(
+            mu=(mu / 4,) * 4, stiffness=(1.25e7,) * 4, damping=(125.0,) * 4
+        ),
     }
     known = {type(law) for law in given.values()}
     others = {name: law for name, law in friction.LAWS.items() if law not in known}
@@ -135,22 +140,29 @@ def under(
     law: bd.Friction | None, state: bd.State, normal: np.ndarray, link_length: float
 ) -> bd.State:
     """The state, Dahl's, as one of the law: with the same coefficient of friction of every link."""
-    if law is None:
+    if law is None or law.n_states == 0:
         return state
     pressed, none = normal > 0, np.zeros_like(normal)
     force = np.where(pressed, normal, 1.0)
-    slope = _core.friction_law(law._to_core(), link_length, none, none, force)["by_state"]
-    return attrs.evolve(state, mu=np.where(pressed, state.mu * force / slope, 0.0))
+    rows = []
+    for element in range(law.n_states):
+        at = _core.friction_law(law._to_core(), link_length, none, none, force, element)
+        share = state.mu / law.n_states
+        rows.append(np.where(pressed, share * force / at["by_state"], 0.0))
+    return attrs.evolve(state, mu=np.array(rows) if len(rows) > 1 else rows[0])
 
 
 def drive_text(params: bd.Params, state: dict[str, np.ndarray]) -> str:
     belt, contact, law = params.belt, params.contact, params.friction
     name, parameters = law._to_core() if law else ("none", ())
+    numbers: list[float] = []
     values = [belt.n_bodies, belt.mesh == "joint", belt.length,
               belt.linear_density, belt.axial_stiffness,
               belt.axial_damping, belt.bending_stiffness, belt.bending_damping, contact.quadratic,
               contact.linear, contact.damping]  # fmt: skip
-    words = [*map(in_full, values), name, *map(in_full, parameters)]
+    for number in parameters:  # of a list its length first
+        numbers += [len(number), *number] if isinstance(number, tuple) else [number]
+    words = [*map(in_full, values), name, *map(in_full, numbers)]
     values = [len(params.pulleys)]
     for p in params.pulleys:
         values += [*p.center, p.radius, p.inertia]
