@@ -20,6 +20,13 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     return 0 if config.getoption("capture") == "no" else None
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Slow tests take up to three minutes, on a loaded machine several times that."""
+    for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(1800))
+
+
 @pytest.fixture
 def handlers() -> Iterator[None]:
     """Let a test set signal handlers; SIGINT is Python's own, whatever the shell has set."""
