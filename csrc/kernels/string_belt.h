@@ -151,7 +151,9 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
       before = pressed_of(pulley, &end, &first, 0, hunt_crossley, &counted[0], &counted[1]);
     }
     link_end at[BLOCKS + 1];
-    for (int i = runs[r].begin, k = BLOCKS; i < runs[r].end; i += WIDTH, ++k) {
+    /* runs end at whole BD_LANES: the blocks behind the last mass would lose power once more */
+    const int stop = runs[r].end < n ? runs[r].end : n;
+    for (int i = runs[r].begin, k = BLOCKS; i < stop; i += WIDTH, ++k) {
       if (k == BLOCKS) {
         const int blocks = (runs[r].end - i) / WIDTH;
         for (k = 0; k <= (blocks < BLOCKS ? blocks : BLOCKS); ++k) {
