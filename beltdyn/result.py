@@ -29,6 +29,7 @@ from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
+from .report import Report, make_report
 from .run_warnings import RunWarning
 from .sanity import bodies
 from .spans import span_tension
@@ -197,6 +198,26 @@ class Result:
         first = np.abs(speed[:, :1])
         stands = first <= 1e-3 * np.max(first, initial=0.0)
         return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))
+
+    def report(self, last: float = 0.2, *, joint: int = 0) -> Report:
+        """Give what an engineer reads off the last part of the run; print it.
+
+        Pulleys: speeds, torques, powers, hub loads, arcs of contact and slip, tension ratios, the
+        margin of torque to full slip. Spans: tensions, the strongest line in them, the frequency as
+        a moving string. Creep split into its causes, where every watt goes, load cycles of a link.
+
+        Args:
+            last: The part of the run, counted from its end, 0 < last <= 1.
+            joint: The joint whose load cycles are counted.
+
+        Returns:
+            What can be told from the outputs that there are; it says what cannot, and why.
+
+        Raises:
+            TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has less than two
+                samples.
+        """
+        return make_report(self, last, joint)
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if self.t.size else "no samples"
