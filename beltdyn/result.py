@@ -29,7 +29,7 @@ from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
-from .report import Report, make_report
+from .report import Report, creep_against, make_report
 from .run_warnings import RunWarning
 from .sanity import bodies
 from .spans import span_tension
@@ -186,6 +186,9 @@ class Result:
     def slip(self) -> Array:
         """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
 
+        Not all of it is creep: where the belt sinks into its pulleys it runs on smaller radii.
+        :meth:`report` splits it into stretch, friction and radius.
+
         Of a pulley that the belt turns the other way round, outside, with -omega_k.
 
         NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
@@ -275,8 +278,13 @@ class Result:
                 rows.append(("  mounts, from their places", ", ".join(texts)))
             # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
-                against = f"  creep against {names[0]}"
+                against = f"  speed lost against {names[0]}"
                 rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
+                # The rest is running radii: report() has all parts.
+                split = creep_against(self, 0, 0.1)
+                if len(split) == slip.size:
+                    creep = 100 * np.array([one.creep for one in split])
+                    rows.append(("    of it creep", listed(creep, ".3g", names[1:], " %")))
         rows += self.accuracy.summary()
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]

@@ -8,7 +8,7 @@ and whether they are steady), ``touching`` (where belt and pulleys touch), ``pul
 from __future__ import annotations
 
 from .cycles import rainflow
-from .making import make_report
+from .making import creep_against, make_report
 from .report import Report
 from .rows import Creep, Cycle, Power, PulleyRow, Rows, SpanRow, Spread
 
@@ -21,6 +21,7 @@ __all__ = [
     "Rows",
     "SpanRow",
     "Spread",
+    "creep_against",
     "make_report",
     "rainflow",
 ]

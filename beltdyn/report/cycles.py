@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from importlib import import_module
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import Array
 from .rows import Cycle
-from .touching import Touching
 from .window import Window
 
 __all__ = ["cycle_rows", "rainflow"]
@@ -47,32 +47,51 @@ def rainflow(values: ArrayLike) -> list[Cycle]:
     ]
 
 
-def cycle_rows(
-    window: Window, touching: Touching | None, joint: int
-) -> tuple[list[Cycle], float | None, list[str]]:
-    """Count the cycles of a joint in the window, in classes of equal width.
+class Counted(NamedTuple):
+    """Cycles, largest range first; since when [s]; rounds of the belt since, None if not known."""
 
-    Returns:
-        Cycles, largest range first; rounds of the belt in the window, None if not known; what is
-        missing.
+    cycles: list[Cycle]
+    begin: float
+    rounds: float | None
+    notes: list[str]
+
+
+def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
+    """Count the cycles of a joint over the last round of the belt or, if longer, the window.
+
+    Args:
+        window: The part of the run.
+        driver: The driving pulley, whose rim tells how far the belt has gone.
+        joint: The joint.
     """
     run = window.run
     if not run._has("joints.force"):
-        return [], None, ["no load cycles: joints.force was not asked for"]
-    rounds = None
-    if touching is not None:
-        rounds = abs(touching.speed) * window.lasts / float(window.params.info["length"])
+        note = "no load cycles: joints.force was not asked for"
+        return Counted([], float(window.t[0]), None, [note])
+    first, rounds = window.rows.start, None
+    if driver is not None:
+        gone = _gone(window, driver)
+        before = np.flatnonzero(gone >= 1.0)
+        first = min(first, int(before[-1]) if before.size else 0)
+        rounds = float(gone[first])
+    begin = float(run.t[first])
     try:
-        cycles = rainflow(window.of(run.joints.force)[:, joint])
+        cycles = rainflow(run.joints.force[first:, joint])
     except ImportError as error:
-        return [], rounds, [str(error)]
+        return Counted([], begin, rounds, [str(error)])
     notes = []
-    if rounds is not None and rounds < 1.0:
-        notes.append(
-            f"load cycles: the window holds {rounds:.2g} rounds of the belt, so not every pulley "
-            "is in them; report(last=...) takes more of the run"
-        )
-    return _classes(cycles), rounds, notes
+    if rounds is None or rounds < 1.0:
+        part = "the belt stands still" if rounds is None else f"the run holds {rounds:.2g} rounds"
+        notes.append(f"load cycles of a whole round: {part}, so not every pulley is in them")
+    return Counted(_classes(cycles), begin, rounds, notes)
+
+
+def _gone(window: Window, driver: int) -> Array:
+    """Give the rounds of the belt from each sample of the run to its end (n_t,)."""
+    run, params = window.run, window.params
+    rim = np.abs(run.pulleys.omega[:, driver]) * params.pulleys[driver].radius
+    steps = 0.5 * np.diff(run.t) * (rim[1:] + rim[:-1]) / float(params.info["path_length"])
+    return np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
 
 
 def _classes(cycles: list[Cycle]) -> list[Cycle]:

@@ -15,7 +15,7 @@ from .spans import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import Run, Window, missing
 
-__all__ = ["make_report"]
+__all__ = ["creep_against", "make_report"]
 
 
 def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
@@ -62,8 +62,8 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         notes += said
     powers, efficiency, said = power_rows(window, touched)
     notes += said
-    cycles, rounds, said = cycle_rows(window, touched, which)
-    notes += said
+    counted = cycle_rows(window, driver, which)
+    notes += counted.notes
     names = run.params.pulley_names
     return Report(
         begin=float(window.t[0]),
@@ -76,12 +76,24 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         creep=Rows(creep),
         powers=Rows(powers),
         efficiency=efficiency,
-        cycles=tuple(cycles),
+        cycles=tuple(counted.cycles),
         joint=which,
-        rounds=rounds,
+        cycles_begin=counted.begin,
+        rounds=counted.rounds,
         unsteady=tuple(unsteady),
         notes=tuple(notes),
     )
+
+
+def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
+    """Split the speed that pulleys lose against one of them; empty if it cannot be told."""
+    if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
+        return []
+    window = Window.last(run, last)
+    touched = touching(window)
+    if touched is None or driving(window, None) is None:
+        return []
+    return creep_rows(window, touched, pulley)[0]
 
 
 def _belt_torque(window: Window, touched: Touching | None) -> np.ndarray | None:

@@ -141,6 +141,13 @@ class _Theory:
             raise ValueError("a span would be slack")
         return tension, speed
 
+    def _tightest(self, factor: float) -> float:
+        """Give a tension of the last span with which none is slack, to start from [N]."""
+        steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
+        mass = self.density * self.steady.speed**2
+        spare = 0.02 * float(self.steady.tension.mean())
+        return float((mass - np.min(steps) + spare) / (1.0 - mass / self.stiffness))
+
     def route(self, travels: Array) -> Route:
         if not self.params.mounted:
             return self.params.route
@@ -220,6 +227,7 @@ class _Theory:
             ValueError: There is no such state: a span would be slack, the belt off a pulley.
         """
         unknown = np.array(start)
+        unknown[0] = max(unknown[0], self._tightest(factor))
         sizes = np.concatenate([[self.steady.tension.mean()], np.full(len(self.free), 1e-2)])
         reach = np.full(len(self.free), 0.1)
         best, worse = math.inf, 0
@@ -283,8 +291,8 @@ def full_slip(steady: Steady) -> list[FullSlip | None]:
         steady: The mean state.
 
     Returns:
-        For each pulley; None without friction on it. An infinite factor: it does not slip before
-        the factor is 100, or another span goes slack.
+        For each pulley; None without friction on it. An infinite factor: others slip long before,
+        a span that is not its own goes slack first, or the factor is above 100.
 
     Raises:
         ValueError: The mean state is none of a tight, turning belt.

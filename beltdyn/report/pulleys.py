@@ -195,7 +195,7 @@ def _margins(
         notes.append(f"{name} slips in full in this window, or is within 2 % of it")
     idle = [row.name for row, works in zip(rows, working, strict=True) if not works]
     if idle:
-        notes.append(f"no margin to slip of {', '.join(idle)}: the belt turns them without load")
+        notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
     return [
         attrs.evolve(
             row,

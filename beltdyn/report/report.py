@@ -50,7 +50,9 @@ class Report(Told):
         efficiency: Part of the power put in that is not lost [1].
         cycles: Load cycles of a joint, largest range first.
         joint: That joint.
-        rounds: Rounds that the belt makes in the window.
+        cycles_begin: Since when they are counted [s]: a round of the belt before the end of the
+            run, or the beginning of the window if that is earlier.
+        rounds: Rounds that the belt makes from then on.
         unsteady: What is not steady in the window, and by how much; empty: it is steady.
         notes: What could not be told, and why.
     """

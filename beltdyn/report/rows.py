@@ -42,8 +42,8 @@ class PulleyRow:
         ratio: ``tight`` over ``slack`` [1].
         limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1].
         used: Part of the wrap's friction in use, ln(ratio) / (mu wrap) [1].
-        margin: Factor by which all torques can grow before it slips in full [1]; infinite if it
-            does not, however large they are.
+        margin: Factor by which all torques can grow before it slips in full [1]; infinite if others
+            slip long before, so that it does not.
         slip_torque: Torque of the belt on it then [N m].
         slip_tensions: Tensions of its tight and slack span then [N].
     """
@@ -199,6 +199,7 @@ class Told:
     efficiency: float | None
     cycles: tuple[Cycle, ...]
     joint: int
+    cycles_begin: float
     rounds: float | None
     unsteady: tuple[str, ...]
     notes: tuple[str, ...]

@@ -56,7 +56,19 @@ def _mean(value: Spread | None, digits: int = 4, scale: float = 1.0) -> str:
 
 
 def _percent(share: float | None, decimals: int = 1) -> str:
-    return _NONE if share is None else f"{100.0 * share:.{decimals}f}"
+    return _NONE if share is None else _signed(f"{100.0 * share:.{decimals}f}")
+
+
+def _signed(shown: str) -> str:
+    """Give a number without the sign of a zero."""
+    return shown.removeprefix("-") if not shown.strip("-0.") else shown
+
+
+def _direction(degrees: float | None) -> str:
+    if degrees is None:
+        return _NONE
+    shown = _signed(f"{degrees:.0f}")
+    return "180" if shown == "-180" else shown
 
 
 def _degrees(angle: float | None) -> str:
@@ -101,7 +113,7 @@ def _loads(report: Told) -> Table:
             row.name,
             _mean(row.hub_load),
             _range(row.hub_load, 3),
-            _NONE if row.hub_direction is None else f"{row.hub_direction:.0f}",
+            _direction(row.hub_direction),
             _degrees(row.wrap),
             _degrees(row.slip_arc),
             _percent(row.slip_share, 0),
@@ -159,7 +171,7 @@ def _slip(report: Told) -> Table:
 def _margin(row: PulleyRow) -> str:
     if row.margin is None:
         return _NONE
-    return "no slip" if math.isinf(row.margin) else f"{row.margin:.2f}"
+    return "later" if math.isinf(row.margin) else f"{row.margin:.2f}"
 
 
 def _spans(report: Told) -> Table:
@@ -230,9 +242,10 @@ def _powers(report: Told) -> Table:
 
 def _cycles(report: Told) -> Table:
     rows = [(_number(one.range), _number(one.mean), f"{one.count:g}") for one in report.cycles]
-    during = "" if report.rounds is None else f", in {report.rounds:.3g} rounds of the belt"
+    during = "" if report.rounds is None else f", {report.rounds:.3g} rounds of the belt"
     return Table(
-        f"Load cycles of joint {report.joint} by rainflow{during}",
+        f"Load cycles of joint {report.joint} by rainflow, t = {report.cycles_begin:.4g} to "
+        f"{report.end:.4g} s{during}",
         ("range N", "mean N", "cycles"),
         rows,
     )

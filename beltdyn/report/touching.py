@@ -86,13 +86,7 @@ def touching(window: Window) -> Touching | None:
     axis = centers[rows, np.maximum(touched, 0)]
     dx, dy = x - axis[..., 0], y - axis[..., 1]
     radius = np.hypot(dx, dy)
-    half = 0.5 * l0 * stretch / radius
-    if along_links:  # chords between joints
-        turn = np.arcsin(np.clip(half, 0.0, 1.0))
-        chord = np.sinc(turn / np.pi)
-    else:  # tangents
-        turn = np.arctan(half)
-        chord = half / turn
+    chord = _chord(0.5 * l0 / radius, stretch, along_links, string)
     return Touching(
         pulley=touched,
         x=dx,
@@ -106,6 +100,20 @@ def touching(window: Window) -> Touching | None:
         velocity=window.of(run.contact.velocity) * chord,
         speed=_speed(window, touched, stretch),
     )
+
+
+def _chord(half: Array, stretch: Array, along_links: bool, string: bool) -> Array:
+    """Give the radius of the arc that a polygon stands for, over that of its places.
+
+    A pitch of belt, of the length l0 lambda, takes up an angle; that length over this angle is the
+    radius. Bars of a string stretch along their chord. Links do not, half = l0 / (2 radius) is half
+    of their angle but for its curve, and the gaps between them lie along the circle.
+    """
+    if string:
+        chord = np.clip(half * stretch, 0.0, 1.0)
+        return np.asarray(chord / np.arcsin(chord))
+    angle = np.arcsin(np.clip(half, 0.0, 1.0)) if along_links else np.arctan(half)
+    return np.asarray(stretch * half / (angle + (stretch - 1.0) * half))
 
 
 def _speed(window: Window, touched: NDArray[np.int32], stretch: Array) -> float:
