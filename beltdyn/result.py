@@ -53,6 +53,7 @@ class Result:
     Time is the first axis of every array, of n_t samples; n_b links, joints, and n_p pulleys::
 
         pulleys   theta, omega, torque                             (n_t, n_p)
+                  load                                             (n_t, n_p, 2)
         belt      x, y, phi, vx, vy, vphi                          (n_t, n_b)
         joints    deformation, force                               (n_t, n_b)
         contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
@@ -62,7 +63,7 @@ class Result:
 
     Attributes:
         t: Sample times (n_t,) [s]; those reached, if the run did not finish.
-        pulleys: Angles, speeds and torques of the pulleys.
+        pulleys: Angles, speeds, torques and hub loads of the pulleys.
         belt: Coordinates and velocities of the links.
         joints: Deformation and force of the joints.
         contact: Contact and friction of the links; for a link on two pulleys those of the one with

@@ -177,7 +177,7 @@ def test_results_keep_names(result: bd.Result, unnamed: bd.Result, tmp_path: Pat
     for one in (result, kept, pickle.loads(pickle.dumps(result)), attrs.evolve(result, t=result.t)):
         assert one.params.pulley_names == one.pulleys.names == NAMES
     assert unnamed.pulleys.names == ("pulley 0", "pulley 1", "pulley 2")
-    assert list(result.pulleys.arrays()) == ["theta", "omega", "torque"]
+    assert list(result.pulleys.arrays()) == ["theta", "omega", "torque", "load"]
 
 
 def test_summaries_say_whose(result: bd.Result, unnamed: bd.Result) -> None:
