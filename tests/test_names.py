@@ -189,9 +189,9 @@ def test_summaries_say_whose(result: bd.Result, unnamed: bd.Result) -> None:
     spans = [f"{NAMES[k]} to {NAMES[(k + 1) % 3]}" for k in range(3)]
     expected = ", ".join(f"{name}: {v}" for name, v in zip(spans, values, strict=True))
     assert rows["  span tensions"] == f"{expected} N"
-    values = plain["  creep against pulley 0"].removesuffix(" %").split(", ")
+    values = plain["  speed lost against pulley 0"].removesuffix(" %").split(", ")
     expected = ", ".join(f"{name}: {v}" for name, v in zip(NAMES[1:], values, strict=True))
-    assert rows["  creep against crank"] == f"{expected} %"
+    assert rows["  speed lost against crank"] == f"{expected} %"
 
 
 # ------------------------------------------------------------------- accepted
