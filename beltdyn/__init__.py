@@ -69,6 +69,7 @@ from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
+from .vibration import Modes, modes
 
 if TYPE_CHECKING:
     from . import plot as plot
@@ -99,6 +100,7 @@ __all__ = [
     "Load",
     "LuGre",
     "MaxwellSlip",
+    "Modes",
     "Motion",
     "Params",
     "Path",
@@ -127,6 +129,7 @@ __all__ = [
     "accuracy",
     "explain",
     "identify",
+    "modes",
     "route",
     "scenes",
     "settle",
