@@ -69,7 +69,7 @@ from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
-from .vibration import Modes, modes
+from .vibration import FrequencyResponse, Modes, frequency_response, modes
 
 if TYPE_CHECKING:
     from . import plot as plot
@@ -91,6 +91,7 @@ __all__ = [
     "Experiment",
     "Explanation",
     "Free",
+    "FrequencyResponse",
     "Friction",
     "Frictionless",
     "Harmonics",
@@ -128,6 +129,7 @@ __all__ = [
     "__version__",
     "accuracy",
     "explain",
+    "frequency_response",
     "identify",
     "modes",
     "route",

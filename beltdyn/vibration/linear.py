@@ -127,6 +127,8 @@ def linearise(
     state: State,
     torque_slopes: tuple[Array, Array] | None = None,
     prescribed: tuple[int, ...] = (),
+    *,
+    places: bool = True,
 ) -> Linear:
     """Linearise a drive.
 
@@ -136,6 +138,7 @@ def linearise(
         torque_slopes: Derivatives of the set torques by angles and by speeds, (n_p, n_p) each, row
             the pulley on which the torque acts [N m, N m s].
         prescribed: Pulleys whose motion is prescribed.
+        places: Whether a running belt is seen in places fixed in space, else with its links.
     """
     sparse, _ = scipy_sparse()
     core = state._to_core(params)
@@ -143,7 +146,7 @@ def linearise(
     jacobian, unit = _jacobian(params, core, names, index)
     if torque_slopes is not None:
         jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
-    passing = _passing(params, core)
+    passing = _passing(params, core) if places else 0.0
     # a state of friction that no slip changes belongs to a link that touches nothing
     sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
     keep = ~((names == "mu") & (sums == 0.0))
