@@ -31,7 +31,7 @@ if _core_version != __version__:
         "`python -m pip install .` again"
     )
 
-from . import accuracy, scenes
+from . import accuracy, scenes, spectra
 from .accuracy_report import Accuracy, QuantityError
 from .errors import Interrupted, SimulationError
 from .explaining import Explanation, explain
@@ -138,6 +138,7 @@ __all__ = [
     "scenes",
     "settle",
     "simulate",
+    "spectra",
 ]
 
 globals().update({_law.__name__: _law for _law in _LAWS.values()})  # those without a class, too

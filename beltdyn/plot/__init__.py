@@ -4,6 +4,7 @@ Each function draws one panel::
 
     over time    speeds, torques, span_tensions, joint_force, joint_deformation, contact_forces,
                  friction_coefficient (also over slip), relative_velocity, energy, travel of mounts
+    frequency    spectrum; campbell, over the speed of a run-up (both need SciPy)
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
     before a run layout: the way of the belt round its pulleys
@@ -37,10 +38,12 @@ from .history import joint_deformation, joint_force, span_tensions, speeds, torq
 from .layout import layout
 from .ledger import energy
 from .mounting import travel
+from .spectrum import campbell, spectrum
 
 __all__ = [
     "Animation",
     "animate",
+    "campbell",
     "contact_forces",
     "drive",
     "energy",
@@ -52,6 +55,7 @@ __all__ = [
     "overview",
     "relative_velocity",
     "span_tensions",
+    "spectrum",
     "speeds",
     "torques",
     "travel",

@@ -188,18 +188,27 @@ def room_below(ax: Axes, rows: int) -> dict[str, float]:
     return {"pad": min(points / _height(ax), 0.5)}
 
 
-def legend_below(ax: Axes, handles: Sequence[Artist]) -> None:
-    """Put a legend beneath the label of the x axis."""
+def legend_below(ax: Axes, handles: Sequence[Artist], columns: int = LEGEND_COLUMNS) -> None:
+    """Put a legend beneath the label of the x axis, in as many columns as the axes are wide for."""
     figure = _root(ax)
     down = ScaledTranslation(0.0, -_LEGEND_BELOW * _points("medium") / 72.0, figure.dpi_scale_trans)
-    legend(
-        ax,
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        bbox_transform=ax.transAxes + down,
-        ncols=LEGEND_COLUMNS,
-        handlelength=1.6,
-        columnspacing=1.2,
-        borderaxespad=0.0,
-    )
+    settle_layout(ax)
+    # Wider than the axes, it would take the room from them in a layout that is computed.
+    room = figure.bbox.width * ax.get_position(original=True).width
+    sizes = [(count, "small") for count in range(min(columns, len(handles)), 0, -1)]
+    for count, size in [*sizes, (1, "x-small")]:
+        legend(
+            ax,
+            handles=handles,
+            loc="upper center",
+            bbox_to_anchor=(0.5, 0.0),
+            bbox_transform=ax.transAxes + down,
+            ncols=count,
+            fontsize=size,
+            handlelength=1.6,
+            columnspacing=1.2,
+            borderaxespad=0.0,
+        )
+        box = ax.get_legend()
+        if box is None or box.get_window_extent().width <= room:
+            return

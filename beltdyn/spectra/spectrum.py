@@ -1,0 +1,320 @@
+"""Spectra of the outputs of a run, over all of a window or over short times, and their lines."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..checks import Array, real
+from ..naming import index_of
+from ..result import Result
+from .fourier import amplitude_spectrum, even_step, folded, scipy_module, spectrogram
+from .signals import signal
+from .sources import Source, belt_rate, sources
+
+__all__ = ["Line", "Spectrogram", "Spectrum", "spectrum", "speed_spectra"]
+
+#: Least samples in a slice.
+_FEWEST = 16
+#: Harmonics by which a line is recognised: of links; of pulleys; of the belt.
+_HARMONICS = {"link": 4, "pulley": 12, "belt": 3}
+#: A peak is found this close to the line that it comes from, in resolutions, and its frequency is
+#: known this well, as a share, from the speeds of the run.
+_NEAR, _KNOWN = 0.2, 2e-3
+#: Least height of a peak that is listed, as a share of the largest.
+_FAINT = 0.02
+
+
+def _of_links(names: tuple[str, ...]) -> bool:
+    return bool(names) and all(name.startswith("link passing") for name in names)
+
+
+@attrs.frozen(kw_only=True)
+class Line:
+    """A peak of a spectrum.
+
+    Lines beside a harmonic of the link passing, by the frequency of another line (sidebands: that
+    vibration modulates the passing), are named "link passing x1 - 100 Hz".
+
+    Attributes:
+        frequency: Where it is [Hz].
+        amplitude: Its height, in the unit of the signal.
+        names: What has a harmonic there, such as "link passing x1" or "crank x2"; several if the
+            window is too short to tell them apart, none if nothing has.
+    """
+
+    frequency: float
+    amplitude: float
+    names: tuple[str, ...]
+
+    @property
+    def from_mesh(self) -> bool:
+        """Whether the passing of links, and nothing else, has a harmonic there."""
+        return _of_links(self.names)
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Spectrum:
+    """The amplitude spectrum of an output, and what may have made its lines.
+
+    Attributes:
+        label: What it is of, such as "tension of span crank to compressor".
+        unit: Of the amplitudes.
+        frequency: (n_f,) [Hz].
+        amplitude: (n_f,); a sine of amplitude A shows A.
+        resolution: Lines closer than this merge [Hz].
+        limit: Half the rate of sampling [Hz]; what is faster appears mirrored below it.
+        begin, end: The window in time [s].
+        sources: What repeats itself, the links of the belt first.
+    """
+
+    label: str
+    unit: str
+    frequency: Array
+    amplitude: Array
+    resolution: float
+    limit: float
+    begin: float
+    end: float
+    sources: tuple[Source, ...]
+
+    def lines(self, count: int = 5) -> tuple[Line, ...]:
+        """Give the largest peaks, largest first; none below 2 % of the largest.
+
+        Each stands out of its surroundings by half its height at least, and is farther than a
+        resolution from any larger one, so that sidelobes are no lines.
+        """
+        peaks, _ = scipy_module("signal").find_peaks(
+            self.amplitude, prominence=0.5 * self.amplitude, height=np.finfo(float).tiny
+        )
+        found: list[int] = []
+        for k in peaks[np.argsort(-self.amplitude[peaks])]:
+            apart = np.abs(self.frequency[found] - self.frequency[k]) > 1.5 * self.resolution
+            if self.frequency[k] > self.resolution and apart.all():
+                found.append(int(k))
+            if len(found) == count:
+                break
+        faint = _FAINT * self.amplitude[found[0]] if found else 0.0
+        tops = [(k, self._top(k)) for k in found if self.amplitude[k] >= faint]
+        named = [(k, at, self.names(at)) for k, at in tops]
+        others = [at for _, at, names in named if not _of_links(names)]
+        return tuple(
+            Line(
+                frequency=at,
+                amplitude=float(self.amplitude[k]),
+                names=names or self._sidebands(at, [one for one in others if one < at]),
+            )
+            for k, at, names in named
+        )
+
+    def _sidebands(self, frequency: float, others: list[float]) -> tuple[str, ...]:
+        """Name harmonics of the link passing that another line modulates: beside them, as far."""
+        return tuple(
+            f"link passing x{k} {'+' if sign > 0 else '-'} {one:.4g} Hz"
+            for source in self.sources
+            if source.kind == "link"
+            for k in range(1, _HARMONICS["link"] + 1)
+            for one in others
+            for sign in (-1.0, 1.0)
+            for at in [k * source.frequency + sign * one]
+            if abs(float(folded(at, 2.0 * self.limit)) - frequency)
+            <= _NEAR * self.resolution + at * (_KNOWN + 0.5 * source.spread)
+        )[:1]
+
+    def _top(self, k: int) -> float:
+        """Give the frequency of a peak: of the parabola through three points."""
+        if not 0 < k < self.amplitude.size - 1:
+            return float(self.frequency[k])
+        before, top, after = self.amplitude[k - 1 : k + 2]
+        shift = 0.5 * (before - after) / (before - 2.0 * top + after)
+        return float(self.frequency[k] + shift * (self.frequency[1] - self.frequency[0]))
+
+    def names(self, frequency: float) -> tuple[str, ...]:
+        """Name the harmonics that lie where a line is [Hz], the closest first, folded ones last.
+
+        Those of links, of pulleys (up to the twelfth order) and of the belt (up to the third), as
+        "crank x2"; folded ones, of a frequency above :attr:`limit`, say so. Not of a source
+        whose harmonics are closer than the resolution: any line would be one of them.
+        """
+        found = []
+        for source in self.sources:
+            if source.frequency < self.resolution:
+                continue
+            for k in range(1, _HARMONICS[source.kind] + 1):
+                at = k * source.frequency
+                above = at > self.limit
+                if above and source.kind != "link":
+                    break
+                off = abs(float(folded(at, 2.0 * self.limit)) - frequency)
+                allowed = _NEAR * self.resolution + at * (_KNOWN + 0.5 * source.spread)
+                if off <= allowed:
+                    name = f"{source.name} x{k}" + (", folded" if above else "")
+                    found.append((above, off / allowed, name))
+        return tuple(name for _, _, name in sorted(found))
+
+    def notes(self) -> tuple[str, ...]:
+        """Say how far the spectrum can be trusted, a sentence each."""
+        rate = 2.0 * self.limit
+        said = [
+            f"window {self.begin:.4g} to {self.end:.4g} s: lines closer than "
+            f"{self.resolution:.3g} Hz merge; {rate:.4g} samples a second show up to "
+            f"{self.limit:.4g} Hz"
+        ]
+        for source in self.sources:
+            if source.kind == "link" and source.frequency > self.limit:
+                at = float(folded(source.frequency, rate))
+                need = math.ceil(2.5 * source.frequency * (self.end - self.begin)) + 1
+                said.append(
+                    f"link passing at {source.frequency:.4g} Hz is above that and appears at "
+                    f"{at:.4g} Hz, where nothing happens: {need} samples in the window show it in "
+                    "its place"
+                )
+            if source.spread * source.frequency > self.resolution:
+                said.append(
+                    f"{source.name} changes by {100 * source.spread:.2g} % in the window: its "
+                    "lines are smeared"
+                )
+        close = [one.name for one in self.sources if 0 < one.frequency < self.resolution]
+        if close:
+            said.append(f"the window is too short to tell harmonics of {', '.join(close)} apart")
+        return tuple(said)
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Spectrogram:
+    """Amplitude spectra over short times of a run, with the speed that a pulley had in each.
+
+    Attributes:
+        label, unit: Of the output.
+        t: Middle times of the slices (n_s,) [s].
+        speed: Of the pulley, absolute, a mean over each slice (n_s,) [rad/s].
+        frequency: (n_f,) [Hz].
+        amplitude: (n_s, n_f).
+        resolution: Lines closer than this merge [Hz].
+        limit: Half the rate of sampling [Hz].
+        belt: Belt passing frequency in each slice (n_s,) [Hz], NaN if the run did not keep what it
+            is found from.
+        n_bodies: Number of links, so many link passings to a revolution of the belt.
+    """
+
+    label: str
+    unit: str
+    t: Array
+    speed: Array
+    frequency: Array
+    amplitude: Array
+    resolution: float
+    limit: float
+    belt: Array
+    n_bodies: int
+
+
+def spectrum(
+    result: Result,
+    output: str = "span_tension",
+    *,
+    last: float = 0.5,
+    window: str = "hann",
+    **where: Any,
+) -> Spectrum:
+    """Compute the amplitude spectrum of an output of a run, with the sources of its lines.
+
+    Args:
+        result: A run with samples evenly spaced in time (``t_eval=np.linspace(0, T, n)``, the
+            default); their number sets how high the spectrum reaches.
+        output: "span_tension", or an array such as "pulleys.omega", "pulleys.torque",
+            "joints.force", "mounts.travel".
+        last: The part of the run, counted from its end, 0 < last <= 1: steady running. Its length
+            in time sets the resolution.
+        window: Of ``scipy.signal.get_window``; "flattop" for heights right to 0.02 %, at a
+            resolution two and a half times coarser.
+        **where: ``span`` (by its name, or the name or index of the pulley before it), ``pulley``,
+            ``joint``, ``link`` or ``mount``; left out: the one that fluctuates most.
+
+    Raises:
+        ImportError: SciPy is not there.
+        TypeError, ValueError: An argument breaks its rule; uneven or too few samples; values that
+            are not finite.
+        AttributeError: The run was not asked for this output.
+    """
+    share = real("last", last)
+    if not 0.0 < share <= 1.0:
+        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    begin = result.t[-1] - share * (result.t[-1] - result.t[0]) if result.t.size else 0.0
+    rows = slice(int(np.searchsorted(result.t, begin - 1e-9 * abs(begin))), None)
+    t = result.t[rows]
+    step = even_step(t)
+    found = signal(result, output, rows, **where)
+    frequency, amplitude, resolution = amplitude_spectrum(t, found.values, window=window)
+    return Spectrum(
+        label=found.label,
+        unit=found.unit,
+        frequency=frequency,
+        amplitude=amplitude,
+        resolution=resolution,
+        limit=0.5 / step,
+        begin=float(t[0]),
+        end=float(t[-1]),
+        sources=sources(result, rows),
+    )
+
+
+def speed_spectra(
+    result: Result,
+    output: str = "span_tension",
+    *,
+    over: int | str = 0,
+    window: float | None = None,
+    **where: Any,
+) -> Spectrogram:
+    """Compute spectra over short times of a run-up or run-down, with the speed in each.
+
+    Args:
+        result: A run with samples evenly spaced in time.
+        output: As in :func:`spectrum`.
+        over: The pulley whose speed counts, by name or index.
+        window: Length of a slice [s]. None: as long as the fourth order of the pulley takes to
+            cross the resolution of the slice, which shows the sharpest lines; no more than a
+            quarter of the samples.
+        **where: As in :func:`spectrum`.
+
+    Raises:
+        ImportError: SciPy is not there.
+        TypeError, ValueError: An argument breaks its rule; uneven or too few samples; values that
+            are not finite.
+        AttributeError: The run was not asked for this output, or not for "pulleys.omega".
+    """
+    step = even_step(result.t)
+    pulley = index_of("over", over, result.params.pulley_names)
+    speed = np.abs(result.pulleys.omega[:, pulley])
+    found = signal(result, output, **where)
+    span = float(result.t[-1] - result.t[0])
+    if window is None:
+        rate = 4.0 * float(np.ptp(speed)) / (2.0 * np.pi) / span  # of the fourth order [Hz/s]
+        length = math.sqrt(1.5 / rate) if rate > 0.0 else span
+        length = max(min(length, span / 4.0), _FEWEST * step)
+    else:
+        length = real("window", window, "s")
+    t, frequency, amplitude = spectrogram(result.t, found.values, length)
+    half = 0.5 * length
+    belt = belt_rate(result)
+
+    def means(values: Array) -> Array:
+        near = [np.abs(result.t - at) <= half for at in t]
+        return np.array([values[rows].mean() for rows in near])
+
+    return Spectrogram(
+        label=found.label,
+        unit=found.unit,
+        t=t,
+        speed=means(speed),
+        frequency=frequency,
+        amplitude=amplitude,
+        resolution=1.5 / length,
+        limit=0.5 / step,
+        belt=np.full(t.size, np.nan) if belt is None else means(belt),
+        n_bodies=result.params.belt.n_bodies,
+    )

@@ -1,0 +1,40 @@
+"""What the tests of pictures share: sizes on screen and in print, and whether texts have room."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+#: Width and height [inch] and font size [pt]: a screen, a column of 8.5 cm, a page of 17 cm.
+SIZES = ((6.4, 4.0, 10.0), (3.35, 2.9, 8.0), (6.7, 3.8, 9.0))
+
+
+def ticks(axis: Axis) -> list[Text]:
+    """Give the numbers along an axis that are drawn: not those outside its limits."""
+    low, high = sorted(axis.get_view_interval())
+    return [tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+
+
+def texts(ax: Axes) -> list[Text]:
+    """Give the texts of axes that are drawn, but for the legend's."""
+    found = [*ax.texts, *ticks(ax.xaxis), *ticks(ax.yaxis), ax.title]
+    found += [ax.xaxis.label, ax.yaxis.label]
+    return [text for text in found if text.get_visible() and text.get_text()]
+
+
+def check_room(figure: Figure) -> None:
+    """Check that no text or legend lies over another or reaches beyond the figure."""
+    figure.draw_without_rendering()
+    boxes = []
+    for ax in figure.axes:
+        boxes += [(text.get_text(), text.get_window_extent()) for text in texts(ax)]
+        legend = ax.get_legend()
+        if legend is not None:
+            boxes.append(("the legend", legend.get_window_extent()))
+    for k, (word, box) in enumerate(boxes):
+        assert box.x0 >= -1.0 and box.x1 <= figure.bbox.x1 + 1.0, f"{word!r} is cut off"
+        assert box.y0 >= -1.0 and box.y1 <= figure.bbox.y1 + 1.0, f"{word!r} is cut off"
+        for other, beside in boxes[:k]:
+            assert not box.overlaps(beside.padded(-0.5)), f"{word!r} lies over {other!r}"

@@ -1,0 +1,138 @@
+"""Pictures of spectra: lines are named and marked, legends and labels have room in print."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+from pictures import SIZES, check_room
+
+import beltdyn as bd
+
+CRANK = {
+    "steady": bd.CrankMotion(90.0, orders=[2], amplitudes=[3e-3]),
+    "run up": bd.CrankMotion(
+        bd.PiecewiseLinear([0.0, 0.3], [60.0, 120.0]), orders=[2], amplitudes=[2e-3]
+    ),
+}
+
+
+def run(kind: str) -> bd.Result:
+    params = bd.Params(
+        belt=bd.Belt(
+            preload=300.0,
+            n_bodies=60,
+            linear_density=0.1,
+            axial_stiffness=60e3,
+            axial_damping=5.0,
+            bending_stiffness=0.0,
+        ),
+        pulleys=[
+            bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=0.03),
+            bd.Pulley(name="alternator", center=(0.3, 0.0), radius=0.05, inertia=0.01),
+        ],
+        friction=bd.Dahl(mu_k=0.9, sigma=1e4),
+    )
+    return bd.simulate(
+        params,
+        bd.Load("alternator", viscous=0.03),
+        0.3,
+        motion={"crank": CRANK[kind]},
+        t_eval=np.linspace(0.0, 0.3, 1801),
+        outputs=("span_tension", "pulleys", "belt"),
+        ledger=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def steady() -> bd.Result:
+    return run("steady")
+
+
+@pytest.fixture(scope="module")
+def run_up() -> bd.Result:
+    return run("run up")
+
+
+def labels(ax: Axes) -> list[str]:
+    legend = ax.get_legend()
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_the_lines_are_named(steady: bd.Result) -> None:
+    found = bd.spectra.spectrum(steady, span="crank")
+    ax = bd.plot.spectrum(steady, span="crank")
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), found.amplitude)
+    words = labels(ax)
+    assert words[0] == "tension of span crank to alternator"
+    assert any(word.startswith("link passing, ") and "the mesh" in word for word in words)
+    for line in found.lines(4):
+        (word,) = [one for one in words if one.startswith(f"{line.frequency:.4g} Hz, ")]
+        assert all(name in word for name in line.names[:2])
+    assert any(word.endswith("crank x2") for word in words)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("frequency [Hz]", "amplitude [N]")
+    (passing,) = [one for one in found.sources if one.kind == "link"]
+    dotted = [line for line in ax.lines if str(line.get_label()).startswith("link passing")]
+    assert dotted[0].get_xdata()[0] == pytest.approx(passing.frequency)
+
+
+def test_without_marks_and_compared(steady: bd.Result) -> None:
+    ax = bd.plot.spectrum(steady, span="crank", marks=False, label="as it is")
+    bd.plot.spectrum(steady, span="alternator", marks=False, ax=ax)
+    assert labels(ax) == ["as it is", "tension of span alternator to crank"]
+    assert len({line.get_color() for line in ax.lines}) == len(ax.lines) == 2
+
+
+def test_campbell_has_orders_where_they_are(run_up: bd.Result) -> None:
+    ax = bd.plot.campbell(
+        run_up,
+        "pulleys.omega",
+        pulley="crank",
+        orders=(1, 2),
+        up_to=60.0,
+        modes=[(70.0, [20.0, 30.0]), (110.0, [21.0, 33.0])],
+    )
+    (mesh,) = [one for one in ax.collections if isinstance(one, QuadMesh)]
+    assert mesh.norm.vmax == pytest.approx(10.0**2 * mesh.norm.vmin)
+    rpm = 60.0 / (2.0 * np.pi)
+    for line, order in zip(ax.lines, (1, 2), strict=False):
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        np.testing.assert_allclose(y, order * x / 60.0)
+        assert 60.0 * rpm <= x.min() < x.max() <= 120.0 * rpm
+    natural = [line for line in ax.lines if line.get_marker() == "o"]
+    np.testing.assert_allclose(natural[0].get_xdata(), [70.0 * rpm, 110.0 * rpm])
+    assert [list(line.get_ydata()) for line in natural] == [[20.0, 21.0], [30.0, 33.0]]
+    assert labels(ax) == ["orders of crank", "belt passing", "natural frequencies"]
+    assert ax.get_xlabel() == "speed of crank [rpm]"
+
+
+def test_a_steady_run_has_no_campbell_diagram(steady: bd.Result) -> None:
+    with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
+        bd.plot.campbell(steady, "pulleys.omega", pulley="alternator")
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("draw", [bd.plot.spectrum, bd.plot.campbell])
+def test_all_has_room_on_screen_and_in_print(
+    steady: bd.Result,
+    run_up: bd.Result,
+    draw: Callable[..., Axes],
+    size: tuple[float, float, float],
+) -> None:
+    """No text over another or beyond the figure; in a column of 8.5 cm and a page of 17 cm."""
+    width, height, points = size
+    kinds: Any = {bd.plot.spectrum: steady, bd.plot.campbell: run_up}
+    with matplotlib.rc_context({"font.size": points}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        ax = figure.add_subplot()
+        draw(kinds[draw], span="crank", ax=ax)
+        check_room(figure)
+        assert ax.get_window_extent().width > 0.5 * figure.bbox.width
+        assert ax.get_window_extent().height > 0.3 * figure.bbox.height

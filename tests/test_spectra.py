@@ -1,0 +1,260 @@
+"""Spectra: amplitude and frequency of known signals; orders of a crank, lines of the mesh."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn import spectra
+
+# --- signals whose spectrum is known --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frequency", [50.0, 123.37, 123.5, 480.21])
+def test_a_sine_shows_its_amplitude(frequency: float) -> None:
+    """Anywhere between two points of the transform; mean and drift do not matter."""
+    t = np.linspace(2.0, 3.0, 2001)
+    values = 3.0 * np.sin(2.0 * np.pi * frequency * t + 0.3) + 100.0 + 5.0 * t
+    at, amplitude, resolution = spectra.amplitude_spectrum(t, values)
+    assert amplitude.max() == pytest.approx(3.0, rel=4e-3)  # 0.3 %, and the line taken off
+    assert at[amplitude.argmax()] == pytest.approx(frequency, abs=0.07)  # half a padded point
+    assert resolution == pytest.approx(1.5, rel=1e-3)  # noise bandwidth of Hann over 1 s
+    assert at[-1] == pytest.approx(1000.0)
+
+
+def test_two_lines_keep_their_heights_and_flattop_its_promise() -> None:
+    t = np.linspace(0.0, 1.0, 4001)
+    values = 2.0 * np.cos(2 * np.pi * 60.3 * t) + 0.05 * np.cos(2 * np.pi * 400.7 * t)
+    at, amplitude, resolution = spectra.amplitude_spectrum(t, values, window="flattop")
+    assert amplitude.max() == pytest.approx(2.0, rel=1e-3)
+    assert amplitude[at > 300.0].max() == pytest.approx(0.05, rel=1e-3)
+    assert resolution == pytest.approx(3.77, rel=1e-2)
+
+
+def test_samples_must_be_even_in_time() -> None:
+    t = np.linspace(0.0, 1.0, 101)
+    t[50] += 1e-3
+    with pytest.raises(ValueError, match=r"evenly spaced.*t_eval=np\.linspace"):
+        spectra.amplitude_spectrum(t, np.sin(t))
+    with pytest.raises(ValueError, match="at least 16 samples, got 5"):
+        spectra.amplitude_spectrum(t[:5], t[:5])
+    with pytest.raises(ValueError, match="NaN"):
+        spectra.amplitude_spectrum(np.linspace(0.0, 1.0, 50), np.full(50, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("true", "seen"), [(30.0, 30.0), (70.0, 30.0), (130.0, 30.0), (100.0, 0.0)]
+)
+def test_folding_is_where_samples_show_it(true: float, seen: float) -> None:
+    assert float(spectra.folded(true, 100.0)) == pytest.approx(seen)
+    t = np.arange(400) / 100.0
+    at, amplitude, _ = spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * true * t + 0.5))
+    if seen:
+        assert at[amplitude.argmax()] == pytest.approx(seen, abs=0.05)
+
+
+def test_a_chirp_in_a_spectrogram() -> None:
+    """Its amplitude, and its frequency at the middle of each slice."""
+    t = np.linspace(0.0, 4.0, 8001)
+    values = 2.5 * np.sin(2.0 * np.pi * (50.0 * t + 0.5 * 20.0 * t**2))
+    times, at, amplitude = spectra.spectrogram(t, values, 0.25)
+    np.testing.assert_allclose(at[amplitude.argmax(axis=1)], 50.0 + 20.0 * times, atol=2.5)
+    np.testing.assert_allclose(amplitude.max(axis=1), 2.5, rtol=0.08)
+    assert times[0] >= 0.125 - 1e-9 and times[-1] <= 3.875 + 1e-3
+    with pytest.raises(ValueError, match="window must be from 16 samples"):
+        spectra.spectrogram(t, values, 1e-3)
+
+
+# --- a drive --------------------------------------------------------------------------------------
+
+SPEED = 100.0
+
+
+def drive(n_bodies: int) -> bd.Params:
+    return bd.Params(
+        belt=bd.Belt(
+            preload=300.0,
+            n_bodies=n_bodies,
+            linear_density=0.1,
+            axial_stiffness=60e3,
+            axial_damping=5.0,
+            bending_stiffness=0.0,
+        ),
+        pulleys=[
+            bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=0.03),
+            bd.Pulley(name="alternator", center=(0.3, 0.0), radius=0.05, inertia=0.01),
+        ],
+        friction=bd.Dahl(mu_k=0.9, sigma=1e4),
+    )
+
+
+def run(n_bodies: int, samples: int = 3601, t_end: float = 0.6) -> bd.Result:
+    crank = bd.CrankMotion(SPEED, orders=[2, 4], amplitudes=[4e-3, 1e-3], fade=(0.0, 0.05))
+    return bd.simulate(
+        drive(n_bodies),
+        bd.Load("alternator", viscous=0.05),
+        t_end,
+        motion={"crank": crank},
+        t_eval=np.linspace(0.0, t_end, samples),
+        outputs=("span_tension", "pulleys", "belt"),
+        ledger=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def coarse() -> bd.Result:
+    return run(60)
+
+
+@pytest.fixture(scope="module")
+def fine() -> bd.Result:
+    return run(84)
+
+
+def test_orders_of_the_crank(coarse: bd.Result) -> None:
+    """Both orders put in come out by name, on the crank with the heights that were put in."""
+    first, second, *_ = spectra.spectrum(coarse, "pulleys.omega", pulley="crank").lines()
+    for line, order, amplitude in ((first, 2, 4e-3), (second, 4, 1e-3)):
+        frequency = order * SPEED / (2.0 * np.pi)
+        assert line.frequency == pytest.approx(frequency, rel=2e-3)
+        # d/dt of a cos(order theta_m) is order theta_m' a; the window holds 0.3 s of it
+        assert line.amplitude == pytest.approx(amplitude * order * SPEED, rel=1e-2)
+        assert line.names[0] == f"crank x{order}"
+    tension = spectra.spectrum(coarse, span="crank to alternator").lines()
+    assert {"crank x2", "crank x4"} <= {name for line in tension for name in line.names}
+
+
+def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
+    """The rate from speeds against that from counting: how often a link comes to the same place."""
+    rate = spectra.belt_rate(coarse)
+    assert rate is not None
+    late = coarse.t > 0.2
+    belt, t = coarse.belt, coarse.t
+    passed = [
+        t[1:][(belt.x[:-1, k] < 0.15) & (belt.x[1:, k] >= 0.15) & late[1:]]
+        for k in range(belt.x.shape[1])
+    ]
+    period = np.mean([np.diff(times).mean() for times in passed if times.size > 1])
+    assert rate[late].mean() == pytest.approx(1.0 / period, rel=1e-3)
+
+
+def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result, fine: bd.Result) -> None:
+    """Another number of links moves the link passing line in proportion, no physical one."""
+    found = []
+    for result in (coarse, fine):
+        spectrum = spectra.spectrum(result, span="crank")
+        lines = spectrum.lines(12)
+        (passing,) = [line for line in lines if "link passing x1" in line.names]
+        assert passing.from_mesh
+        (crank,) = [line for line in lines if "crank x2" in line.names]
+        assert not crank.from_mesh
+        rate = spectra.belt_rate(result, result.t > 0.3)
+        assert rate is not None
+        n = result.params.belt.n_bodies
+        assert passing.frequency == pytest.approx(n * rate.mean(), rel=2e-3)
+        # v / l0 with the speed of the rim, less creep and sinking of the belt
+        length = result.params.info["length"]
+        assert passing.frequency == pytest.approx(n * SPEED * 0.08 / length, rel=2e-2)
+        found.append((passing.frequency, crank.frequency))
+    assert found[1][0] / found[0][0] == pytest.approx(84 / 60, rel=3e-3)
+    assert found[1][1] == pytest.approx(found[0][1], rel=1e-3)
+
+
+def test_folded_link_passing_is_named(coarse: bd.Result) -> None:
+    """Every twentieth sample: 300 a second, and the links pass above half of that."""
+    few = slice(None, None, 20)
+    thin = attrs.evolve(
+        coarse,
+        t=coarse.t[few],
+        pulleys=attrs.evolve(
+            coarse.pulleys, **{k: a[few] for k, a in coarse.pulleys.arrays().items()}
+        ),
+        belt=attrs.evolve(coarse.belt, **{k: a[few] for k, a in coarse.belt.arrays().items()}),
+        sampled_spans=coarse.span_tension[few],
+    )
+    spectrum = spectra.spectrum(thin, span="crank")
+    (passing,) = [one for one in spectrum.sources if one.kind == "link"]
+    assert spectrum.limit == pytest.approx(150.0) and passing.frequency > spectrum.limit
+    at = float(spectra.folded(passing.frequency, 300.0))
+    assert any("link passing x1, folded" in name for name in spectrum.names(at))
+    (note,) = [note for note in spectrum.notes() if "link passing" in note and "appears" in note]
+    assert f"{at:.4g} Hz" in note
+    (line,) = [one for one in spectrum.lines(12) if "link passing x1, folded" in one.names]
+    assert line.frequency == pytest.approx(at, abs=0.2 * spectrum.resolution + 2e-3 * 474)
+
+
+# What is looked at is the crank's prescribed motion, whatever the belt does on its way.
+@pytest.mark.filterwarnings("ignore:chatter")
+def test_a_run_up_shows_orders_at_the_speed_they_have() -> None:
+    speed = bd.PiecewiseLinear([0.0, 0.05, 1.0], [40.0, 40.0, 130.0])
+    crank = bd.CrankMotion(speed, orders=[2], amplitudes=[2e-3])
+    result = bd.simulate(
+        drive(60),
+        bd.Load("alternator", viscous=0.02),
+        1.0,
+        motion={"crank": crank},
+        t_eval=np.linspace(0.0, 1.0, 2001),
+        outputs=("pulleys.omega", "span_tension"),
+        ledger=False,
+    )
+    found = spectra.speed_spectra(result, "pulleys.omega", pulley="crank", over="crank")
+    swept = (found.speed > 55.0) & (found.speed < 115.0)
+    top = found.frequency[found.amplitude.argmax(axis=1)]
+    np.testing.assert_allclose(
+        top[swept], 2.0 * found.speed[swept] / (2.0 * np.pi), atol=0.75 * found.resolution
+    )
+    # without positions of links the belt's rate is that of the rims
+    np.testing.assert_allclose(
+        found.belt, found.speed * 0.08 / result.params.info["length"], rtol=0.03
+    )
+
+
+# --- what is asked for ----------------------------------------------------------------------------
+
+
+def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
+    rows = slice(coarse.t.size // 2, None)
+    most = int(np.argmax(coarse.pulleys.omega[rows].std(axis=0)))
+    found = spectra.signal(coarse, "pulleys.omega", rows)
+    assert found.label == f"pulleys.omega of {('crank', 'alternator')[most]}"
+    np.testing.assert_array_equal(found.values, coarse.pulleys.omega[rows, most])
+    assert found.unit == "rad/s"
+
+
+@pytest.mark.parametrize("span", [1, "alternator", "alternator to crank"])
+def test_spans_by_name(coarse: bd.Result, span: int | str) -> None:
+    found = spectra.signal(coarse, "span_tension", span=span)
+    assert (found.label, found.unit) == ("tension of span alternator to crank", "N")
+    np.testing.assert_array_equal(found.values, coarse.span_tension[:, 1])
+
+
+@pytest.mark.parametrize(
+    ("output", "where", "error", "words"),
+    [
+        ("pulleys.speed", {}, ValueError, r"output must be one of .*pulleys\.omega"),
+        ("energy", {}, ValueError, "output must be one of"),
+        (7, {}, ValueError, "output must be one of"),
+        ("pulleys.omega", {"span": 0}, TypeError, r"selected by pulley=, not by span="),
+        ("pulleys.omega", {"pulley": "fan"}, ValueError, "no pulley is called"),
+        ("belt.x", {"link": 60}, ValueError, "link"),
+        ("joints.force", {}, AttributeError, r"joints\.force was not asked for"),
+        ("mounts.travel", {}, ValueError, "no mounts"),
+    ],
+)
+def test_bad_choices(
+    coarse: bd.Result, output: str, where: dict[str, object], error: type, words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        spectra.signal(coarse, output, **where)
+
+
+def test_mounts_by_pulley_in_their_units() -> None:
+    params, torque, _, motion = bd.scenes.tensioned_alternator()
+    result = bd.simulate(params, torque, 0.02, motion=motion)
+    found = spectra.signal(result, "mounts.travel", mount="tensioner")
+    assert (found.label, found.unit) == ("mounts.travel of tensioner", "rad")
+    assert spectra.signal(result, "mounts.belt_force", mount=0).unit == "N m"
+    with pytest.raises(ValueError, match="crank has none"):
+        spectra.signal(result, "mounts.travel", mount="crank")
