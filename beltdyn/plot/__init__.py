@@ -3,8 +3,10 @@
 Each function draws one panel::
 
     over time    speeds, torques, span_tensions, joint_force, joint_deformation, contact_forces,
-                 friction_coefficient (also over slip), relative_velocity, energy, travel of mounts
+                 friction_coefficient (also over slip), relative_velocity, energy, travel of mounts,
+                 arcs of contact and slip
     frequency    spectrum; campbell, over the speed of a run-up (both need SciPy)
+    over place   tension_along the belt line, fixed in space, at some times
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
     before a run layout: the way of the belt round its pulleys
@@ -38,11 +40,13 @@ from .history import joint_deformation, joint_force, span_tensions, speeds, torq
 from .layout import layout
 from .ledger import energy
 from .mounting import travel
+from .places import arcs, tension_along
 from .spectrum import campbell, spectrum
 
 __all__ = [
     "Animation",
     "animate",
+    "arcs",
     "campbell",
     "contact_forces",
     "drive",
@@ -57,6 +61,7 @@ __all__ = [
     "span_tensions",
     "spectrum",
     "speeds",
+    "tension_along",
     "torques",
     "travel",
 ]
