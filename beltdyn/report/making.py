@@ -18,6 +18,16 @@ from .window import Run, Window, missing
 __all__ = ["creep_against", "make_report"]
 
 
+#: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
+_PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("pulleys.omega",), "speeds, no creep, no margin to slip"),
+    (("pulleys.torque",), "torques"),
+    (("pulleys.load",), "hub loads"),
+    (NEEDED, "arcs, ratios of tensions, margin to slip, split of creep, friction by pulley"),
+    (("span_tension",), "mean tensions of spans, ratios, margin to slip, split of creep"),
+)
+
+
 def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     """Make the report of the last part of a run.
 
@@ -38,12 +48,10 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         raise ValueError(f"joint must be < {n_b}, the number of joints, got {which}")
     window = Window.last(run, share)
     notes: list[str] = []
-    lacking = missing(run, NEEDED)
-    if lacking:
-        notes.append(
-            f"not asked for: {', '.join(lacking)}; so no hub loads, arcs, ratios, margin to slip, "
-            "split of creep"
-        )
+    for names, parts in _PARTS:
+        lacking = missing(run, names)
+        if lacking:
+            notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
     touched = touching(window)
     driver = driving(window, _belt_torque(window, touched))
     moves = driver is not None and (touched is None or abs(touched.speed) > 0.0)

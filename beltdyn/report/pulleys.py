@@ -51,6 +51,7 @@ def pulley_rows(
         (("pulleys.omega",), _speeds),
         (("pulleys.torque",), _torques),
         (("pulleys.omega", "pulleys.torque"), _powers),
+        (("pulleys.load",), _hub_loads),
     ):
         if all(run._has(name) for name in names):
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
@@ -78,21 +79,23 @@ def _powers(window: Window, k: int) -> dict[str, Any]:
     return {"power": spread(window, power)}
 
 
+def _hub_loads(window: Window, k: int) -> dict[str, Any]:
+    load = window.of(window.run.pulleys.load)[:, k]
+    hub = spread(window, np.hypot(load[:, 0], load[:, 1]))
+    x, y = window.mean(load)
+    if x == 0.0 and y == 0.0:
+        return {"hub_load": hub}
+    return {"hub_load": hub, "hub_direction": math.degrees(math.atan2(y, x))}
+
+
 def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:
-    """Give torque of the belt, hub load and arcs of a pulley."""
+    """Give torque of the belt and arcs of a pulley."""
     on = touching.pulley == k
     friction = np.where(on, touching.friction, 0.0)
     normal = np.where(on, touching.normal, 0.0)
     radius = touching.radius
     belt_torque = float(window.mean(np.sum(friction * radius, axis=1)))
-    # Belt on pulley: the normal force pushes to the axis, friction along the tangent.
-    x = np.sum((-normal * touching.x - friction * touching.y) / radius, axis=1)
-    y = np.sum((-normal * touching.y + friction * touching.x) / radius, axis=1)
-    mean = float(window.mean(x)), float(window.mean(y))
-    hub = spread(window, np.hypot(x, y))
-    found: dict[str, Any] = {"belt_torque": belt_torque, "hub_load": hub}
-    if hub is not None and hub.mean > 0.0:
-        found["hub_direction"] = math.degrees(math.atan2(mean[1], mean[0]))
+    found: dict[str, Any] = {"belt_torque": belt_torque}
     # A place stands for the angle N / H that its normal force N makes up.
     mass = window.params.belt.linear_density * touching.speed**2
     pressing = touching.tension - mass * touching.stretch
