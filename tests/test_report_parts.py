@@ -125,8 +125,8 @@ def test_arcs_and_ratios_are_those_of_theory() -> None:
 def test_what_the_radius_does_is_told_apart_from_creep() -> None:
     """A soft contact, not compensated: the smaller pulley loses radius, and the driven one speed.
 
-    Of both parts the theory is beltdyn.compliance's, which is right to a fifth (its docstring says
-    of what); creep proper stays that of the belt's stretch, to as much of it.
+    The theory is beltdyn.compliance's, right to a fifth of that part, for friction acts already
+    where the belt is still sinking in, further out: that much may be told as friction's.
     """
     from beltdyn.compliance import compliance
 
@@ -142,7 +142,7 @@ def test_what_the_radius_does_is_told_apart_from_creep() -> None:
             bd.Pulley(center=(0.0, 0.0), radius=0.04, inertia=2e-3),
             bd.Pulley(center=(0.3, 0.0), radius=0.09, inertia=2e-3),
         ],
-        contact=bd.Contact(linear=4e7, damping=2e3),
+        contact=bd.Contact(linear=5.2e7, damping=2e3),
         friction=bd.ElasticPlastic(mu=0.8, stiffness=1e9, damping=1e4),
     )
     load = bd.PiecewiseLinear([0.1, 0.15], [0.0, 9.0], 1)
@@ -159,7 +159,7 @@ def test_what_the_radius_does_is_told_apart_from_creep() -> None:
     assert row.radius == pytest.approx(radius, rel=0.2)
     strains = [1.0 + T / 60e3 for T in tension]
     assert row.stretch == pytest.approx(math.log(strains[1] / strains[0]), rel=1e-6)
-    assert row.creep == pytest.approx(row.stretch, rel=0.3)
+    assert abs(row.friction) < 0.2 * abs(radius)
     assert abs(row.remainder) < 0.05 * row.lost
 
 
@@ -172,11 +172,12 @@ def test_powers_add_up_to_what_is_put_in() -> None:
     put_in = sum(row.power for row in rows if row.kind == "in")
     others = sum(row.power for row in rows if row.kind != "in")
     assert put_in == pytest.approx(others, rel=1e-12)
-    # The share of all losses by two ways: the ledger's, and the creep of theory.
+    # What friction takes is the creep of theory; links that pass lose some in the joints, too.
     state = creep_theory.steady(DRIVE, OMEGA, lambda _omega: 0.5 * FULL.load)
     lost = sum(row.power for row in rows if row.kind == "lost")
+    friction = sum(row.power for row in rows if row.name.startswith("friction"))
     of_theory = state.torque * OMEGA - state.load * state.omega
-    assert lost == pytest.approx(of_theory, rel=0.05)
+    assert friction == pytest.approx(of_theory, rel=0.02)
     assert result.energy is not None
     told = report(0.5)
     assert told.efficiency == pytest.approx(1.0 - lost / put_in, rel=1e-12)

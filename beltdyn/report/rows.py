@@ -105,7 +105,9 @@ class Creep:
         lost: -ln(ratio / nominal): speed lost against the driving pulley's rim.
         stretch: Of the belt's stretch: it arrives less stretched than at the driving pulley.
         friction: Of slip that friction needs where the belt should stick, on both pulleys.
-        radius: Of running radii: the belt sinks into pulleys, deeper where it is tighter.
+            Negative where friction already acts while the belt is sinking in, further out.
+        radius: Of running radii: the belt sinks into pulleys, deeper where it is tighter and, over
+            the radius, into smaller ones.
         remainder: What is left of ``lost``: unsteady motion, sampling.
     """
 
