@@ -230,3 +230,23 @@ def test_the_summary_tells_creep_from_speed_lost() -> None:
     assert lost.startswith("alternator: ") and creep.startswith("alternator: ")
     split = result().report(0.1).creep["alternator"]
     assert creep.startswith(f"alternator: {100.0 * split.creep:.3g}")
+
+
+def test_the_command_prints_it() -> None:
+    from click.testing import CliRunner
+
+    from beltdyn.cli import main
+
+    def run(*options: str) -> Any:
+        return CliRunner().invoke(main, ["run", "three-pulleys", "--t-end", "0.2", *options])
+
+    told = run("--last", "0.5")
+    assert told.exit_code == 0
+    for words in ("Means over t = 0.1 to 0.2 s", "slips first", "Efficiency", "pulley speeds"):
+        assert words in told.stdout, words
+    few = run("--outputs", "pulleys.omega")
+    assert few.exit_code == 0 and "no hub loads: pulleys.load not asked for" in few.stdout
+    assert run("--quiet").stdout == ""
+    for bad in ("0", "1.5", "nan"):
+        refused = run("--last", bad)
+        assert refused.exit_code == 2 and "--last must be > 0 and <= 1" in refused.stderr

@@ -12,7 +12,7 @@ import math
 import creep_theory
 import numpy as np
 import pytest
-from test_creep_theory import DENSITY, DRIVE, EA, FULL, OMEGA, RADII, loaded
+from test_creep_theory import DENSITY, DRIVE, EA, FULL, OMEGA, RADII, loaded, slip_of, stiff
 
 import beltdyn as bd
 from beltdyn.report import rainflow
@@ -120,6 +120,21 @@ def test_arcs_and_ratios_are_those_of_theory() -> None:
         assert row.wrap == pytest.approx(DRIVE.wraps[k], rel=5e-3)
         # Of friction from 0.95 of its limit on, and links are 5 and 10 degrees long.
         assert row.slip_arc == pytest.approx(state.slip, rel=0.05)
+
+
+def test_creep_of_friction_is_that_of_dahl() -> None:
+    """(1 + d) on the driving pulley, (1 - d) on the driven one, by the closed form for d.
+
+    Within the 1 % that tests/test_creep_theory.py has for the whole, and the half of the belt's
+    stretch, 0.8 % of d, that may stand in either part.
+    """
+    told = stiff(250.0).report(0.999)
+    row = told.creep[0]
+    tensions = [span.tension.mean for span in told.spans if span.tension is not None]
+    d = slip_of(max(tensions) / min(tensions), 250.0)
+    assert row.friction == pytest.approx(math.log((1.0 + d) / (1.0 - d)), rel=0.018)
+    assert abs(row.stretch) < 0.02 * row.friction
+    assert abs(row.radius) + abs(row.remainder) < 0.01 * row.friction
 
 
 def test_what_the_radius_does_is_told_apart_from_creep() -> None:

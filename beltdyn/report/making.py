@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import integer, real
-from .creep import creep_rows, driving
+from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
@@ -54,13 +54,14 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
             notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
     touched = touching(window)
     driver = driving(window, _belt_torque(window, touched))
-    moves = driver is not None and (touched is None or abs(touched.speed) > 0.0)
+    if driver is not None and touched is not None and abs(touched.speed) <= least_speed(window):
+        driver = None
     if driver is None and run._has("pulleys.omega"):
         notes.append("the belt stands still in this window: no creep, no margin to slip")
     if not run.params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
     unsteady = window.unsteady()
-    pulleys, said = pulley_rows(window, touched, driver if moves else None)
+    pulleys, said = pulley_rows(window, touched, driver)
     notes += said
     spans, said = span_rows(window, touched)
     notes += said
@@ -99,7 +100,7 @@ def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
         return []
     window = Window.last(run, last)
     touched = touching(window)
-    if touched is None or driving(window, None) is None:
+    if touched is None or abs(touched.speed) <= least_speed(window):
         return []
     return creep_rows(window, touched, pulley)[0]
 

@@ -22,6 +22,8 @@ SLIPS = 0.95
 #: A pulley whose torque changes the tension by less than this share of the mean one is an idler:
 #: what the drag of its bearings takes is no torque that one would let grow.
 IDLE = 0.01
+#: Of the tension at rest: a force below it is rounding, and has no direction.
+FAINT = 1e-6
 #: A pulley that slips in full in the window: its used share is 1 but for the mesh and the samples.
 FULL = 0.98
 
@@ -83,7 +85,7 @@ def _hub_loads(window: Window, k: int) -> dict[str, Any]:
     load = window.of(window.run.pulleys.load)[:, k]
     hub = spread(window, np.hypot(load[:, 0], load[:, 1]))
     x, y = window.mean(load)
-    if x == 0.0 and y == 0.0:
+    if math.hypot(x, y) < FAINT * float(window.params.info["strain_tension"]):
         return {"hub_load": hub}
     return {"hub_load": hub, "hub_direction": math.degrees(math.atan2(y, x))}
 
@@ -147,7 +149,7 @@ def _ratios(
             changes["limit"] = math.exp(mu[k] * wraps[k])
             if slack > 0.0:
                 changes["used"] = float(math.log(tight / slack) / (mu[k] * wraps[k]))
-        else:
+        elif params.has_friction:
             notes.append(f"{params.label(k)} has no friction: it can hold no torque of the belt")
         found.append(attrs.evolve(row, **changes))
     return found
@@ -183,7 +185,8 @@ def _margins(
     mean = float(np.mean(tension))
     working = np.abs(torque / radii) > IDLE * mean
     if not working.any():
-        notes.append("no margin to slip: the belt hands on no torque in this window")
+        if params.has_friction:
+            notes.append("no margin to slip: the belt hands on no torque in this window")
         return rows
     if window.run.mounts is not None and window.travels() is None:
         notes.append("no margin to slip: mounts.travel was not asked for")

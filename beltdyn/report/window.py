@@ -185,9 +185,10 @@ class Window:
         if self.run._has("pulleys.omega"):
             omega = self.of(self.run.pulleys.omega)
             scale = float(np.max(np.abs(omega) * [p.radius for p in self.params.pulleys]))
+            least = float(self.params.info["drag_speed"])  # what errors of speeds leave
             for k, pulley in enumerate(self.params.pulleys):
                 before, after = self._halves(omega[:, k])
-                if scale > 0.0 and abs(after - before) * pulley.radius > STEADY * scale:
+                if abs(after - before) * pulley.radius > max(STEADY * scale, least):
                     found.append(
                         f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s "
                         "from the first half of the window to the second"
