@@ -33,6 +33,7 @@ if _core_version != __version__:
 
 from . import accuracy, scenes
 from .accuracy_report import Accuracy, QuantityError
+from .arcs import Arcs
 from .errors import Interrupted, SimulationError
 from .explaining import Explanation, explain
 from .friction import LAWS as _LAWS
@@ -61,6 +62,7 @@ from .motions import CrankMotion, Motion
 from .mounts import Arm, Path, Slider
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
+from .places import AlongBelt
 from .report import Report
 from .result import Result
 from .route import Route, route
@@ -78,6 +80,8 @@ __all__ = [
     "METHODS",
     "Accuracy",
     "AccuracyWarning",
+    "AlongBelt",
+    "Arcs",
     "Arm",
     "Belt",
     "BeltdynWarning",

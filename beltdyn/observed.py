@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from .arcs import in_slip
 from .checks import Array
-from .friction import Friction
 from .naming import span_name
 from .outputs import has, unchecked
 from .params import Params
@@ -20,7 +20,7 @@ from .result import Result
 from .run_warnings import RunWarning
 from .sanity import units
 
-__all__ = ["in_slip", "observe"]
+__all__ = ["observe"]
 
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
@@ -148,24 +148,6 @@ def _tighter(params: Params) -> str:
     if params.belt.preload is not None:
         return "raise belt.preload"
     return "raise the preload (a shorter belt.length)"
-
-
-def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
-    """Give the friction coefficients in slip at these velocities; None if they depend on none.
-
-    Interpolated between speeds 5 % apart, a millionth of the highest the least: a law that changes
-    over its own scale of speed is met to a thousandth, far below what SATURATED leaves.
-    """
-    highest = float(np.max(np.abs(velocity), initial=0.0))
-    if not 0.0 < highest < np.inf:
-        return None
-    speed = highest * np.geomspace(1e-6, 1.0, 300)
-    coefficients = law._in_slip(speed, kinetic)
-    if law.n_states == 0:  # it slips at any load; what counts is what it could give when faster
-        coefficients = np.maximum.accumulate(np.append(coefficients, kinetic)[::-1])[:0:-1]
-    if np.ptp(coefficients) <= 1e-6 * kinetic:
-        return None
-    return np.interp(np.abs(velocity), speed, coefficients)
 
 
 def _slack_spans(result: Result) -> Iterator[RunWarning]:

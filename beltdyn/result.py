@@ -9,11 +9,12 @@ from typing import Any
 
 import attrs
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import saved
 from .accuracy_report import Accuracy, known
-from .checks import Array
+from .arcs import Arcs, arcs_of
+from .checks import Array, close_to, flag, real_array
 from .histories import (
     GROUPS,
     BeltHistory,
@@ -29,6 +30,7 @@ from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
+from .places import AlongBelt, along, momentum_flux, routes
 from .report import Report, creep_against, make_report
 from .run_warnings import RunWarning
 from .sanity import bodies
@@ -60,6 +62,9 @@ class Result:
         span_tension, slip                                         (n_t, n_p)
         mounts    travel, travel_speed, ..., belt_force            (n_t, n_m)
         energy    kinetic, ..., residual, passed                   (n_t,)
+
+    From these: ``hub_load()``, ``along_belt()`` in places fixed in space, ``arcs`` of contact, slip
+    and stick.
 
     Attributes:
         t: Sample times (n_t,) [s]; those reached, if the run did not finish.
@@ -178,6 +183,96 @@ class Result:
             )
         touched, force = self.contact.pulley[rows], self.joints.force[rows]
         return span_tension(touched, force, len(self.params.pulleys))
+
+    def hub_load(self, *, centrifugal: bool = True) -> Array:
+        """Give the force of the belt on each pulley in x and y (n_t, n_p, 2) [N].
+
+        On the pulley of a belt that runs at the speed v the spans pull with T_1 and T_2 in their
+        directions d_1 and d_2 away from it; but rho v^2 of each serves to turn the belt round, and
+        the pulley carries (T_1 - rho v^2) d_1 + (T_2 - rho v^2) d_2, which is ``pulleys.load``.
+
+        Args:
+            centrifugal: True: that, ``pulleys.load``, what the bearings carry. False: what the
+                tensions alone would give, T_1 d_1 + T_2 d_2 as textbooks have it for slow belts:
+                with the belt's flux of momentum added, of the links' mean speed along the belt and
+                the directions of the belt line (of axes that move as they are at the time).
+
+        Raises:
+            TypeError: ``centrifugal`` is not a bool.
+            AttributeError: An output that it needs was not asked for; False needs all of ``belt``,
+                ``joints.force`` and ``contact.pulley`` as well.
+        """
+        if flag("centrifugal", centrifugal):
+            return self.pulleys.load
+        force, spans = self.joints.force, self.span_tension
+        flux = momentum_flux(self.params, self.belt, force, spans, self._travel())
+        return np.asarray(self.pulleys.load + flux)
+
+    def along_belt(self, name: str = "joints.force", places: ArrayLike | None = None) -> AlongBelt:
+        """Give a history of joints or links in places that are fixed in space.
+
+        Joints and links pass; this looks at the same place all the time: linearly between the two
+        next to it, joints where they are, contact where the mesh has it (at joints, centres of
+        links, or masses). Friction and normal forces are those of a link or joint, not per metre.
+
+        Places are along the belt line of ``params.route``. Where axes move, a place keeps its share
+        of its span or wrap on the line through the axes of the time.
+
+        Args:
+            name: An array of ``joints``, ``contact`` or ``belt``: "joints.force", the tension,
+                "contact.normal", "belt.vx". Not "contact.pulley", which is no quantity, nor
+                "belt.phi", which differs by a turn from the last link to the first.
+            places: Where (n_s,) [m], from where the belt leaves pulley 0 on, up to the length of
+                the line; None: as many as links, evenly.
+
+        Raises:
+            TypeError, ValueError: There is no such array; a place is not on the line.
+            AttributeError: It was not asked for, or ``belt`` was not, which this needs.
+        """
+        known = [
+            f"{group}.{one}"
+            for group in ("joints", "contact", "belt")
+            for one in GROUPS[group].array_names()
+            if one not in ("pulley", "phi")
+        ]
+        if not isinstance(name, str):
+            raise TypeError(f"name must be a str, got {type(name).__name__}")
+        if name not in known:
+            raise ValueError(
+                f"name must be one of {', '.join(known)}, got {name!r}{close_to(name, known)}"
+            )
+        asked = None if places is None else real_array("places", places, ndim=1)
+        length = self.params.route.length
+        if asked is not None and asked.size and not 0.0 <= asked.min() <= asked.max() <= length:
+            raise ValueError(
+                f"places must be from 0 to {length:.6g} m, the length of the belt line, got "
+                f"{asked.min():.6g} to {asked.max():.6g}"
+            )
+        return self._along(name, asked, slice(None))
+
+    def _along(self, name: str, places: Array | None, rows: Any) -> AlongBelt:
+        """Give :meth:`along_belt` at some of the samples."""
+        group, _, field = name.partition(".")
+        values = getattr(getattr(self, group), field)[rows]
+        needed = ("x", "y") if self.params.belt_model == "string" else ("x", "y", "phi")
+        belt = {one: getattr(self.belt, one)[rows] for one in needed}
+        travel = self._travel()
+        travel = None if travel is None else travel[rows]
+        at = BeltHistory._holding(belt)
+        return along(self.params, at, self.t[rows], travel, name, values, places)
+
+    @cached_property
+    def arcs(self) -> Arcs:
+        """Arcs of contact, of slip and of stick on each pulley over time (:class:`Arcs`).
+
+        Needs ``belt.x``, ``.y``, ``.phi`` and ``contact.pulley``, ``.normal``, ``.mu`` and
+        ``.velocity``; an AttributeError names what was not asked for.
+        """
+        _, centers = routes(self.params, self._travel())
+        return arcs_of(self.params, self.belt, self.contact, centers)
+
+    def _travel(self) -> Array | None:
+        return None if self.mounts is None else self.mounts.travel
 
     def _has(self, name: str) -> bool:
         """Tell whether an output is there."""

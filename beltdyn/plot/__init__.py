@@ -3,7 +3,9 @@
 Each function draws one panel::
 
     over time    speeds, torques, span_tensions, joint_force, joint_deformation, contact_forces,
-                 friction_coefficient (also over slip), relative_velocity, energy, travel of mounts
+                 friction_coefficient (also over slip), relative_velocity, energy, travel of mounts,
+                 arcs of contact and slip
+    over place   tension_along the belt line, fixed in space, at some times
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
     before a run layout: the way of the belt round its pulleys
@@ -37,10 +39,12 @@ from .history import joint_deformation, joint_force, span_tensions, speeds, torq
 from .layout import layout
 from .ledger import energy
 from .mounting import travel
+from .places import arcs, tension_along
 
 __all__ = [
     "Animation",
     "animate",
+    "arcs",
     "contact_forces",
     "drive",
     "energy",
@@ -53,6 +57,7 @@ __all__ = [
     "relative_velocity",
     "span_tensions",
     "speeds",
+    "tension_along",
     "torques",
     "travel",
 ]

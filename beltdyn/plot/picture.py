@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch
 from numpy.typing import NDArray
 
+from ..arcs import slipping
 from ..checks import Array, pair, real
-from ..observed import in_slip
 from ..outputs import has
 from ..result import Result
 from . import style
@@ -76,10 +76,6 @@ class DrivePicture:
         self._half = result.params.info["link_length"] / 2.0
         self._kinetic, _ = result.params._slip_limits
         self._slip_from = slip_from
-        laws = enumerate(map(result.params.friction_on, range(len(result.params.pulleys))))
-        self._falling = {k: one for k, one in laws if one and getattr(one, "mu_s", 0) > 0}
-        if not has(result.outputs, "contact.velocity"):
-            self._falling = {}
         self._arcs_on = bool(arcs) and has_friction
         self._moves = result.mounts is not None
         self._limits = self._scale(limits)
@@ -273,13 +269,11 @@ class DrivePicture:
     def _states(self, rows: int | slice) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Find the links that touch a pulley, and those of them that slip."""
         contact = self._result.contact
-        on = contact.pulley[rows] >= 0
-        full = self._kinetic[contact.pulley[rows]]
-        for k, law in self._falling.items():
-            held = in_slip(law, float(self._kinetic[k]), contact.velocity[rows])
-            if held is not None:
-                full = np.where(contact.pulley[rows] == k, held, full)
-        return on, on & (np.abs(contact.mu[rows]) >= self._slip_from * full)
+        known = has(self._result.outputs, "contact.velocity")
+        velocity = contact.velocity[rows] if known else None
+        touched, mu = contact.pulley[rows], contact.mu[rows]
+        slips = slipping(self._result.params, touched, mu, velocity, self._slip_from)
+        return touched >= 0, slips
 
     def _rim_arcs(self, row: int, chosen: NDArray[np.bool_]) -> list[Array]:
         """One polyline per run of links of the same state on the same pulley."""

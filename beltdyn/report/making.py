@@ -13,7 +13,7 @@ from .report import Report
 from .rows import Creep, Rows
 from .spans import span_rows
 from .touching import NEEDED, Touching, touching
-from .window import Run, Window, missing
+from .window import OF_ARCS, Run, Window, missing
 
 __all__ = ["creep_against", "make_report"]
 
@@ -23,7 +23,8 @@ _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("pulleys.omega",), "speeds, no creep, no margin to slip"),
     (("pulleys.torque",), "torques"),
     (("pulleys.load",), "hub loads"),
-    (NEEDED, "arcs, ratios of tensions, margin to slip, split of creep, friction by pulley"),
+    (OF_ARCS, "arcs of contact and slip"),
+    (NEEDED, "ratios of tensions, margin to slip, split of creep, friction by pulley"),
     (("span_tension",), "mean tensions of spans, ratios, margin to slip, split of creep"),
 )
 

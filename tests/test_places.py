@@ -1,0 +1,248 @@
+"""Results in places fixed in space: ``along_belt``, ``arcs``, ``hub_load``, and their pictures.
+
+Against the belt line that the drive itself gives, belts whose tension and speed are known in closed
+form, and full slip. Slip arcs, hub loads and tensions of a loaded drive are held to creep theory in
+``test_creep_theory.py``, loads themselves to the oracle in ``test_hub_loads.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+import drives
+import mounted_drives
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from test_hub_loads import idler, off_statics, statics, straight_line
+
+import beltdyn as bd
+from beltdyn import places
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+STILL = bd.Viscous([0.0, 0.0, 0.0])
+LAYOUTS: dict[str, Any] = {
+    "idler": lambda: drives.idler_scene().params,
+    "crossed": lambda: drives.crossed_scene().params,
+    "two": drives.plain,
+}
+
+
+def at_rest(params: bd.Params) -> bd.Result:
+    still = bd.Viscous([0.0] * len(params.pulleys))
+    return bd.simulate(params, still, 1e-4, t_eval=[0.0, 1e-4])
+
+
+# --- places ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_parts_of_the_line(layout: str) -> None:
+    """Wraps and spans in turn, as long as the route has them."""
+    params = LAYOUTS[layout]()
+    line, radii = params.route, np.array([one.radius for one in params.pulleys])
+    wraps = places.line_parts(line, radii)
+    np.testing.assert_allclose(wraps[:, 1] - wraps[:, 0], radii * line.wraps, rtol=1e-12)
+    ends = np.r_[0.0, wraps[1:, 1]]
+    np.testing.assert_allclose(np.r_[wraps[1:, 0], wraps[0, 0]] - ends, line.spans, rtol=1e-12)
+    assert wraps[0, 1] == pytest.approx(line.length, rel=1e-12)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_links_lie_in_their_order_along_the_line(layout: str, mesh: str) -> None:
+    """As far apart as they are long, where the belt crosses itself as well, to 5 %: that is what
+    projecting a link that lies off the line where a wrap ends moves it."""
+    params = drives.on_mesh(LAYOUTS[layout](), mesh)
+    result = at_rest(params)
+    points = np.stack([result.belt.x, result.belt.y], axis=-1)
+    lines, centers = places.routes(params, None)
+    s = places.where(params, points, lines, centers)
+    length = params.route.length
+    apart = np.diff(s, axis=1, append=s[:, :1]) % length
+    np.testing.assert_allclose(apart.sum(axis=1), length, rtol=1e-9)
+    np.testing.assert_allclose(apart, length / params.belt.n_bodies, rtol=0.05)
+
+
+def test_places_know_their_position() -> None:
+    """Coordinates of links in a place are those of the line there: of a chord between two links on
+    a pulley l^2 / (8 r) inside, and as much again off it in their centres."""
+    params = drives.on_mesh(drives.idler_scene().params, "joint")
+    result, line = at_rest(params), params.route
+    x, y = (result.along_belt(f"belt.{name}").values[-1] for name in ("x", "y"))
+    found = result.along_belt("belt.x")
+    inside = 2.0 * params.info["link_length"] ** 2 / (8.0 * 0.04)
+    for k, pulley in enumerate(params.pulleys):
+        on = found.part == params.pulley_names[k]
+        off = np.hypot(x[on] - pulley.center[0], y[on] - pulley.center[1])
+        assert on.any() and np.abs(off - pulley.radius).max() <= inside
+        begin, end = found.wraps[k]
+        assert ((found.s >= begin) & (found.s <= end) == on).all()
+        arrived = np.array([x[on][0], y[on][0]]) - line.arrive[k]
+        step = line.length / params.belt.n_bodies
+        assert np.hypot(*arrived) == pytest.approx(found.s[on][0] - begin, abs=0.1 * step + inside)
+    assert set(found.part) == {*params.pulley_names, "span 0 to 1", "span 1 to 2", "span 2 to 0"}
+
+
+def test_a_place_sees_other_links_pass() -> None:
+    """The tension of a span at a place in it is that of the span, whichever joints are there."""
+    params, torque, *_ = drives.idler_scene()
+    result = bd.simulate(params, torque, 0.05, t_eval=np.linspace(0.0, 0.05, 101))
+    found = result.along_belt()
+    for k, name in enumerate(("span 0 to 1", "span 1 to 2", "span 2 to 0")):
+        on = np.flatnonzero(found.part == name)
+        middle = found.values[:, on[len(on) // 2]]
+        assert np.ptp(middle) > 10.0, "the load comes"
+        # stretch waves within a span: a few per cent of the load
+        np.testing.assert_allclose(middle, result.span_tension[:, k], atol=0.01 * middle.mean())
+
+
+def test_moving_axes_keep_places_in_their_part() -> None:
+    """A take-up that moves by some millimetres: places stand on the line of the time."""
+    params = mounted_drives.path(n_bodies=120)
+    result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.03, t_eval=[0.0, 0.03])
+    assert result.mounts is not None
+    x, y = (result.along_belt(f"belt.{name}") for name in ("x", "y"))
+    axes = np.array([params.centers(row) for row in result.mounts.travel])
+    moved = np.hypot(*(axes[1] - axes[0])[1])
+    step = params.info["link_length"]
+    on = x.part == "pulley 1"
+    for row, axis in enumerate(axes[:, 1]):
+        off = np.hypot(x.values[row, on] - axis[0], y.values[row, on] - axis[1])
+        assert np.abs(off - 0.08).max() <= 2.0 * step**2 / (8.0 * 0.08)
+    assert moved > 2.0 * step**2 / (8.0 * 0.08), "or nothing is shown"
+
+
+def test_what_is_refused() -> None:
+    result = at_rest(drives.plain())
+    for name in ("contact.pulley", "belt.phi", "pulleys.omega", "tension"):
+        with pytest.raises(ValueError, match=r"name must be one of joints\.deformation"):
+            result.along_belt(name)
+    with pytest.raises(TypeError, match="name must be a str"):
+        result.along_belt(3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="places must be from 0 to"):
+        result.along_belt(places=[-0.1])
+    with pytest.raises(TypeError, match="centrifugal must be a bool"):
+        result.hub_load(centrifugal=1)  # type: ignore[arg-type]
+    params = drives.plain()
+    some = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-4, outputs=("pulleys", "joints"))
+    for read in (some.along_belt, lambda: some.arcs, lambda: some.hub_load(centrifugal=False)):
+        with pytest.raises(AttributeError, match="was not asked for"):
+            read()
+    assert some.hub_load() is some.pulleys.load
+
+
+# --- arcs -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_at_rest_wraps_are_those_of_the_line(layout: str, mesh: str) -> None:
+    """To a link, and nothing slips. With contact along the links and no bending to a tenth of one,
+    of which compliance takes sqrt(T / c) / r of angle at either end."""
+    params = LAYOUTS[layout]()
+    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
+    params = drives.on_mesh(attrs.evolve(params, belt=belt), mesh)
+    result = at_rest(params)
+    radii = np.array([one.radius for one in params.pulleys])
+    off = (result.arcs.wrap - params.route.wraps) * radii / params.info["link_length"]
+    soft = 2.0 * np.sqrt(params.info["mean_tension"] / params.contact.linear)
+    near = 0.1 + soft / params.info["link_length"] if mesh != "paper" else 1.0
+    assert np.abs(off).max() <= near
+    assert not result.arcs.slip.any()
+    np.testing.assert_array_equal(result.arcs.stick, result.arcs.wrap)
+
+
+def test_a_wrap_that_drags_slips_all_over_and_a_free_one_does() -> None:
+    """But for the links that have just come; on an idler without friction, everywhere."""
+    params, *_ = drives.idler_scene()
+    free = attrs.evolve(params.pulleys[1], friction=bd.Frictionless())
+    params = attrs.evolve(params, pulleys=[params.pulleys[0], free, params.pulleys[2]],
+                          friction=bd.Dahl(mu_k=0.02, sigma=1e5))  # fmt: skip
+    pull = bd.PiecewiseLinear([0.0, 0.005], [[0.0] * 3, [-60.0, 0.0, 0.0]])
+    result = bd.simulate(params, pull, 0.05, t_eval=[0.04, 0.045, 0.05])
+    arcs = result.arcs
+    np.testing.assert_array_equal(arcs.slip[:, 1], arcs.wrap[:, 1])
+    link = params.info["link_length"] / params.pulleys[0].radius
+    assert (arcs.stick[:, 0] <= 2.0 * link).all() and (arcs.wrap[:, 0] > 2.5).all()
+    np.testing.assert_allclose(arcs.slip + arcs.stick, arcs.wrap, rtol=1e-12)
+
+
+# --- centrifugal part -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["string", "links"])
+def test_running_without_load(model: str) -> None:
+    """Steady at 20 m/s, rho v^2 = 40 N of 400 N: loads are (T - rho v^2) (d_1 + d_2) within 0.2 %,
+    and without the centrifugal part T (d_1 + d_2). Without dampers in the contact, which a settled
+    state does not know and which push links that arrive, 1 % of the load here."""
+    params = idler(360, model)
+    undamped = attrs.evolve(params.contact, damping=0.0)
+    params = attrs.evolve(params, contact=undamped)
+    start = bd.settle(params, speed={0: 250.0})
+    result = bd.simulate(params, STILL, 1e-5, initial=start, t_eval=[0.0])
+    tension = result.span_tension[0]
+    speed = np.hypot(result.belt.vx, result.belt.vy).mean()
+    relief = params.belt.linear_density * speed**2 / (1.0 + tension / 80e3)
+    assert relief.mean() > 0.08 * tension.mean()
+    line = straight_line(params, float(tension.mean() - relief.mean()))
+    off = off_statics(result.hub_load()[0], statics(tension - relief, line))
+    assert (off <= 0.002).all(), off
+    off = off_statics(result.hub_load(centrifugal=False)[0], statics(tension, line))
+    assert (off <= 0.002).all(), off
+
+
+def test_directions_follow_the_travel() -> None:
+    """Of a take-up that a path moves across, the load turns with the line."""
+    params = mounted_drives.wandering()
+    result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.03, t_eval=[0.0, 0.03])
+    flux = result.hub_load(centrifugal=False) - result.pulleys.load
+    assert result.mounts is not None
+    for row, travel in enumerate(result.mounts.travel):
+        across = np.subtract(*params.centers(travel)[::-1])
+        if np.abs(flux[row]).max() > 0.0:  # of equal pulleys, along the line of their centres
+            cross = flux[row] @ np.array([-across[1], across[0]])
+            assert np.abs(cross).max() <= 1e-3 * np.abs(flux[row] @ across).max()
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def loaded() -> bd.Result:
+    params, torque, *_ = drives.idler_scene()
+    return bd.simulate(params, torque, 0.05, t_eval=np.linspace(0.0, 0.05, 51))
+
+
+@pytest.fixture
+def ax() -> Axes:
+    return Figure().add_subplot()
+
+
+def test_tension_along_draws_what_along_belt_gives(loaded: bd.Result, ax: Axes) -> None:
+    assert bd.plot.tension_along(loaded, [0.0, 0.05], ax=ax) is ax
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("place along the belt line [m]", "tension [N]")
+    for line, row in zip(ax.lines, (0, -1), strict=True):
+        s = np.asarray(line.get_xdata())
+        expected = loaded.along_belt("joints.force", s).values[row]
+        np.testing.assert_array_equal(line.get_ydata(), expected)
+    names = [text.get_text() for text in ax.texts]
+    assert names == list(loaded.pulleys.names)
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["t = 0 s", "t = 0.05 s"]
+    alone = bd.plot.tension_along(loaded)
+    assert alone.get_title() == "t = 0.05 s" and alone.get_legend() is None
+    with pytest.raises(ValueError, match="at least one time"):
+        bd.plot.tension_along(loaded, [])
+
+
+def test_arcs_draws_the_arcs(loaded: bd.Result, ax: Axes) -> None:
+    assert bd.plot.arcs(loaded, ax=ax) is ax
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "arc [deg]")
+    for line, wrap in zip(ax.lines, loaded.arcs.wrap.T, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), np.degrees(wrap))
+    assert len(ax.collections) == 3
+    (one,) = bd.plot.arcs(loaded, pulleys=2).lines
+    np.testing.assert_allclose(one.get_ydata(), np.degrees(loaded.arcs.wrap[:, 2]))
