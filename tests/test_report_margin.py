@@ -100,7 +100,7 @@ def drive(kind: str) -> bd.Params:
     preload = {} if kind == "arm" else {"preload": 300.0}
     return bd.Params(
         belt=bd.Belt(
-            n_bodies=80, linear_density=0.1, axial_stiffness=30e3, axial_damping=2.0, **preload
+            n_bodies=100, linear_density=0.1, axial_stiffness=30e3, axial_damping=2.0, **preload
         ),
         pulleys=pulleys,
         friction=bd.Dahl(mu_k=0.4, sigma=4e4),
@@ -126,7 +126,7 @@ def run(kind: str, times: list[float], shares: list[float]) -> bd.Result:
     )
 
 
-@pytest.mark.parametrize("kind", slow_if(lambda kind: kind != "two", ["two", "three", "arm"]))
+@pytest.mark.parametrize("kind", slow_if(lambda kind: kind != "three", ["two", "three", "arm"]))
 def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     held = run(kind, [BEGIN, BEGIN + 0.1, 1.2], [0.0, PULL[kind], PULL[kind]])
     report = held.report(0.3)
@@ -135,9 +135,9 @@ def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     assert not report.unsteady and 1.2 < first.margin < 3.0
     ends = [first.margin * PULL[kind] * share for share in (0.9, 1.1)]
     slips = run(kind, [BEGIN, BEGIN + 0.1, 1.8], [0.0, *ends])
-    # Over the time in which some links pass, so that their landing is no larger torque.
+    # Over the time in which a dozen links pass, so that their landing is no larger torque.
     torque = np.abs(slips.pulleys.torque[:, 0])
-    n = round(0.02 / (slips.t[1] - slips.t[0]))
+    n = round(0.06 / (slips.t[1] - slips.t[0]))
     carried = np.convolve(torque, np.ones(n) / n, "valid")[slips.t[: 1 - n] > BEGIN + 0.1].max()
     lost = slips.pulleys.omega[-1, 1] / (SPEED * 5.0 / 7.0)
     assert lost < 0.9, "the run has not come to slip"

@@ -29,10 +29,13 @@ from .rows import Creep
 from .touching import Touching
 from .window import Window
 
-__all__ = ["creep_rows", "driving"]
+__all__ = ["creep_rows", "driving", "least_speed"]
 
-#: Share of the highest speed of its rim below which a belt stands still.
+#: Share of the highest speed of its rim below which a belt stands still; so it does below the speed
+#: that errors of speeds leave, ``info["drag_speed"]``.
 STANDS = 1e-3
+#: A pulley that loses more than this does not creep but slips; elastic creep is at most the strain.
+SLIPS = 0.3
 
 
 class _Of(NamedTuple):
@@ -41,6 +44,13 @@ class _Of(NamedTuple):
     stretch: float
     friction: float
     radius: float
+
+
+def least_speed(window: Window) -> float:
+    """Give the speed of the belt below which it stands still [m/s]."""
+    radii = np.array([pulley.radius for pulley in window.params.pulleys])
+    most = float(np.max(np.abs(window.run.pulleys.omega) * radii, initial=0.0))
+    return max(STANDS * most, float(window.params.info["drag_speed"]))
 
 
 def driving(window: Window, torque: Array | None) -> int | None:
@@ -55,8 +65,7 @@ def driving(window: Window, torque: Array | None) -> int | None:
         return None
     omega = window.mean(window.of(run.pulleys.omega))
     radii = np.array([pulley.radius for pulley in window.params.pulleys])
-    most = float(np.max(np.abs(run.pulleys.omega) * radii, initial=0.0))
-    if not float(np.max(np.abs(omega) * radii)) > STANDS * most:
+    if not float(np.max(np.abs(omega) * radii)) > least_speed(window):
         return None
     if torque is not None:
         return int(np.argmin(torque * omega))
@@ -87,6 +96,12 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
         if part is None or first is None or not ratio > 0.0:
             why = "the belt does not touch it" if part is None else "it does not turn with the belt"
             notes.append(f"{params.label(k)}: no split of its creep, {why}")
+            continue
+        if abs(math.log(ratio)) > SLIPS:
+            notes.append(
+                f"{params.label(k)} slips, its rim has {100.0 * ratio:.2g} % of the speed of the "
+                f"rim of {params.label(driver)}: no split of creep"
+            )
             continue
         stretch = -math.log(part.stretch / first.stretch)
         friction = -math.log(part.friction / first.friction)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import integer, real
-from .creep import creep_rows, driving
+from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
@@ -13,9 +13,20 @@ from .report import Report
 from .rows import Creep, Rows
 from .spans import span_rows
 from .touching import NEEDED, Touching, touching
-from .window import Run, Window, missing
+from .window import OF_ARCS, Run, Window, missing
 
 __all__ = ["creep_against", "make_report"]
+
+
+#: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
+_PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("pulleys.omega",), "speeds, no creep, no margin to slip"),
+    (("pulleys.torque",), "torques"),
+    (("pulleys.load",), "hub loads"),
+    (OF_ARCS, "arcs of contact and slip"),
+    (NEEDED, "ratios of tensions, margin to slip, split of creep, friction by pulley"),
+    (("span_tension",), "mean tensions of spans, ratios, margin to slip, split of creep"),
+)
 
 
 def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
@@ -38,21 +49,20 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         raise ValueError(f"joint must be < {n_b}, the number of joints, got {which}")
     window = Window.last(run, share)
     notes: list[str] = []
-    lacking = missing(run, NEEDED)
-    if lacking:
-        notes.append(
-            f"not asked for: {', '.join(lacking)}; so no hub loads, arcs, ratios, margin to slip, "
-            "split of creep"
-        )
+    for names, parts in _PARTS:
+        lacking = missing(run, names)
+        if lacking:
+            notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
     touched = touching(window)
     driver = driving(window, _belt_torque(window, touched))
-    moves = driver is not None and (touched is None or abs(touched.speed) > 0.0)
+    if driver is not None and touched is not None and abs(touched.speed) <= least_speed(window):
+        driver = None
     if driver is None and run._has("pulleys.omega"):
         notes.append("the belt stands still in this window: no creep, no margin to slip")
     if not run.params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
     unsteady = window.unsteady()
-    pulleys, said = pulley_rows(window, touched, driver if moves else None)
+    pulleys, said = pulley_rows(window, touched, driver)
     notes += said
     spans, said = span_rows(window, touched)
     notes += said
@@ -91,7 +101,7 @@ def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
         return []
     window = Window.last(run, last)
     touched = touching(window)
-    if touched is None or driving(window, None) is None:
+    if touched is None or abs(touched.speed) <= least_speed(window):
         return []
     return creep_rows(window, touched, pulley)[0]
 

@@ -35,10 +35,12 @@ def power_rows(
         is not lost, None if nothing is put in.
     """
     run, names = window.run, window.params.pulley_names
-    if run.energy is None or not run._has("energy"):
-        return [], None, ["no powers: the run has no energy ledger"]
+    if not run._has("energy"):
+        return [], None, ["no powers: energy not asked for (outputs of simulate)"]
+    if run.energy is None:
+        return [], None, ["no powers: the run has no energy ledger (ledger=False)"]
     if not (run._has("pulleys.omega") and run._has("pulleys.torque")):
-        return [], None, ["no powers: pulleys.omega or pulleys.torque was not asked for"]
+        return [], None, ["no powers: pulleys.omega or pulleys.torque not asked for"]
     energy, lasts = run.energy, window.lasts
 
     def rate(history: np.ndarray | None) -> float:

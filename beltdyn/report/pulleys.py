@@ -12,16 +12,15 @@ from ..checks import Array
 from .margin import Steady, full_slip
 from .rows import PulleyRow, Spread
 from .touching import Touching
-from .window import Window
+from .window import OF_ARCS, Window
 
 __all__ = ["pulley_rows", "spread", "steady_state"]
 
-#: Part of the limit from which on friction counts as being at it: where slip begins friction comes
-#: near to it over some lengths of presliding, and never quite reaches it in laws without a kink.
-SLIPS = 0.95
 #: A pulley whose torque changes the tension by less than this share of the mean one is an idler:
 #: what the drag of its bearings takes is no torque that one would let grow.
 IDLE = 0.01
+#: Of the tension at rest: a force below it is rounding, and has no direction.
+FAINT = 1e-6
 #: A pulley that slips in full in the window: its used share is 1 but for the mesh and the samples.
 FULL = 0.98
 
@@ -51,6 +50,8 @@ def pulley_rows(
         (("pulleys.omega",), _speeds),
         (("pulleys.torque",), _torques),
         (("pulleys.omega", "pulleys.torque"), _powers),
+        (("pulleys.load",), _hub_loads),
+        (OF_ARCS, _arcs),
     ):
         if all(run._has(name) for name in names):
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
@@ -78,33 +79,31 @@ def _powers(window: Window, k: int) -> dict[str, Any]:
     return {"power": spread(window, power)}
 
 
+def _hub_loads(window: Window, k: int) -> dict[str, Any]:
+    load = window.of(window.run.pulleys.load)[:, k]
+    hub = spread(window, np.hypot(load[:, 0], load[:, 1]))
+    x, y = window.mean(load)
+    if math.hypot(x, y) < FAINT * float(window.params.info["strain_tension"]):
+        return {"hub_load": hub}
+    return {"hub_load": hub, "hub_direction": math.degrees(math.atan2(y, x))}
+
+
 def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:
-    """Give torque of the belt, hub load and arcs of a pulley."""
+    """Give the torque of the belt on a pulley."""
     on = touching.pulley == k
     friction = np.where(on, touching.friction, 0.0)
-    normal = np.where(on, touching.normal, 0.0)
-    radius = touching.radius
-    belt_torque = float(window.mean(np.sum(friction * radius, axis=1)))
-    # Belt on pulley: the normal force pushes to the axis, friction along the tangent.
-    x = np.sum((-normal * touching.x - friction * touching.y) / radius, axis=1)
-    y = np.sum((-normal * touching.y + friction * touching.x) / radius, axis=1)
-    mean = float(window.mean(x)), float(window.mean(y))
-    hub = spread(window, np.hypot(x, y))
-    found: dict[str, Any] = {"belt_torque": belt_torque, "hub_load": hub}
-    if hub is not None and hub.mean > 0.0:
-        found["hub_direction"] = math.degrees(math.atan2(mean[1], mean[0]))
-    # A place stands for the angle N / H that its normal force N makes up.
-    mass = window.params.belt.linear_density * touching.speed**2
-    pressing = touching.tension - mass * touching.stretch
-    angle = np.divide(normal, pressing, out=np.zeros_like(normal), where=pressing > 0.0)
-    wrap = float(window.mean(np.sum(angle, axis=1)))
-    found["wrap"] = wrap
-    mu = float(window.params._slip_limits[0][k])
-    if mu > 0.0 and wrap > 0.0:
-        at_limit = np.abs(friction) >= SLIPS * mu * normal
-        slipping = float(window.mean(np.sum(np.where(at_limit, angle, 0.0), axis=1)))
-        found |= {"slip_arc": slipping, "slip_share": slipping / wrap}
-    return found
+    belt_torque = float(window.mean(np.sum(friction * touching.radius, axis=1)))
+    return {"belt_torque": belt_torque}
+
+
+def _arcs(window: Window, k: int) -> dict[str, Any]:
+    """Give the arcs of contact and slip of a pulley, by the rule of :class:`beltdyn.arcs.Arcs`."""
+    arcs = window.arcs
+    wrap = float(window.mean(arcs.wrap[:, k]))
+    if window.params.friction_on(k) is None or wrap == 0.0:
+        return {"wrap": wrap}
+    slip = float(window.mean(arcs.slip[:, k]))
+    return {"wrap": wrap, "slip_arc": slip, "slip_share": slip / wrap}
 
 
 def _tension(window: Window) -> Array | None:
@@ -144,7 +143,7 @@ def _ratios(
             changes["limit"] = math.exp(mu[k] * wraps[k])
             if slack > 0.0:
                 changes["used"] = float(math.log(tight / slack) / (mu[k] * wraps[k]))
-        else:
+        elif params.has_friction:
             notes.append(f"{params.label(k)} has no friction: it can hold no torque of the belt")
         found.append(attrs.evolve(row, **changes))
     return found
@@ -180,7 +179,8 @@ def _margins(
     mean = float(np.mean(tension))
     working = np.abs(torque / radii) > IDLE * mean
     if not working.any():
-        notes.append("no margin to slip: the belt hands on no torque in this window")
+        if params.has_friction:
+            notes.append("no margin to slip: the belt hands on no torque in this window")
         return rows
     if window.run.mounts is not None and window.travels() is None:
         notes.append("no margin to slip: mounts.travel was not asked for")

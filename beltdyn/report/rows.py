@@ -34,8 +34,8 @@ class PulleyRow:
         belt_torque: Mean torque of the belt on it, counter-clockwise [N m].
         hub_load: Size of the belt's force on its bearings, less what the belt's mass takes off [N].
         hub_direction: Direction of the mean of that force, counter-clockwise from x [deg].
-        wrap: Arc of contact, mean [rad].
-        slip_arc: Part of it where friction is at its limit, mean [rad].
+        wrap: Arc of contact, mean [rad]; :class:`beltdyn.arcs.Arcs` says how it is found.
+        slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
         slip_share: That over the arc of contact [1].
         tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
         slack: The same of the other one [N].
@@ -105,7 +105,9 @@ class Creep:
         lost: -ln(ratio / nominal): speed lost against the driving pulley's rim.
         stretch: Of the belt's stretch: it arrives less stretched than at the driving pulley.
         friction: Of slip that friction needs where the belt should stick, on both pulleys.
-        radius: Of running radii: the belt sinks into pulleys, deeper where it is tighter.
+            Negative where friction already acts while the belt is sinking in, further out.
+        radius: Of running radii: the belt sinks into pulleys, deeper where it is tighter and, over
+            the radius, into smaller ones.
         remainder: What is left of ``lost``: unsteady motion, sampling.
     """
 

@@ -76,18 +76,20 @@ def _degrees(angle: float | None) -> str:
 
 
 def tables(report: Told) -> Iterator[Table]:
-    """Give the tables of a report that have rows."""
-    yield _motion(report)
-    yield _loads(report)
-    yield _slip(report)
-    if report.spans:
-        yield _spans(report)
-    if report.creep:
-        yield _creep(report)
-    if report.powers:
-        yield _powers(report)
-    if report.cycles:
-        yield _cycles(report)
+    """Give the tables of a report in which there is something."""
+    parts = (
+        (_motion, report.pulleys),
+        (_loads, report.pulleys),
+        (_slip, report.pulleys),
+        (_spans, report.spans),
+        (_creep, report.creep),
+        (_powers, report.powers),
+        (_cycles, report.cycles),
+    )
+    for table, rows in parts:
+        made = table(report) if rows else None
+        if made is not None and any(cell != _NONE for row in made.rows for cell in row[1:]):
+            yield made
 
 
 def _motion(report: Told) -> Table:
@@ -148,9 +150,9 @@ def _slip(report: Told) -> Table:
     first = report.first_to_slip
     remarks = []
     if first is not None:
-        remarks.append(
-            f"{first.name} slips first, when all torques have grown {first.margin:.2f}-fold."
-        )
+        margin = first.margin or 0.0
+        when = f"when all torques have grown {margin:.2f}-fold" if margin > 1.02 else "now"
+        remarks.append(f"{first.name} slips first, {when}.")
     heading = (
         "pulley",
         "torque of belt N m",

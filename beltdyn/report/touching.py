@@ -6,6 +6,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arcs import contact_points
 from ..checks import Array
 from .window import Window, missing
 
@@ -66,22 +67,17 @@ def touching(window: Window) -> Touching | None:
     if missing(run, NEEDED):
         return None
     belt, l0 = run.belt, float(params.info["link_length"])
-    x, y, phi = window.of(belt.x), window.of(belt.y), window.of(belt.phi)
     force, deformation = window.of(run.joints.force), window.of(run.joints.deformation)
     along_links = params.belt.mesh == "joint"
     string = params.belt_model == "string"
-    if along_links and not string:
-        tip_x, tip_y = 0.5 * l0 * np.cos(phi), 0.5 * l0 * np.sin(phi)
-        x, y = (
-            0.5 * (mid - tip + np.roll(mid + tip, 1, axis=1))
-            for mid, tip in ((x, tip_x), (y, tip_y))
-        )
-    else:  # friction acts between the joints, or bars, on both sides
+    at = contact_points(params, belt, window.rows)
+    x, y = at[..., 0], at[..., 1]
+    if not along_links or string:  # friction acts between the joints, or bars, on both sides
         force = 0.5 * (force + np.roll(force, -1, axis=1))
         deformation = 0.5 * (deformation + np.roll(deformation, -1, axis=1))
     stretch = 1.0 + deformation / l0
     touched = window.of(run.contact.pulley)
-    centers = window.centers()
+    centers = window.centers
     rows = np.arange(x.shape[0])[:, None]
     axis = centers[rows, np.maximum(touched, 0)]
     dx, dy = x - axis[..., 0], y - axis[..., 1]

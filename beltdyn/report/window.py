@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Collection
 from typing import Any, Protocol
 
@@ -9,6 +10,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arcs import Arcs, arcs_of
 from ..checks import Array
 from ..histories import (
     BeltHistory,
@@ -21,7 +23,19 @@ from ..histories import (
 from ..params import Params
 from ..route import Route, route_at
 
-__all__ = ["Run", "Window", "missing"]
+__all__ = ["OF_ARCS", "Run", "Window", "missing"]
+
+#: The outputs that arcs are found from.
+OF_ARCS = (
+    "belt.x",
+    "belt.y",
+    "belt.phi",
+    "contact.pulley",
+    "contact.normal",
+    "contact.mu",
+    "contact.velocity",
+)
+
 
 #: Change of a mean between the halves of the window from which on it is not steady, of speeds over
 #: the pulley's largest speed, of tensions over the mean tension: half of it is as much as a link
@@ -150,10 +164,11 @@ class Window:
             return None
         return np.asarray(self.of(mounts.travel))
 
+    @functools.cached_property
     def centers(self) -> Array:
         """Give where the axes of the pulleys are at the samples (n_w, n_p, 2) [m].
 
-        Where the run has not kept the travels of the mounts, these rest.
+        Where the run has not kept travels of the mounts, these rest.
         """
         travels = self.travels()
         if travels is None:
@@ -161,6 +176,23 @@ class Window:
                 self.params.centers(), (self.t.size, len(self.params.pulleys), 2)
             )
         return np.array([self.params.centers(row) for row in travels])
+
+    @functools.cached_property
+    def arcs(self) -> Arcs:
+        """Arcs of contact and slip at the samples (n_w, n_p)."""
+        belt, contact = (
+            {name: self.of(getattr(group, name)) for name in names}
+            for group, names in (
+                (self.run.belt, ("x", "y", "phi")),
+                (self.run.contact, ("pulley", "normal", "mu", "velocity")),
+            )
+        )
+        return arcs_of(
+            self.params,
+            BeltHistory._holding(belt),
+            ContactHistory._holding(contact),
+            self.centers,
+        )
 
     def route(self) -> Route:
         """Give the way of the belt with the mounts at their mean travels."""
@@ -185,9 +217,10 @@ class Window:
         if self.run._has("pulleys.omega"):
             omega = self.of(self.run.pulleys.omega)
             scale = float(np.max(np.abs(omega) * [p.radius for p in self.params.pulleys]))
+            least = float(self.params.info["drag_speed"])  # what errors of speeds leave
             for k, pulley in enumerate(self.params.pulleys):
                 before, after = self._halves(omega[:, k])
-                if scale > 0.0 and abs(after - before) * pulley.radius > STEADY * scale:
+                if abs(after - before) * pulley.radius > max(STEADY * scale, least):
                     found.append(
                         f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s "
                         "from the first half of the window to the second"

@@ -1,0 +1,252 @@
+"""A report as a whole: twelve questions, how it reads, what it gives, what it cannot tell."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+import sys
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+WIDTH = 100
+
+
+@functools.cache
+def result(**options: Any) -> bd.Result:
+    """A small accessory drive: crank, alternator, an idler on the back of the belt."""
+    params = bd.Params(
+        belt=bd.Belt(
+            preload=400.0,
+            n_bodies=100,
+            linear_density=0.1,
+            axial_stiffness=60e3,
+            axial_damping=2.0,
+        ),
+        pulleys=[
+            bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=3e-3),
+            bd.Pulley(name="alternator", center=(0.30, 0.12), radius=0.035, inertia=1e-3),
+            bd.Pulley(
+                name="idler", center=(0.17, 0.035), radius=0.035, inertia=3e-4, side="outside"
+            ),
+        ],
+        friction=bd.Dahl(mu_k=0.8, sigma=2e4),
+    )
+    load = bd.Load("alternator", coulomb=5.0, factor=bd.PiecewiseLinear([0.1, 0.15], [0.0, 1.0]))
+    motion = {"crank": bd.PiecewiseLinear([0.0, 0.1], [0.0, 100.0])}
+    return bd.simulate(params, load, 0.4, motion, **options)
+
+
+@functools.cache
+def report() -> bd.Report:
+    return result().report(0.25)
+
+
+def test_twelve_questions_of_a_stranger() -> None:
+    """Each is answered by a number or a text of the report, and by a row of what it prints."""
+    told = report()
+    text = str(told)
+    alternator = told.pulleys["alternator"]
+    spans = {row.name: row for row in told.spans}
+    load, tight = alternator.hub_load, spans["crank to alternator"].tension
+    first = told.first_to_slip
+    assert load is not None and tight is not None and first is not None
+    assert alternator.hub_direction is not None and alternator.speed is not None
+    answers: dict[str, Any] = {
+        "what load do the alternator's bearings carry?": load.mean,
+        "in which direction?": alternator.hub_direction,
+        "how far is it from slipping?": alternator.margin,
+        "at which torque does it slip?": alternator.slip_torque,
+        "which pulley slips first?": first.name,
+        "where does the power go?": told.efficiency,
+        "how much of it is friction on the crank?": told.powers["friction on crank"].power,
+        "how fast is the alternator, in 1/min?": alternator.speed.mean * 30.0 / math.pi,
+        "why is it slower than its radius says?": told.creep["alternator"].creep,
+        "how tight is the tight span?": tight.mean,
+        "does a span resonate?": spans["crank to alternator"].lateral,
+        "what load cycles does a link go through?": told.cycles[0].range,
+    }
+    assert len(answers) == 12
+    for question, answer in answers.items():
+        assert answer is not None, question
+        if isinstance(answer, float):
+            assert math.isfinite(answer) and answer != 0.0, question
+            digits = f"{abs(answer):.2e}".replace(".", "")[:2]
+            percent = f"{100.0 * abs(answer):.2e}".replace(".", "")[:2]
+            bare = text.replace(".", "")
+            assert digits in bare or percent in bare, question
+        else:
+            assert f"{answer} slips first" in text
+    assert not told.unsteady, "can the means be trusted?"
+
+
+def test_numbers_are_those_of_the_run() -> None:
+    run, told = result(), report()
+    late = run.t >= told.begin
+    assert told.samples == late.sum() and told.end == run.t[-1]
+    for k, row in enumerate(told.pulleys):
+        assert row.speed is not None and row.torque is not None and row.hub_load is not None
+        omega = run.pulleys.omega[late, k]
+        assert row.speed.mean == pytest.approx(np.trapezoid(omega, run.t[late]) / 0.1, rel=1e-9)
+        assert (row.speed.least, row.speed.most) == (omega.min(), omega.max())
+    # What the belt gives up in tension round a pulley is its torque over the radius.
+    tensions = [row.tension.mean for row in told.spans if row.tension is not None]
+    torque = told.pulleys["alternator"].belt_torque
+    assert torque is not None
+    assert abs(torque) / 0.035 == pytest.approx(abs(tensions[0] - tensions[1]), rel=5e-3)
+    # Bearings carry what both spans pull with, less rho v^2.
+    way, row = run.params.route, told.pulleys["idler"]
+    before, after = way.arrive[2] - way.leave[1], way.arrive[0] - way.leave[2]
+    mass = 0.1 * (told.belt_speed or 0.0) ** 2
+    pull = (tensions[2] - mass) * after / np.linalg.norm(after)
+    pull = pull - (tensions[1] - mass) * before / np.linalg.norm(before)
+    assert row.hub_load is not None and row.hub_direction is not None
+    assert row.hub_load.mean == pytest.approx(float(np.hypot(*pull)), rel=5e-3)
+    assert row.hub_direction == pytest.approx(math.degrees(math.atan2(pull[1], pull[0])), abs=0.5)
+
+
+def test_it_reads_in_a_terminal_and_in_a_notebook() -> None:
+    text = str(report())
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert not re.search(r"\b(nan|inf)\b", text)
+    for word in ("1/min", "rad/s", "N m", " W", "crank to alternator", "%", "Efficiency", "slips"):
+        assert word in text, word
+    html = report()._repr_html_()
+    assert html.count("<table>") == html.count("</table>") == 7
+    assert "crank to alternator" in html and "<script" not in html
+    assert repr(report()).startswith("Report(t = 0.3 to 0.4 s")
+
+
+def test_names_are_escaped_in_notebooks() -> None:
+    row = attrs.evolve(report().pulleys[0], name="<b>&")
+    told = attrs.evolve(report(), pulleys=type(report().pulleys)([row]))
+    assert "&lt;b&gt;&amp;" in told._repr_html_() and "<b>&" not in told._repr_html_()
+
+
+def test_plain_numbers() -> None:
+    told = report().to_dict()
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    speed = report().pulleys["crank"].speed
+    assert speed is not None and told["pulleys"][0]["speed"]["mean"] == speed.mean
+    assert told["driver"] == "crank"
+
+
+def test_a_table_of_pandas() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = report().to_frame()
+    assert isinstance(frame, pandas.DataFrame)
+    at = frame[(frame.name == "alternator") & (frame.quantity == "hub_load")]
+    load = report().pulleys["alternator"].hub_load
+    assert load is not None and at.value.item() == load.mean and at.unit.item() == "N"
+    assert not frame.value.isna().any()
+
+
+def test_a_missing_pandas_is_said_by_the_name_of_the_extra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r"beltdyn\[report\]"):
+        report().to_frame()
+
+
+def test_rows_by_name() -> None:
+    rows = report().pulleys
+    assert rows["idler"] is rows[2] and rows[:2] == (rows[0], rows[1])
+    with pytest.raises(KeyError, match="crank, alternator, idler"):
+        rows["fan"]
+
+
+# --- What it cannot tell --------------------------------------------------------------------------
+
+
+def test_outputs_that_are_missing_are_named() -> None:
+    told = result(outputs=("pulleys.omega", "span_tension")).report(0.25)
+    text = str(told)
+    for name in ("pulleys.torque", "pulleys.load", "joints.force", "contact.friction"):
+        assert name in text, name
+    assert told.pulleys["crank"].torque is None and told.creep == () and told.powers == ()
+    assert told.pulleys["crank"].speed is not None
+    assert told.spans[0].tension is not None and not re.search(r"\bnan\b", text)
+    assert result(outputs=("energy",)).report().notes
+    assert str(result(outputs=("belt.x",)).report())
+
+
+def test_an_unsteady_window_says_by_how_much() -> None:
+    told = result().report(1.0)
+    assert any("the mean speed of crank goes from" in line for line in told.unsteady)
+    assert "not steady: the mean speed of crank" in str(told)
+
+
+def test_without_friction_at_rest_and_on_one_pulley() -> None:
+    params = attrs.evolve(result().params, friction=None)
+    still = bd.simulate(params, bd.PiecewiseLinear([0.0, 1.0], np.zeros((2, 3))), 0.01)
+    told = still.report()
+    assert any("no friction" in note for note in told.notes)
+    assert all(row.margin is None for row in told.pulleys)
+    assert not re.search(r"\bnan\b", str(told))
+    with pytest.raises(ValueError, match="two times"):
+        bd.simulate(params, bd.Load(1, coulomb=0.0), 0.01, t_eval=[0.01]).report()
+
+
+def test_uneven_samples_have_no_spectrum() -> None:
+    times = np.concatenate([np.linspace(0.0, 0.3, 50), np.linspace(0.3, 0.4, 60)[1:] ** 1.0])
+    times[-10] += 5e-4
+    told = result(t_eval=tuple(times)).report(0.2)
+    assert any("not even in time" in note for note in told.notes)
+    assert all(row.frequency is None for row in told.spans)
+
+
+@pytest.mark.parametrize("last", [0.0, -0.1, 1.01, math.nan, "a"])
+def test_a_bad_window_is_refused(last: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match="last"):
+        result().report(last)
+
+
+@pytest.mark.parametrize("joint", [-1, 100, 1.5])
+def test_a_bad_joint_is_refused(joint: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match="joint"):
+        result().report(joint=joint)
+
+
+def test_what_it_reads_off_is_left_as_it_was() -> None:
+    run = result()
+    before = {name: array.copy() for name, array in run.pulleys.arrays().items()}
+    run.report()
+    for name, array in run.pulleys.arrays().items():
+        assert np.array_equal(array, before[name])
+
+
+def test_the_summary_tells_creep_from_speed_lost() -> None:
+    rows = dict(result().summary())
+    lost, creep = rows["  speed lost against crank"], rows["    of it creep"]
+    assert lost.startswith("alternator: ") and creep.startswith("alternator: ")
+    split = result().report(0.1).creep["alternator"]
+    assert creep.startswith(f"alternator: {100.0 * split.creep:.3g}")
+
+
+def test_the_command_prints_it() -> None:
+    from click.testing import CliRunner
+
+    from beltdyn.cli import main
+
+    def run(*options: str) -> Any:
+        return CliRunner().invoke(main, ["run", "three-pulleys", "--t-end", "0.2", *options])
+
+    told = run("--last", "0.5")
+    assert told.exit_code == 0
+    for words in ("Means over t = 0.1 to 0.2 s", "slips first", "Efficiency", "pulley speeds"):
+        assert words in told.stdout, words
+    few = run("--outputs", "pulleys.omega")
+    assert few.exit_code == 0 and "no hub loads: pulleys.load not asked for" in few.stdout
+    assert run("--quiet").stdout == ""
+    for bad in ("0", "1.5", "nan"):
+        refused = run("--last", bad)
+        assert refused.exit_code == 2 and "--last must be > 0 and <= 1" in refused.stderr
