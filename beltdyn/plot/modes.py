@@ -35,7 +35,9 @@ class _ModePicture:
         ax.plot(*self._closed(self.rest), color="0.72", lw=1.0, label="at rest")
         self.centers = np.array(self.params.centers(state.travel))
         for k_p, pulley in enumerate(self.params.pulleys):
-            ax.add_patch(Circle(tuple(self.centers[k_p]), pulley.radius, fc="none", ec="0.8", lw=0.8))
+            ax.add_patch(
+                Circle(tuple(self.centers[k_p]), pulley.radius, fc="none", ec="0.8", lw=0.8)
+            )
 
     @staticmethod
     def _closed(points: Array) -> Array:
@@ -188,7 +190,8 @@ def frequency_response(
     Args:
         response: From :func:`beltdyn.frequency_response`.
         output: "theta", "omega", "span_tension" (of the span after each pulley) or "travel".
-        which: Pulleys, by index or name, one or several; None: all. Of "travel" all mounts are drawn.
+        which: Pulleys, by index or name, one or several; None: all. Of "travel" all mounts are
+            drawn.
         axes: Axes for amplitude and phase; None: those of a new figure.
 
     Raises:
