@@ -1,7 +1,7 @@
 """Modes and frequency responses against the dense Jacobian, closed forms and runs.
 
-The dense Jacobian (tests/dense.py) is that of the core's solver; it is itself held to differences of
-the oracle's equations by test_jacobian.py. Its eigenvalues come from LAPACK, all of them.
+The dense Jacobian (tests/dense.py) is that of the core's solver; it is itself held to differences
+of the oracle's equations by test_jacobian.py. Its eigenvalues come from LAPACK, all of them.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-import attrs
 import dense
 import numpy as np
 import pytest

@@ -1,13 +1,16 @@
 """A three-pulley drive with a tensioner arm against an independent linear model.
 
-Rigid pulleys and arm, spans as strings: R. G. Beikmann, N. C. Perkins, A. G. Ulsoy, "Free vibration of
-serpentine belt drive systems", J. Vib. Acoust. 118 (1996) 406-413. Rotations and the arm are coupled
-by the stretch of the spans, the arm and the strings by the moving end of the spans beside it. Their
-equations follow here from the energies, spans expanded in sines about the line between their ends; the
-inertia of the belt along itself, which they lump, is that of a linear motion between the ends.
+Rigid pulleys and arm, spans as strings: R. G. Beikmann, N. C. Perkins, A. G. Ulsoy, "Free vibration
+of serpentine belt drive systems", J. Vib. Acoust. 118 (1996) 406-413. Rotations and the arm are
+coupled by the stretch of the spans, the arm and the strings by the moving end of the spans beside
+it. Their equations follow here from the energies, spans expanded in sines about the line between
+their ends; the inertia of the belt along itself, which they lump, is that of a linear motion
+between the ends.
 
 The model is the limit of stiff contact and friction. A belt held by friction of the stiffness k per
 metre gives at the end of its span as sqrt(EA / k) of belt does: 0.3 mm of 200 mm and more.
+
+SOFT
 """
 
 from __future__ import annotations
@@ -29,9 +32,7 @@ PIVOT = (0.300, -0.030)
 
 def drive(n_bodies: int) -> bd.Params:
     return bd.Params(
-        belt=bd.Belt(
-            n_bodies=n_bodies, linear_density=RHO, axial_stiffness=EA, axial_damping=0.05
-        ),
+        belt=bd.Belt(n_bodies=n_bodies, linear_density=RHO, axial_stiffness=EA, axial_damping=0.05),
         pulleys=[
             bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.080, inertia=0.030),
             bd.Pulley(name="alternator", center=(0.400, 0.120), radius=0.035, inertia=0.003),
@@ -41,7 +42,7 @@ def drive(n_bodies: int) -> bd.Params:
                 radius=0.035,
                 inertia=3e-4,
                 side="outside",
-                mount=bd.Arm(pivot=PIVOT, inertia=3e-3, stiffness=40.0, preload=-18.0),
+                mount=bd.Arm(pivot=PIVOT, inertia=3e-3, stiffness=300.0, preload=-8.0),
             ),
         ],
         contact=bd.Contact(linear=4e9, damping=2e3),
@@ -60,7 +61,7 @@ def turned(params: bd.Params, angle: float) -> Array:
     centers = np.array([pulley.center for pulley in params.pulleys])
     reach = centers[2] - PIVOT
     cos, sin = np.cos(angle), np.sin(angle)
-    centers[2] = np.array(PIVOT) + [cos * reach[0] - sin * reach[1], sin * reach[0] + cos * reach[1]]
+    centers[2] = PIVOT + np.array([[cos, -sin], [sin, cos]]) @ reach
     return centers
 
 
@@ -77,6 +78,7 @@ def linear_model(params: bd.Params, angle: float, tension: float) -> Array:
     pulleys, way, n_p = params.pulleys, params.route, 3
     n = n_p + 1 + n_p * SINES
     mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
+    rho = RHO / (1.0 + tension / EA)  # per metre of the stretched belt
     arm = n_p
     centers = turned(params, angle)
     reach = centers[2] - PIVOT
@@ -93,8 +95,8 @@ def linear_model(params: bd.Params, angle: float, tension: float) -> Array:
         # rotation, and the belt on the pulley: sigma R theta t + d psi along the arc
         rim = row({j: way.senses[j] * pulley.radius})
         mass[j, j] += pulley.inertia
-        on_rim = RHO * pulley.radius * way.wraps[j]
-        chord = RHO * (way.leave[j] - way.arrive[j])  # integral of rho t ds
+        on_rim = rho * pulley.radius * way.wraps[j]
+        chord = rho * (way.leave[j] - way.arrive[j])  # integral of rho t ds
         move = row({arm: 1.0})
         mass += on_rim * (np.outer(rim, rim) + (d[j] @ d[j]) * np.outer(move, move))
         mass += (chord @ d[j]) * (np.outer(rim, move) + np.outer(move, rim))
@@ -103,7 +105,9 @@ def linear_model(params: bd.Params, angle: float, tension: float) -> Array:
     mass[arm, arm] += mount.inertia
     h = 1e-3
     curvature = (
-        line_length(params, angle + h) - 2 * line_length(params, angle) + line_length(params, angle - h)
+        line_length(params, angle + h)
+        - 2 * line_length(params, angle)
+        + line_length(params, angle - h)
     ) / h**2
     stiffness[arm, arm] += mount.stiffness + tension * curvature
     for s in range(n_p):
@@ -120,17 +124,19 @@ def linear_model(params: bd.Params, angle: float, tension: float) -> Array:
         for one in (ends, sides):
             for p in range(2):
                 for q in range(2):
-                    mass += RHO * length / (3.0 if p == q else 6.0) * np.outer(one[p], one[q])
+                    mass += rho * length / (3.0 if p == q else 6.0) * np.outer(one[p], one[q])
         for m in range(1, SINES + 1):
             k = n_p + 1 + s * SINES + m - 1
-            mass[k, k] += 0.5 * RHO * length
+            mass[k, k] += 0.5 * rho * length
             stiffness[k, k] += 0.5 * tension * (m * np.pi) ** 2 / length
             # integrals of (1 - x / L) sin and (x / L) sin
-            both = (RHO * length / (m * np.pi)) * (sides[0] - (-1.0) ** m * sides[1])
+            both = (rho * length / (m * np.pi)) * (sides[0] - (-1.0) ** m * sides[1])
             mass[k] += both
             mass[:, k] += both
     free = np.arange(1, n)
-    values = np.linalg.eigvals(np.linalg.solve(mass[np.ix_(free, free)], stiffness[np.ix_(free, free)]))
+    values = np.linalg.eigvals(
+        np.linalg.solve(mass[np.ix_(free, free)], stiffness[np.ix_(free, free)])
+    )
     return np.sort(np.sqrt(values.real)) / (2.0 * np.pi)
 
 

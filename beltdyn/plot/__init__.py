@@ -10,6 +10,7 @@ Each function draws one panel::
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
     before a run layout: the way of the belt round its pulleys
+    vibration    mode, frequency_response; animate_mode (of bd.modes, bd.frequency_response)
     several      overview (a figure of four panels), animate (GIF, MP4, HTML or in a notebook)
 
 It takes a :class:`beltdyn.Result`, finished or not, and ``ax=``, the axes to draw into (make them
@@ -39,6 +40,7 @@ from .friction import contact_forces, friction_coefficient, relative_velocity
 from .history import joint_deformation, joint_force, span_tensions, speeds, torques
 from .layout import layout
 from .ledger import energy
+from .modes import animate_mode, frequency_response, mode
 from .mounting import travel
 from .places import arcs, tension_along
 from .spectrum import campbell, spectrum
@@ -46,16 +48,19 @@ from .spectrum import campbell, spectrum
 __all__ = [
     "Animation",
     "animate",
+    "animate_mode",
     "arcs",
     "campbell",
     "contact_forces",
     "drive",
     "energy",
     "force_along_belt",
+    "frequency_response",
     "friction_coefficient",
     "joint_deformation",
     "joint_force",
     "layout",
+    "mode",
     "overview",
     "relative_velocity",
     "span_tensions",

@@ -3,19 +3,19 @@
 The core solves (1 - g J) k = g c, J its analytic Jacobian (:meth:`beltdyn._core.Model.solve`), by a
 system that goes once round the ring. With unit vectors for c and a g so short that |g J| is some
 1e-3, k / g - c = B = g J + (g J)^2 + ..., of which every entry but the diagonal comes without a
-difference of large numbers, and g J = B - B^2 + B^3 - ... to rounding. Entries decay so fast with the
-distance of links that B is sparse. That takes as many solves as there are unknowns, and gives what a
-solve at real shifts does not: shifts anywhere in the complex plane by a sparse LU, torques that depend
-on speeds, prescribed motions, and the running belt, as entries of one matrix.
+difference of large numbers, and g J = B - B^2 + B^3 - ... to rounding. Entries decay so fast with
+the distance of links that B is sparse. That takes as many solves as there are unknowns, and gives
+what a solve at real shifts does not: shifts anywhere in the complex plane by a sparse LU, torques
+that depend on speeds, prescribed motions, and the running belt, as entries of one matrix.
 
-Left out are the slip displacements, on which nothing depends, and friction states of links that touch
-no pulley.
+Left out are the slip displacements, on which nothing depends, and friction states of links that
+touch no pulley.
 
 A running belt carries its links along: J is taken as they stand at one moment, in coordinates that
 move with the links. In places fixed in space, which a steady belt passes with a links per second, a
-small motion eta of the link at a place changes as d eta/dt = J eta - a D eta, D the derivative by the
-number of the link (fourth order, of friction states second order against the belt's run, for these
-begin anew where a link arrives). Pulleys and mounts stay in their places.
+small motion eta of the link at a place changes as d eta/dt = J eta - a D eta, D the derivative by
+the number of the link (fourth order, of friction states second order against the belt's run, for
+these begin anew where a link arrives). Pulleys and mounts stay in their places.
 """
 
 from __future__ import annotations
@@ -158,9 +158,7 @@ def linearise(
     of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
     fixed |= of_mounts & np.isin(index, paths)
     inner = np.flatnonzero(keep & ~fixed)
-    given = tuple(
-        jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega")
-    )
+    given = tuple(jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega"))
     return Linear(
         params=params,
         state=core,
@@ -310,9 +308,10 @@ def _derivative(
     central = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
     behind = {0: 1.5, -1: -2.0, -2: 0.5}
     against = behind if passing > 0.0 else {-k: -v for k, v in behind.items()}
-    where = {(name, i): row for row, (name, i) in enumerate(zip(names.tolist(), index.tolist()))}
+    keys = list(zip(names.tolist(), index.tolist(), strict=True))
+    where = {key: row for row, key in enumerate(keys)}
     rows, columns, values = [], [], []
-    for row, (name, i) in enumerate(zip(names.tolist(), index.tolist())):
+    for row, (name, i) in enumerate(keys):
         if name not in ("x", "y", "phi", "vx", "vy", "vphi", "mu") or not keep[row]:
             continue
         for offset, value in (against if name == "mu" else central).items():

@@ -1,8 +1,8 @@
 """What moves in a mode: shares of the kinetic energy, and a name for it.
 
 The kinetic energy of a mode, as the mean over a period, is split into that of the belt across each
-span, of each pulley's rotation, of each mount, and of the belt otherwise: along itself, and where it
-lies on pulleys.
+span, of each pulley's rotation, of each mount, and of the belt otherwise: along itself, and where
+it lies on pulleys.
 """
 
 from __future__ import annotations
@@ -93,10 +93,8 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
         across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
     inertia = np.array([pulley.inertia for pulley in params.pulleys])
     turns = (inertia[:, None] * abs(linear.field(vectors, "omega")) ** 2).T
-    moved = np.zeros((n, len(params.mounted)))
-    if params.mounted:
-        weight = np.array([_inertia(params, k) for k in params.mounted])
-        moved = (weight[:, None] * abs(linear.field(vectors, "travel_speed")) ** 2).T
+    weight = np.array([_inertia(params, k) for k in params.mounted]).reshape(-1, 1)
+    moved = (weight * abs(linear.field(vectors, "travel_speed")) ** 2).T
     belt = whole.sum(axis=0) - across.sum(axis=1)
     total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
     return Participation(
@@ -121,9 +119,7 @@ def names(
     return tuple(_name(linear, vectors[:, [k]], where, shares, k) for k in range(vectors.shape[1]))
 
 
-def _name(
-    linear: Linear, vector: Complex, where: Sections, shares: Participation, k: int
-) -> str:
+def _name(linear: Linear, vector: Complex, where: Sections, shares: Participation, k: int) -> str:
     params = linear.params
     parts: list[tuple[float, str]] = [(float(shares.belt[k]), "belt along itself")]
     for span, share in enumerate(shares.spans[k]):
@@ -159,8 +155,8 @@ def _order(linear: Linear, vector: Complex, where: Sections, span: int) -> str:
 def _first(free: NDArray[np.intp], n: int) -> int:
     """First link of a run round the ring."""
     gaps = np.flatnonzero(np.diff(free) > 1)
-    return int(free[gaps[0] + 1]) if gaps.size and free[0] == 0 and free[-1] == n - 1 else int(
-        free[0]
+    return (
+        int(free[gaps[0] + 1]) if gaps.size and free[0] == 0 and free[-1] == n - 1 else int(free[0])
     )
 
 
@@ -178,4 +174,6 @@ def _rotation(
             against = [params.pulley_names[other]]
     elif linear.prescribed:
         against = [params.pulley_names[j] for j in linear.prescribed[:1]]
-    return f"rotation of {params.pulley_names[most]}" + (f" against {against[0]}" if against else "")
+    return f"rotation of {params.pulley_names[most]}" + (
+        f" against {against[0]}" if against else ""
+    )

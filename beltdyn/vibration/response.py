@@ -1,4 +1,4 @@
-"""Frequency response of a drive: from a torque or a motion of pulleys to what moves, and tensions."""
+"""Frequency response of a drive: from a torque or a motion of pulleys to motions and tensions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STEP = 1e-8
 
 @attrs.frozen(kw_only=True, eq=False)
 class FrequencyResponse:
-    """Complex amplitudes at each frequency: what is excited as ``Re(a exp(i 2 pi f t))`` gives these.
+    """Complex amplitudes at each frequency, of what is excited as ``Re(a exp(2 pi i f t))``.
 
     Attributes:
         frequency: Frequencies (n_f,) [Hz].
@@ -169,7 +169,7 @@ def _solve(linear: Linear, rates: Array, torques: Complex, motions: Complex) -> 
 
 
 def _forces(linear: Linear, vectors: Complex, theta: Complex, omega: Complex) -> Complex:
-    """Forces in the joints (n_f, n_b), linear in the motion: by central differences."""
+    """Give the forces in the joints (n_f, n_b), linear in the motion: by central differences."""
     model = linear.params._model
     size = linear.norms(1.0)
     place = np.isin(linear.names, ["x", "y", "theta", "travel"])
