@@ -61,6 +61,7 @@ from .motions import CrankMotion, Motion
 from .mounts import Arm, Path, Slider
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
+from .report import Report
 from .result import Result
 from .route import Route, route
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
@@ -106,6 +107,7 @@ __all__ = [
     "Pulley",
     "QuantityError",
     "Ramp",
+    "Report",
     "Result",
     "Route",
     "RunWarning",

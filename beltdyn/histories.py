@@ -89,19 +89,23 @@ def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
 
 @attrs.frozen(eq=False, repr=False)
 class PulleyHistory(Group):
-    """Pulleys over time, each (n_t, n_p).
+    """Pulleys over time, each (n_t, n_p), ``load`` (n_t, n_p, 2).
 
     Attributes:
         theta: Angle, counter-clockwise [rad].
         omega: Angular velocity [rad/s].
         torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
             that it needs.
+        load: Force of the belt on the pulley in x and y, of contact and friction [N]: the hub load,
+            what its bearings carry besides weights and the inertia of a pulley that moves. Of a
+            running belt the relief by its centrifugal force is in it (``Result.hub_load``).
         names: Names of the pulleys, "pulley 3" of one that has none (n_p,).
     """
 
     theta: Array
     omega: Array
     torque: Array
+    load: Array
     names: tuple[str, ...] = attrs.field(default=(), metadata={"array": False})
 
 

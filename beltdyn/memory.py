@@ -42,6 +42,7 @@ def check_samples(
         "LINKS": n_bodies,
         "FRICTION": n_bodies if friction else 0,
         "PULLEYS": n_pulleys,
+        "PLANE": 2 * n_pulleys,
         "MOUNTS": n_mounts,
         "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
     }

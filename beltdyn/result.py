@@ -29,6 +29,7 @@ from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
+from .report import Report, creep_against, make_report
 from .run_warnings import RunWarning
 from .sanity import bodies
 from .spans import span_tension
@@ -52,6 +53,7 @@ class Result:
     Time is the first axis of every array, of n_t samples; n_b links, joints, and n_p pulleys::
 
         pulleys   theta, omega, torque                             (n_t, n_p)
+                  load                                             (n_t, n_p, 2)
         belt      x, y, phi, vx, vy, vphi                          (n_t, n_b)
         joints    deformation, force                               (n_t, n_b)
         contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
@@ -61,7 +63,7 @@ class Result:
 
     Attributes:
         t: Sample times (n_t,) [s]; those reached, if the run did not finish.
-        pulleys: Angles, speeds and torques of the pulleys.
+        pulleys: Angles, speeds, torques and hub loads of the pulleys.
         belt: Coordinates and velocities of the links.
         joints: Deformation and force of the joints.
         contact: Contact and friction of the links; for a link on two pulleys those of the one with
@@ -185,6 +187,9 @@ class Result:
     def slip(self) -> Array:
         """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
 
+        Not all of it is creep: where the belt sinks into its pulleys it runs on smaller radii.
+        :meth:`report` splits it into stretch, friction and radius.
+
         Of a pulley that the belt turns the other way round, outside, with -omega_k.
 
         NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
@@ -197,6 +202,26 @@ class Result:
         first = np.abs(speed[:, :1])
         stands = first <= 1e-3 * np.max(first, initial=0.0)
         return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))
+
+    def report(self, last: float = 0.2, *, joint: int = 0) -> Report:
+        """Give what an engineer reads off the last part of the run; print it.
+
+        Pulleys: speeds, torques, powers, hub loads, arcs of contact and slip, tension ratios, the
+        margin of torque to full slip. Spans: tensions, the strongest line in them, the frequency as
+        a moving string. Creep split into its causes, where every watt goes, load cycles of a link.
+
+        Args:
+            last: The part of the run, counted from its end, 0 < last <= 1.
+            joint: The joint whose load cycles are counted.
+
+        Returns:
+            What can be told from the outputs that there are; it says what cannot, and why.
+
+        Raises:
+            TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has less than two
+                samples.
+        """
+        return make_report(self, last, joint)
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if self.t.size else "no samples"
@@ -254,8 +279,13 @@ class Result:
                 rows.append(("  mounts, from their places", ", ".join(texts)))
             # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
             if slip.size and (np.abs(slip) <= 1.0).all():
-                against = f"  creep against {names[0]}"
+                against = f"  speed lost against {names[0]}"
                 rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
+                # The rest is running radii: report() has all parts.
+                split = creep_against(self, 0, 0.1)
+                if len(split) == slip.size:
+                    creep = 100 * np.array([one.creep for one in split])
+                    rows.append(("    of it creep", listed(creep, ".3g", names[1:], " %")))
         rows += self.accuracy.summary()
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]

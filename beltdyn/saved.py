@@ -25,13 +25,14 @@ __all__ = ["read", "write"]
 _T = TypeVar("_T")
 
 #: Raised whenever older files could be misread.
-_FORMAT = 3
+_FORMAT = 4
 _STATUS = ("finished", "failed", "interrupted")
 _FINAL = {f"final_state.{name}": size for name, size, *_ in _core.STATE_FIELDS}
 #: A step is accepted only if the state after it is finite, but before a run fails the forces and
 #: energies of such a state may exceed the range of floats. The state itself is always finite.
 _MAY_OVERFLOW = {
     "pulleys.torque",
+    "pulleys.load",
     "joints.deformation",
     "joints.force",
     "contact.normal",
@@ -245,7 +246,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
 
     def history(group: str) -> dict[str, NDArray[Any]]:
         shapes = {"pulleys": (t.size, n_p), "mounts": (t.size, n_m), "energy": (t.size,)}
-        shape = shapes.get(group, (t.size, n_b))
+        of_group = shapes.get(group, (t.size, n_b))
         arrays = {}
         for field in GROUPS[group].array_names():
             name = f"{group}.{field}"
@@ -255,6 +256,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
                     raise ValueError(f"{name} does not belong there: it was not asked for")
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
+            shape = (t.size, n_p, 2) if name == "pulleys.load" else of_group
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (
                 name in _MAY_OVERFLOW or group in ("mounts", "energy")

@@ -136,12 +136,14 @@
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of a state's
- * fields; FRICTION, links of drives with friction; ENERGY, columns of the ledger. Of mounts:
- * torques of an arm, forces of a slider, in the sense of its travel. */
+ * fields; PLANE, x and y for each pulley (n_p, 2); FRICTION, links of drives with friction; ENERGY,
+ * columns of the ledger. Of mounts: torques of an arm, forces of a slider, in the sense of its
+ * travel. */
 #define BD_OUTPUTS(X)                                                                              \
   X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \
   X(torque, pulleys, PULLEYS, "N m", "set torque M_d; or what a prescribed motion needs")          \
+  X(load, pulleys, PLANE, "N", "force of the belt on the pulley, its contact and friction")        \
   X(x, belt, LINKS, "m", "mass centre")                                                            \
   X(y, belt, LINKS, "m", "mass centre")                                                            \
   X(phi, belt, LINKS, "rad", "link angle, continuous")                                             \

@@ -176,6 +176,23 @@ def rate_of_core(model: _core.Model, layout: Layout, torque: Array | None = None
     return lambda v: layout.pack(model.rate(layout.unpack(v), still))
 
 
+def vector_of_oracle(oracle: reference.Reference, state: dict[str, Any], slots: Array) -> Array:
+    """The oracle's state of one of the core's; slots: of each pulley."""
+    y = np.zeros(oracle.size)
+    links, pulleys, memory = oracle.links(y), oracle.pulleys(y), oracle.memory(y)
+    for row, name in enumerate(("x", "y", "phi")[: oracle.freedoms]):
+        links[0, row], links[1, row] = state[name], state[f"v{name}"]
+    pulleys[0], pulleys[1] = state["theta"], state["omega"]
+    mounts = oracle.mount_states(y)
+    for row, name in enumerate(MOUNT_STATES if oracle.mounts else ()):
+        mounts[row] = state[name]
+    for name, part in {"mu": memory[:-1], "slip": memory[-1:]}.items():
+        if np.size(state[name]):
+            by_slot = state[name].reshape(-1, len(part), oracle.n_bodies)
+            part[:] = np.moveaxis(by_slot[slots], 1, 0)
+    return y
+
+
 def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) -> Vector:
     """The oracle's right-hand side in the core's layout; slots: of each pulley.
 
@@ -183,23 +200,11 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
     and of the rates of a slot's pulleys, of which one at most is touched, the sum is taken.
     """
     n, n_p = oracle.n_bodies, oracle.n_pulleys
+    names = ("x", "y", "phi")[: oracle.freedoms]
     held = [name for name in ("mu", "slip") if layout.sizes[name]]
 
     def rate(vector: Array) -> Array:
-        state = layout.unpack(vector)
-        y = np.zeros(oracle.size)
-        links, pulleys, memory = oracle.links(y), oracle.pulleys(y), oracle.memory(y)
-        names = ("x", "y", "phi")[: oracle.freedoms]
-        for row, name in enumerate(names):
-            links[0, row], links[1, row] = state[name], state[f"v{name}"]
-        pulleys[0], pulleys[1] = state["theta"], state["omega"]
-        mounts = oracle.mount_states(y)
-        for row, name in enumerate(MOUNT_STATES if oracle.mounts else ()):
-            mounts[row] = state[name]
-        parts = {"mu": memory[:-1], "slip": memory[-1:]}
-        for name in held:
-            by_slot = state[name].reshape(-1, len(parts[name]), n)
-            parts[name][:] = np.moveaxis(by_slot[slots], 1, 0)
+        y = vector_of_oracle(oracle, layout.unpack(vector), slots)
         dy = oracle.rhs(0.0, y, lambda t, theta, omega: np.zeros(n_p))
         d_links, d_pulleys, d_memory = oracle.links(dy), oracle.pulleys(dy), oracle.memory(dy)
         out: dict[str, Any] = {"theta": d_pulleys[0], "omega": d_pulleys[1]}

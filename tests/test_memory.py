@@ -52,7 +52,7 @@ def test_samples_beyond_memory_are_refused_before_anything_runs(
     with pytest.raises(MemoryError) as caught:
         bd.simulate(*scene, t_eval=np.linspace(0.0, 1.0, 5 * MANY))
     assert str(caught.value) == (
-        "t_eval is too long for the memory: the 2000000 samples need 3.04 GB, and 1.5 GB are "
+        "t_eval is too long for the memory: the 2000000 samples need 3.1 GB, and 1.5 GB are "
         "available; take fewer times, or run in parts, each from the final_state of the one before"
     )
 

@@ -44,7 +44,7 @@ def test_tables_are_what_the_objects_use(model, rest):
     assert {size for _, size, *_ in _core.STATE_FIELDS} == {
         "LINKS", "SLOTS", "STATES", "PULLEYS", "MOUNTS",
     }  # fmt: skip
-    sizes = {"LINKS", "FRICTION", "PULLEYS", "MOUNTS", "ENERGY"}
+    sizes = {"LINKS", "FRICTION", "PULLEYS", "PLANE", "MOUNTS", "ENERGY"}
     assert {row[2] for row in _core.OUTPUTS} == sizes
     assert [row[0] for row in _core.RULES] == [
         "POSITIVE",

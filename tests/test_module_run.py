@@ -109,7 +109,8 @@ def test_sample_shapes(model, rest):
     assert model.energy_terms == tuple(columns)
     rows = [row for row in _core.OUTPUTS if row[2] != "MOUNTS"]
     for name, _, size, *_ in rows:
-        assert samples[name].shape == (3, widths[size]) and samples[name].dtype == np.float64
+        shape = (3, N_P, 2) if size == "PLANE" else (3, widths[size])
+        assert samples[name].shape == shape and samples[name].dtype == np.float64
         assert np.isnan(samples[name]).all() and samples[name].flags.c_contiguous
     assert samples["pulley"].dtype == np.int32 and samples["pulley"].shape == (3, N_B)
     assert (samples["pulley"] == -1).all() and simulation.samples == 0

@@ -177,7 +177,7 @@ def test_results_keep_names(result: bd.Result, unnamed: bd.Result, tmp_path: Pat
     for one in (result, kept, pickle.loads(pickle.dumps(result)), attrs.evolve(result, t=result.t)):
         assert one.params.pulley_names == one.pulleys.names == NAMES
     assert unnamed.pulleys.names == ("pulley 0", "pulley 1", "pulley 2")
-    assert list(result.pulleys.arrays()) == ["theta", "omega", "torque"]
+    assert list(result.pulleys.arrays()) == ["theta", "omega", "torque", "load"]
 
 
 def test_summaries_say_whose(result: bd.Result, unnamed: bd.Result) -> None:
@@ -189,9 +189,9 @@ def test_summaries_say_whose(result: bd.Result, unnamed: bd.Result) -> None:
     spans = [f"{NAMES[k]} to {NAMES[(k + 1) % 3]}" for k in range(3)]
     expected = ", ".join(f"{name}: {v}" for name, v in zip(spans, values, strict=True))
     assert rows["  span tensions"] == f"{expected} N"
-    values = plain["  creep against pulley 0"].removesuffix(" %").split(", ")
+    values = plain["  speed lost against pulley 0"].removesuffix(" %").split(", ")
     expected = ", ".join(f"{name}: {v}" for name, v in zip(NAMES[1:], values, strict=True))
-    assert rows["  creep against crank"] == f"{expected} %"
+    assert rows["  speed lost against crank"] == f"{expected} %"
 
 
 # ------------------------------------------------------------------- accepted

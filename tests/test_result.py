@@ -153,7 +153,8 @@ def test_time_is_the_first_axis(result: bd.Result) -> None:
             assert result.mounts is None
         elif size != "ENERGY":
             array = getattr(getattr(result, _group), name)
-            assert array.shape == (N_T, 2 if size == "PULLEYS" else 60), name
+            widths = {"PULLEYS": (2,), "PLANE": (2, 2)}
+            assert array.shape == (N_T, *widths.get(size, (60,))), name
             assert np.isfinite(array).all(), name
     assert result.contact.pulley.shape == (N_T, 60)
     assert result.contact.pulley.dtype.kind == "i"

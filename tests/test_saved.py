@@ -175,8 +175,8 @@ def test_numbers_beyond_floats_only_where_a_run_may_have_them(good: Arrays, path
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda m: m.update(format=1), "its format is 1, this version reads 3"),
-        (lambda m: m.update(format=True), "its format is True, this version reads 3"),
+        (lambda m: m.update(format=1), "its format is 1, this version reads 4"),
+        (lambda m: m.update(format=True), "its format is True, this version reads 4"),
         (lambda m: m.pop("format"), "meta.json.format is missing"),
         (lambda m: m.pop("stats"), "meta.json.stats is missing"),
         (lambda m: m.update(success=1), "success must be true or false, got int 1"),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..checks import Array, integer, real
 from ..params import Params
 from ..result import Result
+from ..spans import mid_span
 
 __all__ = [
     "HISTORIES",
@@ -120,7 +121,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     params, omega = result.params, result.pulleys.omega
     radii = np.array([pulley.radius for pulley in params.pulleys])
     late = time_weights(t, t[-1] - share * (t[-1] - t[0]))
-    tension = _mid_span(result)
+    tension = mid_span(params, result.belt, result.joints.force)
     forces = _per_pulley(result.contact.friction, result.contact.pulley, radii.size)
     lost = np.sum(result.contact.friction * result.contact.velocity, axis=1)
     power = np.column_stack([result.pulleys.torque * omega, lost])
@@ -216,40 +217,3 @@ def _per_pulley(values: Array, touched: NDArray[np.int32], n_p: int) -> Array:
     return np.column_stack(
         [np.sum(values, axis=1, where=touched == k, dtype=float) for k in range(n_p)]
     )
-
-
-def _mid_span(result: Result) -> Array:
-    """Give the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
-
-    Of the places where the belt crosses the plane through the middle of the span's tangent, across
-    it, the nearest counts. NaN if there is none.
-    """
-    params, belt, force = result.params, result.belt, result.joints.force
-    n_p = len(params.pulleys)
-    if n_p == 1:
-        return np.asarray(force.mean(axis=1, keepdims=True))
-    # Joint i, between the right end of link i - 1 and the left end of link i; of a string the bar
-    # between its masses.
-    half = 0.0 if params.belt_model == "string" else 0.5 * params.info["link_length"]
-    tip_x, tip_y = half * np.cos(belt.phi), half * np.sin(belt.phi)
-    x = 0.5 * (belt.x - tip_x + np.roll(belt.x + tip_x, 1, axis=1))
-    y = 0.5 * (belt.y - tip_y + np.roll(belt.y + tip_y, 1, axis=1))
-    tension = np.full((result.t.size, n_p), np.nan)
-    rows = np.arange(result.t.size)
-    begin, end = params.route.leave, np.roll(params.route.arrive, -1, axis=0)
-    for k in range(n_p):
-        mid_x, mid_y = 0.5 * (begin[k] + end[k])
-        tx, ty = (end[k] - begin[k]) / np.linalg.norm(end[k] - begin[k])
-        nx, ny = -ty, tx
-        along = (x - mid_x) * tx + (y - mid_y) * ty
-        across = np.abs((x - mid_x) * nx + (y - mid_y) * ny)
-        after = np.roll(along, -1, axis=1)
-        crossing = (along <= 0.0) & (after > 0.0)
-        first = np.argmin(np.where(crossing, across, np.inf), axis=1)
-        second = (first + 1) % x.shape[1]
-        s0, s1 = along[rows, first], after[rows, first]
-        there = crossing[rows, first]
-        part = np.divide(-s0, s1 - s0, out=np.zeros_like(s0), where=there)
-        value = (1.0 - part) * force[rows, first] + part * force[rows, second]
-        tension[there, k] = value[there]
-    return tension

@@ -106,6 +106,13 @@ def show(scene: str, plot: Path | None) -> None:
 @click.option(
     "--outputs", help="What to compute and keep, by comma: pulleys,span_tension,joints.force."
 )
+@click.option(
+    "--last",
+    type=float,
+    default=0.2,
+    show_default=True,
+    help="The part of the run that the report is of, counted from its end.",
+)
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 @click.pass_context
@@ -124,10 +131,17 @@ def run(
     quantity: str,
     budget: float | None,
     outputs: str | None,
+    last: float,
     verbose: bool,
     quiet: bool,
 ) -> None:
-    """Run SCENE, a name from `beltdyn scenes` or a TOML file."""
+    """Run SCENE, a name from `beltdyn scenes` or a TOML file, and print a report of it.
+
+    The report is of the last part of the run: speeds, torques, powers, hub loads and margins to
+    slip of the pulleys, tensions of the spans, creep by its causes, where power goes, load cycles.
+    """
+    if not 0.0 < last <= 1.0:
+        stop(f"--last must be > 0 and <= 1, got {last:g}", BAD_INPUT)
     written_to = Outputs(out, plot, animate, quiet)
     written_to.check()
     _check_choice(context, error, budget)
@@ -174,6 +188,7 @@ def run(
         _print_summary(scene, result, written, verbose or budget is not None)
         if verify:
             _print_accuracy(result.accuracy)
+        _print_report(result, last)
     warn(result.warnings, quiet)
 
 
@@ -307,6 +322,14 @@ def _print_accuracy(report: Accuracy) -> None:
     Console().print(table)
     for remark in report.remarks():
         click.echo(f"  {remark}")
+
+
+def _print_report(result: Result, last: float) -> None:
+    try:
+        report = str(result.report(last))
+    except ValueError as error:
+        report = f"no report: {error}"
+    click.echo(f"\n{report}")
 
 
 def _print_summary(scene: str, result: Result, written: str, verbose: bool) -> None:

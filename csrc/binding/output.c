@@ -35,13 +35,13 @@ static int fill(void *data, int type, npy_intp n) {
   return 0;
 }
 
-/* A fresh (rows, columns) array, filled. It is kept in `keep`; the dict gets a view, which cannot
- * be resized. */
+/* A fresh (rows, columns) array, of vectors (rows, columns, 2), filled. It is kept in `keep`; the
+ * dict gets a view, which cannot be resized. */
 static void *add_output(PyObject *keep, PyObject *dict, const char *name, int type, npy_intp rows,
-                        npy_intp columns) {
-  const npy_intp shape[2] = {rows, columns};
+                        npy_intp columns, int vectors) {
+  const npy_intp shape[3] = {rows, columns, 2};
   void *data = NULL;
-  PyArrayObject *array = (PyArrayObject *)PyArray_SimpleNew(2, shape, type);
+  PyArrayObject *array = (PyArrayObject *)PyArray_SimpleNew(vectors ? 3 : 2, shape, type);
   if (array && fill(PyArray_DATA(array), type, PyArray_SIZE(array)) == 0 &&
       PyList_Append(keep, (PyObject *)array) == 0 &&
       bd_core_set(dict, name, PyArray_View(array, NULL, NULL)) == 0) {
@@ -99,29 +99,29 @@ static int is_named(PyObject *names, const char *name) {
   return found;
 }
 
-enum { WIDTH_PULLEYS, WIDTH_LINKS, WIDTH_FRICTION, WIDTH_MOUNTS, WIDTH_ENERGY };
+enum { WIDTH_PULLEYS, WIDTH_PLANE, WIDTH_LINKS, WIDTH_FRICTION, WIDTH_MOUNTS, WIDTH_ENERGY };
 
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
                        int n_energy, npy_intp rows, PyObject *names) {
   const npy_intp width[] = {
-      [WIDTH_PULLEYS] = info->n_pulleys,
-      [WIDTH_LINKS] = info->n_bodies,
-      [WIDTH_FRICTION] = info->n_slots > 0 ? info->n_bodies : 0,
-      [WIDTH_MOUNTS] = info->n_mounts,
-      [WIDTH_ENERGY] = n_energy,
+      [WIDTH_PULLEYS] = info->n_pulleys, [WIDTH_PLANE] = info->n_pulleys,
+      [WIDTH_LINKS] = info->n_bodies,    [WIDTH_FRICTION] = info->n_slots > 0 ? info->n_bodies : 0,
+      [WIDTH_MOUNTS] = info->n_mounts,   [WIDTH_ENERGY] = n_energy,
   };
   const struct {
     const char *name;
     double **numbers; /* the member of *output, of numbers or */
     int32_t **indices;
     npy_intp width;
+    int vectors;
     int by_default;
   } rows_of[] = {
-#define X(name, group, size, unit, text) {#name, &output->name, NULL, width[WIDTH_##size], 1},
+#define X(name, group, size, unit, text)                                                           \
+  {#name, &output->name, NULL, width[WIDTH_##size], WIDTH_##size == WIDTH_PLANE, 1},
       BD_OUTPUTS(X)
 #undef X
-          {"pulley", NULL, &output->pulley, width[WIDTH_LINKS], 1},
-      {"span_tension", &output->span_tension, NULL, width[WIDTH_PULLEYS], 0},
+          {"pulley", NULL, &output->pulley, width[WIDTH_LINKS], 0, 1},
+      {"span_tension", &output->span_tension, NULL, width[WIDTH_PULLEYS], 0, 0},
   };
   for (size_t k = 0; k < sizeof rows_of / sizeof rows_of[0]; k++) {
     const int wanted = names ? is_named(names, rows_of[k].name) : rows_of[k].by_default;
@@ -131,8 +131,9 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
     if (!wanted || !rows_of[k].width) {
       continue;
     }
-    void *data = add_output(keep, dict, rows_of[k].name,
-                            rows_of[k].indices ? NPY_INT32 : NPY_DOUBLE, rows, rows_of[k].width);
+    const int type = rows_of[k].indices ? NPY_INT32 : NPY_DOUBLE;
+    void *data =
+        add_output(keep, dict, rows_of[k].name, type, rows, rows_of[k].width, rows_of[k].vectors);
     if (!data) {
       return -1;
     }

@@ -247,12 +247,15 @@ double bd_friction_torque(const bd_plan *plan, const double *y, int j, double fo
   if (plan->model->along_links) {
     bd_link_contact_see(plan, y);
   }
-  if (force) { /* of pulleys with mounts, which are of contact along links */
+  const int along = plan->model->along_links;
+  if (force && along) {
     bd_clear_end_forces(&plan->model->lay, &plan->forces);
   }
   look_at(plan, y, j);
   if (force) {
     force[0] = force[1] = 0.0;
+  }
+  if (force && along) {
     add_normals(plan, j, force);
   }
   for (int r = 0; r < plan->search.n_runs[j]; ++r) {
@@ -262,8 +265,11 @@ double bd_friction_torque(const bd_plan *plan, const double *y, int j, double fo
         sum += c.friction * c.rho;
         if (force) {
           const contact_point at = point_of(plan, y, i);
-          force[0] += c.friction * (at.y - plan->contact_pulleys[j].y) / c.rho;
-          force[1] -= c.friction * (at.x - plan->contact_pulleys[j].x) / c.rho;
+          const double nx = (at.x - plan->contact_pulleys[j].x) / c.rho;
+          const double ny = (at.y - plan->contact_pulleys[j].y) / c.rho;
+          const double normal = along ? 0.0 : c.normal; /* along links at their ends, as above */
+          force[0] += normal * nx + c.friction * ny;
+          force[1] += normal * ny - c.friction * nx;
         }
       }
     }
@@ -381,6 +387,16 @@ static void outputs_of_spans(bd_plan *plan, const double *y, double *row) {
   bd_span_tension(lay->n, plan->touched, plan->best, lay->np, row);
 }
 
+/* Of every pulley, also where one link touches two of them. */
+static void outputs_of_loads(const bd_plan *plan, const double *y, double *row) {
+  for (int j = 0; j < plan->model->lay.np; ++j) {
+    double force[2];
+    bd_friction_torque(plan, y, j, force);
+    row[2 * j] = -force[0];
+    row[2 * j + 1] = -force[1];
+  }
+}
+
 /* Of a link on two pulleys, those of the larger normal force. What the law of friction gives is
  * evaluated only where it is asked for. */
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
@@ -389,6 +405,9 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
   double *columns[] = {out->normal, out->friction, out->mu, out->slip, out->velocity};
   const int in_full = out->friction || out->mu || out->slip || out->velocity;
   double *best = plan->best; /* the largest N so far */
+  if (out->load) {
+    outputs_of_loads(plan, y, out->load + 2 * k * (size_t)lay->np);
+  }
   if (!in_full && !out->normal && !out->pulley && !out->span_tension) {
     return;
   }

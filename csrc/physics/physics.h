@@ -363,7 +363,8 @@ void bd_search_ready(bd_plan *plan, const double *y, double h);
 /* Row k of the outputs from a state (its halo is set here) and the torques at that time. */
 void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, double e0,
                 const bd_output *out, size_t k);
-/* Torque of friction on pulley j at a state; and the force of its contact on the belt. */
+/* Torque of friction on pulley j at a state; and, unless NULL, the force of its contact on the
+ * belt, friction included. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
 /* Force in the joint on the left of link i. */
 double bd_joint_force(const bd_plan *plan, const double *y, int i);

@@ -1,0 +1,124 @@
+"""Load cycles of a link: rainflow counts of the force in its joint (ASTM E1049-85, 5.4.4)."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import Array
+from .rows import Cycle
+from .window import Window
+
+__all__ = ["cycle_rows", "rainflow"]
+
+#: Classes of ranges in a report.
+CLASSES = 8
+
+
+def rainflow(values: ArrayLike) -> list[Cycle]:
+    """Count the cycles of a history by rainflow, with their residue as half cycles.
+
+    Args:
+        values: The history (n,), such as the force in a joint [N].
+
+    Returns:
+        Cycles in the order in which they close, halves of 0.5 last.
+
+    Raises:
+        ImportError: The package rainflow is not installed.
+
+    Source: ASTM E1049-85, Standard Practices for Cycle Counting in Fatigue Analysis, 5.4.4.
+    """
+    try:
+        library = import_module("rainflow")
+    except ModuleNotFoundError as error:
+        if error.name != "rainflow":
+            raise
+        raise ImportError(
+            'load cycles need the package rainflow: python -m pip install "beltdyn[report]"'
+        ) from None
+    samples = np.asarray(values, dtype=float).tolist()
+    return [
+        Cycle(range=float(size), mean=float(mean), count=float(count))
+        for size, mean, count, *_ in library.extract_cycles(samples)
+    ]
+
+
+class Counted(NamedTuple):
+    """Cycles, largest range first; since when [s]; rounds of the belt since, None if not known."""
+
+    cycles: list[Cycle]
+    begin: float
+    rounds: float | None
+    notes: list[str]
+
+
+def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
+    """Count the cycles of a joint over the last round of the belt or, if longer, the window.
+
+    Args:
+        window: The part of the run.
+        driver: The driving pulley, whose rim tells how far the belt has gone.
+        joint: The joint.
+    """
+    run = window.run
+    if not run._has("joints.force"):
+        note = "no load cycles: joints.force was not asked for"
+        return Counted([], float(window.t[0]), None, [note])
+    first, rounds = window.rows.start, None
+    if driver is not None:
+        gone = _gone(window, driver)
+        before = np.flatnonzero(gone >= 1.0)
+        first = min(first, int(before[-1]) if before.size else 0)
+        rounds = float(gone[first])
+    begin = float(run.t[first])
+    try:
+        cycles = rainflow(run.joints.force[first:, joint])
+    except ImportError as error:
+        return Counted([], begin, rounds, [str(error)])
+    notes = []
+    if rounds is None or rounds < 1.0:
+        part = "the belt stands still" if rounds is None else f"the run holds {rounds:.2g} rounds"
+        notes.append(f"load cycles of a whole round: {part}, so not every pulley is in them")
+    return Counted(_classes(cycles), begin, rounds, notes)
+
+
+def _gone(window: Window, driver: int) -> Array:
+    """Give the rounds of the belt from each sample of the run to its end (n_t,)."""
+    run, params = window.run, window.params
+    rim = np.abs(run.pulleys.omega[:, driver]) * params.pulleys[driver].radius
+    steps = 0.5 * np.diff(run.t) * (rim[1:] + rim[:-1]) / float(params.info["path_length"])
+    return np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+
+
+def _classes(cycles: list[Cycle]) -> list[Cycle]:
+    """Put cycles into classes by their ranges, and average in each."""
+    if not cycles:
+        return []
+    ranges = np.array([one.range for one in cycles])
+    largest = float(ranges.max())
+    if largest == 0.0:
+        return []
+    index = np.minimum((CLASSES * ranges / largest).astype(int), CLASSES - 1)
+    means = np.array([one.mean for one in cycles])
+    counts = np.array([one.count for one in cycles])
+    found = []
+    for which in range(CLASSES - 1, -1, -1):
+        inside = index == which
+        total = float(counts[inside].sum())
+        if total > 0.0:
+            found.append(
+                Cycle(
+                    range=_mean(ranges[inside], counts[inside]),
+                    mean=_mean(means[inside], counts[inside]),
+                    count=total,
+                )
+            )
+    return found
+
+
+def _mean(values: Array, weights: Array) -> float:
+    return float(np.sum(values * weights) / np.sum(weights))

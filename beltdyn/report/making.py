@@ -1,0 +1,110 @@
+"""Making a report from a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..checks import integer, real
+from .creep import creep_rows, driving
+from .cycles import cycle_rows
+from .powers import power_rows
+from .pulleys import pulley_rows
+from .report import Report
+from .rows import Creep, Rows
+from .spans import span_rows
+from .touching import NEEDED, Touching, touching
+from .window import Run, Window, missing
+
+__all__ = ["creep_against", "make_report"]
+
+
+def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
+    """Make the report of the last part of a run.
+
+    Args:
+        run: A run, finished or not.
+        last: The part of it, counted from its end, 0 < last <= 1.
+        joint: The joint whose load cycles are counted.
+
+    Raises:
+        TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has not two samples.
+    """
+    share = real("last", last)
+    if not 0.0 < share <= 1.0:
+        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    n_b = run.params.belt.n_bodies
+    which = integer("joint", joint, 0)
+    if which >= n_b:
+        raise ValueError(f"joint must be < {n_b}, the number of joints, got {which}")
+    window = Window.last(run, share)
+    notes: list[str] = []
+    lacking = missing(run, NEEDED)
+    if lacking:
+        notes.append(
+            f"not asked for: {', '.join(lacking)}; so no hub loads, arcs, ratios, margin to slip, "
+            "split of creep"
+        )
+    touched = touching(window)
+    driver = driving(window, _belt_torque(window, touched))
+    moves = driver is not None and (touched is None or abs(touched.speed) > 0.0)
+    if driver is None and run._has("pulleys.omega"):
+        notes.append("the belt stands still in this window: no creep, no margin to slip")
+    if not run.params.has_friction:
+        notes.append("there is no friction: the belt hands on no torque")
+    unsteady = window.unsteady()
+    pulleys, said = pulley_rows(window, touched, driver if moves else None)
+    notes += said
+    spans, said = span_rows(window, touched)
+    notes += said
+    creep: list[Creep] = []
+    if driver is not None and touched is not None and len(run.params.pulleys) > 1:
+        creep, said = creep_rows(window, touched, driver)
+        notes += said
+    powers, efficiency, said = power_rows(window, touched)
+    notes += said
+    counted = cycle_rows(window, driver, which)
+    notes += counted.notes
+    names = run.params.pulley_names
+    return Report(
+        begin=float(window.t[0]),
+        end=float(window.t[-1]),
+        samples=window.t.size,
+        driver=None if driver is None else names[driver],
+        belt_speed=None if touched is None else _belt_speed(window, touched),
+        pulleys=Rows(pulleys),
+        spans=Rows(spans),
+        creep=Rows(creep),
+        powers=Rows(powers),
+        efficiency=efficiency,
+        cycles=tuple(counted.cycles),
+        joint=which,
+        cycles_begin=counted.begin,
+        rounds=counted.rounds,
+        unsteady=tuple(unsteady),
+        notes=tuple(notes),
+    )
+
+
+def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
+    """Split the speed that pulleys lose against one of them; empty if it cannot be told."""
+    if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
+        return []
+    window = Window.last(run, last)
+    touched = touching(window)
+    if touched is None or driving(window, None) is None:
+        return []
+    return creep_rows(window, touched, pulley)[0]
+
+
+def _belt_torque(window: Window, touched: Touching | None) -> np.ndarray | None:
+    if touched is None:
+        return None
+    torque = touched.friction * touched.radius
+    n_p = len(window.params.pulleys)
+    sums = [np.sum(np.where(touched.pulley == k, torque, 0.0), axis=1) for k in range(n_p)]
+    return window.mean(np.column_stack(sums))
+
+
+def _belt_speed(window: Window, touched: Touching) -> float:
+    """Give the mean speed of the belt, along the order of its links [m/s]."""
+    return touched.speed * float(window.mean(touched.stretch.mean(axis=1)))

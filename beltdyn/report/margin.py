@@ -1,0 +1,362 @@
+"""How far every pulley is from full slip: quasi-static creep theory from a measured mean state.
+
+All torques of the belt grow in proportion, and what is held is
+
+- the differences of tension across the pulleys, H_k - H_(k-1) = s_k M_k / r_k, with the tension
+  less what the belt's mass takes, H = T - m c^2 lambda, lambda = 1 + T / EA, c the stress-free
+  length that passes in a second, m the mass per stress-free length, s_k the sense of pulley k;
+- the belt's stress-free length, the integral of ds / lambda along its line. On a pulley it sticks
+  from where it arrives, with the tension that it has there, and slips with dH = mu H dphi over the
+  angle |ln(H_k / H_(k-1))| / mu up to where it leaves. It runs where the contact lets it sink to;
+- the balance of arms and sliders: spring, hung weight, stops, and what else acted on them in the
+  mean, such as the rest of dry friction.
+
+Creep theory of an extensible belt under Coulomb friction (K. L. Johnson, Contact Mechanics, 8.2;
+Euler and Eytelwein with the centrifugal part). A pulley slips in full when its slip angle is its
+wrap.
+"""
+
+from __future__ import annotations
+
+import math
+
+import attrs
+import numpy as np
+
+from ..checks import Array
+from ..mounts import Arm, Path, Slider
+from ..params import Params
+from ..route import Route, route_at
+
+__all__ = ["FullSlip", "Steady", "full_slip"]
+
+#: Points and weights of Gauss and Legendre on an arc in slip: its integrand is an exponential of at
+#: most some e^3, which they integrate to rounding.
+_AT, _WEIGHT = np.polynomial.legendre.leggauss(8)
+#: Largest factor that is looked for: a pulley that holds a hundred times its torque does not slip.
+LARGEST = 100.0
+#: Relative accuracy of factors; of the one at which a span goes slack, near which ratios go to
+#: infinity.
+_CLOSE, _SLACK = 1e-6, 1e-3
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Steady:
+    """A mean state of a running belt.
+
+    Attributes:
+        params: The drive.
+        tension: Of the span after each pulley (n_p,) [N].
+        torque: Of the belt on each pulley, counter-clockwise (n_p,) [N m].
+        speed: Stress-free length that passes in a second, in the order of the links [m/s].
+        driver: The pulley whose speed is held.
+        travel: Mean travels of the mounts (n_m,) [rad, m, s].
+    """
+
+    params: Params
+    tension: Array
+    torque: Array
+    speed: float
+    driver: int
+    travel: Array
+
+
+@attrs.frozen(kw_only=True)
+class FullSlip:
+    """When a pulley slips in full: factor of all torques, its torque [N m], its tensions [N]."""
+
+    factor: float
+    torque: float
+    tensions: tuple[float, float]
+
+
+class _Theory:
+    """Tensions at torques grown by a factor."""
+
+    def __init__(self, steady: Steady) -> None:
+        params, belt = steady.params, steady.params.belt
+        self.steady, self.params = steady, params
+        self.stiffness = belt.axial_stiffness
+        self.density = belt.linear_density
+        self.length = float(params.info["length"])
+        self.mu = params._slip_limits[0]
+        self.radii = np.array([pulley.radius for pulley in params.pulleys])
+        contact = params.effective_contact
+        assert contact.linear is not None
+        self.contact = contact.quadratic, contact.linear
+        self.raised = np.zeros_like(self.radii)
+        if contact.compensate:
+            at_rest = float(params.info["strain_tension"])
+            pull = at_rest * (1.0 + at_rest / self.stiffness)
+            self.raised = self._depth(np.full_like(self.radii, pull), self.radii)
+        self.arrives = -1 if steady.speed >= 0.0 else 0
+        # Of span k the pulley k + 1 is the next one: tension on arriving is that of span k - 1.
+        self.stretch_in = 1.0 + self._arriving(steady.tension)[steady.driver] / self.stiffness
+        pulls = self.less_mass(steady.tension, steady.speed)
+        self.measured = pulls - np.roll(pulls, 1)
+        per_factor = params.route.senses * steady.torque / self.radii
+        # The driving pulley makes up for what else takes power: the ring closes.
+        per_factor[steady.driver] -= per_factor.sum()
+        self.per_factor = per_factor
+        self.free = [
+            m for m, k in enumerate(params.mounted) if not isinstance(params.pulleys[k].mount, Path)
+        ]
+        self.offset = np.zeros(1 + len(self.free))
+        self.offset = self._misfit(self.start(), 1.0)
+
+    def start(self) -> Array:
+        """Give the unknowns of the mean state: tension of the last span, travels."""
+        return np.concatenate([self.steady.tension[-1:], self.steady.travel[self.free]])
+
+    def _arriving(self, tension: Array) -> Array:
+        return np.roll(tension, 1) if self.arrives == -1 else tension
+
+    def less_mass(self, tension: Array, speed: float) -> Array:
+        return np.asarray(tension - self.density * speed**2 * (1.0 + tension / self.stiffness))
+
+    def _depth(self, pull: Array, radii: Array) -> Array:
+        c1, c2 = self.contact
+        pressure = np.maximum(pull, 0.0) / radii
+        return np.asarray(2.0 * pressure / (c2 + np.sqrt(c2**2 + 4.0 * c1 * pressure)))
+
+    def speed_at(self, arriving: float) -> float:
+        """Give the speed of the belt when it arrives at the driving pulley with this tension."""
+        return float(self.steady.speed * self.stretch_in / (1.0 + arriving / self.stiffness))
+
+    def tensions(self, last: float, factor: float) -> tuple[Array, float]:
+        """Give the tensions of all spans from that of the last one, and the belt's speed.
+
+        Raises:
+            ValueError: A span would be slack.
+        """
+        speed = self.steady.speed
+        steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
+        for _ in range(3):  # the speed changes by strains alone
+            mass = self.density * speed**2
+            lost = mass / self.stiffness
+            pull = last * (1.0 - lost) - mass + steps
+            tension = (pull + mass) / (1.0 - lost)
+            speed = self.speed_at(float(self._arriving(tension)[self.steady.driver]))
+        if np.min(pull) <= 0.0:
+            raise ValueError("a span would be slack")
+        return tension, speed
+
+    def _tightest(self, factor: float) -> float:
+        """Give a tension of the last span with which none is slack, to start from [N]."""
+        steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
+        mass = self.density * self.steady.speed**2
+        spare = 0.02 * float(self.steady.tension.mean())
+        return float((mass - np.min(steps) + spare) / (1.0 - mass / self.stiffness))
+
+    def route(self, travels: Array) -> Route:
+        if not self.params.mounted:
+            return self.params.route
+        return route_at(self.params.pulleys, self.centers(travels))
+
+    def centers(self, travels: Array) -> Array:
+        full = np.array(self.steady.travel)
+        full[self.free] = travels
+        return self.params.centers(full)
+
+    def _misfit(self, unknown: Array, factor: float) -> Array:
+        """Give what length and mounts lack, against the mean state: relative, and over tension."""
+        travels = unknown[1:]
+        tension, speed = self.tensions(float(unknown[0]), factor)
+        way = self.route(travels)
+        pull = self.less_mass(tension, speed)
+        free = np.sum(way.spans / (1.0 + tension / self.stiffness))
+        misfit = [float(free + self._on_pulleys(tension, pull, speed, way)) / self.length]
+        ends = (np.roll(way.arrive, -1, axis=0) - way.leave) / way.spans[:, None]
+        centers = self.centers(travels)
+        for travel, m in zip(travels, self.free, strict=True):
+            k = self.params.mounted[m]
+            mount = self.params.pulleys[k].mount
+            assert isinstance(mount, (Arm, Slider))
+            along = _direction(mount, centers[k])
+            held = float(along @ (pull[k] * ends[k] - pull[k - 1] * ends[k - 1]))
+            scale = float(np.linalg.norm(along) * self.steady.tension.mean())
+            misfit.append((held + self._spring(k, mount, float(travel))) / scale)
+        return np.array(misfit) - self.offset
+
+    def _spring(self, k: int, mount: Arm | Slider, travel: float) -> float:
+        """Give what spring and stops do to a mount, in the sense of its travel."""
+        force = mount.spring_force - mount.stiffness * travel
+        if mount.stops is not None:
+            lowest, highest = mount.stops
+            stiffness = mount.stop_stiffness or self._stop_stiffness(k, mount)
+            force += stiffness * max(0.0, lowest - travel)
+            force -= stiffness * max(0.0, travel - highest)
+        return force
+
+    def _stop_stiffness(self, k: int, mount: Arm | Slider) -> float:
+        """Give the stiffness chosen for stops, 50 times what the belt holds the mount with."""
+        lever = 1.0
+        if isinstance(mount, Arm):
+            lever = math.dist(self.params.pulleys[k].center, mount.pivot)
+        return 200.0 * self.stiffness * lever**2 / self.length
+
+    def slip_angles(self, pull: Array) -> Array:
+        """Give the angle of slip that each pulley needs; infinite where it has no friction."""
+        logs = np.abs(np.log(pull / np.roll(pull, 1)))
+        return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
+
+    def _on_pulleys(self, tension: Array, pull: Array, speed: float, way: Route) -> float:
+        """Give the stress-free length of the belt on the pulleys [m]."""
+        mass = self.density * speed**2
+        first = self._arriving(pull)
+        last = pull if self.arrives == -1 else np.roll(pull, 1)
+        slip = np.minimum(self.slip_angles(pull), way.wraps)
+
+        def unstretched(pulls: Array, radii: Array, raised: Array) -> Array:
+            """Stress-free length per angle."""
+            tension = (pulls + mass) / (1.0 - mass / self.stiffness)
+            stretch = 1.0 + tension / self.stiffness
+            sunk = self._depth(tension * stretch - mass, radii) - raised
+            return np.asarray((radii - sunk) / stretch)
+
+        sticking = (way.wraps - slip) * unstretched(first, self.radii, self.raised)
+        part = 0.5 * (1.0 + _AT)
+        pulls = first[:, None] * (last / first)[:, None] ** part
+        inside = unstretched(pulls, self.radii[:, None], self.raised[:, None])
+        return float(np.sum(sticking + slip * (inside @ (0.5 * _WEIGHT))))
+
+    def solve(self, factor: float, start: Array) -> Array:
+        """Give the unknowns at a factor, by Newton's method with differences.
+
+        Raises:
+            ValueError: There is no such state: a span would be slack, the belt off a pulley.
+        """
+        unknown = np.array(start)
+        unknown[0] = max(unknown[0], self._tightest(factor))
+        sizes = np.concatenate([[self.steady.tension.mean()], np.full(len(self.free), 1e-2)])
+        reach = np.full(len(self.free), 0.1)
+        best, worse = math.inf, 0
+        for _ in range(60):
+            misfit = self._misfit(unknown, factor)
+            size = float(np.max(np.abs(misfit)))
+            if size < 1e-11:
+                return unknown
+            slopes = np.empty((unknown.size, unknown.size))
+            for n in range(unknown.size):
+                moved = unknown.copy()
+                moved[n] += 1e-6 * sizes[n]
+                slopes[:, n] = (self._misfit(moved, factor) - misfit) / (1e-6 * sizes[n])
+            step = np.linalg.solve(slopes, misfit)
+            # Whole steps: where a stop begins, misfits are piecewise linear, and a step across it
+            # is away from the solution before the next one finds it.
+            share = min(
+                1.0, *(np.append(0.5 * sizes[:1], reach) / np.maximum(np.abs(step), 1e-300))
+            )
+            for _ in range(40):
+                moved = unknown - share * step
+                try:
+                    self._misfit(moved, factor)
+                    break
+                except ValueError:
+                    share *= 0.5
+            else:
+                raise ValueError("a span would be slack")
+            unknown = moved
+            worse = worse + 1 if size > 0.9 * best else 0
+            best = min(best, size)
+            if worse > 12:  # at a kink, or there is none
+                break
+        if best < 1e-8:
+            return unknown
+        raise ValueError("no state found")
+
+
+def _direction(mount: Arm | Slider, center: Array) -> Array:
+    """Give how the axis moves with the travel, a of MODEL section 5."""
+    if isinstance(mount, Arm):
+        x, y = center - np.array(mount.pivot)
+        return np.array([-y, x])
+    along = np.array(mount.direction, dtype=float)
+    return np.asarray(along / np.hypot(*along))
+
+
+@attrs.frozen(eq=False)
+class _State:
+    """A solved state: factor, unknowns, used share of every wrap."""
+
+    factor: float
+    unknown: Array
+    used: Array
+
+
+def full_slip(steady: Steady) -> list[FullSlip | None]:
+    """Find the torques at which each pulley slips in full, as if no other one did before.
+
+    Args:
+        steady: The mean state.
+
+    Returns:
+        For each pulley; None without friction on it. An infinite factor: others slip long before,
+        a span that is not its own goes slack first, or the factor is above 100.
+
+    Raises:
+        ValueError: The mean state is none of a tight, turning belt.
+    """
+    theory = _Theory(steady)
+    states = _march(theory)
+    return [
+        _of_pulley(theory, states, k) if theory.mu[k] > 0.0 else None
+        for k in range(theory.radii.size)
+    ]
+
+
+def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
+    """Solve for a factor; None if there is no such state."""
+    try:
+        unknown = theory.solve(factor, start)
+        tension, speed = theory.tensions(float(unknown[0]), factor)
+        pull = theory.less_mass(tension, speed)
+        angles = theory.slip_angles(pull)
+        return _State(factor, unknown, angles / theory.route(unknown[1:]).wraps)
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+
+
+def _march(theory: _Theory) -> list[_State]:
+    """Give states at factors from 0 on, to where all pulleys slip or a span goes slack."""
+    holds = theory.mu > 0.0
+    first = _at(theory, 1.0, theory.start())
+    if first is None:
+        raise ValueError("the tensions of the window are none of a tight belt")
+    states = [first]
+    none = _at(theory, 0.0, first.unknown)
+    if none is not None:
+        states.insert(0, none)
+    failed = math.inf
+    while not np.all(states[-1].used[holds] >= 1.0):
+        last = states[-1]
+        factor = min(1.25 * last.factor, 0.5 * (last.factor + failed))
+        if factor > LARGEST or failed - last.factor < _SLACK * last.factor:
+            break
+        state = _at(theory, factor, last.unknown)
+        if state is None:
+            failed = factor
+        else:
+            states.append(state)
+    return states
+
+
+def _of_pulley(theory: _Theory, states: list[_State], k: int) -> FullSlip:
+    """Close in on the factor at which the slip angle of a pulley is its wrap."""
+    above = next((n for n, state in enumerate(states) if state.used[k] >= 1.0), None)
+    if not above:
+        return FullSlip(factor=math.inf, torque=math.nan, tensions=(math.nan, math.nan))
+    low, high = states[above - 1], states[above]
+    while high.factor - low.factor > _CLOSE * high.factor:
+        # By the secant, kept off the ends so that both of them move.
+        share = float((1.0 - low.used[k]) / (high.used[k] - low.used[k]))
+        share = min(max(share, 0.02), 0.98)
+        middle = _at(theory, low.factor + share * (high.factor - low.factor), low.unknown)
+        if middle is None or abs(middle.used[k] - 1.0) < _CLOSE:
+            low = middle or low
+            break
+        low, high = (middle, high) if middle.used[k] < 1.0 else (low, middle)
+    tension = theory.tensions(float(low.unknown[0]), low.factor)[0]
+    pair = float(tension[k]), float(tension[k - 1])
+    torque = float(low.factor * theory.steady.torque[k])
+    return FullSlip(factor=low.factor, torque=torque, tensions=(max(pair), min(pair)))

@@ -1,0 +1,106 @@
+"""A report: rows, and what they are given as."""
+
+from __future__ import annotations
+
+import math
+from importlib import import_module
+from typing import Any
+
+import attrs
+
+from . import text
+from .rows import Told
+
+__all__ = ["Report"]
+
+
+@attrs.frozen(kw_only=True, repr=False)
+class Report(Told):
+    """What an engineer reads off the last part of a run.
+
+    ``print(report)`` shows it in tables; a notebook shows it by itself. Rows are found by index or
+    name: ``report.pulleys["alternator"].hub_load.mean``. Twelve questions, and where the answers
+    stand:
+
+    ==================================================  ==========================================
+    what load do the alternator's bearings carry?       ``pulleys["alternator"].hub_load``
+    in which direction?                                 ``pulleys["alternator"].hub_direction``
+    how far is it from slipping?                        ``pulleys["alternator"].margin``
+    at which torque does it slip?                       ``pulleys["alternator"].slip_torque``
+    which pulley slips first?                           ``first_to_slip``
+    where does the power go?                            ``powers``, ``efficiency``
+    how much of it is friction on the crank?            ``powers["friction on crank"]``
+    why is the alternator slower than its radius says?  ``creep["alternator"]``
+    how tight are the spans, how much does that change? ``spans[k].tension``
+    does a span resonate with something?                ``spans[k].lateral``, ``spans[k].frequency``
+    what load cycles does a link go through?            ``cycles``, ``rounds``
+    can I trust the means?                              ``unsteady``, ``notes``
+    ==================================================  ==========================================
+
+    Attributes:
+        begin: First sample of the window [s].
+        end: Last one [s].
+        samples: How many.
+        driver: Name of the pulley that drives the belt; None if the belt stands still.
+        belt_speed: Mean speed of the belt in the order of its links [m/s].
+        pulleys: A row for each pulley.
+        spans: A row for each free span; none with one pulley.
+        creep: A row for each pulley but the driving one.
+        powers: Where power comes from and goes to; what is put in is the sum of all others.
+        efficiency: Part of the power put in that is not lost [1].
+        cycles: Load cycles of a joint, largest range first.
+        joint: That joint.
+        cycles_begin: Since when they are counted [s]: a round of the belt before the end of the
+            run, or the beginning of the window if that is earlier.
+        rounds: Rounds that the belt makes from then on.
+        unsteady: What is not steady in the window, and by how much; empty: it is steady.
+        notes: What could not be told, and why.
+    """
+
+    def __str__(self) -> str:
+        return "\n".join(text.lines(self))
+
+    def __repr__(self) -> str:
+        steady = "not steady" if self.unsteady else "steady"
+        return (
+            f"Report(t = {self.begin:g} to {self.end:g} s, {self.samples} samples, {steady}, "
+            f"{len(self.pulleys)} pulley(s))"
+        )
+
+    def _repr_html_(self) -> str:
+        return text.html(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.
+
+        What is not known is None; so is a number that is infinite (a margin without end).
+        """
+        plain: dict[str, Any] = _plain(attrs.asdict(self, recurse=True))
+        return plain
+
+    def to_frame(self) -> Any:
+        """Give one number a row: a pandas.DataFrame with part, name, quantity, unit and value.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        try:
+            pandas = import_module("pandas")
+        except ModuleNotFoundError as error:
+            if error.name != "pandas":
+                raise
+            raise ImportError(
+                'to_frame needs the package pandas: python -m pip install "beltdyn[report]"'
+            ) from None
+        columns = ["part", "name", "quantity", "unit", "value"]
+        return pandas.DataFrame(text.numbers(self), columns=columns)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

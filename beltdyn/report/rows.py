@@ -1,0 +1,212 @@
+"""Rows of a report: what is said of a pulley, a span, a share of creep, a power, a load cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Generic, TypeVar, overload
+
+import attrs
+
+__all__ = ["Creep", "Cycle", "Power", "PulleyRow", "Rows", "SpanRow", "Spread", "Told"]
+
+_Row = TypeVar("_Row")
+
+
+@attrs.frozen
+class Spread:
+    """A quantity over the window: its mean over time, least and largest sample."""
+
+    mean: float
+    least: float
+    most: float
+
+
+@attrs.frozen(kw_only=True)
+class PulleyRow:
+    """A pulley over the window. None: not known; ``Report.notes`` says why.
+
+    Attributes:
+        name: Its name, "pulley 3" of one that has none.
+        speed: Angular velocity, counter-clockwise [rad/s].
+        torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
+        power: Power of that torque, positive where it drives [W].
+        belt_torque: Mean torque of the belt on it, counter-clockwise [N m].
+        hub_load: Size of the belt's force on its bearings, less what the belt's mass takes off [N].
+        hub_direction: Direction of the mean of that force, counter-clockwise from x [deg].
+        wrap: Arc of contact, mean [rad].
+        slip_arc: Part of it where friction is at its limit, mean [rad].
+        slip_share: That over the arc of contact [1].
+        tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
+        slack: The same of the other one [N].
+        ratio: ``tight`` over ``slack`` [1].
+        limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1].
+        used: Part of the wrap's friction in use, ln(ratio) / (mu wrap) [1].
+        margin: Factor by which all torques can grow before it slips in full [1]; infinite if others
+            slip long before, so that it does not.
+        slip_torque: Torque of the belt on it then [N m].
+        slip_tensions: Tensions of its tight and slack span then [N].
+    """
+
+    name: str
+    speed: Spread | None = None
+    torque: Spread | None = None
+    power: Spread | None = None
+    belt_torque: float | None = None
+    hub_load: Spread | None = None
+    hub_direction: float | None = None
+    wrap: float | None = None
+    slip_arc: float | None = None
+    slip_share: float | None = None
+    tight: float | None = None
+    slack: float | None = None
+    ratio: float | None = None
+    limit: float | None = None
+    used: float | None = None
+    margin: float | None = None
+    slip_torque: float | None = None
+    slip_tensions: tuple[float, float] | None = None
+
+
+@attrs.frozen(kw_only=True)
+class SpanRow:
+    """A free span over the window. None: not known; ``Report.notes`` says why.
+
+    Attributes:
+        name: The pulleys that it is between, as "crank to pulley 1".
+        length: Of its tangent [m].
+        tension: Mean of the free joints; least and largest sample in its middle [N].
+        frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
+            None: none does.
+        amplitude: Of that line [N].
+        link_passing: Whether that is the frequency with which links pass, or its alias at this
+            sampling: of the mesh, not of the drive.
+        lateral: First frequency of the span as a moving string, (c^2 - v^2) / (2 l c) with the
+            wave speed c [Hz]; 0 where the belt is faster than the wave.
+    """
+
+    name: str
+    length: float
+    tension: Spread | None = None
+    frequency: float | None = None
+    amplitude: float | None = None
+    link_passing: bool = False
+    lateral: float | None = None
+
+
+@attrs.frozen(kw_only=True)
+class Creep:
+    """Why a pulley is slower than the driving one. Parts are -ln of ratios, and so add up [1].
+
+    Attributes:
+        name: The pulley.
+        ratio: Speed over that of the driving pulley, omega_k / omega_d [1].
+        nominal: That by the radii, R_d / R_k, with the sign of the sides [1].
+        lost: -ln(ratio / nominal): speed lost against the driving pulley's rim.
+        stretch: Of the belt's stretch: it arrives less stretched than at the driving pulley.
+        friction: Of slip that friction needs where the belt should stick, on both pulleys.
+        radius: Of running radii: the belt sinks into pulleys, deeper where it is tighter.
+        remainder: What is left of ``lost``: unsteady motion, sampling.
+    """
+
+    name: str
+    ratio: float
+    nominal: float
+    lost: float
+    stretch: float
+    friction: float
+    radius: float
+    remainder: float
+
+    @property
+    def creep(self) -> float:
+        """Creep proper: belt that moves against the rim, of stretch and friction [1]."""
+        return self.stretch + self.friction
+
+
+@attrs.frozen(kw_only=True)
+class Power:
+    """Where power goes, mean over the window.
+
+    Attributes:
+        name: Of a pulley or a loss.
+        kind: "in" (put in by a pulley), "out" (taken off by one), "lost", "stored" or "left".
+        power: Size [W]; what is put in is the sum of all others.
+        share: Of what is put in [1]; None where nothing is.
+    """
+
+    name: str
+    kind: str
+    power: float
+    share: float | None = None
+
+
+@attrs.frozen(kw_only=True)
+class Cycle:
+    """Cycles of the force in a joint, counted by rainflow (ASTM E1049-85).
+
+    Attributes:
+        range: From its lowest to its highest force, mean of the class [N].
+        mean: Mean force, mean of the class [N].
+        count: How many; halves are those that are not closed [1].
+    """
+
+    range: float
+    mean: float
+    count: float
+
+
+class Rows(tuple[_Row, ...], Generic[_Row]):
+    """Rows by index or by name, ``rows["crank"]``."""
+
+    __slots__ = ()
+
+    def __new__(cls, rows: Iterable[_Row] = ()) -> Rows[_Row]:  # noqa: D102
+        return super().__new__(cls, tuple(rows))
+
+    @overload  # type: ignore[override]
+    def __getitem__(self, key: int | str) -> _Row: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> tuple[_Row, ...]: ...
+
+    def __getitem__(self, key: int | str | slice) -> Any:
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        for row in self:
+            if getattr(row, "name", None) == key:
+                return row
+        raise KeyError(f"there is no {key!r}, there are {', '.join(self.names())}")
+
+    def names(self) -> tuple[str, ...]:
+        """Give the names of the rows."""
+        return tuple(str(getattr(row, "name", "")) for row in self)
+
+
+@attrs.frozen(kw_only=True)
+class Told:
+    """What a report holds; :class:`Report` describes it."""
+
+    begin: float
+    end: float
+    samples: int
+    driver: str | None
+    belt_speed: float | None
+    pulleys: Rows[PulleyRow]
+    spans: Rows[SpanRow]
+    creep: Rows[Creep]
+    powers: Rows[Power]
+    efficiency: float | None
+    cycles: tuple[Cycle, ...]
+    joint: int
+    cycles_begin: float
+    rounds: float | None
+    unsteady: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def first_to_slip(self) -> PulleyRow | None:
+        """The pulley with the least margin; None if none is known, or none slips."""
+        known = [row for row in self.pulleys if row.margin is not None]
+        finite = [row for row in known if math.isfinite(row.margin or math.inf)]
+        return min(finite, key=lambda row: row.margin or 0.0, default=None)

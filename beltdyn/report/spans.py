@@ -1,0 +1,170 @@
+"""What a report says of the spans: tensions, the line that stands out, the string's frequency."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..checks import Array
+from ..naming import span_name
+from ..spans import Coordinates, mid_span
+from .pulleys import spread
+from .rows import SpanRow, Spread
+from .touching import Touching
+from .window import Window, missing
+
+__all__ = ["Line", "dominant", "moving_string", "span_rows"]
+
+_OF_MIDDLE = ("belt.x", "belt.y", "belt.phi", "joints.force")
+#: A line stands out if it holds this part of the variance and is this many times the median of the
+#: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
+PART, ABOVE = 0.25, 20.0
+#: Least amplitude of one, over the mean tension: below it is what rounding and tolerances leave.
+FAINT = 1e-4
+#: Periods that the window must hold: less is a trend.
+LEAST = 3
+#: How even samples must be, over their interval.
+EVEN = 1e-3
+
+
+class Line(NamedTuple):
+    """A line of a spectrum: frequency [Hz], amplitude."""
+
+    frequency: float
+    amplitude: float
+
+
+def dominant(t: Array, values: Array) -> Line | None:
+    """Find the line that stands out in the spectrum of even samples; None if none does.
+
+    Amplitude spectrum with Hann's window, the mean and the linear trend taken off; its frequency
+    from the three largest values (parabola through their logarithms).
+
+    Args:
+        t: Times (n,) [s], even.
+        values: Samples (n,).
+    """
+    n = t.size
+    if n < 2 * (LEAST + 2):
+        return None
+    centred = np.linspace(-1.0, 1.0, n)
+    less = values - values.mean()
+    less = less - centred * (centred @ less) / (centred @ centred)
+    shape = np.hanning(n + 1)[:-1]
+    power = np.abs(np.fft.rfft(shape * less)) ** 2
+    if n % 2 == 0:
+        power = power[:-1]  # at half the sampling rate amplitude and phase cannot be told apart
+    tail = power[LEAST:]
+    if tail.size < 3 or not tail.max() > 0.0:
+        return None
+    k = LEAST + int(np.argmax(tail))
+    if k + 1 >= power.size:
+        return None
+    near = power[k - 1 : k + 2]
+    if near[1] < near.max():  # the flank of a trend
+        return None
+    if near.sum() < PART * power[1:].sum() or near[1] < ABOVE * np.median(power[1:]):
+        return None
+    left, middle, right = np.log(np.maximum(near, 1e-300 + 1e-30 * near[1]))
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    step = 1.0 / (n * (t[-1] - t[0]) / (n - 1))
+    # A sine on a bin has A n / 4 there, half of it in both neighbours; off a bin the same in all.
+    whole = power[max(1, k - 2) : k + 3].sum()
+    amplitude = np.sqrt(whole / (1.5 * (n / 4.0) ** 2))
+    return Line(float((k + shift) * step), float(amplitude))
+
+
+def moving_string(tension: float, density: float, length: float, speed: float) -> float:
+    """Give the first frequency of a string that moves along itself, (c^2 - v^2) / (2 l c) [Hz].
+
+    Args:
+        tension: T [N], > 0.
+        density: Mass per length of the stretched string [kg/m].
+        length: l [m].
+        speed: v [m/s].
+
+    Returns:
+        0 from the speed of the wave c = sqrt(T / density) on.
+    """
+    wave = float(np.sqrt(tension / density))
+    return max(0.0, (wave**2 - speed**2) / (2.0 * length * wave))
+
+
+def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow], list[str]]:
+    """Give the rows, and what is missing in them."""
+    params, run, notes = window.params, window.run, []
+    n_p = len(params.pulleys)
+    if n_p == 1:
+        return [], ["one pulley: there is no span between two"]
+    way = window.route()
+    names = params.pulley_names
+    spans = window.spans()
+    means = None if spans is None else window.mean(spans)
+    middle = None
+    lacking = missing(run, _OF_MIDDLE)
+    if not lacking:
+        part = Coordinates(*(window.of(one) for one in (run.belt.x, run.belt.y, run.belt.phi)))
+        middle = mid_span(params, part, window.of(run.joints.force))
+        absent = np.isnan(middle).mean(axis=0)
+    uneven = _uneven(window)
+    if uneven:
+        notes.append(f"no frequencies of spans: {uneven}")
+    rows = []
+    for k in range(n_p):
+        name = span_name(k, names, unnamed=f"{names[k]} to {names[(k + 1) % n_p]}")
+        row: dict[str, Any] = {"name": name, "length": float(way.spans[k])}
+        history = None
+        if middle is not None and absent[k] == 0.0:
+            history = middle[:, k]
+        elif spans is not None and not np.isnan(spans[:, k]).any():
+            history = spans[:, k]
+        if history is not None:
+            of_middle = spread(window, history)
+            assert of_middle is not None
+            mean = of_middle.mean if means is None else float(means[k])
+            row["tension"] = Spread(mean, of_middle.least, of_middle.most)
+        elif means is not None and not np.isnan(means[k]):
+            row["tension"] = spread(window, spans[:, k])  # type: ignore[index]
+        tension = row.get("tension")
+        if tension is None:
+            notes.append(f"span {name}: no link of it is free of both pulleys in this window")
+        elif tension.least <= 0.0:
+            notes.append(f"span {name} goes slack: down to {tension.least:.3g} N in its middle")
+        if tension is not None and tension.mean > 0.0:
+            stretch = 1.0 + tension.mean / params.belt.axial_stiffness
+            speed = 0.0 if touching is None else touching.speed * stretch
+            if touching is not None:
+                row["lateral"] = moving_string(
+                    tension.mean, params.belt.linear_density / stretch, row["length"], speed
+                )
+        if history is not None and not uneven and tension is not None:
+            line = dominant(window.t, history)
+            if line is not None and line.amplitude > FAINT * abs(tension.mean):
+                row |= {"frequency": line.frequency, "amplitude": line.amplitude}
+                row["link_passing"] = touching is not None and _of_links(
+                    window, touching.speed, line.frequency
+                )
+        rows.append(SpanRow(**row))
+    return rows, notes
+
+
+def _uneven(window: Window) -> str:
+    steps = np.diff(window.t)
+    if steps.size < 2 or np.ptp(steps) <= EVEN * steps.mean():
+        return ""
+    return "the samples are not even in time; give simulate an even t_eval"
+
+
+def _of_links(window: Window, speed: float, frequency: float) -> bool:
+    """Tell whether a frequency is that of links that pass, or of twice as many, or an alias."""
+    t = window.t
+    rate = (t.size - 1) / (t[-1] - t[0])
+    passing = abs(speed) / float(window.params.info["link_length"])
+    near = 1.5 / float(t[-1] - t[0])
+    for order in (1, 2):
+        folded = (order * passing) % rate
+        folded = min(folded, rate - folded)
+        if passing > 0.0 and abs(folded - frequency) < near:
+            return True
+    return False

@@ -1,0 +1,216 @@
+"""The part of a run that a report is of: its samples, means over them, whether it is steady."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, Protocol
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import Array
+from ..histories import (
+    BeltHistory,
+    ContactHistory,
+    EnergyLedger,
+    JointHistory,
+    MountHistory,
+    PulleyHistory,
+)
+from ..params import Params
+from ..route import Route, route_at
+
+__all__ = ["Run", "Window", "missing"]
+
+#: Change of a mean between the halves of the window from which on it is not steady, of speeds over
+#: the pulley's largest speed, of tensions over the mean tension: half of it is as much as a link
+#: that lands does to a mean of some passings of links.
+STEADY = 0.01
+
+
+class Run(Protocol):
+    """The part of :class:`beltdyn.Result` that is needed here; it imports this package."""
+
+    @property
+    def t(self) -> Array:
+        """Sample times [s]."""
+
+    @property
+    def params(self) -> Params:
+        """The drive."""
+
+    @property
+    def pulleys(self) -> PulleyHistory:
+        """Histories of the pulleys."""
+
+    @property
+    def belt(self) -> BeltHistory:
+        """Histories of the links."""
+
+    @property
+    def joints(self) -> JointHistory:
+        """Histories of the joints."""
+
+    @property
+    def contact(self) -> ContactHistory:
+        """Histories of contact and friction."""
+
+    @property
+    def mounts(self) -> MountHistory | None:
+        """Histories of the mounts."""
+
+    @property
+    def energy(self) -> EnergyLedger | None:
+        """The energy ledger."""
+
+    @property
+    def span_tension(self) -> Array:
+        """Mean tension of the free spans (n_t, n_p) [N]."""
+
+    def _has(self, name: str) -> bool: ...
+
+
+def missing(run: Run, names: Collection[str]) -> list[str]:
+    """Give those of some outputs that the run was not asked for."""
+    return [name for name in names if not run._has(name)]
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Window:
+    """The last part of a run, in samples.
+
+    Attributes:
+        run: The run.
+        rows: Its samples.
+        weights: Of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
+    """
+
+    run: Run
+    rows: slice
+    weights: Array
+
+    @classmethod
+    def last(cls, run: Run, share: float) -> Window:
+        """Take the samples of this share of the run's time, counted from its end.
+
+        Raises:
+            ValueError: Not two samples at different times are there.
+        """
+        t = run.t
+        if t.size < 2 or not t[-1] > t[0]:
+            raise ValueError(
+                "a report needs samples at two times at least: give simulate a t_eval that has them"
+            )
+        # A sample that stands at the beginning but for rounding belongs to it.
+        begin = t[-1] - share * (t[-1] - t[0]) - 1e-9 * (t[-1] - t[0])
+        first = min(int(np.searchsorted(t, begin)), t.size - 2)
+        while not t[-1] > t[first]:
+            first -= 1
+        inside = t[first:]
+        lasts = np.diff(inside)
+        weights = np.zeros(inside.size)
+        weights[1:] += 0.5 * lasts
+        weights[:-1] += 0.5 * lasts
+        return cls(run=run, rows=slice(first, t.size), weights=weights / weights.sum())
+
+    @property
+    def params(self) -> Params:
+        """The drive."""
+        return self.run.params
+
+    @property
+    def t(self) -> Array:
+        """Times of the samples (n_w,) [s]."""
+        return np.asarray(self.run.t[self.rows])
+
+    @property
+    def lasts(self) -> float:
+        """How long it is [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    def of(self, history: NDArray[Any]) -> NDArray[Any]:
+        """Give the samples of a history (n_t, ...) that are in the window."""
+        return history[self.rows]
+
+    def mean(self, samples: Array) -> Array:
+        """Give the mean over time of samples in the window (n_w, ...), NaN left out."""
+        there = ~np.isnan(samples)
+        weights = np.where(there, self.weights.reshape((-1,) + (1,) * (samples.ndim - 1)), 0.0)
+        total = weights.sum(axis=0)
+        summed = np.sum(weights * np.where(there, samples, 0.0), axis=0)
+        return np.asarray(
+            np.divide(summed, total, out=np.full(np.shape(summed), np.nan), where=total > 0.0)
+        )
+
+    def travels(self) -> Array | None:
+        """Give the travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
+        mounts = self.run.mounts
+        if mounts is None or not self.run._has("mounts.travel"):
+            return None
+        return np.asarray(self.of(mounts.travel))
+
+    def centers(self) -> Array:
+        """Give where the axes of the pulleys are at the samples (n_w, n_p, 2) [m].
+
+        Where the run has not kept the travels of the mounts, these rest.
+        """
+        travels = self.travels()
+        if travels is None:
+            return np.broadcast_to(
+                self.params.centers(), (self.t.size, len(self.params.pulleys), 2)
+            )
+        return np.array([self.params.centers(row) for row in travels])
+
+    def route(self) -> Route:
+        """Give the way of the belt with the mounts at their mean travels."""
+        travels = self.travels()
+        if travels is None:
+            return self.params.route
+        return route_at(self.params.pulleys, self.params.centers(self.mean(travels)))
+
+    def spans(self) -> Array | None:
+        """Give the tensions of the free spans at the samples (n_w, n_p) [N]; None: not kept."""
+        if not self.run._has("span_tension"):
+            return None
+        return np.asarray(self.of(self.run.span_tension), dtype=float)
+
+    def unsteady(self) -> list[str]:
+        """Say what changes between the halves of the window, by how much."""
+        half = self.t.size // 2
+        if half < 2:
+            return ["whether it is steady cannot be told from fewer than four samples"]
+        found = []
+        names = self.params.pulley_names
+        if self.run._has("pulleys.omega"):
+            omega = self.of(self.run.pulleys.omega)
+            scale = float(np.max(np.abs(omega) * [p.radius for p in self.params.pulleys]))
+            for k, pulley in enumerate(self.params.pulleys):
+                before, after = self._halves(omega[:, k])
+                if scale > 0.0 and abs(after - before) * pulley.radius > STEADY * scale:
+                    found.append(
+                        f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s "
+                        "from the first half of the window to the second"
+                    )
+        spans = self.spans()
+        if spans is not None and spans.shape[1] > 1:
+            scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0
+            for k in range(spans.shape[1]):
+                before, after = self._halves(spans[:, k])
+                if abs(after - before) > STEADY * scale > 0.0:
+                    after_name = names[(k + 1) % len(names)]
+                    found.append(
+                        f"the mean tension from {names[k]} to {after_name} goes from {before:.4g} "
+                        f"to {after:.4g} N"
+                    )
+        return found
+
+    def _halves(self, samples: Array) -> tuple[float, float]:
+        middle = 0.5 * (self.t[0] + self.t[-1])
+        means = []
+        for part in (self.t <= middle, self.t >= middle):
+            weights = np.where(part & ~np.isnan(samples), self.weights, 0.0)
+            total = weights.sum()
+            value = np.sum(weights * np.nan_to_num(samples)) / total if total > 0.0 else np.nan
+            means.append(float(value))
+        return means[0], means[1]

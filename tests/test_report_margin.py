@@ -1,0 +1,145 @@
+"""The margin of torque to full slip: against creep theory, and against runs that slip.
+
+Theory is that of tests/creep_theory.py, two pulleys in closed form. The runs bring up all torques
+in proportion, far slower than the belt goes round, until the driving pulley slips: the largest
+torque that it then carries is the one that the margin of a run at a part of it has foretold.
+"""
+
+from __future__ import annotations
+
+import math
+
+import attrs
+import creep_theory
+import numpy as np
+import pytest
+from slow import slow_if
+from test_creep_theory import DENSITY, DRIVE, EA, FULL, MU, OMEGA, RADII, unequal
+
+import beltdyn as bd
+from beltdyn.report.margin import Steady, full_slip
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:full_slip:UserWarning"),
+    pytest.mark.filterwarnings("ignore:balance:UserWarning"),
+    pytest.mark.filterwarnings("ignore:chatter:UserWarning"),  # once it slips
+    pytest.mark.filterwarnings("ignore:slack_span:UserWarning"),
+]
+
+# --- Theory ---------------------------------------------------------------------------------------
+
+
+def state_of_theory(share: float, way: int = 1) -> Steady:
+    """The state of creep theory at a share of the torque of full slip, turning either way."""
+    state = creep_theory.steady(DRIVE, OMEGA, lambda _omega: share * FULL.load)
+    speed = OMEGA * RADII[0] / DRIVE.stretch(state.tight)
+    spans = [state.tight, state.slack]
+    return Steady(
+        params=unequal(120),
+        tension=np.array(spans if way > 0 else spans[::-1]),
+        torque=way * np.array([-state.torque, state.load]),
+        speed=-way * speed,
+        driver=0,
+        travel=np.zeros(0),
+    )
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+@pytest.mark.parametrize("way", [1, -1])
+def test_from_any_part_of_it_the_torque_is_that_of_theory(share: float, way: int) -> None:
+    """The contact gives by EA/(c R^2) = 6e-4 of what the belt stretches: ask for a tenth of it."""
+    small, large = full_slip(state_of_theory(share, way))
+    assert small is not None and large is not None
+    assert share * small.factor == pytest.approx(1.0, rel=6e-5)
+    assert abs(small.torque) == pytest.approx(FULL.torque, rel=6e-5)
+    np.testing.assert_allclose(small.tensions, (FULL.tight, FULL.slack), rtol=6e-5)
+    # The other pulley has the larger wrap and slips later, with its own Euler-Eytelwein.
+    assert large.factor > small.factor
+    mass = DENSITY * (OMEGA * RADII[0] / DRIVE.stretch(large.tensions[0])) ** 2
+    tight, slack = (T - mass * (1.0 + T / EA) for T in large.tensions)
+    assert tight / slack == pytest.approx(math.exp(MU * DRIVE.wraps[1]), rel=1e-4)
+
+
+def test_a_state_past_full_slip_has_a_factor_below_one() -> None:
+    state = state_of_theory(0.9)
+    less = attrs.evolve(
+        state.params, friction=bd.ElasticPlastic(mu=0.8 * MU, stiffness=1e10, damping=1e5)
+    )
+    small, _ = full_slip(attrs.evolve(state, params=less))
+    assert small is not None and 0.8 < small.factor < 1.0
+
+
+# --- Runs -----------------------------------------------------------------------------------------
+
+#: Of the loads below, held while the margin is found.
+PULL = {"two": 0.8, "three": 0.6, "arm": 0.45}
+
+
+def drive(kind: str) -> bd.Params:
+    """A drive whose crank, pulley 0, has the least friction to spare."""
+    pulleys = [
+        bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.05, inertia=2e-3),
+        bd.Pulley(name="fan", center=(0.30, 0.0), radius=0.07, inertia=2e-3),
+    ]
+    if kind == "three":
+        pulleys.append(bd.Pulley(name="pump", center=(0.15, -0.20), radius=0.06, inertia=2e-3))
+    if kind == "arm":
+        # It presses on the tight span from outside.
+        pulleys.append(
+            bd.Pulley(
+                name="tensioner",
+                center=(0.15, -0.030),
+                radius=0.03,
+                inertia=2e-4,
+                side="outside",
+                mount=bd.Arm(
+                    pivot=(0.21, -0.09), inertia=2e-3, stiffness=60.0, preload=-12.0, damping=1.0
+                ),
+            )
+        )
+    preload = {} if kind == "arm" else {"preload": 300.0}
+    return bd.Params(
+        belt=bd.Belt(
+            n_bodies=80, linear_density=0.1, axial_stiffness=30e3, axial_damping=2.0, **preload
+        ),
+        pulleys=pulleys,
+        friction=bd.Dahl(mu_k=0.4, sigma=4e4),
+    )
+
+
+def loads(kind: str, times: list[float], shares: list[float]) -> bd.Torque:
+    """Torques that resist at these shares of what is about full slip [N m], in proportion."""
+    sizes = {"two": [15.0], "three": [9.0, 8.0], "arm": [20.0]}[kind]
+    values = np.outer(shares, [0.0, *sizes, *([0.0] if kind == "arm" else [])])
+    return bd.PiecewiseLinear(times, values)
+
+
+#: Of the crank [rad/s]: clockwise, with the numbering of the links; when it has come to it [s].
+SPEED, BEGIN = -60.0, 0.3
+
+
+def run(kind: str, times: list[float], shares: list[float]) -> bd.Result:
+    params = drive(kind)
+    motion = {"crank": bd.PiecewiseLinear([0.0, BEGIN], [0.0, SPEED])}
+    return bd.simulate(
+        params, loads(kind, times, shares), times[-1], motion, rtol=1e-3, method="rodas4"
+    )
+
+
+@pytest.mark.parametrize("kind", slow_if(lambda kind: kind != "two", ["two", "three", "arm"]))
+def test_the_torque_at_which_a_run_slips(kind: str) -> None:
+    held = run(kind, [BEGIN, BEGIN + 0.1, 1.2], [0.0, PULL[kind], PULL[kind]])
+    report = held.report(0.3)
+    first = report.first_to_slip
+    assert first is not None and first.name == "crank" and first.margin is not None
+    assert not report.unsteady and 1.2 < first.margin < 3.0
+    ends = [first.margin * PULL[kind] * share for share in (0.9, 1.1)]
+    slips = run(kind, [BEGIN, BEGIN + 0.1, 1.8], [0.0, *ends])
+    # Over the time in which some links pass, so that their landing is no larger torque.
+    torque = np.abs(slips.pulleys.torque[:, 0])
+    n = round(0.02 / (slips.t[1] - slips.t[0]))
+    carried = np.convolve(torque, np.ones(n) / n, "valid")[slips.t[: 1 - n] > BEGIN + 0.1].max()
+    lost = slips.pulleys.omega[-1, 1] / (SPEED * 5.0 / 7.0)
+    assert lost < 0.9, "the run has not come to slip"
+    assert first.slip_torque is not None
+    assert abs(first.slip_torque) == pytest.approx(carried, rel=0.02)
