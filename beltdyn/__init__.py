@@ -70,6 +70,7 @@ from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
+from .vibration import FrequencyResponse, Modes, frequency_response, modes
 
 if TYPE_CHECKING:
     from . import plot as plot
@@ -91,6 +92,7 @@ __all__ = [
     "Experiment",
     "Explanation",
     "Free",
+    "FrequencyResponse",
     "Friction",
     "Frictionless",
     "Harmonics",
@@ -100,6 +102,7 @@ __all__ = [
     "Load",
     "LuGre",
     "MaxwellSlip",
+    "Modes",
     "Motion",
     "Params",
     "Path",
@@ -128,7 +131,9 @@ __all__ = [
     "__version__",
     "accuracy",
     "explain",
+    "frequency_response",
     "identify",
+    "modes",
     "route",
     "scenes",
     "settle",

@@ -1,0 +1,14 @@
+"""Small vibrations of a drive about a state: modes, frequency responses. Needs SciPy."""
+
+from .modes import Modes, Shapes, modes
+from .participation import Participation
+from .response import FrequencyResponse, frequency_response
+
+__all__ = [
+    "FrequencyResponse",
+    "Modes",
+    "Participation",
+    "Shapes",
+    "frequency_response",
+    "modes",
+]

@@ -1,0 +1,324 @@
+"""The drive linearised at a state: its Jacobian as a sparse matrix.
+
+The core solves (1 - g J) k = g c, J its analytic Jacobian (:meth:`beltdyn._core.Model.solve`), by a
+system that goes once round the ring. With unit vectors for c and a g so short that |g J| is some
+1e-3, k / g - c = B = g J + (g J)^2 + ..., of which every entry but the diagonal comes without a
+difference of large numbers, and g J = B - B^2 + B^3 - ... to rounding. Entries decay so fast with the
+distance of links that B is sparse. That takes as many solves as there are unknowns, and gives what a
+solve at real shifts does not: shifts anywhere in the complex plane by a sparse LU, torques that depend
+on speeds, prescribed motions, and the running belt, as entries of one matrix.
+
+Left out are the slip displacements, on which nothing depends, and friction states of links that touch
+no pulley.
+
+A running belt carries its links along: J is taken as they stand at one moment, in coordinates that
+move with the links. In places fixed in space, which a steady belt passes with a links per second, a
+small motion eta of the link at a place changes as d eta/dt = J eta - a D eta, D the derivative by the
+number of the link (fourth order, of friction states second order against the belt's run, for these
+begin anew where a link arrives). Pulleys and mounts stay in their places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..checks import Array
+from ..mounts import Path
+from ..params import Params
+from ..state import State
+
+__all__ = ["Complex", "Linear", "linearise", "scipy_sparse"]
+
+Complex = NDArray[np.complex128]
+
+#: |g J| of the solves that the Jacobian is read off, and powers of it that are not rounding.
+SHORT, TERMS = 4e-3, 7
+#: Entries of B, against its norm, below which they are what rounding leaves.
+NOTHING = 1e-19
+#: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
+CRAWL = 1e-6
+_POSITIONS = ("x", "y", "phi", "theta", "travel")
+_RATES = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega", "travel": "travel_speed"}
+_SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
+
+
+def scipy_sparse() -> tuple[Any, Any]:
+    """Give scipy.sparse and scipy.sparse.linalg.
+
+    Raises:
+        ImportError: SciPy is not installed; the message says what to install.
+    """
+    try:
+        return import_module("scipy.sparse"), import_module("scipy.sparse.linalg")
+    except ImportError:
+        raise ImportError(
+            "modes and frequency responses need SciPy: python -m pip install scipy "
+            "(or beltdyn[vibration])"
+        ) from None
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Linear:
+    """A drive for small motions about a state: d eta/dt = J eta.
+
+    Attributes:
+        params: The drive.
+        state: The state about which it is linearised, as the core takes it.
+        matrix: J, sparse (n, n), of the unknowns that are kept, in their units.
+        names: Field of each unknown (n,), of :class:`beltdyn.State`.
+        index: Its place in that field (n,).
+        unit: Size of each unknown that goes with a motion of the belt by 1 m; of velocities the
+            same a second.
+        passing: Links that pass a place per second, a; 0 at rest [1/s].
+        prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
+        given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
+            theta and of omega.
+    """
+
+    params: Params
+    state: Mapping[str, Any]
+    matrix: Any
+    names: NDArray[np.str_]
+    index: NDArray[np.intp]
+    unit: Array
+    passing: float
+    prescribed: tuple[int, ...]
+    given: tuple[Any, Any]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns, n."""
+        return int(self.names.size)
+
+    def rows(self, name: str) -> NDArray[np.intp]:
+        """Give where a field's unknowns stand."""
+        return np.flatnonzero(self.names == name)
+
+    def field(self, vector: Complex, name: str) -> Complex:
+        """Take a field out of vectors (n, ...): all its values, 0 where they are no unknowns."""
+        rows = self.rows(name)
+        out = np.zeros((np.size(self.state[name]), *vector.shape[1:]), dtype=vector.dtype)
+        out[self.index[rows]] = vector[rows]
+        return out
+
+    def norms(self, rate: float) -> Array:
+        """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
+        fast = np.isin(self.names, list(_RATES.values()))
+        return np.where(fast, rate, 1.0) * self.unit
+
+    def displaced(self, eta: Array) -> dict[str, Any]:
+        """Give the state moved by a small eta (n,), as the core takes it."""
+        out = {name: np.array(value, dtype=float) for name, value in self.state.items()}
+        for name in set(self.names.tolist()):
+            rows = self.rows(name)
+            out[name][self.index[rows]] += eta[rows]
+        return out | {"t": self.state["t"]}
+
+
+def linearise(
+    params: Params,
+    state: State,
+    torque_slopes: tuple[Array, Array] | None = None,
+    prescribed: tuple[int, ...] = (),
+    *,
+    places: bool = True,
+) -> Linear:
+    """Linearise a drive.
+
+    Args:
+        params: The drive.
+        state: Where; at rest or running.
+        torque_slopes: Derivatives of the set torques by angles and by speeds, (n_p, n_p) each, row
+            the pulley on which the torque acts [N m, N m s].
+        prescribed: Pulleys whose motion is prescribed.
+        places: Whether a running belt is seen in places fixed in space, else with its links.
+    """
+    sparse, _ = scipy_sparse()
+    core = state._to_core(params)
+    names, index = _unknowns(params, core)
+    jacobian, unit = _jacobian(params, core, names, index)
+    if torque_slopes is not None:
+        jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
+    passing = _passing(params, core) if places else 0.0
+    # a state of friction that no slip changes belongs to a link that touches nothing
+    sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
+    keep = ~((names == "mu") & (sums == 0.0))
+    if passing != 0.0:
+        jacobian = jacobian - passing * _derivative(params, names, index, keep, passing, sparse)
+    jacobian = jacobian.tocsc()
+    fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
+    paths = [m for m, k in enumerate(params.mounted) if isinstance(params.pulleys[k].mount, Path)]
+    of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
+    fixed |= of_mounts & np.isin(index, paths)
+    inner = np.flatnonzero(keep & ~fixed)
+    given = tuple(
+        jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega")
+    )
+    return Linear(
+        params=params,
+        state=core,
+        matrix=jacobian[:, inner][inner].tocsc(),
+        names=names[inner],
+        index=index[inner],
+        unit=unit[inner],
+        passing=passing,
+        prescribed=prescribed,
+        given=(given[0], given[1]),
+    )
+
+
+def _unknowns(params: Params, core: Mapping[str, Any]) -> tuple[Any, NDArray[np.intp]]:
+    left_out = {"slip"} | ({"phi", "vphi"} if params.belt_model == "string" else set())
+    sizes = {name: np.size(core[name]) for name in _SIZES if name not in left_out}
+    names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
+    return names, np.concatenate([np.arange(size) for size in sizes.values()])
+
+
+def _columns(
+    params: Params, core: Mapping[str, Any], names: Any, index: Any, g: float, which: Any
+) -> Any:
+    """B of the text at the head for unit vectors, sparse; of rates and places as they are."""
+    sparse, _ = scipy_sparse()
+    model = params._model
+    fields = list(dict.fromkeys(names.tolist()))
+    zeros = {name: np.zeros(np.size(value)) for name, value in core.items() if name != "t"}
+    columns = []
+    for j in which:
+        one = zeros[names[j]].copy()
+        one[index[j]] = 1.0
+        k = model.solve(core, g, {**zeros, names[j]: one, "t": 0.0})
+        column = np.concatenate([k[name] for name in fields]) / g
+        column[j] -= 1.0
+        rows = np.flatnonzero(column)
+        columns.append((rows, column[rows]))
+    rows = np.concatenate([c[0] for c in columns])
+    values = np.concatenate([c[1] for c in columns])
+    ends = np.cumsum([0, *(len(c[0]) for c in columns)])
+    return sparse.csc_matrix((values, rows, ends), shape=(len(names), len(columns)))
+
+
+def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: Any) -> Array:
+    """Sizes of the unknowns at a motion of the belt by 1 m, and of velocities by 1 m/s."""
+    info, unit = params.info, np.ones(len(names))
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    unit[np.isin(names, ["phi", "vphi"])] = 2.0 / float(info["link_length"])
+    for name in ("theta", "omega"):
+        unit[names == name] = 1.0 / radii
+    at, levers = params.centers(), np.ones(len(params.mounted))
+    for m, k in enumerate(params.mounted):
+        pivot = getattr(params.pulleys[k].mount, "pivot", None)
+        if pivot is not None:
+            levers[m] = np.hypot(*(at[k] - pivot))
+    for name in ("travel", "travel_speed"):
+        unit[names == name] = 1.0 / levers
+    # states of friction: what a slip of 1 m makes of them as it begins
+    rates = np.isin(names[columns], list(_RATES.values()))
+    by_slip = abs(b[:, np.flatnonzero(rates)]).multiply(unit[columns][rates] / g)
+    largest = np.asarray(by_slip.max(axis=1).todense()).ravel()
+    for name in ("mu", "mount_friction"):
+        rows = names == name
+        seen = largest[rows]
+        top = seen.max(initial=0.0)
+        unit[rows] = np.where(seen > 1e-3 * top, seen, top) if top > 0.0 else 1.0
+    return unit
+
+
+def _jacobian(params: Params, core: Mapping[str, Any], names: Any, index: Any) -> tuple[Any, Array]:
+    sparse, _ = scipy_sparse()
+    fastest = float(params.info["spectral_bound"])
+    g = SHORT / fastest
+    few = np.flatnonzero((index % 5 == 0) | ~np.isin(names, ["x", "y", "phi", "vx", "vy", "vphi"]))
+    every = np.arange(len(names))
+    rates = np.isin(names, list(_RATES.values()))
+    for which in (few, few, few, every):
+        b = _columns(params, core, names, index, g, which)
+        if which is few or b.shape[1] == few.size:
+            unit = _units(params, names, index, b, g, which)
+            scale = unit * np.where(rates, fastest, 1.0)
+            size = abs(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale[which])).max()
+            if size > 2.0 * SHORT:
+                g *= SHORT / size
+    unit = _units(params, names, index, b, g, every)
+    scale = unit * np.where(rates, fastest, 1.0)
+    b = _without_dust(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale))
+    total, power = b.copy(), b
+    for k in range(2, TERMS + 1):
+        power = _without_dust(power @ b)
+        total = total - power if k % 2 == 0 else total + power
+    total = _coupled(params, names, index, total.tocoo(), sparse)
+    j = (sparse.diags(scale) @ total @ sparse.diags(1.0 / scale) / g).tolil()
+    for place, rate in _RATES.items():  # exactly: q' = v
+        rows, columns = np.flatnonzero(names == place), np.flatnonzero(names == rate)
+        if rows.size:
+            j[rows] = sparse.csr_matrix(
+                (np.ones(rows.size), (np.arange(rows.size), columns)), (rows.size, len(names))
+            )
+    return j.tocsc(), unit
+
+
+def _without_dust(matrix: Any) -> Any:
+    matrix = matrix.tocsc()
+    matrix.data[np.abs(matrix.data) < NOTHING] = 0.0
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def _coupled(params: Params, names: Any, index: Any, total: Any, sparse: Any) -> Any:
+    """Drop what rounding has left between links that do not act on each other."""
+    n = params.belt.n_bodies
+    of_link = np.isin(names, ["x", "y", "phi", "vx", "vy", "vphi", "mu"])
+    link = index % n
+    apart = np.abs(link[total.row] - link[total.col])
+    apart = np.minimum(apart, n - apart)
+    near = ~(of_link[total.row] & of_link[total.col]) | (apart <= 2)
+    return sparse.csc_matrix(
+        (total.data[near], (total.row[near], total.col[near])), shape=total.shape
+    )
+
+
+def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse: Any) -> Any:
+    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    out = sparse.lil_matrix((len(names), len(names)))
+    rows = np.flatnonzero(names == "omega")
+    for name, slope in zip(("theta", "omega"), slopes, strict=True):
+        out[np.ix_(rows, np.flatnonzero(names == name))] = slope / inertia[:, None]
+    return out.tocsc()
+
+
+def _passing(params: Params, core: Mapping[str, Any]) -> float:
+    """Links that pass a place per second, in the sense of their numbering."""
+    dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
+    along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
+    passing = float(np.mean(along))
+    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    slow = CRAWL * wave / float(params.info["link_length"])
+    return passing if abs(passing) > slow else 0.0
+
+
+def _derivative(
+    params: Params, names: Any, index: Any, keep: Any, passing: float, sparse: Any
+) -> Any:
+    """D of the text at the head."""
+    n = params.belt.n_bodies
+    central = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
+    behind = {0: 1.5, -1: -2.0, -2: 0.5}
+    against = behind if passing > 0.0 else {-k: -v for k, v in behind.items()}
+    where = {(name, i): row for row, (name, i) in enumerate(zip(names.tolist(), index.tolist()))}
+    rows, columns, values = [], [], []
+    for row, (name, i) in enumerate(zip(names.tolist(), index.tolist())):
+        if name not in ("x", "y", "phi", "vx", "vy", "vphi", "mu") or not keep[row]:
+            continue
+        for offset, value in (against if name == "mu" else central).items():
+            column = where[name, i // n * n + (i % n + offset) % n]
+            if keep[column]:
+                rows.append(row)
+                columns.append(column)
+                values.append(value)
+    return sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))

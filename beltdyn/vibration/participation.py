@@ -1,0 +1,181 @@
+"""What moves in a mode: shares of the kinetic energy, and a name for it.
+
+The kinetic energy of a mode, as the mean over a period, is split into that of the belt across each
+span, of each pulley's rotation, of each mount, and of the belt otherwise: along itself, and where it
+lies on pulleys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import Array
+from ..mounts import Arm
+from ..naming import span_name
+from ..params import Params
+from ..route import route_at
+from .linear import Complex, Linear
+
+__all__ = ["Participation", "Sections", "participation", "sections"]
+
+#: Share from which on a part is named second, and displacement that counts for a node.
+SECOND, NODE = 0.2, 0.05
+_ORDINALS = {1: "1st", 2: "2nd", 3: "3rd"}
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Participation:
+    """Shares of the kinetic energy in modes, each row with the sum 1.
+
+    Attributes:
+        spans: Of the belt across its free span after each pulley (n, n_p).
+        pulleys: Of the rotation of each pulley (n, n_p).
+        mounts: Of each mount (n, n_m): the arm or the carriage with the pulley on it.
+        belt: Of the belt otherwise (n,): along itself, and on the pulleys.
+    """
+
+    spans: Array
+    pulleys: Array
+    mounts: Array
+    belt: Array
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Sections:
+    """Where the links are at the state.
+
+    Attributes:
+        span: Span in which a link is free (n_b,), -1 on pulleys.
+        along: Unit vectors along the spans (n_p, 2).
+    """
+
+    span: NDArray[np.intp]
+    along: Array
+
+
+def sections(linear: Linear) -> Sections:
+    """Find which links are free, and in which span."""
+    params = linear.params
+    touched = params._model.observe(linear.state)["pulley"][0]
+    centers = params.centers(linear.state["travel"]) if params.mounted else params.centers()
+    way = route_at(params.pulleys, np.asarray(centers))
+    along = np.roll(way.arrive, -1, axis=0) - way.leave
+    along /= np.hypot(*along.T)[:, None]
+    span = np.full(touched.size, -1)
+    if (touched >= 0).any():
+        first = int(np.flatnonzero(touched >= 0)[0])
+        last = int(touched[first])
+        for k in range(first, first + touched.size):
+            i = k % touched.size
+            last = int(touched[i]) if touched[i] >= 0 else last
+            free = touched[i] < 0 and touched[(i + 1) % touched.size] < 0
+            span[i] = last if free else -1
+    return Sections(span=span, along=along)
+
+
+def participation(linear: Linear, vectors: Complex, where: Sections) -> Participation:
+    """Split the kinetic energies of modes (size, n)."""
+    params, info = linear.params, linear.params.info
+    mass, turning = float(info["link_mass"]), float(info["link_inertia"])
+    vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
+    whole = mass * (abs(vx) ** 2 + abs(vy) ** 2)
+    if params.belt_model != "string":
+        whole += turning * abs(linear.field(vectors, "vphi")) ** 2
+    n_p, n = len(params.pulleys), vectors.shape[1]
+    across = np.zeros((n, n_p))
+    for k in range(n_p):
+        free = where.span == k
+        normal = where.along[k, 0] * vy[free] - where.along[k, 1] * vx[free]
+        across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
+    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    turns = (inertia[:, None] * abs(linear.field(vectors, "omega")) ** 2).T
+    moved = np.zeros((n, len(params.mounted)))
+    if params.mounted:
+        weight = np.array([_inertia(params, k) for k in params.mounted])
+        moved = (weight[:, None] * abs(linear.field(vectors, "travel_speed")) ** 2).T
+    belt = whole.sum(axis=0) - across.sum(axis=1)
+    total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
+    return Participation(
+        spans=across / total[:, None],
+        pulleys=turns / total[:, None],
+        mounts=moved / total[:, None],
+        belt=belt / total,
+    )
+
+
+def _inertia(params: Params, pulley: int) -> float:
+    mount = params.pulleys[pulley].mount
+    if isinstance(mount, Arm):
+        return mount.inertia
+    return float(getattr(mount, "mass", 0.0)) + float(getattr(mount, "weight", 0.0))
+
+
+def names(
+    linear: Linear, vectors: Complex, where: Sections, shares: Participation
+) -> tuple[str, ...]:
+    """Say in words what moves most in each mode."""
+    return tuple(_name(linear, vectors[:, [k]], where, shares, k) for k in range(vectors.shape[1]))
+
+
+def _name(
+    linear: Linear, vector: Complex, where: Sections, shares: Participation, k: int
+) -> str:
+    params = linear.params
+    parts: list[tuple[float, str]] = [(float(shares.belt[k]), "belt along itself")]
+    for span, share in enumerate(shares.spans[k]):
+        if share > SECOND / len(params.pulleys):
+            between = span_name(span, params.pulley_names, f"span {span}")
+            parts.append((float(share), f"{_span(between)}, {_order(linear, vector, where, span)}"))
+    parts.append((float(shares.pulleys[k].sum()), _rotation(params, linear, vector, shares, k)))
+    for m, share in enumerate(shares.mounts[k]):
+        pulley = params.mounted[m]
+        kind = "arm" if isinstance(params.pulleys[pulley].mount, Arm) else "carriage"
+        parts.append((float(share), f"{kind} of {params.pulley_names[pulley]}"))
+    parts.sort(key=lambda part: -part[0])
+    name = parts[0][1]
+    return name if parts[1][0] < SECOND else f"{name}; with {parts[1][1]}"
+
+
+def _span(between: str) -> str:
+    return between if between.startswith("span") else f"span {between}"
+
+
+def _order(linear: Linear, vector: Complex, where: Sections, span: int) -> str:
+    free = np.flatnonzero(where.span == span)
+    order = np.argsort((free - _first(free, where.span.size)) % where.span.size)
+    free = free[order]
+    x, y = (linear.field(vector, name)[free, 0] for name in ("x", "y"))
+    across = where.along[span, 0] * y - where.along[span, 1] * x
+    real = (across * np.exp(-0.5j * np.angle(np.sum(across**2)))).real
+    real = real[abs(real) > NODE * abs(real).max()]
+    n = 1 + int(np.count_nonzero(np.diff(np.sign(real))))
+    return f"{_ORDINALS.get(n, f'{n}th')} lateral"
+
+
+def _first(free: NDArray[np.intp], n: int) -> int:
+    """First link of a run round the ring."""
+    gaps = np.flatnonzero(np.diff(free) > 1)
+    return int(free[gaps[0] + 1]) if gaps.size and free[0] == 0 and free[-1] == n - 1 else int(
+        free[0]
+    )
+
+
+def _rotation(
+    params: Params, linear: Linear, vector: Complex, shares: Participation, k: int
+) -> str:
+    most = int(np.argmax(shares.pulleys[k]))
+    radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
+    rim = radii * linear.field(vector, "theta")[:, 0]
+    opposite = (rim * np.conj(rim[most])).real < 0.0
+    against: Sequence[str] = []
+    if opposite.any():
+        other = int(np.argmax(np.where(opposite, shares.pulleys[k], -1.0)))
+        if shares.pulleys[k, other] > 0.01 * shares.pulleys[k, most]:
+            against = [params.pulley_names[other]]
+    elif linear.prescribed:
+        against = [params.pulley_names[j] for j in linear.prescribed[:1]]
+    return f"rotation of {params.pulley_names[most]}" + (f" against {against[0]}" if against else "")

@@ -1,0 +1,201 @@
+"""Frequency response of a drive: from a torque or a motion of pulleys to what moves, and tensions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import Array, real_array
+from ..naming import ByPulley, PulleyLike, by_index
+from ..params import Params
+from ..spans import span_tension
+from ..state import State
+from ..torques import TorqueLike
+from .linear import Complex, Linear, scipy_sparse
+from .modes import linear_drive
+
+__all__ = ["FrequencyResponse", "frequency_response"]
+
+#: Displacement of the differences that tensions are read off [m].
+_STEP = 1e-8
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class FrequencyResponse:
+    """Complex amplitudes at each frequency: what is excited as ``Re(a exp(i 2 pi f t))`` gives these.
+
+    Attributes:
+        frequency: Frequencies (n_f,) [Hz].
+        theta: Angles of the pulleys (n_f, n_p) [rad], those prescribed included.
+        omega: Their speeds (n_f, n_p) [rad/s].
+        span_tension: Mean tensions of the free spans after each pulley (n_f, n_p) [N]; NaN where no
+            joint is free.
+        joint_force: Force in the joint on the left of each link (n_f, n_b) [N].
+        travel: Travels of the mounts (n_f, n_m) [rad or m].
+        x: Of the links (n_f, n_b) [m]; of a running belt at places fixed in space.
+        y: The same.
+        torque: Amplitudes of the torques that excite (n_p,) [N m].
+        motion: Amplitudes of the motions that excite (n_p,) [rad].
+        residual: |(i w - J) x - b| / |b| (n_f,).
+        params: The drive.
+    """
+
+    frequency: Array
+    theta: Complex
+    omega: Complex
+    span_tension: Complex
+    joint_force: Complex
+    travel: Complex
+    x: Complex
+    y: Complex
+    torque: Complex
+    motion: Complex
+    residual: Array
+    params: Params
+
+    def __str__(self) -> str:
+        names = self.params.pulley_names
+        sources = [
+            f"{abs(a):g} {unit} on {names[k]}"
+            for values, unit in ((self.torque, "N m"), (self.motion, "rad"))
+            for k, a in enumerate(values)
+            if a != 0.0
+        ]
+        low, high = self.frequency.min(), self.frequency.max()
+        rows = [
+            f"Frequency response to {', '.join(sources)}: "
+            f"{self.frequency.size} frequencies from {low:g} to {high:g} Hz"
+        ]
+        for k, name in enumerate(names):
+            top = int(np.argmax(abs(self.theta[:, k])))
+            rows.append(
+                f"  {name}: at most {abs(self.theta[top, k]):.4g} rad, at "
+                f"{self.frequency[top]:.4g} Hz"
+            )
+        return "\n".join(rows)
+
+
+def frequency_response(
+    params: Params,
+    state: State,
+    frequencies: ArrayLike,
+    *,
+    torque: PulleyLike | ByPulley[complex] | None = None,
+    motion: PulleyLike | ByPulley[complex] | None = None,
+    loads: TorqueLike | None = None,
+) -> FrequencyResponse:
+    """Give the response of a drive to a small harmonic torque or motion.
+
+    Args:
+        params: The drive.
+        state: In equilibrium, at rest or running steadily, as of :func:`beltdyn.modes`.
+        frequencies: Frequencies (n_f,) [Hz], > 0.
+        torque: Pulley on which a torque of 1 N m acts, or complex amplitudes by pulley [N m].
+        motion: Pulley whose angle is prescribed with an amplitude of 1 rad, or complex amplitudes
+            by pulley [rad]; 0 holds a pulley, or leaves its speed constant.
+        loads: Torques that depend on speeds or angles; None: they are constant.
+
+    Raises:
+        ImportError: SciPy is not installed.
+        TypeError, ValueError: An argument breaks its rule; nothing excites the drive.
+    """
+    at = real_array("frequencies", frequencies, ndim=1)
+    if at.size == 0 or (at <= 0.0).any():
+        raise ValueError("frequencies must hold at least one value, all > 0 (Hz)")
+    moments, moved = _amplitudes(params, "torque", torque), _amplitudes(params, "motion", motion)
+    if not any(moments.values()) and not any(moved.values()):
+        raise ValueError("torque or motion must excite at least one pulley")
+    linear = linear_drive(params, state, loads, {k: 0.0 for k in moved})
+    for k in moments:
+        if k in moved:
+            raise ValueError(f"torque and motion are both given on {params.label(k)}")
+    n_p = len(params.pulleys)
+    torques, motions = np.zeros(n_p, complex), np.zeros(n_p, complex)
+    torques[list(moments)] = list(moments.values())
+    motions[list(moved)] = list(moved.values())
+    vectors, left = _solve(linear, 2.0 * np.pi * at, torques, motions)
+    theta = linear.field(vectors, "theta").T + motions
+    omega = linear.field(vectors, "omega").T
+    omega = omega + 2j * np.pi * at[:, None] * motions
+    force = _forces(linear, vectors, theta, omega)
+    return FrequencyResponse(
+        frequency=at,
+        theta=theta,
+        omega=omega,
+        span_tension=_spans(linear, force),
+        joint_force=force,
+        travel=linear.field(vectors, "travel").T,
+        x=linear.field(vectors, "x").T,
+        y=linear.field(vectors, "y").T,
+        torque=torques,
+        motion=motions,
+        residual=left,
+        params=params,
+    )
+
+
+def _amplitudes(params: Params, name: str, given: Any) -> dict[int, complex]:
+    if given is None:
+        return {}
+    by_pulley = given if isinstance(given, Mapping) else {given: 1.0}
+    return {
+        k: complex(value) for k, value in by_index(name, by_pulley, params.pulley_names).items()
+    }
+
+
+def _solve(linear: Linear, rates: Array, torques: Complex, motions: Complex) -> tuple[Any, Array]:
+    """Solve (i w - J) x = b at each w, in unknowns scaled for w."""
+    sparse, linalg = scipy_sparse()
+    inertia = np.array([pulley.inertia for pulley in linear.params.pulleys])
+    rows = linear.rows("omega")
+    out, left = np.empty((linear.size, rates.size), complex), np.empty(rates.size)
+    for f, w in enumerate(rates):
+        size = linear.norms(w)
+        scaled = sparse.diags(1.0 / size) @ linear.matrix @ sparse.diags(size)
+        b = linear.given[0] @ motions + linear.given[1] @ (1j * w * motions)
+        b[rows] += (torques / inertia)[linear.index[rows]]
+        b /= size
+        matrix = (1j * w * sparse.identity(linear.size) - scaled).tocsc()
+        lu = linalg.splu(matrix)
+        x = lu.solve(b)
+        x += lu.solve(b - matrix @ x)
+        left[f] = np.linalg.norm(matrix @ x - b) / np.linalg.norm(b)
+        out[:, f] = size * x
+    return out, left
+
+
+def _forces(linear: Linear, vectors: Complex, theta: Complex, omega: Complex) -> Complex:
+    """Forces in the joints (n_f, n_b), linear in the motion: by central differences."""
+    model = linear.params._model
+    size = linear.norms(1.0)
+    place = np.isin(linear.names, ["x", "y", "theta", "travel"])
+    out = []
+    for f in range(vectors.shape[1]):
+        largest = np.abs(vectors[place, f] / size[place]).max()
+        h = _STEP / max(float(largest), 1e-300)
+        parts = []
+        for turn in (1.0, 1j):  # the real part, and the imaginary one
+            eta = (vectors[:, f] / turn).real
+            ends = []
+            for step in (h, -h):
+                moved = linear.displaced(step * eta)
+                moved["theta"] = linear.state["theta"] + step * (theta[f] / turn).real
+                moved["omega"] = linear.state["omega"] + step * (omega[f] / turn).real
+                ends.append(model.observe(moved)["force"][0])
+            parts.append((ends[0] - ends[1]) / (2.0 * h))
+        out.append(parts[0] + 1j * parts[1])
+    return np.array(out)
+
+
+def _spans(linear: Linear, force: Complex) -> Complex:
+    """Means over the joints that are free at the state, by span."""
+    touched = linear.params._model.observe(linear.state)["pulley"]
+    n_p = len(linear.params.pulleys)
+    seen = np.repeat(touched, len(force), axis=0)
+    real = span_tension(seen, np.ascontiguousarray(force.real), n_p)
+    imaginary = span_tension(seen, np.ascontiguousarray(force.imag), n_p)
+    return np.asarray(real + 1j * imaginary)

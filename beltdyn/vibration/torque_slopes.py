@@ -1,0 +1,84 @@
+"""How set torques change with angles and speeds, and how far a state is from equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..checks import Array
+from ..params import Params
+from ..state import State
+from ..torques import TorqueLike, as_terms
+
+__all__ = ["imbalance", "torque_slopes", "torques_at"]
+
+#: Steps of the differences: of angles [rad]; of speeds [rad/s] and against the speed.
+_ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
+
+
+def torques_at(params: Params, core: Mapping[str, Any], torque: TorqueLike) -> Array:
+    """Give the set torques at a state (n_p,) [N m], as the core evaluates them in a run."""
+    now = float(core["t"])
+    run = _core.Simulation(
+        params._model,
+        core,
+        as_terms(torque, params.pulley_names),
+        now + 1e-9 * max(1.0, abs(now)),
+        ledger=False,
+        guards=False,
+        torque_interval=1.0,
+    )
+    seen = run.sample(np.array([now]), ["torque"])["torque"]
+    while not run.advance(1.0):
+        pass
+    return np.array(seen[0])
+
+
+def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Array, Array]:
+    """Give the derivatives of the set torques by angles and by speeds, (n_p, n_p) each.
+
+    By central differences, over steps of 1e-5 rad and of 1e-4 of the speed.
+    """
+    core = state._to_core(params)
+    n_p = len(params.pulleys)
+    slopes = []
+    for name in ("theta", "omega"):
+        slope = np.zeros((n_p, n_p))
+        for k in range(n_p):
+            at = core[name][k]
+            h = _ANGLE if name == "theta" else max(_SPEED, _RELATIVE * abs(at))
+            ends = []
+            for step in (h, -h):
+                values = np.array(core[name])
+                values[k] = at + step
+                ends.append(torques_at(params, {**core, name: values}, torque))
+            slope[:, k] = (ends[0] - ends[1]) / (2.0 * h)
+        slopes.append(slope)
+    return slopes[0], slopes[1]
+
+
+def imbalance(
+    params: Params, state: State, torque: TorqueLike | None, prescribed: tuple[int, ...]
+) -> tuple[float, str]:
+    """Give the largest torque left over on a pulley or mount against the belt's tension, and where.
+
+    Without torques those that the state itself balances are taken as constant.
+    """
+    core = state._to_core(params)
+    n_p = len(params.pulleys)
+    given = np.zeros(n_p) if torque is None else torques_at(params, core, torque)
+    rate = params._model.rate(core, given)
+    tension = max(float(state.tension(params).mean), 1e-12)
+    if torque is None:
+        return 0.0, ""
+    worst, where = 0.0, ""
+    for k, pulley in enumerate(params.pulleys):
+        if k in prescribed:
+            continue
+        off = abs(rate["omega"][k]) * pulley.inertia / (tension * pulley.radius)
+        if off > worst:
+            worst, where = float(off), params.label(k)
+    return worst, where

@@ -1,0 +1,155 @@
+"""Modes and frequency responses against the dense Jacobian, closed forms and runs.
+
+The dense Jacobian (tests/dense.py) is that of the core's solver; it is itself held to differences of
+the oracle's equations by test_jacobian.py. Its eigenvalues come from LAPACK, all of them.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import attrs
+import dense
+import numpy as np
+import pytest
+from bridge import oracle_of
+
+import beltdyn as bd
+from beltdyn.vibration.linear import linearise
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+
+def two_pulleys(mesh: str = "joint", n: int = 40, **changes: Any) -> bd.Params:
+    belt: dict[str, Any] = {"bending_stiffness": 0.01} | changes.pop("belt", {})
+    return bd.Params(
+        belt=bd.Belt(
+            preload=300.0,
+            n_bodies=n,
+            linear_density=0.1,
+            axial_stiffness=6e4,
+            axial_damping=1.0,
+            mesh=mesh,
+            **belt,
+        ),
+        pulleys=[
+            bd.Pulley(name="motor", center=(0.0, 0.0), radius=0.05, inertia=2e-3),
+            bd.Pulley(name="fan", center=(0.35, 0.02), radius=0.08, inertia=2e-2),
+        ],
+        **({"friction": bd.Dahl(mu_k=0.8, sigma=1e4)} | changes),
+    )
+
+
+LAWS = {
+    "dahl": bd.Dahl(mu_k=0.8, sigma=1e4),
+    "elastic-plastic": bd.ElasticPlastic(mu=0.5, stiffness=1e8, damping=1e2),
+    "coulomb": bd.Coulomb(mu=0.5, v_reg=0.05),
+    "maxwell": bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3)),
+}
+DRIVES = {
+    "paper": lambda: two_pulleys("paper", 72),
+    "string": lambda: two_pulleys(belt={"bending_stiffness": 0.0}),
+    "tensioner": lambda: bd.scenes.tensioned_alternator(48).params,
+    "crossed": lambda: bd.scenes.crossed_belt(40).params,
+} | {name: (lambda law=law: two_pulleys(friction=law)) for name, law in LAWS.items()}
+
+
+@cache
+def at_rest(name: str) -> tuple[bd.Params, bd.State]:
+    params = DRIVES[name]()
+    return params, bd.settle(params)
+
+
+@cache
+def running(name: str) -> tuple[bd.Params, bd.State]:
+    """Just set going: a state at which nothing but the speeds is different."""
+    params, state = at_rest(name)
+    first = params.pulley_names[0]
+    return params, state.at_speed(params, {first: -40.0 if name != "tensioner" else -25.0})
+
+
+def dense_jacobian(params: bd.Params, state: bd.State) -> tuple[Any, Any, Any, Any]:
+    """J in SI units with the field and the place of each unknown."""
+    oracle, core = oracle_of(params), state._to_core(params)
+    layout = dense.Layout.of(oracle, core)
+    fastest = 2.0 * np.sqrt(oracle.c_tra * (0.5 * oracle.l0) ** 2 / oracle.inertia)
+    j = dense.jacobian_of_solver(params._model, layout, core, 0.01 / fastest)
+    names = np.concatenate([np.full(n, name) for name, n in layout.sizes.items()])
+    index = np.concatenate([np.arange(n) for n in layout.sizes.values()])
+    return j, layout.scale, names, index
+
+
+@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("state_of", [at_rest, running])
+def test_sparse_jacobian(name: str, state_of: Any) -> None:
+    """Every entry; that of a running belt in the coordinates of its links."""
+    params, state = state_of(name)
+    linear = linearise(params, state, places=False)
+    j, scale, names, index = dense_jacobian(params, state)
+    where = {key: k for k, key in enumerate(zip(names.tolist(), index.tolist(), strict=True))}
+    rows = [where[key] for key in zip(linear.names.tolist(), linear.index.tolist(), strict=True)]
+    units = scale[rows]
+    sparse = linear.matrix.toarray() / units[:, None] * units
+    # inverse of a dense matrix: rounding times the ratio of its fastest to its shortest rates
+    assert np.max(np.abs(sparse - j[np.ix_(rows, rows)])) < 1e-11 * np.abs(j).max()
+    # what is left out has no effect on what is kept
+    left_out = np.setdiff1d(np.arange(len(j)), rows)
+    rounding = 1e-11 * np.abs(j).max()
+    kept = [k for k in left_out if names[k] not in ("slip", "mu")]
+    assert not kept
+    assert np.abs(j[np.ix_(rows, left_out)]).max(initial=0.0) < rounding
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_eigenvalues_at_rest(name: str) -> None:
+    """The lowest modes are all those, and none else, of the dense matrix in the band."""
+    params, state = at_rest(name)
+    modes = bd.modes(params, state)
+    assert len(modes) == 8
+    assert modes.residual.max() < 1e-7
+    j, *_ = dense_jacobian(params, state)
+    values = np.linalg.eigvals(j)
+    low, high = 2.0 * np.pi * np.array(modes.band)
+    damping = -values.real / np.maximum(abs(values), 1e-300)
+    expected = values[(values.imag > 0) & (damping < 0.25) & (abs(values) > low)]
+    expected = expected[abs(expected) < high * (1 + 1e-6)]
+    if modes.turning is not None:
+        expected = expected[abs(expected - modes.turning) > 1e-2 * abs(modes.turning)]
+    found = modes.eigenvalue[modes.damping < 0.25]
+    # rounding of J, of the size of its fastest rate, in the square of a slow one
+    tolerance = 1e-5 * np.abs(found).max()
+    assert len(expected) == len(found)
+    for value in expected:
+        assert np.abs(found - value).min() < tolerance
+
+
+def test_moving_string() -> None:
+    """Frequencies (n / 2 L)(c^2 - v^2) / c of a string that runs between its ends.
+
+    c^2 = T / rho with the tension T that the running belt has in its spans, rho v^2 included. The
+    pulleys' speeds are prescribed.
+    """
+    params = bd.Params(
+        belt=bd.Belt(
+            preload=300.0, n_bodies=400, linear_density=0.1, axial_stiffness=2e5, axial_damping=2.0
+        ),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.05, inertia=1.0),
+            bd.Pulley(center=(0.5, 0.0), radius=0.05, inertia=1.0),
+        ],
+        friction=bd.Dahl(mu_k=0.8, sigma=1e4),
+    )
+    c = np.sqrt(300.0 / 0.1)
+    state = bd.settle(params, speed={0: -0.3 * c / 0.05})
+    modes = bd.modes(params, state, motion={0: 0.0, 1: 0.0}, n=14)
+    tension = state.tension(params).mean
+    v, wave = modes.speed, np.sqrt(tension / 0.1)
+    assert abs(v) / wave == pytest.approx(0.3, rel=0.1)
+    expected = np.arange(1, 5) / (2.0 * 0.5) * (wave**2 - v**2) / wave
+    # what friction in the wraps makes of the belt's passage decays within a period
+    swings = (modes.participation.spans.sum(axis=1) > 0.5) & (modes.damping < 0.05)
+    lateral = modes.frequency[swings]
+    # two spans: a pair each; a span begins and ends where the links lift off, sqrt(T / c2') away
+    assert np.allclose(lateral[:8:2], expected, rtol=5e-3)
+    assert np.allclose(lateral[1:8:2], expected, rtol=5e-3)
