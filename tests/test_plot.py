@@ -301,7 +301,7 @@ def test_stick_and_slip_arcs(result: bd.Result) -> None:
     pulley = result.contact.pulley
     changed = with_contact(result, mu=np.where(pulley == 0, 0.96 * mu_k, 0.5 * mu_k))
     ax = bd.plot.drive(changed)
-    assert labels(ax) == ["stick", "slip"]
+    assert labels(ax) == ["belt sticks", "belt slips"]
     _, (stick, slip) = parts(ax)
     for arcs, k in ((stick, 1), (slip, 0)):
         centre, radius = result.params.pulleys[k].center, result.params.pulleys[k].radius
@@ -314,7 +314,7 @@ def test_stick_and_slip_arcs(result: bd.Result) -> None:
         half = np.arctan2(result.params.info["link_length"] / 2, radius)
         # Links lie tangent to the rim within the contact's compression, some 1e-3 of the radius.
         assert -steps.sum() == pytest.approx(2 * half * on.size, rel=0.02)
-    assert labels(bd.plot.drive(changed, slip_from=0.97)) == ["stick"]
+    assert labels(bd.plot.drive(changed, slip_from=0.97)) == ["belt sticks"]
     assert labels(bd.plot.drive(changed, arcs=False, colour=None)) == []
 
 

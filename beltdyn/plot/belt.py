@@ -122,7 +122,8 @@ def drive(
 ) -> Axes:
     """Draw the drive to scale at one time, as Fig. 5 of the paper.
 
-    Pulleys carry their name or number, a mark that turns with them and, while they turn, an arrow.
+    Pulleys carry their name or number, beside them if they are small, a mark that turns with them
+    and, while they turn, an arrow.
 
     Args:
         result: A run with at least one sample.

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
+from matplotlib.text import Text
 
+from ..checks import Array
 from ..params import Params
 from ..parts import Pulley, as_pulleys
 from ..route import route
 from . import style
+from .labels import place_names
 from .mounting import MountPicture
 
 __all__ = ["layout"]
@@ -25,7 +28,8 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
 
     Arrows point along the belt as its links and spans are numbered; span k follows pulley k.
     Pulleys on arms and sliders of a drive are drawn where they rest, with the arm, or the guide of
-    the slider; those given alone in their places.
+    the slider; those given alone in their places. Names stand on pulleys that are large enough, or
+    beside them; lengths for which a small picture has no room are left out.
 
     Args:
         drive: A drive, or its pulleys alone, in the order in which the belt visits them.
@@ -42,6 +46,9 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         way, centers = route(pulleys), np.array([pulley.center for pulley in pulleys])
     ax = style.axes(ax)
     MountPicture(ax, pulleys).move(centers)
+    names: list[Text] = []
+    spans: list[Text] = []
+    line: list[Array] = []
     for k, pulley in enumerate(pulleys):
         center = centers[k]
         ax.add_patch(Circle(center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8))
@@ -50,7 +57,10 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         arc = center[:, None] + pulley.radius * np.array([np.cos(angle), np.sin(angle)])
         ax.plot(*arc, color=style.COLOURS[0], lw=2.2, solid_capstyle="round")
         wrap = f"{style.title(k, pulley)}\n{np.degrees(way.wraps[k]):.0f}°"
-        ax.annotate(wrap, center, ha="center", va="center", fontsize="small")
+        names.append(
+            ax.text(center[0], center[1], wrap, ha="center", va="center", fontsize="small")
+        )
+        line.append(arc.T)
         if len(pulleys) > 1:
             after = (k + 1) % len(pulleys)
             begin, end = way.leave[k], way.arrive[after]
@@ -65,17 +75,52 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
                 # Where crossed spans meet no label fits: in the middle of the longer part.
                 meets = pulley.radius / (pulley.radius + pulleys[after].radius)
                 share = 0.5 * (meets + (meets < 0.5))
-            ax.annotate(
+            at = begin + share * (end - begin)
+            label = ax.text(
+                at[0],
+                at[1],
                 f"{way.spans[k]:.3g} m" if way.spans[k] >= 1.0 else f"{1e3 * way.spans[k]:.0f} mm",
-                begin + share * (end - begin),
                 ha="center",
                 va="center",
                 fontsize="small",
                 bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
             )
+            spans.append(label)
     style.dress(ax, "x [m]", "y [m]")
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.12)
     crossed = ", crossed" if way.turns == 0 else ""
     ax.set_title(f"belt line of {way.length:.4g} m{crossed}", fontsize="medium")
+    _place_labels(ax, names, spans, np.asarray(way.spans), centers, pulleys, np.concatenate(line))
     return ax
+
+
+def _place_labels(
+    ax: Axes,
+    names: list[Text],
+    spans: list[Text],
+    lengths: Array,
+    centers: Array,
+    pulleys: Sequence[Pulley],
+    line: Array,
+) -> None:
+    """Put names beside pulleys, and lengths beside spans, that are too small to carry them."""
+    style.settle_layout(ax)
+    scale = float(np.abs(np.diff(ax.transData.transform([(0.0, 0.0), (1.0, 0.0)])[:, 0]))[0])
+    kept: list[Text] = []
+    short: list[Text] = []
+    for text, length in zip(spans, lengths, strict=False):
+        box = text.get_window_extent()
+        fits = box.width + 2.0 * box.height < scale * length
+        free = not any(box.overlaps(other.get_window_extent()) for other in kept)
+        (kept if fits and free else short).append(text)
+    at = np.array([text.get_position() for text in short]).reshape(-1, 2)
+    place_names(
+        ax,
+        names + short,
+        np.concatenate([centers, at]),
+        np.array([pulley.radius for pulley in pulleys] + [0.0] * len(short)),
+        line,
+        fixed=kept,
+        pivots=MountPicture.reach(pulleys),
+    )

@@ -70,7 +70,7 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
     worst = float(np.abs(ledger.residual).max())
     passed = float(ledger.passed[-1])
     share = f", {worst / passed:.1g} of {passed:.3g} J transmitted" if passed > 0 else ""
-    ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="medium")
+    ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="small")
     style.dress(ax, "time [s]", "energy [J]")
     style.add_headroom(ax, rows=3)
     style.legend(ax, loc="upper left", ncols=2, handlelength=1.6, columnspacing=1.2)

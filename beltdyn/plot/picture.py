@@ -20,15 +20,19 @@ from ..checks import Array, pair, real
 from ..outputs import has
 from ..result import Result
 from . import style
+from .labels import place_names
 from .mounting import MountPicture
 from .select import choice
 
 __all__ = ["DrivePicture"]
 
 _MAPS = {"tension": "viridis", "friction": "PuOr_r"}
-_LABELS = {"tension": "joint force [N]", "friction": "friction coefficient [1]"}
+_LABELS = {"tension": "belt tension [N]", "friction": "friction coefficient [1]"}
 #: Marks of stick and slip: name, colour, dashes; and where they run, in radii.
-_ARCS = (("stick", style.COLOURS[0], "-"), ("slip", style.COLOURS[1], (0, (1.0, 0.8))))
+_ARCS = (
+    ("belt sticks", style.COLOURS[0], "-"),
+    ("belt slips", style.COLOURS[1], (0, (1.0, 0.8))),
+)
 _ARC_AT, _SPOKE, _ARROW_AT = 0.86, (0.55, 0.80), 0.42
 #: Arrows show pulleys that turn faster than this share of the highest speed in the run.
 _TURNS = 1e-3
@@ -201,7 +205,9 @@ class DrivePicture:
         margin = 0.05 * max(right - left, top - bottom)
         ax.set_aspect("equal")
         ax.set_xlim(left - margin, right + margin)
-        ax.set_ylim(bottom - margin, top + margin)
+        # Names of pulleys that are small in a wide drive stand above and below it.
+        room = 1.8 * margin if self.wide else margin
+        ax.set_ylim(bottom - room, top + room)
 
     def _colour_bar(self, ax: Axes, colour: str) -> None:
         where: dict[str, Any] = {"orientation": "vertical", "aspect": 25, "shrink": 0.9}
@@ -297,10 +303,18 @@ class DrivePicture:
             last = int(k)
         return arcs
 
+    def _place_names(self, ax: Axes) -> None:
+        """Put names that do not fit on their pulleys beside them, as at the first sample shown."""
+        row = range(len(self._result.t))[self._rows][0]
+        radii = np.array([pulley.radius for pulley in self._result.params.pulleys])
+        pivots = MountPicture.reach(self._result.params.pulleys)
+        belt = np.stack([self._result.belt.x[row], self._result.belt.y[row]], axis=-1)
+        place_names(ax, self._titles, self._centers(row), radii, belt, marked=True, pivots=pivots)
+
     # --- legend ----------------------------------------------------------------------------------
 
     def add_legend(self, ax: Axes) -> None:
-        """Add a legend below the axes for the arcs and highlighted links that are shown."""
+        """Add a legend below the axes for arcs and highlighted links; the last of the layout."""
         handles: list[Artist] = []
         if self._arcs:
             on, slips = self._states(self._rows)
@@ -315,7 +329,7 @@ class DrivePicture:
         handles += self._marks
         if handles:
             style.legend_below(ax, handles)
-        style.settle_layout(ax)
+        self._place_names(ax)
 
 
 def _of_links(force: Array) -> Array:

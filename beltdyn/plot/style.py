@@ -45,8 +45,8 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1, 1.5)), (0, (1.2, 
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----")
 #: Colours of the belt where the quantity shown does not exist, and of pulleys.
 FREE, METAL = "0.72", "0.93"
-#: Of a legend below the axes, and how far below [heights of the text].
-LEGEND_COLUMNS, _LEGEND_BELOW = 3, 3.2
+#: Most columns of a legend below the axes.
+LEGEND_COLUMNS = 3
 #: Above this number of points finding a place for a legend takes longer than drawing.
 _MANY_POINTS = 100_000
 
@@ -147,6 +147,11 @@ def _points(size: str) -> float:
     return FontProperties(size=size).get_size_in_points()
 
 
+def _legend_below() -> float:
+    """Give how far below the axes a legend begins [pt]: below ticks, their numbers, the label."""
+    return 11.0 + 2.5 * _points("medium")
+
+
 def legend(ax: Axes, **options: Any) -> None:
     """Put the legend where it covers no data, above them if necessary; or as ``options`` say."""
     look = {"framealpha": 0.8, "edgecolor": "none", "fontsize": "small"} | options
@@ -184,14 +189,14 @@ def room_below(ax: Axes, rows: int) -> dict[str, float]:
     """Give the ``pad`` of a colour bar below a legend in figures without a layout engine."""
     if _root(ax).get_layout_engine() is not None:
         return {}
-    points = _LEGEND_BELOW * _points("medium") + (1.6 * rows + 1.3) * _points("small")
+    points = _legend_below() + (1.6 * rows + 1.3) * _points("small")
     return {"pad": min(points / _height(ax), 0.5)}
 
 
 def legend_below(ax: Axes, handles: Sequence[Artist], columns: int = LEGEND_COLUMNS) -> None:
     """Put a legend beneath the label of the x axis, in as many columns as the axes are wide for."""
     figure = _root(ax)
-    down = ScaledTranslation(0.0, -_LEGEND_BELOW * _points("medium") / 72.0, figure.dpi_scale_trans)
+    down = ScaledTranslation(0.0, -_legend_below() / 72.0, figure.dpi_scale_trans)
     settle_layout(ax)
     # Wider than the axes, it would take the room from them in a layout that is computed.
     room = figure.bbox.width * ax.get_position(original=True).width
