@@ -411,9 +411,10 @@ void bd_settle_free(bd_settling *settling);
 void bd_sim_free(bd_sim *sim);
 
 /* Where samples go: row k of each array (row length as BD_OUTPUTS; of PLANE 2 n_p numbers, x and y
- * of pulley 0, of pulley 1, ...) at time t[k]; NULL arrays are neither computed nor written. `pulley` (int32): the touched pulley or -1. `span_tension` (n_p):
- * as bd_span_tension. t: non-decreasing, within the run. The times are copied, the arrays stay the
- * caller's and must outlive the run. */
+ * of pulley 0, of pulley 1, ...) at time t[k]; NULL arrays are neither computed nor written.
+ * `pulley` (int32): the touched pulley or -1. `span_tension` (n_p): as bd_span_tension. t:
+ * non-decreasing, within the run. The times are copied, the arrays stay the caller's and must
+ * outlive the run. */
 typedef struct bd_output {
 #define X(name, group, size, unit, text) double *name;
   BD_OUTPUTS(X)
