@@ -123,6 +123,22 @@ def test_eigenvalues_at_rest(name: str) -> None:
         assert np.abs(found - value).min() < tolerance
 
 
+@pytest.mark.parametrize("name", ["paper", "dahl", "tensioner", "string"])
+def test_eigenvalues_running(name: str) -> None:
+    """The search finds all of the matrix in places fixed in space, which LAPACK has."""
+    params, state = running(name)
+    modes = bd.modes(params, state)
+    values = np.linalg.eigvals(linearise(params, state).matrix.toarray())
+    low, high = 2.0 * np.pi * np.array(modes.band)
+    expected = values[(values.imag > 0) & (-values.real < 0.25 * abs(values))]
+    expected = expected[(abs(expected) > low) & (abs(expected) < high * (1 + 1e-6))]
+    if modes.turning is not None:
+        expected = expected[abs(expected - modes.turning) > 1e-2 * abs(modes.turning)]
+    assert len(expected) == len(modes)
+    for value in expected:
+        assert np.abs(modes.eigenvalue - value).min() < 1e-5 * high
+
+
 def test_moving_string() -> None:
     """Frequencies (n / 2 L)(c^2 - v^2) / c of a string that runs between its ends.
 
@@ -141,7 +157,7 @@ def test_moving_string() -> None:
     )
     c = np.sqrt(300.0 / 0.1)
     state = bd.settle(params, speed={0: -0.3 * c / 0.05})
-    modes = bd.modes(params, state, motion={0: 0.0, 1: 0.0}, n=14)
+    modes = bd.modes(params, state, motion={0: 0.0, 1: 0.0})
     tension = state.tension(params).mean
     v, wave = modes.speed, np.sqrt(tension / 0.1)
     assert abs(v) / wave == pytest.approx(0.3, rel=0.1)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import attrs
 import numpy as np
 
-from ..checks import Array, integer
+from ..checks import Array, integer, positive
 from ..naming import ByPulley, by_index
 from ..params import Params
 from ..run_warnings import BeltdynWarning
@@ -27,6 +27,8 @@ UNBALANCED, LEFT_OVER = 1e-2, 1e-5
 #: Difference of the rims' motions below which a drive turns as a whole; share of pulleys and mounts
 #: in a decay that is reported.
 TURNING, BODIES = 0.02, 0.3
+#: Damping ratio above which modes of a running belt are left out.
+DAMPED = 0.25
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -67,6 +69,7 @@ class Modes:
         decay_names: What moves most in these.
         turning: Eigenvalue of the whole drive turning, which is none of the modes [1/s]: 0 but
             for what the polygon of links resists; None if it was not met.
+        left_out: Number of modes left out for their damping, below the highest given.
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given.
         speed: Of the belt along its numbering [m/s], 0 at rest.
@@ -84,6 +87,7 @@ class Modes:
     decay: Array
     decay_names: tuple[str, ...]
     turning: complex | None
+    left_out: int
     band: tuple[float, float]
     speed: float
     params: Params
@@ -103,6 +107,8 @@ class Modes:
             rows.append(f"  negative damping: mode(s) {grow} grow")
         for rate, name in zip(self.decay, self.decay_names, strict=True):
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
+        if self.left_out:
+            rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
         rows.append(f"  searched from {self.band[0]:.3g} Hz on")
         return "\n".join(rows)
 
@@ -113,13 +119,16 @@ def modes(
     torque: TorqueLike | None = None,
     *,
     n: int = 8,
+    damping: float | None = None,
     motion: ByPulley[object] | None = None,
 ) -> Modes:
     """Find the lowest modes of a drive for small motions about a state.
 
     The drive is linearised by the analytic Jacobian of the model: contact and friction on the side
     of their kinks on which the state stands, so friction that sticks is a spring. A running belt
-    carries its links along; frequencies are those seen in places fixed in space.
+    carries its links along; frequencies are those seen in places fixed in space. What friction
+    keeps of the past is then carried through the wraps, which makes a series of strongly damped
+    modes, a period each time the belt takes to pass a wrap.
 
     Args:
         params: The drive.
@@ -127,6 +136,7 @@ def modes(
             ``result.final_state``.
         torque: Torques that depend on speeds or angles; None: they are constant.
         n: How many modes.
+        damping: Damping ratio above which modes are left out; None: 1 at rest, 0.25 running.
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
             motion of the rest leaves what is prescribed as it is.
@@ -136,14 +146,20 @@ def modes(
         TypeError, ValueError: An argument breaks its rule.
 
     Warns:
-        BeltdynWarning: The state is not in equilibrium; an eigenvector is inaccurate.
+        BeltdynWarning: The state is not in equilibrium; an eigenvector is inaccurate;
+            eigenvalues of the band have not converged.
     """
     n = integer("n", n, 1)
+    least = None if damping is None else positive("damping", damping)
     linear = linear_drive(params, state, torque, motion)
     where = parts.sections(linear)
-    found, still, band = search(linear, n + 1)
+    most = (1.0 if linear.passing == 0.0 else DAMPED) if least is None else least
+    found, still, band, complete = search(linear, n + 1, most)
+    if not complete:
+        _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
     across = parts.participation(linear, found[1], where).spans.sum(axis=1)
-    found, turning = _without_turning(linear, found, n, across)
+    found, turning = _without_turning(linear, found, across)
+    found, left_out = _least_damped(found, n, most)
     shares = parts.participation(linear, found[1], where)
     still = _of_bodies(still, parts.participation(linear, still[1], where))
     scaled = _scaled(linear, found)
@@ -166,6 +182,7 @@ def modes(
         decay=-still[0].real,
         decay_names=parts.names(linear, still[1], where, of_still),
         turning=turning,
+        left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
         speed=linear.passing * float(params.info["link_length"]),
         params=params,
@@ -198,20 +215,25 @@ def linear_drive(
     return linearise(params, state, slopes, prescribed)
 
 
-def _without_turning(
-    linear: Linear, found: Found, n: int, across: Array
-) -> tuple[Found, complex | None]:
+def _without_turning(linear: Linear, found: Found, across: Array) -> tuple[Found, complex | None]:
     """Leave out the motion in which all pulleys turn with the belt, which only a mesh holds."""
     if linear.prescribed:
-        return (found[0][:n], found[1][:, :n]), None
+        return found, None
     params = linear.params
     radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
     rims = radii[:, None] * linear.field(found[1], "theta")
     largest = abs(rims).max(axis=0)
     turns = (abs(rims - rims[0]).max(axis=0) < TURNING * largest) & (across < TURNING)
-    keep = np.flatnonzero(~turns)[:n]
+    keep = np.flatnonzero(~turns)
     turning = complex(found[0][turns][0]) if turns.any() else None
     return (found[0][keep], found[1][:, keep]), turning
+
+
+def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:
+    """Give the lowest n of a damping ratio below ``most``, and how many others are below these."""
+    keep = np.flatnonzero(-found[0].real < most * abs(found[0]))[:n]
+    left_out = int(keep[-1]) + 1 - keep.size if keep.size else 0
+    return (found[0][keep], found[1][:, keep]), left_out
 
 
 def _of_bodies(still: Found, shares: parts.Participation) -> Found:

@@ -86,8 +86,8 @@ class _Krylov:
         return (self.shift + 1.0 / theta[good], self.size[:, None] * vectors), bool(good.all())
 
 
-def _disc(linear: Linear, shift: complex, radius: float) -> Found:
-    """All eigenvalues in the disc round a shift; of those too many to converge what has."""
+def _disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
+    """Give the eigenvalues in the disc round a shift that have converged; whether that is all."""
     most = min(MOST, linear.size) // BLOCK - 1
     space, blocks = _Krylov(linear, shift), min(BLOCKS, most)
     space.grow(blocks)
@@ -100,29 +100,42 @@ def _disc(linear: Linear, shift: complex, radius: float) -> Found:
         done = converged
         if before == (len(found[0]), True) and done:
             break
-    return found
+    return found, done
 
 
-def search(linear: Linear, n: int) -> tuple[Found, Found, tuple[float, float]]:
-    """Find the lowest n modes that oscillate, those that do not, and the band searched [rad/s]."""
+def search(
+    linear: Linear, n: int, damping: float
+) -> tuple[Found, Found, tuple[float, float], bool]:
+    """Find the lowest n modes that oscillate, those that do not, and the band searched [rad/s].
+
+    Last whether all discs were done. Of those that oscillate all are given below the n-th that has
+    less than a damping ratio.
+    """
     centre = first_rate(linear)
     fastest = float(linear.params.info["spectral_bound"])
     lowest = LOWER * centre * (1.0 - RADIUS)
-    found = _disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)
-    still = _disc(linear, complex(-0.5 * centre), DECAYS * 0.5 * centre)
+    found, all_done = _disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)
+    still, _ = _disc(linear, complex(-0.5 * centre), DECAYS * 0.5 * centre)
     while True:
-        found = _joined(found, _disc(linear, 1j * centre, RADIUS * centre), SAME * centre)
+        more, done = _disc(linear, 1j * centre, RADIUS * centre)
+        all_done &= done
+        found = _joined(found, more, SAME * centre)
         highest = (1.0 + RADIUS) * centre
-        if len(found[0]) >= n or centre > fastest:
+        swings = np.flatnonzero(-found[0].real < damping * abs(found[0]))
+        if swings.size >= n or centre > fastest:
             break
         centre *= NEXT
-    order = np.argsort(abs(found[0]))[:n]
+    rates = np.sort(abs(found[0][swings]))
+    last = rates[min(n, rates.size) - 1] if rates.size else highest
+    order = np.argsort(abs(found[0]))
+    order = order[abs(found[0][order]) <= last]
     real = np.flatnonzero(abs(still[0].imag) <= SAME * abs(still[0]))
     real = real[np.argsort(abs(still[0][real]))]
     return (
         (found[0][order], found[1][:, order]),
         (still[0][real], still[1][:, real]),
         (lowest, highest),
+        all_done,
     )
 
 
