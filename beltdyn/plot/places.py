@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ..arcs import SLIP_FROM
 from ..places import AlongBelt
 from ..result import Result
 from . import style
@@ -107,7 +106,7 @@ def arcs(
     """Draw the arcs of contact over time in degrees, and what of them slips, shaded.
 
     Where the shade reaches the line, the whole wrap slips and friction can carry no more; between
-    the two the belt sticks. What counts as slip: :class:`beltdyn.Arcs`.
+    the two the belt sticks. A link slips from 95 % of full friction on (:class:`beltdyn.Arcs`).
 
     Args:
         result: A run with at least one sample.
@@ -133,10 +132,5 @@ def arcs(
         ax.fill_between(result.t, slip, color=drawn.get_color(), alpha=0.25, lw=0.0)
     style.dress(ax, "time [s]", "arc [deg]")
     ax.set_ylim(bottom=0.0)
-    handles = [
-        *ax.lines,
-        Patch(color="0.75", label=f"shaded: slips, from {100 * SLIP_FROM:g} % of friction on"),
-    ]
-    style.legend_below(ax, handles)
-    style.settle_layout(ax)
+    style.legend(ax, handles=[*ax.lines, Patch(color="0.75", label="shaded: slips")])
     return ax
