@@ -179,7 +179,7 @@ def campbell(
         orders: Of that pulley, whose lines are drawn.
         modes: Natural frequencies to draw over it: pairs of a speed of that pulley [rad/s] and
             frequencies (n,) [Hz] there, joined into lines in their order if there are equally many
-            everywhere; or ``bd.Modes``, of a drive at rest level lines.
+            everywhere; or ``bd.Modes``, one or several, of a drive at rest as level lines.
         window: Length of a slice of time [s]; None: chosen (:func:`beltdyn.spectra.speed_spectra`).
         up_to: Highest frequency shown [Hz]; None: that of the highest of ``orders``.
         limits: Ends of the logarithmic colour scale, in the unit of the output; None: two decades
@@ -206,7 +206,8 @@ def campbell(
         "mount": mount,
     }
     found = speed_spectra(result, output, over=over, window=window, **where)
-    name = result.params.pulley_names[index_of("over", over, result.params.pulley_names)]
+    index = index_of("over", over, result.params.pulley_names)
+    name = result.params.pulley_names[index]
     speed, amplitude = _by_speed(found)
     multiples = [float(order) for order in orders]
     top = max(multiples, default=8.0) * float(speed.max()) / (2.0 * np.pi)
@@ -233,7 +234,7 @@ def campbell(
         [Line2D([], [], label=f"orders of {style.plain(name)}", **_ORDER)] if multiples else []
     )
     handles += _passing(ax, found, speed, high)
-    handles += _modes(ax, modes, _RPM * speed)
+    handles += _modes(ax, modes, _RPM * speed, index)
     style.dress(ax, f"speed of {style.plain(name)} [rpm]", "frequency [Hz]")
     ax.grid(False)
     ax.set_title(style.plain(found.label), fontsize="medium")
@@ -308,7 +309,7 @@ def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Li
     return handles
 
 
-def _modes(ax: Axes, modes: Sequence[Any], rpm: Array) -> list[Line2D]:
+def _modes(ax: Axes, modes: Any, rpm: Array, pulley: int) -> list[Line2D]:
     """Draw natural frequencies over speed."""
     entries = list(modes) if isinstance(modes, (list, tuple)) else [modes]
     if not entries:
@@ -316,7 +317,9 @@ def _modes(ax: Axes, modes: Sequence[Any], rpm: Array) -> list[Line2D]:
     look: dict[str, Any] = {"color": style.COLOURS[3], "lw": 1.1, "ls": "-"}
     pairs = []
     for one in entries:
-        if hasattr(one, "frequency"):
+        if hasattr(one, "frequency") and one.speed:
+            pairs.append((_RPM * abs(float(one.state.omega[pulley])), one.frequency))
+        elif hasattr(one, "frequency"):
             for at in np.atleast_1d(one.frequency):
                 ax.plot(rpm[[0, -1]], [at, at], zorder=2.5, **look)
         else:
