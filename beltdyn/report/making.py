@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..checks import integer, real
@@ -10,12 +12,15 @@ from .cycles import cycle_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
 from .report import Report
-from .rows import Creep, Rows
+from .rows import Creep, PulleyRow, Rows
 from .spans import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import OF_ARCS, Run, Window, missing
 
 __all__ = ["creep_against", "make_report"]
+
+#: Share of the exponent mu wrap from which on it is said that bending takes it off.
+NOTABLE = 0.01
 
 
 #: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
@@ -64,6 +69,7 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     unsteady = window.unsteady()
     pulleys, said = pulley_rows(window, touched, driver)
     notes += said
+    notes += _bending(run, pulleys)
     spans, said = span_rows(window, touched)
     notes += said
     creep: list[Creep] = []
@@ -113,6 +119,30 @@ def _belt_torque(window: Window, touched: Touching | None) -> np.ndarray | None:
     n_p = len(window.params.pulleys)
     sums = [np.sum(np.where(touched.pulley == k, torque, 0.0), axis=1) for k in range(n_p)]
     return window.mean(np.column_stack(sums))
+
+
+def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
+    """Tell where the belt's bending stiffness, which limits and margins leave out, matters.
+
+    The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
+    as much as on the arc that this takes off, but pulled along the rim by the component of the
+    tension: the exponent mu wrap loses EI/(2 r^2) (1/T_slack - 1/T_tight), to leading order.
+    """
+    stiffness = run.params.belt.bending_stiffness
+    told = []
+    for row, pulley in zip(rows, run.params.pulleys, strict=True):
+        if row.margin is None or not row.limit or not row.slack or row.limit <= 1.0:
+            continue
+        loss = stiffness / (2.0 * pulley.radius**2 * row.slack) * (1.0 - 1.0 / row.limit)
+        share = loss / math.log(row.limit)
+        if share > NOTABLE:
+            told.append(f"{100.0 * share:.1f} % on {row.name}")
+    if not told:
+        return []
+    return [
+        "limits and margins leave out that the belt resists bending, which takes off mu wrap: "
+        + ", ".join(told)
+    ]
 
 
 def _belt_speed(window: Window, touched: Touching) -> float:
