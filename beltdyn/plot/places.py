@@ -67,11 +67,7 @@ def tension_along(
     ax.set_xlim(0.0, found.length)
     if first:
         _shade(ax, result, found)
-    if len(ax.lines) > 1 or "label" in line:
-        ax.set_title("")
-        style.legend(ax)
-    else:
-        ax.set_title(texts[0], fontsize="medium")
+    style.legend(ax)  # a title would stand among the names of the pulleys
     return ax
 
 
