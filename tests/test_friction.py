@@ -83,6 +83,8 @@ def test_integrated_state_form_follows_the_closed_form() -> None:
     assert checked >= 3
 
 
+# at this tolerance slack spans may shake, on one processor and not on another: not what is asked here
+@pytest.mark.filterwarnings("ignore:growth:UserWarning")
 @pytest.mark.parametrize("sigma", [1e4, 1e5, 1e6])
 def test_coefficient_never_leaves_its_bounds(sigma: float) -> None:
     """|mu| <= mu_k to the last bit, in and between steps, at a tolerance that would let it out."""

@@ -548,9 +548,10 @@ def test_lugre_mass_of_the_article(provider: Provider) -> None:
         friction, rate = at_one(provider, law, z, v, 1.0)
         return [v, 2.0 * (0.1 * t - x) - friction, rate]
 
-    atol = np.array([1e-10, 1e-14, 1e-10])
+    # An error dz leaves the mass swinging on its bristles at dz / sqrt(sigma_0 M): 7e-14 at these.
+    atol = np.array([1e-11, 1e-14, 1e-11])
     run = scipy.integrate.solve_ivp(
-        motion, (0.0, 25.0), [0.0, 0.0, 0.0], method="Radau", rtol=1e-9, atol=atol
+        motion, (0.0, 25.0), [0.0, 0.0, 0.0], method="Radau", rtol=1e-11, atol=atol
     )
     x, v, z = run.y[:, -1]
     # Half a unit of the last digit given. At the end it sticks, and earlier errors have decayed; v,
