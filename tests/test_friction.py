@@ -83,7 +83,7 @@ def test_integrated_state_form_follows_the_closed_form() -> None:
     assert checked >= 3
 
 
-# at this tolerance slack spans may shake, on one processor and not on another: not what is asked here
+# at this tolerance spans may shake, by rounding, on some processors: not what is asked here
 @pytest.mark.filterwarnings("ignore:growth:UserWarning")
 @pytest.mark.parametrize("sigma", [1e4, 1e5, 1e6])
 def test_coefficient_never_leaves_its_bounds(sigma: float) -> None:
