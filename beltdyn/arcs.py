@@ -10,6 +10,7 @@ from .checks import Array
 from .friction import Friction
 from .histories import BeltHistory, ContactHistory
 from .params import Params
+from .spans import Coordinates, joint_points
 
 __all__ = ["SLIP_FROM", "Arcs", "arcs_of", "contact_points", "in_slip", "slipping", "turns"]
 
@@ -105,12 +106,10 @@ def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
     The joints on the left of the links where contact acts along these, else their centres, or the
     masses of a string.
     """
-    at = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
+    part = Coordinates(belt.x[rows], belt.y[rows], belt.phi[rows])
     if params.belt.mesh != "joint" or params.belt_model == "string":
-        return at
-    phi = belt.phi[rows]
-    half = 0.5 * params.info["link_length"] * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-    return 0.5 * (at - half + np.roll(at + half, 1, axis=1))
+        return np.stack([part.x, part.y], axis=-1)
+    return joint_points(params, part)
 
 
 def turns(begin: Array, end: Array) -> Array:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .checks import Array
-from .mounts import Arm, Mount, Slider
+from .mounts import Arm, Mount, Slider, axis_direction
 from .naming import label, names_of
 from .parts import Pulley
 from .route import route
@@ -16,16 +15,6 @@ __all__ = ["tension_held"]
 _GRAVITY = 9.80665
 #: To which several mounts must ask for the same tension.
 _AGREE = 1e-3
-
-
-def _direction(mount: Mount, center: Array) -> Array:
-    """Give how the axis moves with the travel, a of MODEL section 5, in the place of the drive."""
-    if isinstance(mount, Arm):
-        x, y = center - np.array(mount.pivot)
-        return np.array([-y, x])
-    assert isinstance(mount, Slider)
-    along = np.array(mount.direction)
-    return np.asarray(along / np.hypot(*along))
 
 
 def _holds_none(name: str, mount: Mount, force: float, resisted: float) -> str:
@@ -67,7 +56,7 @@ def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> f
         mount = pulley.mount
         if not isinstance(mount, (Arm, Slider)):
             continue
-        along = _direction(mount, np.array(pulley.center))
+        along = axis_direction(mount, np.array(pulley.center))
         spans = np.array(
             [way.arrive[(k + 1) % len(pulleys)] - way.leave[k], way.leave[k - 1] - way.arrive[k]]
         )

@@ -17,7 +17,7 @@ import numpy as np
 from .checks import Array, pair, real, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
-__all__ = ["Arm", "Mount", "Path", "Slider", "mount_or_none", "travel_text"]
+__all__ = ["Arm", "Mount", "Path", "Slider", "axis_direction", "mount_or_none", "travel_text"]
 
 Stops: TypeAlias = tuple[float, float] | None
 
@@ -305,6 +305,18 @@ def travel_text(mount: Mount, travel: float) -> str:
     if isinstance(mount, Arm):
         return f"{math.degrees(travel):.4g} deg"
     return f"{1e3 * travel:.4g} mm" if isinstance(mount, Slider) else f"at {travel:.4g} s"
+
+
+def axis_direction(mount: Arm | Slider, center: Array) -> Array:
+    """Give how the axis of a pulley at ``center`` moves with the travel, a of MODEL section 5.
+
+    Of an arm its length, which is the lever of forces on the axis, is the arm's [m]; of a slider 1.
+    """
+    if isinstance(mount, Arm):
+        x, y = center - np.array(mount.pivot)
+        return np.array([-y, x])
+    along = np.array(mount.direction)
+    return np.asarray(along / np.hypot(*along))
 
 
 def mount_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:

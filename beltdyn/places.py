@@ -16,6 +16,7 @@ from .histories import BeltHistory
 from .naming import span_name
 from .params import Params
 from .route import Route, route_at
+from .spans import Coordinates, joint_points
 
 __all__ = ["AlongBelt", "along", "line_parts", "momentum_flux", "routes", "where"]
 
@@ -135,14 +136,8 @@ def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array
     """Give where the numbers of a group belong: joints, links, or what contact is reported at."""
     if group == "contact":
         return contact_points(params, belt, rows)
-    at = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
-    if group == "belt":
-        return at
-    if params.belt_model == "string":  # the middle of the bar on the left of each mass
-        return 0.5 * (at + np.roll(at, 1, axis=1))
-    phi = belt.phi[rows]
-    half = 0.5 * params.info["link_length"] * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-    return 0.5 * (at - half + np.roll(at + half, 1, axis=1))
+    part = Coordinates(belt.x[rows], belt.y[rows], belt.phi[rows])
+    return np.stack([part.x, part.y], axis=-1) if group == "belt" else joint_points(params, part)
 
 
 def along(

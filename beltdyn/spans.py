@@ -11,7 +11,7 @@ from . import _core
 from .checks import Array
 from .params import Params
 
-__all__ = ["Coordinates", "mid_span", "span_tension"]
+__all__ = ["Coordinates", "joint_points", "mid_span", "span_tension"]
 
 
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
@@ -55,6 +55,18 @@ class Coordinates(NamedTuple):
     phi: Array
 
 
+def joint_points(params: Params, belt: Line) -> Array:
+    """Give where the joints are, each on the left of its link (n_t, n_b, 2) [m].
+
+    Between the right end of link i - 1 and the left end of link i; of a string the middle of the
+    bar between its masses.
+    """
+    centre = np.stack([belt.x, belt.y], axis=-1)
+    half = 0.0 if params.belt_model == "string" else 0.5 * params.info["link_length"]
+    tip = half * np.stack([np.cos(belt.phi), np.sin(belt.phi)], axis=-1)
+    return np.asarray(0.5 * (centre - tip + np.roll(centre + tip, 1, axis=1)))
+
+
 def mid_span(params: Params, belt: Line, force: Array) -> Array:
     """Give the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
 
@@ -73,12 +85,7 @@ def mid_span(params: Params, belt: Line, force: Array) -> Array:
     n_p = len(params.pulleys)
     if n_p == 1:
         return np.asarray(force.mean(axis=1, keepdims=True))
-    # Joint i, between the right end of link i - 1 and the left end of link i; of a string the bar
-    # between its masses.
-    half = 0.0 if params.belt_model == "string" else 0.5 * params.info["link_length"]
-    tip_x, tip_y = half * np.cos(belt.phi), half * np.sin(belt.phi)
-    x = 0.5 * (belt.x - tip_x + np.roll(belt.x + tip_x, 1, axis=1))
-    y = 0.5 * (belt.y - tip_y + np.roll(belt.y + tip_y, 1, axis=1))
+    x, y = np.moveaxis(joint_points(params, belt), -1, 0)
     tension = np.full((x.shape[0], n_p), np.nan)
     rows = np.arange(x.shape[0])
     begin, end = params.route.leave, np.roll(params.route.arrive, -1, axis=0)

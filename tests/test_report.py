@@ -11,6 +11,7 @@ from typing import Any
 
 import attrs
 import numpy as np
+import pandas
 import pytest
 
 import beltdyn as bd
@@ -140,7 +141,6 @@ def test_plain_numbers() -> None:
 
 
 def test_a_table_of_pandas() -> None:
-    pandas = pytest.importorskip("pandas")
     frame = report().to_frame()
     assert isinstance(frame, pandas.DataFrame)
     at = frame[(frame.name == "alternator") & (frame.quantity == "hub_load")]

@@ -24,7 +24,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
-from ..mounts import Arm, Path, Slider
+from ..mounts import Arm, Path, Slider, axis_direction
 from ..params import Params
 from ..route import Route, route_at
 
@@ -172,7 +172,7 @@ class _Theory:
             k = self.params.mounted[m]
             mount = self.params.pulleys[k].mount
             assert isinstance(mount, (Arm, Slider))
-            along = _direction(mount, centers[k])
+            along = axis_direction(mount, centers[k])
             held = float(along @ (pull[k] * ends[k] - pull[k - 1] * ends[k - 1]))
             scale = float(np.linalg.norm(along) * self.steady.tension.mean())
             misfit.append((held + self._spring(k, mount, float(travel))) / scale)
@@ -190,10 +190,8 @@ class _Theory:
 
     def _stop_stiffness(self, k: int, mount: Arm | Slider) -> float:
         """Give the stiffness chosen for stops, 50 times what the belt holds the mount with."""
-        lever = 1.0
-        if isinstance(mount, Arm):
-            lever = math.dist(self.params.pulleys[k].center, mount.pivot)
-        return 200.0 * self.stiffness * lever**2 / self.length
+        along = axis_direction(mount, np.array(self.params.pulleys[k].center))
+        return 200.0 * self.stiffness * float(along @ along) / self.length
 
     def slip_angles(self, pull: Array) -> Array:
         """Give the angle of slip that each pulley needs; infinite where it has no friction."""
@@ -264,15 +262,6 @@ class _Theory:
         if best < 1e-8:
             return unknown
         raise ValueError("no state found")
-
-
-def _direction(mount: Arm | Slider, center: Array) -> Array:
-    """Give how the axis moves with the travel, a of MODEL section 5."""
-    if isinstance(mount, Arm):
-        x, y = center - np.array(mount.pivot)
-        return np.array([-y, x])
-    along = np.array(mount.direction, dtype=float)
-    return np.asarray(along / np.hypot(*along))
 
 
 @attrs.frozen(eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 from ..checks import Array
 from ..naming import span_name
 from ..spans import Coordinates, mid_span
+from ..spectra.fourier import folded
 from .pulleys import spread
 from .rows import SpanRow, Spread
 from .touching import Touching
@@ -162,9 +163,5 @@ def _of_links(window: Window, speed: float, frequency: float) -> bool:
     rate = (t.size - 1) / (t[-1] - t[0])
     passing = abs(speed) / float(window.params.info["link_length"])
     near = 1.5 / float(t[-1] - t[0])
-    for order in (1, 2):
-        folded = (order * passing) % rate
-        folded = min(folded, rate - folded)
-        if passing > 0.0 and abs(folded - frequency) < near:
-            return True
-    return False
+    seen = folded(passing * np.array([1.0, 2.0]), rate)
+    return bool(passing > 0.0 and np.any(np.abs(seen - frequency) < near))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import attrs
 import numpy as np
@@ -11,7 +11,9 @@ from ..checks import Array
 from ..mounts import Arm
 from ..naming import index_of, span_name
 from ..outputs import array_names
-from ..result import Result
+
+if TYPE_CHECKING:
+    from ..result import Result  # imports the report, which imports this
 
 __all__ = ["Signal", "signal"]
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import attrs
 import numpy as np
 
 from ..checks import Array
-from ..result import Result
+
+if TYPE_CHECKING:
+    from ..result import Result  # imports the report, which imports this
 
 __all__ = ["Source", "belt_rate", "sources"]
 

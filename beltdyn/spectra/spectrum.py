@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import attrs
 import numpy as np
 
 from ..checks import Array, real
 from ..naming import index_of
-from ..result import Result
 from .fourier import amplitude_spectrum, even_step, folded, scipy_module, spectrogram
 from .signals import signal
 from .sources import Source, belt_rate, sources
+
+if TYPE_CHECKING:
+    from ..result import Result  # imports the report, which imports this
 
 __all__ = ["Line", "Spectrogram", "Spectrum", "spectrum", "speed_spectra"]
 
