@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import platform
 import sysconfig
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy
@@ -39,25 +40,32 @@ LEVELS = {
     CORE / "kernels" / "newton_avx2.c": AVX2,
     CORE / "kernels" / "newton_avx512.c": AVX512,
 }
-SOURCES = sorted(p for p in CORE.glob("*/*.c") if p.parent.name != "examples" and p not in LEVELS)
+SOURCES = sorted(p for p in CORE.glob("*/*.c") if p.parent.name != "examples")
 X86 = platform.machine().lower() in {"x86_64", "amd64"} and "arm64" not in os.environ.get(
     "ARCHFLAGS", ""
 )
 
 
 class BuildCore(build_ext):
-    """Compiles each kernel level with its own flags and links it in."""
+    """Compiles files side by side, each kernel level with its own flags, and links them."""
 
     def build_extension(self, ext: Extension) -> None:
-        if X86:
-            for source, flags in LEVELS.items():
-                ext.extra_objects += self.compiler.compile(
-                    [str(source)],
-                    output_dir=self.build_temp,
-                    include_dirs=ext.include_dirs,
-                    extra_postargs=[*ext.extra_compile_args, *flags],
-                    depends=ext.depends,
-                )
+        def compiled(source: str) -> list[str]:
+            return self.compiler.compile(
+                [source],
+                output_dir=self.build_temp,
+                macros=ext.define_macros,
+                include_dirs=ext.include_dirs,
+                extra_postargs=[*ext.extra_compile_args, *LEVELS.get(Path(source), [])],
+                depends=ext.depends,
+            )
+
+        # The kernels take longest, so they begin.
+        order = sorted(ext.sources, key=lambda source: Path(source).parent.name != "kernels")
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for objects in pool.map(compiled, order):
+                ext.extra_objects += objects
+        ext.sources = []
         super().build_extension(ext)
 
 
@@ -74,7 +82,7 @@ setup(
     ext_modules=[
         Extension(
             "beltdyn._core",
-            sources=[str(p) for p in SOURCES],
+            sources=[str(p) for p in SOURCES if X86 or p not in LEVELS],
             depends=["setup.py", *sorted(str(p) for p in CORE.rglob("*.[ch]"))],
             include_dirs=[str(CORE), numpy.get_include()],
             define_macros=[

@@ -33,6 +33,9 @@ Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], it
 FRESH = 0.01
 """Share of a joint in contact from which on fresh belt dilutes its bristles in full (section 4)."""
 
+GAUSS = np.array([0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)])[:, None, None]
+"""Points of Gauss and Legendre on a link, or on the part of it in contact."""
+
 LEDGER = ("drive", "joint_damping", "contact_damping", "friction", "drag")
 """The quadratures at the end of the state: work put in, then the losses (section 7)."""
 
@@ -91,6 +94,7 @@ class Reference:
     columns: tuple[str, ...] = field(init=False)  # names of the quadratures
     rest: Array = field(init=False, repr=False)  # travel of each mount where the belt line is meant
     laws: tuple[Law | None, ...] = field(init=False)
+    ruled: Array = field(init=False, repr=False)  # (n_p, 1): whether the law has a state
     l0: float = field(init=False)
     mass: float = field(init=False)
     inertia: float = field(init=False)  # I_z of a link
@@ -151,6 +155,7 @@ class Reference:
             + 3 * len(mounts)
             + len(columns),
             "laws": tuple(laws),
+            "ruled": np.array([[not isinstance(law, Stateless | None)] for law in laws]),
             "l0": l0,
             "mass": mass,
             "inertia": mass * l0**2 / (4 if self.mesh == "joint" else 12),
@@ -365,8 +370,7 @@ class Reference:
                     friction[j] = share[j] * law.force(*at) * touch[j]
                     z_rate[: law.n_states, j] = law.rate(*at) * touch[j]
                     slip_rate[j] = speed[j]
-            ruled = np.array([not isinstance(law, Stateless | None) for law in self.laws])[:, None]
-            z_rate -= fresh * z * touch * ruled
+            z_rate -= fresh * z * touch * self.ruled
         grip = np.zeros(n_p)
         at_point = np.zeros((2, n_b))
         if along is None:
@@ -490,45 +494,40 @@ class Reference:
         Section 3: penetration is linear between the ends; two Gauss points on the part in contact.
         The pulleys' axes are given, (n_p, 2), and their velocities, if they move.
         """
-        ends = []
-        for end in (left, right):
-            arm = end[0][:, None, :] - centers.T[:, :, None]
-            distance = np.hypot(arm[0], arm[1])
-            arm = arm / distance
-            vx, vy = end[1]
-            if moving is not None:
-                vx, vy = end[1][:, None, :] - moving.T[:, :, None]
-            rate = -(vx * arm[0] + vy * arm[1])
-            ends.append((self.contact_radii[:, None] - distance, rate, arm))
-        (pa, va, na), (pb, vb, nb) = ends
-        inside_a, inside_b = pa > 0, pb > 0
-        partly = inside_a != inside_b
-        gap = np.where(partly, pa - pb, 1.0)
-        zero = np.where(partly, pa / gap, 0.0)  # where p = 0
-        zero_rate = np.where(partly, (pa * vb - pb * va) / gap**2, 0.0)
-        begin = np.where(partly & inside_b, zero, 0.0)
-        end_ = np.where(partly & inside_a, zero, np.where(inside_b, 1.0, 0.0))
-        length = end_ - begin
-        n_a, n_b_, power, energy = (np.zeros_like(pa) for _ in range(4))
-        raw = []
-        for x in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
-            at = begin + length * x
-            p, v = pa + (pb - pa) * at, va + (vb - va) * at
-            elastic = (self.c1 * p + self.c2) * p
-            q = np.maximum(self.pressing(elastic, v), 0.0)
-            weight = 0.5 * length
-            n_a += weight * q * (1.0 - at)
-            n_b_ += weight * q * at
-            power += weight * (q - elastic) * v
-            energy += weight * (self.c1 * p**3 / 3.0 + self.c2 * p**2 / 2.0)
-            raw.append(self.pressing(elastic, v))
+        both = np.array((left, right))  # [end, position or rate, xy, link]
+        arm = both[:, 0, :, None] - centers.T[:, :, None]  # [end, xy, pulley, link]
+        distance = np.sqrt(arm[:, 0] * arm[:, 0] + arm[:, 1] * arm[:, 1])
+        arm /= distance[:, None]
+        velocity = both[:, 1, :, None]
+        if moving is not None:
+            velocity = velocity - moving.T[:, :, None]
+        p = self.contact_radii[:, None] - distance
+        v = -(velocity[:, 0] * arm[:, 0] + velocity[:, 1] * arm[:, 1])
+        inside = p > 0
+        partly = inside[0] != inside[1]
+        drop = p[0] - p[1]
+        gap = np.where(partly, drop, 1.0)
+        zero = partly * p[0] / gap  # where p = 0, of links with one end inside
+        zero_rate = partly * (p[0] * v[1] - p[1] * v[0]) / (gap * gap)
+        begin, end = zero * inside[1], zero * inside[0] + inside[1]
+        length = end - begin
+        at = begin + length * GAUSS
+        p_at, v_at = p[0] - drop * at, v[0] + (v[1] - v[0]) * at
+        elastic = (self.c1 * p_at + self.c2) * p_at
+        raw = self.pressing(elastic, v_at)
+        pressure = np.maximum(raw, 0.0)
+        weight = 0.5 * length
+        pressed = weight * pressure
+        normal = np.array((pressed * (1.0 - at), pressed * at)).sum(axis=1)  # [end, pulley, link]
+        force = (normal[:, None] * arm).sum(axis=2)
         # halves of the link: weights 1 - x and x, integrated over the part in contact
-        of_b = 0.5 * (end_**2 - begin**2)
-        moving = np.where(inside_a, 1.0, -1.0) * zero_rate
+        of_right = weight * (end + begin)
+        grows = np.where(inside[0], zero_rate, -zero_rate)
+        of_grown = grows * zero
         return AlongLinks(
-            pa, pb, n_a, n_b_, length - of_b, of_b, moving * (1.0 - zero), moving * zero,
-            (n_a * na).sum(axis=1), (n_b_ * nb).sum(axis=1), power, energy, np.array(raw), partly,
-            na, nb,
+            p[0], p[1], normal, length - of_right, of_right, grows - of_grown, of_grown,
+            force[0], force[1], weight * ((pressure - elastic) * v_at), length, p_at, raw, partly,
+            arm,
         )  # fmt: skip
 
     def along_links_at(self, y: Array) -> AlongLinks:
@@ -566,7 +565,8 @@ class Reference:
         """Velocities v_j of the axes, of the shape of `axes`."""
         if not self.mounts:
             return np.zeros_like(self.centers)
-        travel, rate = np.moveaxis(self.mount_states(y)[..., :2, :], -2, 0)
+        states = self.mount_states(y)
+        travel, rate = states[..., 0, :], states[..., 1, :]
         out = np.zeros((*y.shape[:-1], self.n_pulleys, 2))
         for m, (j, one) in enumerate(self.mounts.items()):
             out[..., j, :] = one.lever(travel[..., m], self.centers[j]) * rate[..., m, None]
@@ -741,7 +741,13 @@ class Reference:
         """Return the terms of E in section 7; their sum is `energy`."""
         links, (d, _), (bend, _) = self.links(y), self.joint_vectors(y), self.joint_angles(y)
         if self.mesh == "joint":
-            stored = [self.along_links_at(state).energy.sum() for state in y.reshape(-1, self.size)]
+            found = [self.along_links_at(state) for state in y.reshape(-1, self.size)]
+            stored = [
+                np.sum(
+                    0.5 * one.length * (self.c1 * one.points / 3.0 + self.c2 / 2.0) * one.points**2
+                )
+                for one in found
+            ]
             contact = np.reshape(stored, y.shape[:-1])
         else:
             p = np.maximum(self.penetration(y), 0.0)
@@ -881,38 +887,35 @@ class AlongLinks:
 
     p_left: Array  # penetration of a link's left end
     p_right: Array
-    normal_left: Array  # normal force at a link's left end
-    normal_right: Array
+    normals: Array  # normal forces at the ends of the links [end, pulley, link]
     share_left: Array  # of the half that belongs to the joint on the left, in contact; at most 1/2
     share_right: Array
     rate_left: Array  # of the shares
     rate_right: Array
     left_force: Array
     right_force: Array
-    damping_power: Array
-    energy: Array
-    raw: Array  # of both Gauss points before it is clamped
+    damping_power: Array  # of both Gauss points
+    length: Array  # part of the link in contact
+    points: Array  # penetration of both Gauss points
+    raw: Array  # normal force of both before it is clamped
     partly: npt.NDArray[np.bool_]  # one end inside, one outside
-    outward_left: Array  # unit vectors from the axis to the ends, [xy, pulley, link]
-    outward_right: Array
+    outward: Array  # unit vectors from the axis to the ends, [end, xy, pulley, link]
 
     def normal(self, previous: npt.NDArray[np.intp]) -> Array:
         """N of the joints."""
-        return self.normal_left + self.normal_right[:, previous]
+        return np.asarray(self.normals[0] + self.normals[1].take(previous, axis=1))
 
     def on_links(self) -> Array:
         """Sum over the links of the normal forces, [xy, pulley]."""
-        return np.asarray(
-            (self.normal_left * self.outward_left + self.normal_right * self.outward_right).sum(-1)
-        )
+        return np.asarray((self.normals[:, None] * self.outward).sum(axis=(0, -1)))
 
     def share(self, previous: npt.NDArray[np.intp]) -> Array:
         """f of the joints."""
-        return self.share_left + self.share_right[:, previous]
+        return np.asarray(self.share_left + self.share_right.take(previous, axis=1))
 
     def share_rate(self, previous: npt.NDArray[np.intp]) -> Array:
         """df/dt of the joints."""
-        return self.rate_left + self.rate_right[:, previous]
+        return np.asarray(self.rate_left + self.rate_right.take(previous, axis=1))
 
 
 # -------------------------------------------------------------------- Dahl in closed form

@@ -56,7 +56,7 @@ class String(Reference):
         position, velocity = links[..., 0, :, :], links[..., 1, :, :]
         d = position - position.take(self.previous, axis=-1)
         v = velocity - velocity.take(self.previous, axis=-1)
-        length = np.hypot(d[..., 0, :], d[..., 1, :])
+        length = np.sqrt(d[..., 0, :] ** 2 + d[..., 1, :] ** 2)
         u = d / length[..., None, :]
         rate = u[..., 0, :] * v[..., 0, :] + u[..., 1, :] * v[..., 1, :]
         turning = (u[..., 0, :] * v[..., 1, :] - u[..., 1, :] * v[..., 0, :]) / length
