@@ -44,7 +44,9 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
     else:
         pulleys = as_pulleys(drive)
         way, centers = route(pulleys), np.array([pulley.center for pulley in pulleys])
-    ax = style.axes(ax)
+    radii = np.array([[pulley.radius] for pulley in pulleys])
+    reach = np.concatenate([centers - radii, centers + radii, MountPicture.reach(pulleys)])
+    ax = style.axes(ax, style.height_to_scale(np.ptp(reach, axis=0), beside=1.8, below=1.5))
     MountPicture(ax, pulleys).move(centers)
     names: list[Text] = []
     spans: list[Text] = []
