@@ -267,7 +267,7 @@ def _by_speed(found: Spectrogram) -> tuple[Array, Array]:
 
 
 def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) -> None:
-    """Draw the line of an order, its number where it leaves the picture."""
+    """Draw the line of an order, its number where it leaves the picture: off the title above."""
     halo = [withStroke(linewidth=2.2, foreground="white", alpha=0.7)]
     ax.plot(_RPM * speed, frequency, path_effects=halo, zorder=2, **_ORDER)
     right = frequency[-1] <= high
@@ -276,11 +276,12 @@ def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) ->
         ax.annotate(
             label,
             (x, frequency[-1] if right else high),
-            (3, 0) if right else (0, 2),
+            (3, 0) if right else (-6, -2),
             textcoords="offset points",
-            ha="left" if right else "center",
-            va="center" if right else "bottom",
+            ha="left" if right else "right",
+            va="center" if right else "top",
             fontsize="small",
+            path_effects=halo,
             annotation_clip=False,
         )
 
