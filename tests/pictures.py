@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.transforms import BboxBase
 
 #: Width and height [inch] and font size [pt]: a screen, a column of 8.5 cm, a page of 17 cm.
 SIZES = ((6.4, 4.0, 10.0), (3.35, 2.9, 8.0), (6.7, 3.8, 9.0))
@@ -22,6 +23,12 @@ def texts(ax: Axes) -> list[Text]:
     found = [*ax.texts, *ticks(ax.xaxis), *ticks(ax.yaxis), ax.title]
     found += [ax.xaxis.label, ax.yaxis.label]
     return [text for text in found if text.get_visible() and text.get_text()]
+
+
+def over_lines(ax: Axes, box: BboxBase) -> bool:
+    """Whether a line of the axes, its points joined, runs through a box."""
+    paths = (line.get_transform().transform_path(line.get_path()) for line in ax.lines)
+    return any(path.intersects_bbox(box, filled=False) for path in paths)
 
 
 def check_room(figure: Figure) -> None:

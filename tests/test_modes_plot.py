@@ -61,6 +61,23 @@ def test_response_is_drawn_as_it_is() -> None:
         bd.plot.frequency_response(response, "colour")
 
 
+def test_a_phase_that_goes_round_leaves_a_gap() -> None:
+    """Beyond resonance a phase passes 180 degrees; no line joins it to its going on at -180."""
+    modes = found()
+    sweep = np.geomspace(2.0, 400.0, 400)
+    response = bd.frequency_response(modes.params, modes.state, sweep, motion="crank")
+    _, lower = bd.plot.frequency_response(response, "span_tension")
+    broken = 0
+    for k, line in enumerate(lower.lines):
+        x, phase = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        there = np.isfinite(phase)
+        np.testing.assert_array_equal(x[there], sweep)
+        np.testing.assert_allclose(phase[there], np.degrees(np.angle(response.span_tension[:, k])))
+        assert np.nanmax(np.abs(np.diff(phase))) <= 270.0
+        broken += int((~there).sum())
+    assert broken > 0
+
+
 def test_arguments_are_checked() -> None:
     modes = found()
     with pytest.raises(ValueError, match="n must"):

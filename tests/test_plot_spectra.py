@@ -113,6 +113,21 @@ def test_campbell_has_orders_where_they_are(run_up: bd.Result) -> None:
     assert ax.get_xlabel() == "speed of crank [rpm]"
 
 
+def test_campbell_draws_modes_at_rest_as_level_lines(run_up: bd.Result) -> None:
+    """Those within the picture; the legend names them only if there are any."""
+    params = run_up.params
+    modes = bd.modes(params, bd.settle(params), n=4, motion={"crank": 0.0})
+    high = float(modes.frequency[1]) + 1.0
+    where: dict[str, Any] = {"pulley": "alternator", "orders": (2,), "modes": modes}
+    ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=high, **where)
+    level = [line for line in ax.lines if np.ptp(np.asarray(line.get_ydata())) == 0.0]
+    drawn = [float(np.asarray(line.get_ydata())[0]) for line in level]
+    assert drawn == [one for one in modes.frequency if one <= high] and len(drawn) >= 2
+    assert "natural frequencies" in labels(ax)
+    ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=0.5 * float(modes.frequency[0]), **where)
+    assert "natural frequencies" not in labels(ax)
+
+
 def test_a_steady_run_has_no_campbell_diagram(steady: bd.Result) -> None:
     with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
         bd.plot.campbell(steady, "pulleys.omega", pulley="alternator")
@@ -132,7 +147,9 @@ def test_all_has_room_on_screen_and_in_print(
     with matplotlib.rc_context({"font.size": points}):
         figure = Figure(figsize=(width, height), layout="constrained")
         ax = figure.add_subplot()
-        draw(kinds[draw], span="crank", ax=ax)
+        # order 8 leaves the Campbell diagram at its top, beneath the title
+        high = 60.0 if draw is bd.plot.campbell else None
+        draw(kinds[draw], span="crank", up_to=high, ax=ax)
         check_room(figure)
         assert ax.get_window_extent().width > 0.5 * figure.bbox.width
         assert ax.get_window_extent().height > 0.3 * figure.bbox.height

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from ..checks import integer
 from ..result import Result
 from . import style
+from .labels import rows_of_names
 from .picture import DrivePicture
 from .select import Indices, named_links, sample, with_samples
 
 __all__ = ["drive", "force_along_belt"]
-
-#: Letters of all names together that fit side by side above the links.
-_CROWDED = 24
 
 
 def force_along_belt(
@@ -52,8 +50,6 @@ def force_along_belt(
     first = integer("first", first, 0)
     n_b = result.params.belt.n_bodies
     ax = style.axes(ax)
-    if wraps:
-        _shade_wraps(ax, result, row, first)
     look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9}
     look |= style.line_style(style.unused(ax, len(style.COLOURS) - 1)) | {"linestyle": "-"}
     short = {"marker": "", "markersize": "ms", "linewidth": "lw", "color": "c", "linestyle": "ls"}
@@ -63,7 +59,7 @@ def force_along_belt(
     style.dress(ax, "element along the belt", "joint force [N]")
     ax.set_xlim(first - 0.5, first + n_b - 0.5)
     if wraps:
-        style.add_headroom(ax, rows=1)
+        _shade_wraps(ax, result, row, first)
     if len(ax.lines) > 1:
         ax.set_title("")
         style.legend(ax)
@@ -85,21 +81,9 @@ def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
         )
         if end - begin > int(np.subtract(*longest.get(pulley, (0, 0))[::-1])):
             longest[pulley] = begin, end
-    # Names of many pulleys side by side would run into one another.
-    names = [pulley.name or "" for pulley in result.params.pulleys]
-    turned: dict[str, Any] = {"rotation": 90.0} if sum(map(len, names)) > _CROWDED else {}
-    for pulley, (begin, end) in longest.items():
-        ax.text(
-            first + (begin + end - 1) / 2.0,
-            0.985,
-            style.plain(result.pulleys.names[pulley]),
-            transform=ax.get_xaxis_transform(),
-            ha="center",
-            va="top",
-            fontsize="small",
-            clip_on=True,
-            **turned,
-        )
+    names = [style.plain(result.pulleys.names[pulley]) for pulley in longest]
+    middles = [first + (begin + end - 1) / 2.0 for begin, end in longest.values()]
+    rows_of_names(ax, np.array(middles), names, inside=True)
 
 
 def _runs(values: NDArray[np.int32]) -> Iterator[tuple[int, int, int]]:
@@ -153,9 +137,9 @@ def drive(
         links=named_links(links, result.params.belt.n_bodies),
         limits=limits,
     )
-    ax = style.axes(ax)
+    ax = style.axes(ax, picture.height)
+    ax.set_title(f"t = {result.t[row]:.4g} s", fontsize="medium")
     picture.draw(ax)
     picture.move(row)
     picture.add_legend(ax)
-    ax.set_title(f"t = {result.t[row]:.4g} s", fontsize="medium")
     return ax

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from ..checks import Array
@@ -44,13 +45,18 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
     else:
         pulleys = as_pulleys(drive)
         way, centers = route(pulleys), np.array([pulley.center for pulley in pulleys])
-    ax = style.axes(ax)
+    radii = np.array([[pulley.radius] for pulley in pulleys])
+    reach = np.concatenate([centers - radii, centers + radii, MountPicture.reach(pulleys)])
+    ax = style.axes(ax, style.height_to_scale(np.ptp(reach, axis=0), beside=1.8, below=1.5))
     MountPicture(ax, pulleys).move(centers)
     names: list[Text] = []
+    # An arm that ends at the axis passes beneath the name.
+    halo = [withStroke(linewidth=2.5, foreground=style.METAL)]
+    tips: list[Array] = []
     spans: list[Text] = []
     line: list[Array] = []
     for k, pulley in enumerate(pulleys):
-        center = centers[k]
+        center = x, y = centers[k]
         ax.add_patch(Circle(center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8))
         begins = np.arctan2(*(way.arrive[k] - center)[::-1])
         angle = begins + way.senses[k] * np.linspace(0.0, way.wraps[k], _ARC)
@@ -58,7 +64,7 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         ax.plot(*arc, color=style.COLOURS[0], lw=2.2, solid_capstyle="round")
         wrap = f"{style.title(k, pulley)}\n{np.degrees(way.wraps[k]):.0f}°"
         names.append(
-            ax.text(center[0], center[1], wrap, ha="center", va="center", fontsize="small")
+            ax.text(x, y, wrap, path_effects=halo, ha="center", va="center", fontsize="small")
         )
         line.append(arc.T)
         if len(pulleys) > 1:
@@ -70,6 +76,7 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
             look = {"arrowstyle": "-|>", "color": style.COLOURS[0], "lw": 0.0}
             arrow = {**look, "mutation_scale": 18.0}
             ax.annotate("", tip, tail, arrowprops=arrow)
+            tips.append(tip)
             share = 0.5
             if way.turns == 0 and way.senses[k] != way.senses[after]:
                 # Where crossed spans meet no label fits: in the middle of the longer part.
@@ -91,7 +98,12 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
     ax.margins(0.12)
     crossed = ", crossed" if way.turns == 0 else ""
     ax.set_title(f"belt line of {way.length:.4g} m{crossed}", fontsize="medium")
-    _place_labels(ax, names, spans, np.asarray(way.spans), centers, pulleys, np.concatenate(line))
+    # Names cover neither arrows nor mounts.
+    marks = np.concatenate([np.array(tips).reshape(-1, 2), MountPicture.reach(pulleys)])
+    radii = radii[:, 0]
+    _place_labels(
+        ax, names, spans, np.asarray(way.spans), centers, radii, np.concatenate(line), marks
+    )
     return ax
 
 
@@ -101,8 +113,9 @@ def _place_labels(
     spans: list[Text],
     lengths: Array,
     centers: Array,
-    pulleys: Sequence[Pulley],
+    radii: Array,
     line: Array,
+    marks: Array,
 ) -> None:
     """Put names beside pulleys, and lengths beside spans, that are too small to carry them."""
     style.settle_layout(ax)
@@ -119,8 +132,8 @@ def _place_labels(
         ax,
         names + short,
         np.concatenate([centers, at]),
-        np.array([pulley.radius for pulley in pulleys] + [0.0] * len(short)),
+        np.concatenate([radii, np.zeros(len(short))]),
         line,
         fixed=kept,
-        pivots=MountPicture.reach(pulleys),
+        pivots=marks,
     )

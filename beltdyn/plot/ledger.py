@@ -69,9 +69,10 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
     ax.plot(result.t, stored, color=style.COLOURS[0], ls=style.DASHES[3], lw=1.4, label="stored")
     worst = float(np.abs(ledger.residual).max())
     passed = float(ledger.passed[-1])
-    share = f", {worst / passed:.1g} of {passed:.3g} J transmitted" if passed > 0 else ""
+    amount = f"{passed:.3g} J" if passed < 1e3 else f"{passed / 1e3:.3g} kJ"
+    share = f", {worst / passed:.1g} of {amount} transmitted" if passed > 0 else ""
     ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="small")
     style.dress(ax, "time [s]", "energy [J]")
-    style.add_headroom(ax, rows=3)
+    style.add_headroom(ax, rows=-(-len(ax.get_legend_handles_labels()[0]) // 2))
     style.legend(ax, loc="upper left", ncols=2, handlelength=1.6, columnspacing=1.2)
     return ax

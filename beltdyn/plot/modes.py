@@ -8,12 +8,14 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 
 from ..checks import Array, integer, positive
 from ..naming import span_name
 from ..vibration import FrequencyResponse, Modes
 from . import style
 from .animation import Animation
+from .labels import place_names
 from .mounting import MountPicture
 from .select import choice, pulley_indices
 
@@ -72,27 +74,37 @@ class _ModePicture:
         return np.column_stack([center + 0.35 * reach, center + reach])
 
     def dress(self) -> None:
-        """Set names, limits and the title."""
+        """Set limits and the title."""
         ax, modes, k = self.ax, self.modes, self.k
-        for j, pulley in enumerate(self.params.pulleys):
-            ax.annotate(
-                style.title(j, pulley),
-                tuple(self.centers[j]),
-                ha="center",
-                va="center",
-                fontsize="x-small",
-                color="0.25",
-                zorder=6,
-            )
         style.dress(ax, "x [m]", "y [m]")
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.08)
         damping = 100.0 * modes.damping[k]
-        ax.set_title(
+        style.set_title_within(
+            ax,
             f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {damping:.2g} %\n"
             f"{style.plain(modes.names[k])}",
-            fontsize="medium",
         )
+
+    def place_names(self) -> None:
+        """Name the pulleys; the last of the layout."""
+        pulleys = self.params.pulleys
+        halo = withStroke(linewidth=2.0, foreground="white", alpha=0.8)
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small", "zorder": 6}
+        names = [
+            self.ax.text(x, y, style.title(k, pulley), path_effects=[halo], **look)
+            for k, (pulley, (x, y)) in enumerate(zip(pulleys, self.centers, strict=True))
+        ]
+        lines = np.hstack([self.belt(1.0), self.belt(-1.0)]).T
+        radii = np.array([pulley.radius for pulley in pulleys])
+        pivots = MountPicture.reach(pulleys)
+        place_names(self.ax, names, self.centers, radii, lines, marks=1, pivots=pivots)
+
+
+def _height(modes: Modes) -> float:
+    """Height of a figure that the drive fills [inch]."""
+    extent = [np.ptp(modes.state.x), np.ptp(modes.state.y)]
+    return style.height_to_scale(np.array(extent), beside=1.3, below=1.8)
 
 
 def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None) -> Axes:
@@ -109,7 +121,7 @@ def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    ax, picture = style.axes(ax), None
+    ax = style.axes(ax, _height(modes))
     k = integer("k", k, 0, len(modes) - 1)
     picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
     for side, (phase, words) in enumerate(((1.0, "one end"), (-1.0, "half a period later"))):
@@ -125,6 +137,7 @@ def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None
     picture.dress()
     handles, _ = ax.get_legend_handles_labels()
     style.legend_below(ax, handles)
+    picture.place_names()
     return ax
 
 
@@ -145,7 +158,7 @@ def animate_mode(
     """
     k = integer("k", k, 0, len(modes) - 1)
     frames = max(2, round(positive("duration", duration, "s") * positive("fps", fps, "1/s")))
-    figure = style.new_figure(6.4, 4.8)
+    figure = style.new_figure(height=_height(modes))
     ax = figure.add_subplot()
     picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
     (belt,) = ax.plot(*picture.belt(1.0), lw=1.8, color=style.COLOURS[0])
@@ -157,6 +170,7 @@ def animate_mode(
     mounts.move(picture.centers)
     ax.plot(*picture.belt(-1.0), alpha=0.0)  # so that the limits hold both ends
     picture.dress()
+    picture.place_names()
     figure.freeze_layout()
 
     def show(row: np.int64) -> list[Artist]:
@@ -168,6 +182,12 @@ def animate_mode(
         return [belt, *marks, *mounts.move(centers)]
 
     return Animation(figure, show, np.arange(frames, dtype=np.int64), frames / duration)
+
+
+def _unbroken(frequency: Array, phase: Array) -> tuple[Array, Array]:
+    """Leave a gap where a phase [deg] goes on at the other end of its range: it does not jump."""
+    ends = np.flatnonzero(abs(np.diff(phase)) > 270.0) + 1
+    return np.insert(frequency, ends, np.nan), np.insert(phase, ends, np.nan)
 
 
 _QUANTITIES = {
@@ -217,7 +237,7 @@ def frequency_response(
     for k in chosen:
         look = style.line_style(k)
         upper.plot(response.frequency, abs(values[:, k]), label=style.plain(names[k]), **look)
-        lower.plot(response.frequency, np.degrees(np.angle(values[:, k])), **look)
+        lower.plot(*_unbroken(response.frequency, np.degrees(np.angle(values[:, k]))), **look)
     upper.set_yscale("log")
     what, unit = _QUANTITIES[output]
     style.dress(upper, "", f"amplitude of {what} [{unit}]")

@@ -17,8 +17,8 @@ from . import style
 
 __all__ = ["MountPicture", "travel"]
 
-#: Half of a slider's guide, in radii of its pulley.
-_GUIDE = 1.6
+#: Half of a slider's guide, and the arrow of its weight beyond it, in radii of its pulley.
+_GUIDE, _TIP = 1.6, 0.5
 _LOOK: dict[str, Any] = {"color": "0.35", "zorder": 1.2}
 
 
@@ -53,7 +53,7 @@ class MountPicture:
         ax.plot(*ends, lw=1.4, ls=(0, (6, 2, 1, 2)), **(_LOOK | {"zorder": 0.9}))
         if mount.weight > 0.0:
             tip = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "mutation_scale": 14.0}
-            head, tail = ends[:, 1] + 0.5 * radius * along, ends[:, 1]
+            head, tail = ends[:, 1] + _TIP * radius * along, ends[:, 1]
             ax.annotate("", tuple(head), tuple(tail), arrowprops=tip)
 
     def move(self, centers: Array) -> list[Artist]:
@@ -64,8 +64,14 @@ class MountPicture:
 
     @staticmethod
     def reach(pulleys: Iterable[Pulley]) -> Array:
-        """Give points that a picture must hold besides belt and pulleys: pivots (n, 2)."""
-        return np.array([p.mount.pivot for p in pulleys if isinstance(p.mount, Arm)]).reshape(-1, 2)
+        """Give points that a picture must hold besides belt and pulleys: pivots, tips (n, 2)."""
+        points: list[Any] = [p.mount.pivot for p in pulleys if isinstance(p.mount, Arm)]
+        for one in pulleys:
+            if isinstance(one.mount, Slider):
+                along = np.array(one.mount.direction) / np.hypot(*one.mount.direction)
+                tip = _GUIDE + _TIP * (one.mount.weight > 0.0)
+                points += [np.array(one.center) + s * one.radius * along for s in (-_GUIDE, tip)]
+        return np.array(points, dtype=float).reshape(-1, 2)
 
 
 def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:

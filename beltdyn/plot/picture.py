@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from ..arcs import slipping
@@ -20,7 +21,7 @@ from ..checks import Array, pair, real
 from ..outputs import has
 from ..result import Result
 from . import style
-from .labels import place_names
+from .labels import per_unit, place_names
 from .mounting import MountPicture
 from .select import choice
 
@@ -34,6 +35,8 @@ _ARCS = (
     ("belt slips", style.COLOURS[1], (0, (1.0, 0.8))),
 )
 _ARC_AT, _SPOKE, _ARROW_AT = 0.86, (0.55, 0.80), 0.42
+#: Width of the mark and size of the arrow on a small pulley, in radii.
+_SPOKE_WIDTH, _ARROW_SIZE = 0.16, 0.64
 #: Arrows show pulleys that turn faster than this share of the highest speed in the run.
 _TURNS = 1e-3
 
@@ -113,7 +116,10 @@ class DrivePicture:
             title = style.title(k, pulley)
             size = "medium" if pulley.name is None else "small"
             look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size}
-            self._titles.append(ax.text(*pulley.center, title, zorder=3.5, **look))
+            # The mark that turns passes beneath the name.
+            halo = withStroke(linewidth=2.5, foreground=style.METAL)
+            name = ax.text(*pulley.center, title, zorder=3.5, path_effects=[halo], **look)
+            self._titles.append(name)
             self._arrows.append([self._arrow(ax, k, sense) for sense in (1, -1)])
         self._arcs = [
             LineCollection([], colors=colour, linestyles=[dashes], linewidths=3.2, zorder=2)
@@ -181,6 +187,14 @@ class DrivePicture:
         (left, right), (bottom, top) = self._extent
         return right - left > 1.5 * (top - bottom)
 
+    @property
+    def height(self) -> float:
+        """Height of a figure that the picture fills [inch]."""
+        bar = self._colour is not None
+        beside, below = (0.8, 1.2 + 0.8 * bar) if self.wide else (0.8 + 0.9 * bar, 1.2)
+        (left, right), (bottom, top) = self._limits_of_axes
+        return style.height_to_scale(np.array([right - left, top - bottom]), beside, below)
+
     @cached_property
     def _extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Ranges of x and y that hold pulleys and belt at all samples [m]."""
@@ -200,14 +214,19 @@ class DrivePicture:
 
         return extent(0, belt.x[self._rows]), extent(1, belt.y[self._rows])
 
-    def _place(self, ax: Axes) -> None:
+    @property
+    def _limits_of_axes(self) -> tuple[tuple[float, float], tuple[float, float]]:
         (left, right), (bottom, top) = self._extent
         margin = 0.05 * max(right - left, top - bottom)
-        ax.set_aspect("equal")
-        ax.set_xlim(left - margin, right + margin)
         # Names of pulleys that are small in a wide drive stand above and below it.
         room = 1.8 * margin if self.wide else margin
-        ax.set_ylim(bottom - room, top + room)
+        return (left - margin, right + margin), (bottom - room, top + room)
+
+    def _place(self, ax: Axes) -> None:
+        across, upward = self._limits_of_axes
+        ax.set_aspect("equal")
+        ax.set_xlim(*across)
+        ax.set_ylim(*upward)
 
     def _colour_bar(self, ax: Axes, colour: str) -> None:
         where: dict[str, Any] = {"orientation": "vertical", "aspect": 25, "shrink": 0.9}
@@ -309,7 +328,13 @@ class DrivePicture:
         radii = np.array([pulley.radius for pulley in self._result.params.pulleys])
         pivots = MountPicture.reach(self._result.params.pulleys)
         belt = np.stack([self._result.belt.x[row], self._result.belt.y[row]], axis=-1)
-        place_names(ax, self._titles, self._centers(row), radii, belt, marked=True, pivots=pivots)
+        place_names(ax, self._titles, self._centers(row), radii, belt, marks=-1, pivots=pivots)
+        for rim, spoke, arrows in zip(
+            radii * per_unit(ax), self._spokes, self._arrows, strict=True
+        ):
+            spoke.set_linewidth(min(2.2, _SPOKE_WIDTH * rim))
+            for arrow in arrows:
+                arrow.set_mutation_scale(min(9.0, _ARROW_SIZE * rim))
 
     # --- legend ----------------------------------------------------------------------------------
 

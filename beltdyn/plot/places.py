@@ -13,14 +13,13 @@ from ..places import AlongBelt
 from ..result import Result
 from . import style
 from .history import lines
+from .labels import rows_of_names
 from .select import Pulleys, pulley_indices, sample, with_samples
 
 __all__ = ["arcs", "tension_along"]
 
 #: Places to a link: joints are met where they are, and between them forces are interpolated.
 _PER_LINK = 4
-#: Height of a letter of small text over its width, about.
-_SLENDER = 1.8
 
 
 def tension_along(
@@ -72,28 +71,11 @@ def tension_along(
 
 
 def _shade(ax: Axes, result: Result, found: AlongBelt) -> None:
-    """Shade the wraps; name them above, upright where names would run into one another."""
-    names = [style.plain(name) for name in result.pulleys.names]
-    points = 72.0 * float(ax.get_figure().get_size_inches()[0])  # type: ignore[union-attr]
-    letter = 8.0 / _SLENDER * found.length / (0.8 * points)
-    middles = found.wraps.mean(axis=1)
-    order = np.argsort(middles)
-    room = np.diff(middles[order])
-    needed = letter * np.array([len(names[k]) for k in order])
-    upright = bool((0.5 * (needed[1:] + needed[:-1]) > room).any()) if room.size else False
-    upright |= bool((0.5 * needed > found.length - middles[order]).any())
-    for k, (begin, end) in enumerate(found.wraps):
+    """Shade the wraps and name them above."""
+    for begin, end in found.wraps:
         ax.axvspan(begin, end, color="0.93", lw=0.0, zorder=0.5)
-        ax.text(
-            float(middles[k]),
-            1.01,
-            names[k],
-            transform=ax.get_xaxis_transform(),
-            ha="center",
-            va="bottom",
-            fontsize="small",
-            rotation=90.0 if upright else 0.0,
-        )
+    names = [style.plain(name) for name in result.pulleys.names]
+    rows_of_names(ax, found.wraps.mean(axis=1), names)
 
 
 def arcs(

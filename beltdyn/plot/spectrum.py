@@ -234,7 +234,7 @@ def campbell(
         [Line2D([], [], label=f"orders of {style.plain(name)}", **_ORDER)] if multiples else []
     )
     handles += _passing(ax, found, speed, high)
-    handles += _modes(ax, modes, _RPM * speed, index)
+    handles += _modes(ax, modes, _RPM * speed, index, high)
     style.dress(ax, f"speed of {style.plain(name)} [rpm]", "frequency [Hz]")
     ax.grid(False)
     ax.set_title(style.plain(found.label), fontsize="medium")
@@ -267,7 +267,7 @@ def _by_speed(found: Spectrogram) -> tuple[Array, Array]:
 
 
 def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) -> None:
-    """Draw the line of an order, its number where it leaves the picture."""
+    """Draw the line of an order, its number where it leaves the picture: off the title above."""
     halo = [withStroke(linewidth=2.2, foreground="white", alpha=0.7)]
     ax.plot(_RPM * speed, frequency, path_effects=halo, zorder=2, **_ORDER)
     right = frequency[-1] <= high
@@ -276,11 +276,12 @@ def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) ->
         ax.annotate(
             label,
             (x, frequency[-1] if right else high),
-            (3, 0) if right else (0, 2),
+            (3, 0) if right else (-6, -2),
             textcoords="offset points",
-            ha="left" if right else "center",
-            va="center" if right else "bottom",
+            ha="left" if right else "right",
+            va="center" if right else "top",
             fontsize="small",
+            path_effects=halo,
             annotation_clip=False,
         )
 
@@ -309,18 +310,21 @@ def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Li
     return handles
 
 
-def _modes(ax: Axes, modes: Any, rpm: Array, pulley: int) -> list[Line2D]:
-    """Draw natural frequencies over speed."""
+def _modes(ax: Axes, modes: Any, rpm: Array, pulley: int, high: float) -> list[Line2D]:
+    """Draw natural frequencies over speed; give what the legend says if any is in the picture."""
     entries = list(modes) if isinstance(modes, (list, tuple)) else [modes]
     if not entries:
         return []
     look: dict[str, Any] = {"color": style.COLOURS[3], "lw": 1.1, "ls": "-"}
-    pairs = []
+    pairs: list[tuple[float, Array]] = []
+    drawn = False
     for one in entries:
         if hasattr(one, "frequency") and one.speed:
             pairs.append((_RPM * abs(float(one.state.omega[pulley])), one.frequency))
         elif hasattr(one, "frequency"):
-            for at in np.atleast_1d(one.frequency):
+            seen = np.atleast_1d(one.frequency)
+            drawn = drawn or bool((seen <= high).any())
+            for at in seen[seen <= high]:
                 ax.plot(rpm[[0, -1]], [at, at], zorder=2.5, **look)
         else:
             speed, frequencies = one
@@ -334,4 +338,5 @@ def _modes(ax: Axes, modes: Any, rpm: Array, pulley: int) -> list[Line2D]:
     else:
         for place, values in pairs:
             ax.plot(np.full(values.size, place), values, "o", ms=3, zorder=2.5, color=look["color"])
-    return [Line2D([], [], label="natural frequencies", **look)]
+    drawn = drawn or any((values <= high).any() for _, values in pairs)
+    return [Line2D([], [], label="natural frequencies", **look)] if drawn else []

@@ -13,8 +13,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
-from matplotlib.transforms import BboxBase, ScaledTranslation
+from matplotlib.transforms import Bbox, ScaledTranslation
 
+from ..checks import Array
 from ..parts import Pulley
 
 __all__ = [
@@ -27,12 +28,14 @@ __all__ = [
     "add_headroom",
     "axes",
     "dress",
+    "height_to_scale",
     "legend",
     "legend_below",
     "line_style",
     "new_figure",
     "plain",
     "room_below",
+    "set_title_within",
     "settle_layout",
     "tint",
     "title",
@@ -47,6 +50,8 @@ HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----")
 FREE, METAL = "0.72", "0.93"
 #: Most columns of a legend below the axes.
 LEGEND_COLUMNS = 3
+#: Share of the height that a legend above the data takes at most, by size; a larger one is below.
+_HEADROOM = {"small": 0.4, "x-small": 0.55}
 #: Above this number of points finding a place for a legend takes longer than drawing.
 _MANY_POINTS = 100_000
 
@@ -87,17 +92,28 @@ def title(k: int, pulley: Pulley) -> str:
     return str(k) if pulley.name is None else plain(pulley.name).replace(" ", "\n")
 
 
-def axes(ax: Axes | None) -> Axes:
-    """Give the axes to draw into, those of a new figure for None.
+def axes(ax: Axes | None, height: float = 4.0) -> Axes:
+    """Give the axes to draw into, those of a new figure of this height [inch] for None.
 
     Raises:
         TypeError: Not axes.
     """
     if ax is None:
-        return new_figure().add_subplot()
+        return new_figure(height=height).add_subplot()
     if not isinstance(ax, Axes):
         raise TypeError(f"ax must be matplotlib axes or None, got {type(ax).__name__}")
     return ax
+
+
+def height_to_scale(extent: Array, beside: float, below: float) -> float:
+    """Give the height [inch] of a figure of 6.4 inches that a picture to scale fills.
+
+    Args:
+        extent: Width and height of what is drawn, in one unit.
+        beside: Width [inch] taken by what stands beside the axes.
+        below: Height [inch] taken by what stands above and below them.
+    """
+    return float(np.clip((6.4 - beside) * extent[1] / extent[0] + below, 2.4, 5.2))
 
 
 def line_style(k: int) -> dict[str, Any]:
@@ -125,12 +141,29 @@ def dress(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.set_axisbelow(True)
 
 
+def set_title_within(ax: Axes, text: str) -> None:
+    """Set a title over the axes that ends within the figure: broken after semicolons, or small."""
+    settle_layout(ax)
+    for size in ("medium", "small", "x-small"):
+        for words in (text, text.replace("; ", ";\n")):
+            box = ax.set_title(words, fontsize=size).get_window_extent()
+            if box.x0 >= 0.0 and box.x1 <= _root(ax).bbox.x1:
+                return
+
+
 def add_headroom(ax: Axes, rows: int) -> None:
     """Leave the height of this many rows of small text free above the data."""
-    share = min((1.5 * rows + 0.8) * _points("small") / _height(ax), 0.6)
-    low, high = ax.get_ylim()
+    share = min(_share(ax, rows), 0.6)
+    scale = ax.yaxis.get_transform()
+    low, high = scale.transform(ax.get_ylim())
+    top = scale.inverted().transform(high + (high - low) * share / (1.0 - share))
     # auto: limits still adapt to lines drawn later.
-    ax.set_ylim(low, high + (high - low) * share / (1.0 - share), auto=True)
+    ax.set_ylim(ax.get_ylim()[0], float(top), auto=True)
+
+
+def _share(ax: Axes, rows: int) -> float:
+    """Give the share of the height of the axes that rows of small text take."""
+    return (1.5 * rows + 0.8) * _points("small") / _height(ax)
 
 
 def _root(ax: Axes) -> Figure:
@@ -153,8 +186,11 @@ def _legend_below() -> float:
 
 
 def legend(ax: Axes, **options: Any) -> None:
-    """Put the legend where it covers no data, above them if necessary; or as ``options`` say."""
-    look = {"framealpha": 0.8, "edgecolor": "none", "fontsize": "small"} | options
+    """Put the legend where it covers no data, or as ``options`` say.
+
+    Above the data if need be; one that is large for the axes goes below the label of the x axis.
+    """
+    look: dict[str, Any] = {"framealpha": 0.8, "edgecolor": "none", "fontsize": "small"} | options
     if "loc" in options:
         ax.legend(**look)
         return
@@ -164,25 +200,36 @@ def legend(ax: Axes, **options: Any) -> None:
     box = ax.legend(**look, loc="best" if points <= _MANY_POINTS else "upper left").get_tightbbox()
     if box is None or (points <= _MANY_POINTS and not _covers_data(ax, box)):
         return
-    columns = max(1, int(ax.get_window_extent().width / box.width))
-    rows = -(-len(ax.get_legend_handles_labels()[0]) // columns)
-    add_headroom(ax, rows)
-    ax.legend(**look, loc="upper left", ncols=columns)
+    handles = look.get("handles", ax.get_legend_handles_labels()[0])
+    width = ax.get_window_extent().width
+    for size, most in _HEADROOM.items():
+        smaller = _points(size) / _points("small")
+        columns = max(1, int(width / (smaller * box.width)))
+        rows = int(np.ceil(smaller * -(-len(handles) // columns)))
+        if _share(ax, rows) <= most or _root(ax).get_layout_engine() is None:
+            add_headroom(ax, rows)
+            look |= {"fontsize": size} if size != "small" else {}
+            ax.legend(**look, loc="upper left", ncols=columns)
+            return
+    legend_below(ax, handles)
 
 
-def _covers_data(ax: Axes, box: BboxBase) -> bool:
+def _covers_data(ax: Axes, box: Bbox) -> bool:
     return any(
-        box.count_contains(line.get_transform().transform(line.get_xydata())) > 0
+        line.get_transform().transform_path(line.get_path()).intersects_bbox(box, filled=False)
         for line in ax.lines
     )
 
 
 def settle_layout(ax: Axes) -> None:
-    """Run the layout once: with equal aspect it takes two passes, and drawing is the second."""
+    """Run the layout, as drawing does: twice for an equal aspect, which it applies after it."""
     figure = _root(ax)
     engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
+    for _ in range(1 if ax.get_aspect() == "auto" else 2):
+        if engine is not None:
+            engine.execute(figure)
+        locator = ax.get_axes_locator()
+        ax.apply_aspect(None if locator is None else locator(ax, None))  # type: ignore[arg-type]
 
 
 def room_below(ax: Axes, rows: int) -> dict[str, float]:
