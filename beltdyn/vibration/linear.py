@@ -34,7 +34,7 @@ from ..mounts import Path
 from ..params import Params
 from ..state import State
 
-__all__ = ["Complex", "Linear", "linearise", "scipy_sparse"]
+__all__ = ["LINK_FIELDS", "Complex", "Linear", "linearise", "passing_of", "scipy_sparse"]
 
 Complex = NDArray[np.complex128]
 
@@ -46,6 +46,8 @@ NOTHING = 1e-19
 CRAWL = 1e-6
 _POSITIONS = ("x", "y", "phi", "theta", "travel")
 _RATES = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega", "travel": "travel_speed"}
+#: Of which each link, or each state of friction of a link, has one.
+LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
 
@@ -80,6 +82,8 @@ class Linear:
         prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
         given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
             theta and of omega.
+        phase: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
+        parts: The drive linearised at each phase; empty: there is one.
     """
 
     params: Params
@@ -91,6 +95,8 @@ class Linear:
     passing: float
     prescribed: tuple[int, ...]
     given: tuple[Any, Any]
+    phase: NDArray[np.intp] | None = None
+    parts: tuple[Linear, ...] = ()
 
     @property
     def size(self) -> int:
@@ -102,11 +108,18 @@ class Linear:
         return np.flatnonzero(self.names == name)
 
     def field(self, vector: Complex, name: str) -> Complex:
-        """Take a field out of vectors (n, ...): all its values, 0 where they are no unknowns."""
+        """Take a field out of vectors (n, ...): all its values, 0 where they are no unknowns.
+
+        Of several phases the mean.
+        """
         rows = self.rows(name)
         out = np.zeros((np.size(self.state[name]), *vector.shape[1:]), dtype=vector.dtype)
-        out[self.index[rows]] = vector[rows]
-        return out
+        np.add.at(out, self.index[rows], vector[rows])
+        return np.asarray(out / max(len(self.parts), 1), dtype=vector.dtype)
+
+    def at_phase(self, vector: Complex, k: int) -> Complex:
+        """Take out of vectors (n, ...) what belongs to the unknowns of ``parts[k]``."""
+        return vector if self.phase is None else vector[self.phase == k]
 
     def norms(self, rate: float) -> Array:
         """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
@@ -146,7 +159,7 @@ def linearise(
     jacobian, unit = _jacobian(params, core, names, index)
     if torque_slopes is not None:
         jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
-    passing = _passing(params, core) if places else 0.0
+    passing = passing_of(params, core) if places else 0.0
     # a state of friction that no slip changes belongs to a link that touches nothing
     sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
     keep = ~((names == "mu") & (sums == 0.0))
@@ -290,7 +303,7 @@ def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse:
     return out.tocsc()
 
 
-def _passing(params: Params, core: Mapping[str, Any]) -> float:
+def passing_of(params: Params, core: Mapping[str, Any]) -> float:
     """Links that pass a place per second, in the sense of their numbering."""
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
@@ -312,7 +325,7 @@ def _derivative(
     where = {key: row for row, key in enumerate(keys)}
     rows, columns, values = [], [], []
     for row, (name, i) in enumerate(keys):
-        if name not in ("x", "y", "phi", "vx", "vy", "vphi", "mu") or not keep[row]:
+        if name not in LINK_FIELDS or not keep[row]:
             continue
         for offset, value in (against if name == "mu" else central).items():
             column = where[name, i // n * n + (i % n + offset) % n]

@@ -15,7 +15,8 @@ from ..run_warnings import BeltdynWarning
 from ..state import State
 from ..torques import TorqueLike
 from . import participation as parts
-from .linear import Complex, Linear, linearise
+from .linear import Complex, Linear, linearise, passing_of
+from .mesh_phases import linearise_over, states_over
 from .search import Found, residuals, search
 from .torque_slopes import imbalance, torque_slopes
 
@@ -29,6 +30,12 @@ UNBALANCED, LEFT_OVER = 1e-2, 1e-5
 TURNING, BODIES = 0.02, 0.3
 #: Damping ratio above which modes of a running belt are left out.
 DAMPED = 0.25
+#: Share of the kinetic energy of a mode that is in its mean over the phases of the mesh, below
+#: which it is another one's with the passing of the links added; modes more that are sought at
+#: another phase, and likeness (0 to 1) from which on one is the same.
+STEADY, MORE, ALIKE = 0.5, 3, 0.3
+#: Estimated error of a frequency by the mesh that is told.
+MESHED = 0.01
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -73,6 +80,11 @@ class Modes:
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given.
         speed: Of the belt along its numbering [m/s], 0 at rest.
+        mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
+            it falls with the length of a link. With several phases most of it is averaged out.
+        phases: Phases of the mesh that were taken together, see :func:`modes`.
+        by_phase: Frequencies at each of them (phases, n) [Hz], of which ``frequency`` is the mean;
+            none (0, n) of one phase, and of a running belt.
         params: The drive.
         state: The state about which it is linearised.
     """
@@ -90,6 +102,9 @@ class Modes:
     left_out: int
     band: tuple[float, float]
     speed: float
+    mesh_error: Array
+    phases: int
+    by_phase: Array
     params: Params
     state: State
 
@@ -102,9 +117,19 @@ class Modes:
         for k, name in enumerate(self.names):
             frequency, damping = self.frequency[k], 100.0 * self.damping[k]
             rows.append(f"  {k:2d}  {frequency:6.4g} Hz  {damping:5.2f} %  {name}")
+            if self.by_phase.size:
+                low, high = self.by_phase[:, k].min(), self.by_phase[:, k].max()
+                rows[-1] += f"; {low:.4g} to {high:.4g} Hz over the mesh"
         if (self.damping < -1e-6).any():
             grow = ", ".join(str(k) for k in np.flatnonzero(self.damping < -1e-6))
             rows.append(f"  negative damping: mode(s) {grow} grow")
+        off = np.flatnonzero(self.mesh_error > MESHED)
+        if self.phases == 1 and off.size:
+            rows.append(
+                f"  mode(s) {', '.join(map(str, off))}: off by some "
+                f"{100.0 * self.mesh_error.max():.2g} % for the phase of the mesh, which "
+                "phases=12 averages out"
+            )
         for rate, name in zip(self.decay, self.decay_names, strict=True):
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
         if self.left_out:
@@ -121,6 +146,7 @@ def modes(
     n: int = 8,
     damping: float | None = None,
     motion: ByPulley[object] | None = None,
+    phases: int = 1,
 ) -> Modes:
     """Find the lowest modes of a drive for small motions about a state.
 
@@ -129,6 +155,16 @@ def modes(
     carries its links along; frequencies are those seen in places fixed in space. What friction
     keeps of the past is then carried through the wraps, which makes a series of strongly damped
     modes, a period each time the belt takes to pass a wrap.
+
+    **The mesh.** A state stands at one phase of it. The last joint on a pulley is by s, up to half
+    a link, before or after the point where the belt leaves, and a pulley stuck to it has the
+    stiffness T s less or more against turning, which over all phases is nothing; at rest, slid
+    there without friction, a belt is where it is most. ``mesh_error`` says what that makes of each
+    frequency. With ``phases`` it is averaged out. A belt at rest is moved along by a link, so
+    slowly that it stays in equilibrium, its prescribed pulleys or the heaviest one driven; given
+    are means of the eigenvalues over that many phases, 12 do, with the shapes of the state itself.
+    Of a running belt, which goes through all phases, Floquet's problem is solved over that many, 6
+    do: each mode is then the one that is the same for all.
 
     Args:
         params: The drive.
@@ -140,26 +176,23 @@ def modes(
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
             motion of the rest leaves what is prescribed as it is.
+        phases: Phases of the mesh, evenly over the passing of a link; 1: that of the state.
 
     Raises:
         ImportError: SciPy is not installed.
         TypeError, ValueError: An argument breaks its rule.
+        SimulationError: The drive could not be moved from phase to phase.
 
     Warns:
         BeltdynWarning: The state is not in equilibrium; an eigenvector is inaccurate;
-            eigenvalues of the band have not converged.
+            eigenvalues of the band have not converged; a mode is not found at every phase.
     """
-    n = integer("n", n, 1)
+    n, phases = integer("n", n, 1), integer("phases", phases, 1)
     least = None if damping is None else positive("damping", damping)
-    linear = linear_drive(params, state, torque, motion)
+    linear = linear_drive(params, state, torque, motion, phases=phases)
     where = parts.sections(linear)
     most = (1.0 if linear.passing == 0.0 else DAMPED) if least is None else least
-    found, still, band, complete = search(linear, n + 1, most)
-    if not complete:
-        _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
-    across = parts.participation(linear, found[1], where).spans.sum(axis=1)
-    found, turning = _without_turning(linear, found, across)
-    found, left_out = _least_damped(found, n, most)
+    found, still, band, turning, left_out = _lowest(linear, n, most)
     shares = parts.participation(linear, found[1], where)
     still = _of_bodies(still, parts.participation(linear, still[1], where))
     scaled = _scaled(linear, found)
@@ -167,8 +200,11 @@ def modes(
     if (left > LEFT_OVER).any():
         _warn(f"modes: eigenvectors of a residual up to {left.max():.2g}")
     of_still = parts.participation(linear, still[1], where)
-    values = found[0]
+    values, by_phase = found[0], np.empty((0, len(found[0])))
     highest = float(abs(values).max()) if values.size else band[1]
+    if phases > 1 and linear.passing == 0.0:
+        seen = _at_phases(linear, found, torque, phases, most)
+        values, by_phase = seen.mean(axis=0), seen.imag / (2.0 * np.pi)
     return Modes(
         frequency=values.imag / (2.0 * np.pi),
         damping=-values.real / abs(values),
@@ -185,9 +221,54 @@ def modes(
         left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
         speed=linear.passing * float(params.info["link_length"]),
+        mesh_error=_mesh_error(linear, found, state),
+        phases=phases,
+        by_phase=by_phase,
         params=params,
         state=state,
     )
+
+
+def _lowest(
+    linear: Linear, n: int, most: float
+) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
+    """Find the lowest n modes: see :func:`.search.search`, :func:`_without_turning`."""
+    where, sought = parts.sections(linear), n + 1
+    while True:
+        found, still, band, complete = search(linear, sought, most)
+        here = parts.steady_share(linear, found[1]) > STEADY
+        across = parts.participation(linear, found[1], where).spans.sum(axis=1)
+        few = int(np.count_nonzero(here)) < min(n + 1, len(here)) and sought < 8 * n
+        if not few or band[1] > float(linear.params.info["spectral_bound"]):
+            break
+        sought *= 2
+    if not complete:
+        _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
+    found, across = (found[0][here], found[1][:, here]), across[here]
+    found, turning = _without_turning(linear, found, across)
+    found, left_out = _least_damped(found, n, most)
+    return found, still, band, turning, left_out
+
+
+def _at_phases(
+    linear: Linear, found: Found, torque: TorqueLike | None, phases: int, most: float
+) -> Complex:
+    """Eigenvalues of the same modes (phases, n) as the belt is moved along by a link."""
+    params, prescribed = linear.params, linear.prescribed
+    own, out = parts.weighted(linear, found[1]), []
+    state = State._from_core(linear.state)
+    for one in states_over(params, state, torque, prescribed, phases):
+        slopes = None if torque is None else torque_slopes(params, one, torque)
+        other = linearise(params, one, slopes, prescribed)
+        seen = _lowest(other, len(found[0]) + MORE, most)[0]
+        same = parts.same_modes(own, parts.weighted(other, seen[1]))
+        if (same[1] < ALIKE).any():
+            _warn(
+                f"modes_of_phases: mode(s) {', '.join(map(str, np.flatnonzero(same[1] < ALIKE)))} "
+                "are not found alike at every phase of the mesh: more links give more even ones"
+            )
+        out.append(seen[0][same[0]])
+    return np.array(out)
 
 
 def linear_drive(
@@ -195,8 +276,10 @@ def linear_drive(
     state: State,
     torque: TorqueLike | None,
     motion: ByPulley[object] | None,
+    *,
+    phases: int = 1,
 ) -> Linear:
-    """Check the arguments of :func:`modes`; linearise the drive."""
+    """Check the arguments of :func:`modes`; linearise the drive, a running one over phases."""
     if not isinstance(params, Params):
         raise TypeError(f"params must be a Params, got {type(params).__name__}")
     if not isinstance(state, State):
@@ -212,7 +295,10 @@ def linear_drive(
             f"not_in_equilibrium: {what} has a torque left over of {100.0 * off:.2g} % of the "
             "belt's tension: the modes are those about a state that does not last"
         )
-    return linearise(params, state, slopes, prescribed)
+    if phases == 1 or passing_of(params, state._to_core(params)) == 0.0:
+        return linearise(params, state, slopes, prescribed)
+    states = states_over(params, state, torque, prescribed, phases)
+    return linearise_over(params, states, slopes, prescribed)
 
 
 def _without_turning(linear: Linear, found: Found, across: Array) -> tuple[Found, complex | None]:
@@ -240,6 +326,18 @@ def _of_bodies(still: Found, shares: parts.Participation) -> Found:
     """Of what decays the motions of pulleys and mounts; those of friction and contact are many."""
     keep = shares.pulleys.sum(axis=1) + shares.mounts.sum(axis=1) > BODIES
     return still[0][keep], still[1][:, keep]
+
+
+def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
+    """Give the scatter that T s makes (see :func:`modes`), s of each end of a wrap for itself.
+
+    It is even within a link. The stiffness of a mode is twice its kinetic energy.
+    """
+    params = linear.params
+    turned = abs(linear.field(found[1], "theta")) ** 2
+    one = state.tension(params).mean * float(params.info["link_length"]) / np.sqrt(12.0) * turned
+    stiffness = np.sum(abs(parts.weighted(linear, found[1])) ** 2, axis=0)
+    return np.asarray(np.sqrt(2.0 * np.sum(one**2, axis=0)) / (2.0 * stiffness))
 
 
 def _scaled(linear: Linear, found: Found) -> Complex:

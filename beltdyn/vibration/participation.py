@@ -8,6 +8,8 @@ it lies on pulleys.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
 
 import attrs
 import numpy as np
@@ -20,7 +22,15 @@ from ..params import Params
 from ..route import route_at
 from .linear import Complex, Linear
 
-__all__ = ["Participation", "Sections", "participation", "sections"]
+__all__ = [
+    "Participation",
+    "Sections",
+    "participation",
+    "same_modes",
+    "sections",
+    "steady_share",
+    "weighted",
+]
 
 #: Share from which on a part is named second, and displacement that counts for a node.
 SECOND, NODE = 0.2, 0.05
@@ -103,6 +113,46 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
         mounts=moved / total[:, None],
         belt=belt / total,
     )
+
+
+def weighted(linear: Linear, vectors: Complex) -> Complex:
+    """Speeds in modes times roots of their inertias (m, n), of which squares are energies."""
+    params, info = linear.params, linear.params.info
+    mass, turning = float(info["link_mass"]), float(info["link_inertia"])
+    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    carried = np.array([_inertia(params, k) for k in params.mounted])
+    weights: dict[str, Any] = {
+        "vx": mass,
+        "vy": mass,
+        "vphi": 0.0 if params.belt_model == "string" else turning,
+        "omega": inertia[:, None],
+        "travel_speed": carried[:, None],
+    }
+    return np.concatenate(
+        [np.sqrt(weight) * linear.field(vectors, name) for name, weight in weights.items()]
+    )
+
+
+def steady_share(linear: Linear, vectors: Complex) -> Array:
+    """Share of the energy (n,) that is in the mean over the phases of the mesh; 1 of one phase."""
+    if not linear.parts:
+        return np.ones(vectors.shape[1])
+    each = [
+        np.sum(abs(weighted(part, linear.at_phase(vectors, k))) ** 2, axis=0)
+        for k, part in enumerate(linear.parts)
+    ]
+    return np.asarray(np.sum(abs(weighted(linear, vectors)) ** 2, axis=0) / np.mean(each, axis=0))
+
+
+def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
+    """Give which of other modes each of one's own is (n,), and how much they are alike (n,), to 1.
+
+    Alike are those of which the modal assurance criterion, by energies, has the largest sum.
+    """
+    product = abs(own.conj().T @ others) ** 2
+    product /= np.sum(abs(own) ** 2, axis=0)[:, None] * np.sum(abs(others) ** 2, axis=0)
+    which = import_module("scipy.optimize").linear_sum_assignment(product, maximize=True)[1]
+    return which, product[np.arange(len(which)), which]
 
 
 def _inertia(params: Params, pulley: int) -> float:

@@ -41,6 +41,7 @@ class FrequencyResponse:
         torque: Amplitudes of the torques that excite (n_p,) [N m].
         motion: Amplitudes of the motions that excite (n_p,) [rad].
         residual: |(i w - J) x - b| / |b| (n_f,).
+        phases: Phases of the mesh of a running belt that the response is the mean over.
         params: The drive.
     """
 
@@ -55,6 +56,7 @@ class FrequencyResponse:
     torque: Complex
     motion: Complex
     residual: Array
+    phases: int
     params: Params
 
     def __str__(self) -> str:
@@ -87,6 +89,7 @@ def frequency_response(
     torque: PulleyLike | ByPulley[complex] | None = None,
     motion: PulleyLike | ByPulley[complex] | None = None,
     loads: TorqueLike | None = None,
+    phases: int = 1,
 ) -> FrequencyResponse:
     """Give the response of a drive to a small harmonic torque or motion.
 
@@ -98,6 +101,10 @@ def frequency_response(
         motion: Pulley whose angle is prescribed with an amplitude of 1 rad, or complex amplitudes
             by pulley [rad]; 0 holds a pulley, or leaves its speed constant.
         loads: Torques that depend on speeds or angles; None: they are constant.
+        phases: Of a running belt, phases of the mesh that are taken together, of which a passing
+            link makes one after the other (see :func:`beltdyn.modes`); 6 do. The response is then
+            that at the frequency that excites, without the sidebands of the links' passing; 1: as
+            the links stand in ``state``.
 
     Raises:
         ImportError: SciPy is not installed.
@@ -109,7 +116,7 @@ def frequency_response(
     moments, moved = _amplitudes(params, "torque", torque), _amplitudes(params, "motion", motion)
     if not any(moments.values()) and not any(moved.values()):
         raise ValueError("torque or motion must excite at least one pulley")
-    linear = linear_drive(params, state, loads, {k: 0.0 for k in moved})
+    linear = linear_drive(params, state, loads, {k: 0.0 for k in moved}, phases=phases)
     for k in moments:
         if k in moved:
             raise ValueError(f"torque and motion are both given on {params.label(k)}")
@@ -121,19 +128,26 @@ def frequency_response(
     theta = linear.field(vectors, "theta").T + motions
     omega = linear.field(vectors, "omega").T
     omega = omega + 2j * np.pi * at[:, None] * motions
-    force = _forces(linear, vectors, theta, omega)
+    forces, tensions = [], []
+    for k, part in enumerate(linear.parts or (linear,)):
+        at_phase = linear.at_phase(vectors, k)
+        turned = part.field(at_phase, "theta").T + motions
+        turning = part.field(at_phase, "omega").T + 2j * np.pi * at[:, None] * motions
+        forces.append(_forces(part, at_phase, turned, turning))
+        tensions.append(_spans(part, forces[-1]))
     return FrequencyResponse(
         frequency=at,
         theta=theta,
         omega=omega,
-        span_tension=_spans(linear, force),
-        joint_force=force,
+        span_tension=np.mean(tensions, axis=0),
+        joint_force=np.mean(forces, axis=0),
         travel=linear.field(vectors, "travel").T,
         x=linear.field(vectors, "x").T,
         y=linear.field(vectors, "y").T,
         torque=torques,
         motion=motions,
         residual=left,
+        phases=max(len(linear.parts), 1),
         params=params,
     )
 

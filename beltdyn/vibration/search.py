@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import Array
+from ..params import Params
 from .linear import Complex, Linear, scipy_sparse
 
 __all__ = ["Found", "first_rate", "residuals", "search"]
@@ -37,9 +38,8 @@ SAME = 1e-6
 Found = tuple[Complex, Complex]
 
 
-def first_rate(linear: Linear) -> float:
+def first_rate(params: Params) -> float:
     """Estimate the lowest rate of the spans as strings [rad/s]."""
-    params = linear.params
     wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
     return float(np.pi * wave / np.max(params.route.spans))
 
@@ -111,7 +111,7 @@ def search(
     Last whether all discs were done. Of those that oscillate all are given below the n-th that has
     less than a damping ratio.
     """
-    centre = first_rate(linear)
+    centre = first_rate(linear.params)
     fastest = float(linear.params.info["spectral_bound"])
     lowest = LOWER * centre * (1.0 - RADIUS)
     found, all_done = _disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)

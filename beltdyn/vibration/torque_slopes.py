@@ -13,7 +13,7 @@ from ..params import Params
 from ..state import State
 from ..torques import TorqueLike, as_terms
 
-__all__ = ["imbalance", "torque_slopes", "torques_at"]
+__all__ = ["balancing", "imbalance", "torque_slopes", "torques_at"]
 
 #: Steps of the differences: of angles [rad]; of speeds [rad/s] and against the speed.
 _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
@@ -58,6 +58,15 @@ def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Arr
             slope[:, k] = (ends[0] - ends[1]) / (2.0 * h)
         slopes.append(slope)
     return slopes[0], slopes[1]
+
+
+def balancing(params: Params, core: Mapping[str, Any], prescribed: tuple[int, ...]) -> Array:
+    """Give the torques (n_p,) [N m] that hold the pulleys' speeds, 0 on those prescribed."""
+    n_p = len(params.pulleys)
+    rate = params._model.rate(core, np.zeros(n_p))["omega"]
+    held = -rate * np.array([pulley.inertia for pulley in params.pulleys])
+    held[list(prescribed)] = 0.0
+    return np.asarray(held)
 
 
 def imbalance(

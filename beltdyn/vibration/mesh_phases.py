@@ -1,0 +1,151 @@
+"""A drive over the passing of one link: states at phases of the mesh, linearised together.
+
+The links that touch a pulley, and where the last of them stands against the point where the belt
+leaves, are those of one moment. A belt that runs passes through all such phases of its mesh while
+it moves on by a link. A small motion about it is then eta_i(t) = xi_i(t) exp(lambda t), xi the same
+again after the time 1 / a of a passing, when link i stands where link i + 1 has stood (Floquet):
+
+    lambda xi_i,k = J_k xi_i,k - a K (D xi)_i,k,    k = 0 ... K - 1 phases,
+
+one linear system of K times the size, D the derivative by the number i K + k, second order against
+the run; of pulleys and mounts by k alone, round a passing. Of its eigenvalues lambda + 2 pi i m a
+belong to one mode; that with m = 0 is the one of which the mean over the phases moves.
+
+A belt at rest stands at one phase. Moved along so slowly that it is in equilibrium all the time, it
+passes the others too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..checks import Array
+from ..params import Params
+from ..simulation import simulate
+from ..state import State
+from ..torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Viscous
+from .linear import LINK_FIELDS, Linear, linearise, passing_of, scipy_sparse
+from .search import first_rate
+from .torque_slopes import balancing
+
+__all__ = ["linearise_over", "states_over"]
+
+#: A belt at rest moves by a link in so many periods of its spans; the pulleys that are free are
+#: damped by this share of their inertia and the spans' rate meanwhile.
+PERIODS, DAMPING = 40.0, 0.03
+#: Of the runs from phase to phase.
+RTOL = 1e-6
+#: Second order against the run.
+_BEHIND = {0: 1.5, -1: -2.0, -2: 0.5}
+
+
+def states_over(
+    params: Params,
+    state: State,
+    torque: TorqueLike | None,
+    prescribed: tuple[int, ...],
+    phases: int,
+) -> list[State]:
+    """Give the states at phases of a passing, from runs: at rest with all speeds zero."""
+    core = state._to_core(params)
+    a = passing_of(params, core)
+    if torque is None:
+        held = balancing(params, core, prescribed)
+        torque = PiecewiseLinear([0.0], held[None, :])
+    if a != 0.0:
+        motion: Any = {k: PiecewiseLinear([0.0], [float(core["omega"][k])]) for k in prescribed}
+        states, time = [state], 1.0 / (abs(a) * phases)
+    else:
+        inertia = np.array([pulley.inertia for pulley in params.pulleys])
+        radii = np.array([pulley.radius for pulley in params.pulleys])
+        rate = first_rate(params)
+        turn = PERIODS * 2.0 * np.pi / rate
+        speeds = params.route.senses * float(params.info["link_length"]) / (turn * radii)
+        driven = prescribed or (int(np.argmax(inertia)),)
+        motion = {
+            k: PiecewiseLinear([state.t, state.t + 0.25 * turn], [0.0, float(speeds[k])])
+            for k in driven
+        }
+        resisting = Viscous(DAMPING * rate * inertia)
+        torque = _sum(torque, resisting)
+        time = turn / phases
+        states = [_after(params, state, torque, motion, 0.5 * turn)]
+    while len(states) < phases:
+        states.append(_after(params, states[-1], torque, motion, time))
+    return states if a != 0.0 else [_stopped(one) for one in states]
+
+
+def _after(params: Params, state: State, torque: TorqueLike, motion: Any, time: float) -> State:
+    end = state.t + time
+    result = simulate(
+        params, torque, end, motion=motion, initial=state, rtol=RTOL, t_eval=[end], outputs=()
+    )
+    return result.final_state
+
+
+def _sum(torque: TorqueLike, more: Viscous) -> TorqueLike:
+    if isinstance(torque, Torque):
+        return TorqueSum([torque, more])
+    if not callable(torque):
+        raise TypeError("phases of a belt at rest need torque objects or Python functions")
+    return lambda t, theta, omega: np.asarray(torque(t, theta, omega)) + more(t, theta, omega)
+
+
+def _stopped(state: State) -> State:
+    names = ("vx", "vy", "vphi", "omega", "travel_speed")
+    return attrs.evolve(state, **{name: 0.0 * getattr(state, name) for name in names})
+
+
+def linearise_over(
+    params: Params,
+    states: list[State],
+    torque_slopes: tuple[Array, Array] | None,
+    prescribed: tuple[int, ...],
+) -> Linear:
+    """Linearise a running drive over a passing, as the text at the head says."""
+    sparse, _ = scipy_sparse()
+    parts = [linearise(params, one, torque_slopes, prescribed, places=False) for one in states]
+    whole = parts[0]
+    passing = passing_of(params, whole.state)
+    names = np.concatenate([part.names for part in parts])
+    index = np.concatenate([part.index for part in parts])
+    phase = np.concatenate([np.full(part.size, k) for k, part in enumerate(parts)])
+    jacobian = sparse.block_diag([part.matrix for part in parts], format="csc")
+    derivative = _derivative(params, names, index, phase, len(parts), passing > 0.0, sparse)
+    return Linear(
+        params=params,
+        state=whole.state,
+        matrix=(jacobian - abs(passing) * len(parts) * derivative).tocsc(),
+        names=names,
+        index=index,
+        unit=np.concatenate([part.unit for part in parts]),
+        passing=passing,
+        prescribed=prescribed,
+        given=tuple(
+            sparse.vstack([part.given[k] for part in parts], format="csc") for k in range(2)
+        ),
+        phase=phase,
+        parts=tuple(parts),
+    )
+
+
+def _derivative(
+    params: Params, names: Any, index: Any, phase: Any, phases: int, onward: bool, sparse: Any
+) -> Any:
+    n, sense = params.belt.n_bodies, 1 if onward else -1
+    keys = list(zip(names.tolist(), index.tolist(), phase.tolist(), strict=True))
+    where = {key: row for row, key in enumerate(keys)}
+    rows, columns, values = [], [], []
+    for row, (name, i, k) in enumerate(keys):
+        for offset, value in _BEHIND.items():
+            round_, other = divmod(k + offset, phases)
+            link = i // n * n + (i % n + sense * round_) % n if name in LINK_FIELDS else i
+            column = where.get((name, link, other))
+            if column is not None:
+                rows.append(row)
+                columns.append(column)
+                values.append(value)
+    return sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
