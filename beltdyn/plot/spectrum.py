@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
@@ -50,9 +52,9 @@ def spectrum(
     """Draw the amplitude spectrum of an output, its largest lines named.
 
     A sine of amplitude A is a peak of height A. Lines at the link passing frequency v / l0, and
-    beside it, are artefacts of the mesh: they are named so, and their places are marked. The title
-    says how close lines may be; what the sampling folds is named in the legend
-    (:mod:`beltdyn.spectra`). Needs SciPy.
+    beside it, are artefacts of the mesh: they are named so, and their places are marked, unless the
+    speed changes too much in the window for that. The title says so, and how close lines may be;
+    what the sampling folds is named in the legend (:mod:`beltdyn.spectra`). Needs SciPy.
 
     Args:
         result: A run with samples evenly spaced in time.
@@ -91,7 +93,8 @@ def spectrum(
     high = up_to
     if high is None:
         tops = [1.15 * one.frequency for one in named]
-        tops += [1.15 * one.frequency for one in found.sources if one.kind == "link"]
+        links = [one for one in found.sources if one.kind == "link"]
+        tops += [1.15 * one.frequency for one in links if found.harmonics(one)]
         high = min(max([*tops, 50.0 * found.resolution]), found.limit)
     ax.set_xlim(0.0, high)
     ax.set_ylim(0.0, None)
@@ -113,20 +116,33 @@ def spectrum(
                     clip_on=False,
                 )
     style.dress(ax, "frequency [Hz]", f"amplitude [{found.unit}]")
-    ax.set_title(
-        f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz "
-        "merge",
-        fontsize="small",
-    )
+    ax.set_title(_title(found, ax, marks), fontsize="small")
     style.legend_below(ax, ax.get_legend_handles_labels()[0], columns=2)
     return ax
+
+
+def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
+    """Say what the window shows and, where lines are named, what keeps others from having names."""
+    said = [
+        f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz merge"
+    ]
+    if marks:
+        said += [note for note in found.notes()[1:] if "up to x" not in note]
+    figure = ax.get_figure()
+    wide = 6.4 if figure is None else figure.get_figwidth()  # type: ignore[union-attr]
+    points = FontProperties(size="small").get_size_in_points()
+    most = max(30, int(72.0 * 0.85 * wide / (0.55 * points)))  # letters are that wide on average
+    return "\n".join(line for one in said for line in textwrap.wrap(style.plain(one), most))
 
 
 def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
     """Mark harmonics of the link passing by dotted lines, of the belt by ticks at the bottom."""
     for source in found.sources:
+        shown = min(found.harmonics(source), _PASSINGS)
+        if not shown:
+            continue
         if source.kind == "link":
-            at = source.frequency * np.arange(1, _PASSINGS + 1)
+            at = source.frequency * np.arange(1, shown + 1)
             above = at[0] > found.limit
             places = folded(at, 2.0 * found.limit)
             look: dict[str, Any] = {"color": _LINK, "lw": 0.9, "ls": (0, (1.2, 1.6)), "zorder": 1}
@@ -136,8 +152,8 @@ def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
             for k, place in enumerate(places):
                 if place <= high and (k == 0 or not above):
                     ax.axvline(place, label=name if k == 0 else "_", **look)
-        elif source.kind == "belt" and source.frequency > found.resolution:
-            at = source.frequency * np.arange(1, _PASSINGS + 1)
+        elif source.kind == "belt":
+            at = source.frequency * np.arange(1, shown + 1)
             ax.vlines(
                 at,
                 0.0,

@@ -79,8 +79,9 @@ class SpanRow:
         frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
             None: none does.
         amplitude: Of that line [N].
-        link_passing: Whether that is the frequency with which links pass, or its alias at this
-            sampling: of the mesh, not of the drive.
+        link_passing: Whether that is the frequency with which links pass, a multiple of it, or its
+            alias at this sampling: of the mesh, not of the drive. None: the window cannot tell,
+            being too short or the speed uneven, or because something else is as near.
         lateral: First frequency of the span as a moving string, (c^2 - v^2) / (2 l c) with the
             wave speed c [Hz]; 0 where the belt is faster than the wave.
     """
@@ -90,7 +91,7 @@ class SpanRow:
     tension: Spread | None = None
     frequency: float | None = None
     amplitude: float | None = None
-    link_passing: bool = False
+    link_passing: bool | None = False
     lateral: float | None = None
 
 

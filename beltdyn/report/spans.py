@@ -9,7 +9,7 @@ import numpy as np
 from ..checks import Array
 from ..naming import span_name
 from ..spans import Coordinates, mid_span
-from ..spectra.fourier import folded
+from ..spectra.sources import Source, lines_at, sources
 from .pulleys import spread
 from .rows import SpanRow, Spread
 from .touching import Touching
@@ -109,6 +109,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
         middle = mid_span(params, part, window.of(run.joints.force))
         absent = np.isnan(middle).mean(axis=0)
     uneven = _uneven(window)
+    found = () if uneven else sources(run, window.rows)
     if uneven:
         notes.append(f"no frequencies of spans: {uneven}")
     rows = []
@@ -143,9 +144,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             line = dominant(window.t, history)
             if line is not None and line.amplitude > FAINT * abs(tension.mean):
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
-                row["link_passing"] = touching is not None and _of_links(
-                    window, touching.speed, line.frequency
-                )
+                row["link_passing"] = _of_links(found, window.t, line.frequency)
         rows.append(SpanRow(**row))
     return rows, notes
 
@@ -157,11 +156,23 @@ def _uneven(window: Window) -> str:
     return "the samples are not even in time; give simulate an even t_eval"
 
 
-def _of_links(window: Window, speed: float, frequency: float) -> bool:
-    """Tell whether a frequency is that of links that pass, or of twice as many, or an alias."""
-    t = window.t
-    rate = (t.size - 1) / (t[-1] - t[0])
-    passing = abs(speed) / float(window.params.info["link_length"])
-    near = 1.5 / float(t[-1] - t[0])
-    seen = folded(passing * np.array([1.0, 2.0]), rate)
-    return bool(passing > 0.0 and np.any(np.abs(seen - frequency) < near))
+def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
+    """Tell whether a line is at the frequency of links that pass, a multiple of it, or an alias.
+
+    None: the window cannot tell. It is too short to tell it from other lines, something else has a
+    harmonic there as well, or the belt changes its speed so much that the links pass at this
+    frequency for a part of it.
+    """
+    resolution = 1.5 / float(t[-1] - t[0])
+    limit = 0.5 * (t.size - 1) / float(t[-1] - t[0])
+    names = lines_at(found, frequency, resolution, limit)
+    of_links = ["link passing" in name for name in names]
+    if any(of_links):
+        sure = all(name.startswith("link passing") for name in names)
+        return True if sure else None
+    for one in found:
+        if one.kind == "link" and one.sharp == 0 and np.isfinite(one.spread):
+            low, high = (one.frequency * (1.0 + side * one.spread) for side in (-0.5, 0.5))
+            if low <= frequency + resolution and frequency - resolution <= 2.0 * high:
+                return None
+    return False

@@ -181,7 +181,8 @@ def _spans(report: Told) -> Table:
     for row in report.spans:
         line = _NONE
         if row.frequency is not None:
-            line = f"{_number(row.frequency)}{' *' if row.link_passing else ''}"
+            mark = " ?" if row.link_passing is None else " *" if row.link_passing else ""
+            line = _number(row.frequency) + mark
         rows.append(
             (
                 row.name,
@@ -197,6 +198,11 @@ def _spans(report: Told) -> Table:
     remarks = []
     if any(row.link_passing for row in report.spans):
         remarks.append("* links that pass: an artefact of the mesh, not of the drive.")
+    if any(row.link_passing is None for row in report.spans):
+        remarks.append(
+            "? may be links that pass, an artefact of the mesh: this window cannot tell them from "
+            "other lines."
+        )
     title = "Spans: tension, strongest line in it, first frequency as a moving string"
     return Table(title, heading, rows, tuple(remarks))
 
