@@ -9,6 +9,8 @@ import numpy as np
 from ..checks import integer, real
 from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
+from .hubs import hub_statics, with_hub_loads
+from .mounted import mount_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
 from .report import Report
@@ -69,8 +71,13 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     unsteady = window.unsteady()
     pulleys, said = pulley_rows(window, touched, driver)
     notes += said
+    statics = hub_statics(window)
+    pulleys, said = with_hub_loads(window, pulleys, statics)
+    notes += said
     notes += _bending(run, pulleys)
     spans, said = span_rows(window, touched)
+    notes += said
+    mounts, said = mount_rows(window, statics)
     notes += said
     creep: list[Creep] = []
     if driver is not None and touched is not None and len(run.params.pulleys) > 1:
@@ -89,6 +96,7 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         belt_speed=None if touched is None else _belt_speed(window, touched),
         pulleys=Rows(pulleys),
         spans=Rows(spans),
+        mounts=Rows(mounts),
         creep=Rows(creep),
         powers=Rows(powers),
         efficiency=efficiency,

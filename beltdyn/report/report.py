@@ -19,8 +19,8 @@ class Report(Told):
     """What an engineer reads off the last part of a run.
 
     ``print(report)`` shows it in tables; a notebook shows it by itself. Rows are found by index or
-    name: ``report.pulleys["alternator"].hub_load.mean``. Twelve questions, and where the answers
-    stand:
+    name: ``report.pulleys["alternator"].hub_load.mean``. Questions, and where the answers stand:
+
 
     ==================================================  ==========================================
     what load do the alternator's bearings carry?       ``pulleys["alternator"].hub_load``
@@ -33,6 +33,8 @@ class Report(Told):
     why is the alternator slower than its radius says?  ``creep["alternator"]``
     how tight are the spans, how much does that change? ``spans[k].tension``
     does a span resonate with something?                ``spans[k].lateral``, ``spans[k].frequency``
+    how far does the tensioner swing?                   ``mounts["tensioner"].travel``
+    does it reach a stop?                               ``mounts["tensioner"].to_stop``
     what load cycles does a link go through?            ``cycles``, ``rounds``
     can I trust the means?                              ``unsteady``, ``notes``
     ==================================================  ==========================================
@@ -45,6 +47,7 @@ class Report(Told):
         belt_speed: Mean speed of the belt in the order of its links [m/s].
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
+        mounts: A row for each arm, slider and path.
         creep: A row for each pulley but the driving one.
         powers: Where power comes from and goes to; what is put in is the sum of all others.
         efficiency: Part of the power put in that is not lost [1].

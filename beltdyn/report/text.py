@@ -82,6 +82,7 @@ def tables(report: Told) -> Iterator[Table]:
         (_loads, report.pulleys),
         (_slip, report.pulleys),
         (_spans, report.spans),
+        (_mounts, report.mounts),
         (_creep, report.creep),
         (_powers, report.powers),
         (_cycles, report.cycles),
@@ -205,6 +206,58 @@ def _spans(report: Told) -> Table:
         )
     title = "Spans: tension, strongest line in it, first frequency as a moving string"
     return Table(title, heading, rows, tuple(remarks))
+
+
+#: What the parts of a mount are called; units of travel and force of a kind, and the scale.
+_PARTS = {
+    "travel": "travel",
+    "to_stop": "to the nearer stop",
+    "spring": "spring",
+    "damper": "damper",
+    "friction": "friction",
+    "stop": "stop",
+    "belt": "belt",
+}
+_OF_KIND = {
+    "arm": ("deg", "N m", 180.0 / math.pi),
+    "slider": ("mm", "N", 1e3),
+    "path": ("mm", "N", 1e3),
+}
+
+
+def _mounts(report: Told) -> Table:
+    rows = []
+    for row in report.mounts:
+        way, force, scale = _OF_KIND[row.kind]
+        for field, words in _PARTS.items():
+            value: Spread | None = getattr(row, field)
+            if value is None:
+                continue
+            of_way = field in ("travel", "to_stop")
+            factor = scale if of_way else 1.0
+            line = field == "travel" and row.frequency is not None
+            if field == "spring" and row.kind == "slider":
+                words = "spring, hung weight"
+            rows.append(
+                (
+                    f"{row.name}, {words}",
+                    way if of_way else force,
+                    _mean(value, 4, factor),
+                    _range(value, 4, factor),
+                    _number(row.frequency) if line else "",
+                    _number(scale * (row.amplitude or 0.0), 2) if line else "",
+                )
+            )
+    heading = ("mount", "in", "mean", "range", "strongest Hz", "+-")
+    kinds = {row.kind for row in report.mounts}
+    remarks = []
+    if "arm" in kinds:
+        remarks.append("Arms: travel from the drawn place and torques counter-clockwise.")
+    if "slider" in kinds:
+        remarks.append("Sliders: travel from the drawn place and forces along their direction.")
+    if "path" in kinds:
+        remarks.append("Paths: distance of the axis from the drawn place.")
+    return Table("Mounts: travel, and what acts on them", heading, rows, tuple(remarks))
 
 
 def _creep(report: Told) -> Table:
