@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 
-from . import text
+from . import flat, text
 from .rows import Told
 
 __all__ = ["Report"]
@@ -76,13 +76,22 @@ class Report(Told):
     def to_dict(self) -> dict[str, Any]:
         """Give plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.
 
-        What is not known is None; so is a number that is infinite (a margin without end).
+        SI units, angles in rad, as the attributes, and two that follow from them: "steady", and
+        "first_to_slip", the name of that pulley. What is not known is None; so is a number that is
+        infinite (a margin without end).
         """
         plain: dict[str, Any] = _plain(attrs.asdict(self, recurse=True))
+        first = self.first_to_slip
+        plain["steady"] = not self.unsteady
+        plain["first_to_slip"] = None if first is None else first.name
         return plain
 
     def to_frame(self) -> Any:
-        """Give one number a row: a pandas.DataFrame with part, name, quantity, unit and value.
+        """Give one number a row: a pandas.DataFrame of part, name, quantity, unit, value and text.
+
+        SI units, angles in rad. Parts are "report", what is said of the run as a whole, "pulleys",
+        "spans", "mounts", "creep", "powers" and "cycles". Texts, such as the kind of a power or a
+        note, stand in the last column, with a value of NaN; yes is 1 and no 0.
 
         Raises:
             ImportError: pandas is not installed.
@@ -95,8 +104,7 @@ class Report(Told):
             raise ImportError(
                 'to_frame needs the package pandas: python -m pip install "beltdyn[report]"'
             ) from None
-        columns = ["part", "name", "quantity", "unit", "value"]
-        return pandas.DataFrame(text.numbers(self), columns=columns)
+        return pandas.DataFrame(flat.numbers(self), columns=list(flat.Number._fields))
 
 
 def _plain(value: Any) -> Any:

@@ -36,7 +36,7 @@ class PulleyRow:
             what the tensions in the middle of its two spans pull, T - rho v^2 each in the direction
             of its span, and the weight of the belt. Not of ``result.pulleys.load``, the forces of
             contact, which swing with every link that lands.
-        hub_direction: Direction of the mean of that force, counter-clockwise from x [deg].
+        hub_direction: Direction of the mean of that force, counter-clockwise from x [rad].
         wrap: Arc of contact, mean [rad]; :class:`beltdyn.arcs.Arcs` says how it is found.
         slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
         slip_share: That over the arc of contact [1].
