@@ -307,8 +307,9 @@ class Result:
         where every watt goes, load cycles of a link.
 
         Args:
-            last: The part of the run, counted from its end, 0 < last <= 1.
-            joint: The joint whose load cycles are counted.
+            last: The part of the run, counted from its end, as a share of it, not in seconds: 0.2
+                is its last fifth; 0 < last <= 1.
+            joint: The joint whose load cycles are counted, between links joint - 1 and joint.
 
         Returns:
             What can be told from the outputs that there are; it says what cannot, and why.

@@ -296,6 +296,12 @@ def test_a_bad_window_is_refused(last: Any) -> None:
         result().report(last)
 
 
+def test_seconds_in_place_of_a_share_are_told_apart() -> None:
+    for call in (result().report, lambda last: bd.spectra.spectrum(result(), last=last)):
+        with pytest.raises(ValueError, match=r"<= 1 \(a share of the run\), got 20"):
+            call(20.0)
+
+
 @pytest.mark.parametrize("joint", [-1, 100, 1.5])
 def test_a_bad_joint_is_refused(joint: Any) -> None:
     with pytest.raises((TypeError, ValueError), match="joint"):
@@ -335,4 +341,7 @@ def test_the_command_prints_it() -> None:
     assert run("--quiet").stdout == ""
     for bad in ("0", "1.5", "nan"):
         refused = run("--last", bad)
-        assert refused.exit_code == 2 and "--last must be > 0 and <= 1" in refused.stderr
+        assert (
+            refused.exit_code == 2
+            and "--last must be > 0 and <= 1 (a share of the run)" in refused.stderr
+        )

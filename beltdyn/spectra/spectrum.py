@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import attrs
 import numpy as np
 
-from ..checks import Array, real
+from ..checks import Array, integer, positive, share_of_run
 from ..naming import index_of
 from .fourier import amplitude_spectrum, even_step, folded, scipy_module, spectrogram
 from .signals import signal
@@ -85,7 +85,12 @@ class Spectrum:
 
         Each stands out of its surroundings by half its height at least, and is farther than a
         resolution from any larger one, so that sidelobes are no lines.
+
+        Raises:
+            TypeError, ValueError: ``count`` is no integer >= 0.
         """
+        if integer("count", count, 0) == 0:
+            return ()
         peaks, _ = scipy_module("signal").find_peaks(
             self.amplitude, prominence=0.5 * self.amplitude, height=np.finfo(float).tiny
         )
@@ -240,8 +245,8 @@ def spectrum(
             default); their number sets how high the spectrum reaches.
         output: "span_tension", or an array such as "pulleys.omega", "pulleys.torque",
             "joints.force", "mounts.travel".
-        last: The part of the run, counted from its end, 0 < last <= 1: steady running. Its length
-            in time sets the resolution.
+        last: The part of the run, counted from its end, as a share of it, 0 < last <= 1: steady
+            running. Its length in time sets the resolution.
         window: Of ``scipy.signal.get_window``; "flattop" for heights right to 0.02 %, at a
             resolution two and a half times coarser.
         **where: ``span`` (by its name, or the name or index of the pulley before it), ``pulley``,
@@ -253,9 +258,7 @@ def spectrum(
             are not finite.
         AttributeError: The run was not asked for this output.
     """
-    share = real("last", last)
-    if not 0.0 < share <= 1.0:
-        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    share = share_of_run("last", last)
     begin = result.t[-1] - share * (result.t[-1] - result.t[0]) if result.t.size else 0.0
     rows = slice(int(np.searchsorted(result.t, begin - 1e-9 * abs(begin))), None)
     t = result.t[rows]
@@ -310,7 +313,7 @@ def speed_spectra(
         length = math.sqrt(1.5 / rate) if rate > 0.0 else span
         length = max(min(length, span / 4.0), _FEWEST * step)
     else:
-        length = real("window", window, "s")
+        length = positive("window", window, "s")
     t, frequency, amplitude = spectrogram(result.t, found.values, length)
     half = 0.5 * length
     belt = belt_turning(result)
