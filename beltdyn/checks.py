@@ -24,6 +24,7 @@ __all__ = [
     "real_array",
     "refuse_masked",
     "sample_times",
+    "share_of_run",
     "shown",
 ]
 
@@ -100,6 +101,19 @@ def positive(name: str, value: object, unit: str = "1") -> float:
         with_unit = "" if unit == "1" else f" {unit}"
         raise ValueError(f"{name} must be > 0{with_unit}, got {number:g}{with_unit}")
     return number
+
+
+def share_of_run(name: str, value: object) -> float:
+    """Check a part of a run, counted from its end; give it as a plain float.
+
+    Raises:
+        TypeError: Not a real number.
+        ValueError: Not in 0 < value <= 1, such as seconds.
+    """
+    share = real(name, value)
+    if not 0.0 < share <= 1.0:
+        raise ValueError(f"{name} must be > 0 and <= 1 (a share of the run), got {share:g}")
+    return share
 
 
 def flag(name: str, value: object) -> bool:

@@ -98,7 +98,9 @@ class PulleyHistory(Group):
             that it needs.
         load: Force of the belt on the pulley in x and y, of contact and friction [N]: the hub load,
             what its bearings carry besides weights and the inertia of a pulley that moves. Of a
-            running belt the relief by its centrifugal force is in it (``Result.hub_load``).
+            running belt the relief by its centrifugal force is in it (``Result.hub_load``). Links
+            that land make it swing, of the mesh: its extremes are no design loads, they fall as
+            ``n_bodies`` rises; those of the report are.
         names: Names of the pulleys, "pulley 3" of one that has none (n_p,).
     """
 

@@ -303,11 +303,13 @@ class Result:
 
         Pulleys: speeds, torques, powers, hub loads, arcs of contact and slip, tension ratios, the
         margin of torque to full slip. Spans: tensions, the strongest line in them, the frequency as
-        a moving string. Creep split into its causes, where every watt goes, load cycles of a link.
+        a moving string. Mounts: travel, distance to a stop, forces. Creep split into its causes,
+        where every watt goes, load cycles of a link.
 
         Args:
-            last: The part of the run, counted from its end, 0 < last <= 1.
-            joint: The joint whose load cycles are counted.
+            last: The part of the run, counted from its end, as a share of it, not in seconds: 0.2
+                is its last fifth; 0 < last <= 1.
+            joint: The joint whose load cycles are counted, between links joint - 1 and joint.
 
         Returns:
             What can be told from the outputs that there are; it says what cannot, and why.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import attrs
 import matplotlib
 import numpy as np
 import pytest
@@ -131,6 +132,58 @@ def test_campbell_draws_modes_at_rest_as_level_lines(run_up: bd.Result) -> None:
 def test_a_steady_run_has_no_campbell_diagram(steady: bd.Result) -> None:
     with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
         bd.plot.campbell(steady, "pulleys.omega", pulley="alternator")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"up_to": -5.0}, "up_to must be > 0 Hz, got -5"),
+        ({"up_to": float("nan")}, "up_to must be finite"),
+        ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
+        ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
+        ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
+        ({"limits": (10.0, 1.0)}, "limits must be .* 0 < low < high"),
+        ({"limits": 1.0}, "limits must be a pair"),
+        ({"modes": [1, 2]}, r"modes\[0\] must be a bd.Modes or a pair"),
+        ({"modes": [(50.0, ["a"])]}, r"modes\[0\]\[1\] must hold real numbers"),
+        ({"window": -1.0}, "window must be > 0 s"),
+    ],
+)
+def test_arguments_of_a_campbell_diagram_are_checked(
+    run_up: bd.Result, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises((TypeError, ValueError), match=words):
+        bd.plot.campbell(run_up, "pulleys.omega", pulley="crank", **options)
+
+
+@pytest.mark.parametrize("options", [{"up_to": -5.0}, {"up_to": float("nan")}, {"count": -1}])
+def test_arguments_of_a_spectrum_are_checked(steady: bd.Result, options: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+        bd.plot.spectrum(steady, span="crank", **options)
+
+
+def thinned(result: bd.Result, step: int, **changed: Any) -> bd.Result:
+    few = slice(None, None, step)
+    pulleys = {name: array[few] for name, array in result.pulleys.arrays().items()}
+    belt = {name: array[few] for name, array in result.belt.arrays().items()}
+    return attrs.evolve(
+        result,
+        t=result.t[few],
+        pulleys=attrs.evolve(result.pulleys, **(pulleys | changed)),
+        belt=attrs.evolve(result.belt, **belt),
+        sampled_spans=result.span_tension[few],
+    )
+
+
+def test_why_there_is_no_campbell_diagram(run_up: bd.Result) -> None:
+    """Too few samples of a run-up are not a steady speed, rounding no speed at all."""
+    few = thinned(run_up, 110)
+    assert few.t.size == 17
+    with pytest.raises(ValueError, match=r"17 samples give .* more samples"):
+        bd.plot.campbell(few, "pulleys.omega", pulley="crank")
+    noise = 1e-9 * np.random.default_rng(1).normal(size=run_up.pulleys.omega.shape)
+    with pytest.raises(ValueError, match='pulley "crank" stands still'):
+        bd.plot.campbell(thinned(run_up, 1, omega=noise), span="crank")
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -197,5 +197,5 @@ def test_powers_add_up_to_what_is_put_in() -> None:
     told = report(0.5)
     assert told.efficiency == pytest.approx(1.0 - lost / put_in, rel=1e-12)
     assert rows["friction on pulley 0"].power > 0.0 < rows["friction on pulley 1"].power
-    assert abs(rows["friction between the samples"].power) < 0.05 * lost
-    assert abs(rows["powers between the samples"].power) < 0.05 * lost
+    assert abs(rows["friction, error of sampling"].power) < 0.05 * lost
+    assert abs(rows["error of sampling"].power) < 0.05 * lost

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import attrs
 import numpy as np
 import pytest
@@ -223,6 +225,14 @@ def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
     assert found.unit == "rad/s"
 
 
+@pytest.mark.parametrize("count", [-1, 1.5, None])
+def test_a_bad_number_of_lines_is_refused(coarse: bd.Result, count: Any) -> None:
+    found = spectra.spectrum(coarse, span=0)
+    with pytest.raises((TypeError, ValueError), match="count must be"):
+        found.lines(count)
+    assert found.lines(0) == ()
+
+
 @pytest.mark.parametrize("span", [1, "alternator", "alternator to crank"])
 def test_spans_by_name(coarse: bd.Result, span: int | str) -> None:
     found = spectra.signal(coarse, "span_tension", span=span)
@@ -239,6 +249,12 @@ def test_spans_by_name(coarse: bd.Result, span: int | str) -> None:
         ("pulleys.omega", {"span": 0}, TypeError, r"selected by pulley=, not by span="),
         ("pulleys.omega", {"pulley": "fan"}, ValueError, "no pulley is called"),
         ("belt.x", {"link": 60}, ValueError, "link"),
+        (
+            "span_tension",
+            {"span": "alternator to fan"},
+            ValueError,
+            "no span is called 'alternator to fan'.*there are crank to alternator, alternator to",
+        ),
         ("joints.force", {}, AttributeError, r"joints\.force was not asked for"),
         ("mounts.travel", {}, ValueError, "no mounts"),
     ],

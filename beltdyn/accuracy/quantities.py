@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import Array, integer, real
+from ..checks import Array, integer, share_of_run
 from ..params import Params
 from ..result import Result
 from ..spans import mid_span
@@ -112,9 +112,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     Raises:
         TypeError, ValueError: ``last`` breaks its rule; too few samples.
     """
-    share = real("last", last)
-    if not 0.0 < share <= 1.0:
-        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    share = share_of_run("last", last)
     t = result.t
     if t.size < 2 or t[-1] <= t[0]:
         raise ValueError("the run must have samples at two times at least")

@@ -111,7 +111,7 @@ def show(scene: str, plot: Path | None) -> None:
     type=float,
     default=0.2,
     show_default=True,
-    help="The part of the run that the report is of, counted from its end.",
+    help="The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
 )
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
@@ -141,7 +141,7 @@ def run(
     slip of the pulleys, tensions of the spans, creep by its causes, where power goes, load cycles.
     """
     if not 0.0 < last <= 1.0:
-        stop(f"--last must be > 0 and <= 1, got {last:g}", BAD_INPUT)
+        stop(f"--last must be > 0 and <= 1 (a share of the run), got {last:g}", BAD_INPUT)
     written_to = Outputs(out, plot, animate, quiet)
     written_to.check()
     _check_choice(context, error, budget)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from ..checks import Array
+from ..checks import Array, integer, pair, positive, real, real_array, shown
 from ..naming import index_of
 from ..result import Result
 from ..spectra import Spectrogram, Spectrum, folded, speed_spectra
@@ -29,6 +31,8 @@ _MARKERS = "osD^vP"
 _PASSINGS, _ORDERS = 3, (1, 2, 4, 6, 8)
 #: Range of the colours of a Campbell diagram, from the largest amplitude down.
 _DECADES = 2.0
+#: Turns of a pulley in the run below which it stands still, and fewest slices of time of a diagram.
+_STILL, _SLICES = 1e-3, 3
 
 
 def spectrum(
@@ -50,14 +54,15 @@ def spectrum(
     """Draw the amplitude spectrum of an output, its largest lines named.
 
     A sine of amplitude A is a peak of height A. Lines at the link passing frequency v / l0, and
-    beside it, are artefacts of the mesh: they are named so, and their places are marked. The title
-    says how close lines may be; what the sampling folds is named in the legend
-    (:mod:`beltdyn.spectra`). Needs SciPy.
+    beside it, are artefacts of the mesh: they are named so, and their places are marked, unless the
+    speed changes too much in the window for that. The title says so, and how close lines may be;
+    what the sampling folds is named in the legend (:mod:`beltdyn.spectra`). Needs SciPy.
 
     Args:
         result: A run with samples evenly spaced in time.
         output: "span_tension", or an array such as "pulleys.omega" or "joints.force".
-        last: The part of the run, counted from its end; steady running.
+        last: The part of the run, counted from its end, as a share of it, 0 < last <= 1: steady
+            running.
         marks: Whether to mark the belt passing and link passing frequencies and name the lines.
         count: How many of the largest lines to name, none below 2 % of the largest.
         up_to: Highest frequency shown [Hz]; None: just beyond the link passing and all lines named.
@@ -77,6 +82,8 @@ def spectrum(
         AttributeError: The run was not asked for this output.
     """
     result = with_samples(result)
+    integer("count", count, 0)
+    high = None if up_to is None else positive("up_to", up_to, "Hz")
     where: dict[str, Any] = {
         "span": span,
         "pulley": pulley,
@@ -88,10 +95,10 @@ def spectrum(
     ax = style.axes(ax)
     lines(ax, [(0, style.plain(found.label), found.frequency, found.amplitude)], line)
     named = found.lines(count)
-    high = up_to
     if high is None:
         tops = [1.15 * one.frequency for one in named]
-        tops += [1.15 * one.frequency for one in found.sources if one.kind == "link"]
+        links = [one for one in found.sources if one.kind == "link"]
+        tops += [1.15 * one.frequency for one in links if found.harmonics(one)]
         high = min(max([*tops, 50.0 * found.resolution]), found.limit)
     ax.set_xlim(0.0, high)
     ax.set_ylim(0.0, None)
@@ -113,20 +120,33 @@ def spectrum(
                     clip_on=False,
                 )
     style.dress(ax, "frequency [Hz]", f"amplitude [{found.unit}]")
-    ax.set_title(
-        f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz "
-        "merge",
-        fontsize="small",
-    )
+    ax.set_title(_title(found, ax, marks), fontsize="small")
     style.legend_below(ax, ax.get_legend_handles_labels()[0], columns=2)
     return ax
+
+
+def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
+    """Say what the window shows and, where lines are named, what keeps others from having names."""
+    said = [
+        f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz merge"
+    ]
+    if marks:
+        said += [note for note in found.notes()[1:] if "up to x" not in note]
+    figure = ax.get_figure()
+    wide = 6.4 if figure is None else figure.get_figwidth()  # type: ignore[union-attr]
+    points = FontProperties(size="small").get_size_in_points()
+    most = max(30, int(72.0 * 0.85 * wide / (0.55 * points)))  # letters are that wide on average
+    return "\n".join(line for one in said for line in textwrap.wrap(style.plain(one), most))
 
 
 def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
     """Mark harmonics of the link passing by dotted lines, of the belt by ticks at the bottom."""
     for source in found.sources:
+        shown = min(found.harmonics(source), _PASSINGS)
+        if not shown:
+            continue
         if source.kind == "link":
-            at = source.frequency * np.arange(1, _PASSINGS + 1)
+            at = source.frequency * np.arange(1, shown + 1)
             above = at[0] > found.limit
             places = folded(at, 2.0 * found.limit)
             look: dict[str, Any] = {"color": _LINK, "lw": 0.9, "ls": (0, (1.2, 1.6)), "zorder": 1}
@@ -136,8 +156,8 @@ def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
             for k, place in enumerate(places):
                 if place <= high and (k == 0 or not above):
                     ax.axvline(place, label=name if k == 0 else "_", **look)
-        elif source.kind == "belt" and source.frequency > found.resolution:
-            at = source.frequency * np.arange(1, _PASSINGS + 1)
+        elif source.kind == "belt":
+            at = source.frequency * np.arange(1, shown + 1)
             ax.vlines(
                 at,
                 0.0,
@@ -205,21 +225,26 @@ def campbell(
         "link": link,
         "mount": mount,
     }
+    multiples = [positive(f"orders[{k}]", order) for k, order in enumerate(orders)]
+    ends = None if limits is None else _ends(limits)
+    frequencies = _entries(modes)
     found = speed_spectra(result, output, over=over, window=window, **where)
     index = index_of("over", over, result.params.pulley_names)
     name = result.params.pulley_names[index]
+    _check_speeds(result, found, index)
     speed, amplitude = _by_speed(found)
-    multiples = [float(order) for order in orders]
     top = max(multiples, default=8.0) * float(speed.max()) / (2.0 * np.pi)
-    high = min(found.limit, top) if up_to is None else float(up_to)
-    shown = found.frequency <= 1.05 * high
+    high = min(found.limit, top) if up_to is None else positive("up_to", up_to, "Hz")
+    seen = found.frequency <= max(1.05 * high, float(found.frequency[1]))
+    largest = float(np.nanmax(amplitude[:, seen]))
+    if not largest > 0.0:
+        raise ValueError(f"{found.label} does not change at all: there is nothing to draw")
+    low_, high_ = ends or (largest * 10.0**-_DECADES, largest)
     ax = style.axes(ax)
-    largest = float(np.nanmax(amplitude[:, shown]))
-    low_, high_ = limits or (largest * 10.0**-_DECADES, largest)
     mesh = ax.pcolormesh(
         _RPM * speed,
-        found.frequency[shown],
-        amplitude[:, shown].T,
+        found.frequency[seen],
+        amplitude[:, seen].T,
         norm=LogNorm(low_, high_),
         cmap="Blues",
         shading="nearest",
@@ -234,7 +259,7 @@ def campbell(
         [Line2D([], [], label=f"orders of {style.plain(name)}", **_ORDER)] if multiples else []
     )
     handles += _passing(ax, found, speed, high)
-    handles += _modes(ax, modes, _RPM * speed, index, high)
+    handles += _modes(ax, frequencies, _RPM * speed, index, high)
     style.dress(ax, f"speed of {style.plain(name)} [rpm]", "frequency [Hz]")
     ax.grid(False)
     ax.set_title(style.plain(found.label), fontsize="medium")
@@ -246,18 +271,65 @@ def campbell(
 _ORDER: dict[str, Any] = {"color": "0.25", "lw": 0.9, "ls": "-"}
 
 
-def _by_speed(found: Spectrogram) -> tuple[Array, Array]:
-    """Sort the slices by speed: (n,) rising, and amplitudes (n, n_f), means of slices as fast.
+def _ends(limits: object) -> tuple[float, float]:
+    """Check the ends of the colour scale."""
+    low, high = pair("limits", limits, "")
+    if not 0.0 < low < high:
+        raise ValueError(
+            f"limits must be (low, high) with 0 < low < high, the scale being logarithmic, "
+            f"got ({low:g}, {high:g})"
+        )
+    return low, high
+
+
+def _entries(modes: Any) -> list[Any]:
+    """Check natural frequencies: modes, or pairs of a speed and frequencies there."""
+    entries: list[Any] = []
+    for k, one in enumerate(list(modes) if isinstance(modes, (list, tuple)) else [modes]):
+        if hasattr(one, "frequency"):
+            entries.append(one)
+            continue
+        if not isinstance(one, (list, tuple)) or len(one) != 2:
+            raise TypeError(
+                f"modes[{k}] must be a bd.Modes or a pair of a speed (rad/s) and frequencies (Hz), "
+                f"got {shown(one)}"
+            )
+        speed = real(f"modes[{k}][0]", one[0], "rad/s")
+        entries.append((speed, real_array(f"modes[{k}][1]", np.atleast_1d(one[1]), ndim=1)))
+    return entries
+
+
+def _check_speeds(result: Result, found: Spectrogram, pulley: int) -> None:
+    """Refuse a run in which there are not several speeds of the pulley to draw over.
 
     Raises:
-        ValueError: The speed does not change.
+        ValueError: It says why: the pulley stands still, turns steadily, or samples are few.
     """
-    low, high = float(found.speed.min()), float(found.speed.max())
-    if high - low <= 1e-3 * high:
+    name = result.params.label(pulley)
+    omega = np.abs(result.pulleys.omega[:, pulley])
+    turns = float(np.trapezoid(omega, result.t)) / (2.0 * np.pi)
+    if turns < _STILL:
         raise ValueError(
-            f"the speed stays at {_RPM * high:.4g} rpm: a Campbell diagram needs a run-up or "
+            f"{name} stands still: there are no speeds to draw a Campbell diagram over; for a "
+            "drive at rest draw plot.spectrum"
+        )
+    if found.t.size < _SLICES and float(np.ptp(omega)) > 1e-3 * float(omega.max()):
+        slices = f"slices of {1.5 / found.resolution:.3g} s"
+        raise ValueError(
+            f"{result.t.size} samples give {found.t.size} {slices}, a Campbell diagram needs "
+            f"{_SLICES} at least: give simulate a t_eval with more samples, or a shorter window"
+        )
+    slow, fast = float(found.speed.min()), float(found.speed.max())
+    if fast - slow <= 1e-3 * fast:
+        raise ValueError(
+            f"the speed stays at {_RPM * fast:.4g} rpm: a Campbell diagram needs a run-up or "
             "run-down, for steady running draw plot.spectrum"
         )
+
+
+def _by_speed(found: Spectrogram) -> tuple[Array, Array]:
+    """Sort the slices by speed: (n,) rising, and amplitudes (n, n_f), means of slices as fast."""
+    low, high = float(found.speed.min()), float(found.speed.max())
     bins = max(2, min(found.speed.size, 400))
     width = (high - low) / bins
     at = np.minimum(((found.speed - low) / width).astype(int), bins - 1)
@@ -310,9 +382,8 @@ def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Li
     return handles
 
 
-def _modes(ax: Axes, modes: Any, rpm: Array, pulley: int, high: float) -> list[Line2D]:
+def _modes(ax: Axes, entries: list[Any], rpm: Array, pulley: int, high: float) -> list[Line2D]:
     """Draw natural frequencies over speed; give what the legend says if any is in the picture."""
-    entries = list(modes) if isinstance(modes, (list, tuple)) else [modes]
     if not entries:
         return []
     look: dict[str, Any] = {"color": style.COLOURS[3], "lw": 1.1, "ls": "-"}

@@ -1,8 +1,9 @@
 """What an engineer reads off a run: a report in units, by name, with what could not be told.
 
 ``result.report()`` makes it (:class:`Report`). Each part is a module: ``window`` (which samples,
-and whether they are steady), ``touching`` (where belt and pulleys touch), ``pulleys``, ``margin``
-(to full slip), ``spans``, ``creep``, ``powers``, ``cycles``, and ``text`` for how it is printed.
+and whether they are steady), ``touching`` (where belt and pulleys touch), ``pulleys``, ``hubs``
+(hub loads by the spans), ``margin`` (to full slip), ``spans``, ``mounted``, ``creep``, ``powers``,
+``cycles``, and ``text`` and ``flat`` for how it is printed and given as numbers.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ from __future__ import annotations
 from .cycles import rainflow
 from .making import creep_against, make_report
 from .report import Report
-from .rows import Creep, Cycle, Power, PulleyRow, Rows, SpanRow, Spread
+from .rows import Creep, Cycle, MountRow, Power, PulleyRow, Rows, SpanRow, Spread
 
 __all__ = [
     "Creep",
     "Cycle",
+    "MountRow",
     "Power",
     "PulleyRow",
     "Report",

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
-from ..checks import integer, real
+from ..checks import integer, share_of_run
 from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
+from .hubs import hub_statics, with_hub_loads
+from .mounted import mount_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
 from .report import Report
@@ -39,15 +41,13 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
 
     Args:
         run: A run, finished or not.
-        last: The part of it, counted from its end, 0 < last <= 1.
+        last: The part of it, counted from its end, as a share of it, 0 < last <= 1.
         joint: The joint whose load cycles are counted.
 
     Raises:
         TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has not two samples.
     """
-    share = real("last", last)
-    if not 0.0 < share <= 1.0:
-        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    share = share_of_run("last", last)
     n_b = run.params.belt.n_bodies
     which = integer("joint", joint, 0)
     if which >= n_b:
@@ -69,8 +69,13 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     unsteady = window.unsteady()
     pulleys, said = pulley_rows(window, touched, driver)
     notes += said
+    statics = hub_statics(window)
+    pulleys, said = with_hub_loads(window, pulleys, statics)
+    notes += said
     notes += _bending(run, pulleys)
     spans, said = span_rows(window, touched)
+    notes += said
+    mounts, said = mount_rows(window, statics)
     notes += said
     creep: list[Creep] = []
     if driver is not None and touched is not None and len(run.params.pulleys) > 1:
@@ -89,6 +94,7 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         belt_speed=None if touched is None else _belt_speed(window, touched),
         pulleys=Rows(pulleys),
         spans=Rows(spans),
+        mounts=Rows(mounts),
         creep=Rows(creep),
         powers=Rows(powers),
         efficiency=efficiency,

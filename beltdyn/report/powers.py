@@ -27,8 +27,8 @@ def power_rows(
     """Give the rows, the efficiency and what is missing.
 
     Losses and the change of what is stored are differences of the ledger over the window, exact but
-    for its residual. Powers of pulleys are means of samples; "between the samples" is what their
-    sum lacks of the ledger's work. Of friction the same, by pulley.
+    for its residual. Powers of pulleys are means of samples; "error of sampling" is what their sum
+    lacks of the ledger's work. Of friction the same, by pulley.
 
     Returns:
         Rows whose sizes add up: what is put in is the sum of all others. Efficiency: the part that
@@ -70,7 +70,7 @@ def power_rows(
     known = {name for name, kind, _ in _core.ENERGY_TERMS if kind == "LOST"}
     assert known <= set(_LOSSES), "a loss of the ledger has no text"
     rows.append(("change of what is stored", "stored", rate(energy.total)))
-    rows.append(("powers between the samples", "left", float(np.sum(powers)) - rate(energy.drive)))
+    rows.append(("error of sampling", "left", float(np.sum(powers)) - rate(energy.drive)))
     rows.append(("not accounted for (residual)", "left", -rate(energy.residual)))
     efficiency = 1.0 - lost / put_in if put_in > 0.0 else None
     notes = [] if put_in > 0.0 else ["no efficiency: no pulley puts power in, in this window"]
@@ -93,4 +93,4 @@ def _friction(window: Window, touching: Touching, whole: float) -> list[tuple[st
         power = float(window.mean(np.sum(np.where(touching.pulley == k, lost, 0.0), axis=1)))
         split += power
         rows.append((f"friction on {name}", "lost", power))
-    return [*rows, ("friction between the samples", "lost", whole - split)]
+    return [*rows, ("friction, error of sampling", "lost", whole - split)]

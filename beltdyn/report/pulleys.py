@@ -85,7 +85,7 @@ def _hub_loads(window: Window, k: int) -> dict[str, Any]:
     x, y = window.mean(load)
     if math.hypot(x, y) < FAINT * float(window.params.info["strain_tension"]):
         return {"hub_load": hub}
-    return {"hub_load": hub, "hub_direction": math.degrees(math.atan2(y, x))}
+    return {"hub_load": hub, "hub_direction": math.atan2(y, x)}
 
 
 def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:

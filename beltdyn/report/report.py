@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 
-from . import text
+from . import flat, text
 from .rows import Told
 
 __all__ = ["Report"]
@@ -19,8 +19,8 @@ class Report(Told):
     """What an engineer reads off the last part of a run.
 
     ``print(report)`` shows it in tables; a notebook shows it by itself. Rows are found by index or
-    name: ``report.pulleys["alternator"].hub_load.mean``. Twelve questions, and where the answers
-    stand:
+    name: ``report.pulleys["alternator"].hub_load.mean``. Questions, and where the answers stand:
+
 
     ==================================================  ==========================================
     what load do the alternator's bearings carry?       ``pulleys["alternator"].hub_load``
@@ -33,6 +33,8 @@ class Report(Told):
     why is the alternator slower than its radius says?  ``creep["alternator"]``
     how tight are the spans, how much does that change? ``spans[k].tension``
     does a span resonate with something?                ``spans[k].lateral``, ``spans[k].frequency``
+    how far does the tensioner swing?                   ``mounts["tensioner"].travel``
+    does it reach a stop?                               ``mounts["tensioner"].to_stop``
     what load cycles does a link go through?            ``cycles``, ``rounds``
     can I trust the means?                              ``unsteady``, ``notes``
     ==================================================  ==========================================
@@ -45,6 +47,7 @@ class Report(Told):
         belt_speed: Mean speed of the belt in the order of its links [m/s].
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
+        mounts: A row for each arm, slider and path.
         creep: A row for each pulley but the driving one.
         powers: Where power comes from and goes to; what is put in is the sum of all others.
         efficiency: Part of the power put in that is not lost [1].
@@ -73,13 +76,22 @@ class Report(Told):
     def to_dict(self) -> dict[str, Any]:
         """Give plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.
 
-        What is not known is None; so is a number that is infinite (a margin without end).
+        SI units, angles in rad, as the attributes, and two that follow from them: "steady", and
+        "first_to_slip", the name of that pulley. What is not known is None; so is a number that is
+        infinite (a margin without end).
         """
         plain: dict[str, Any] = _plain(attrs.asdict(self, recurse=True))
+        first = self.first_to_slip
+        plain["steady"] = not self.unsteady
+        plain["first_to_slip"] = None if first is None else first.name
         return plain
 
     def to_frame(self) -> Any:
-        """Give one number a row: a pandas.DataFrame with part, name, quantity, unit and value.
+        """Give one number a row: a pandas.DataFrame of part, name, quantity, unit, value and text.
+
+        SI units, angles in rad. Parts are "report", what is said of the run as a whole, "pulleys",
+        "spans", "mounts", "creep", "powers" and "cycles". Texts, such as the kind of a power or a
+        note, stand in the last column, with a value of NaN; yes is 1 and no 0.
 
         Raises:
             ImportError: pandas is not installed.
@@ -92,8 +104,7 @@ class Report(Told):
             raise ImportError(
                 'to_frame needs the package pandas: python -m pip install "beltdyn[report]"'
             ) from None
-        columns = ["part", "name", "quantity", "unit", "value"]
-        return pandas.DataFrame(text.numbers(self), columns=columns)
+        return pandas.DataFrame(flat.numbers(self), columns=list(flat.Number._fields))
 
 
 def _plain(value: Any) -> Any:

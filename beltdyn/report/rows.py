@@ -1,4 +1,4 @@
-"""Rows of a report: what is said of a pulley, a span, a share of creep, a power, a load cycle."""
+"""Rows of a report: what is said of a pulley, a span, a mount, creep, a power, a load cycle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar, overload
 
 import attrs
 
-__all__ = ["Creep", "Cycle", "Power", "PulleyRow", "Rows", "SpanRow", "Spread", "Told"]
+__all__ = ["Creep", "Cycle", "MountRow", "Power", "PulleyRow", "Rows", "SpanRow", "Spread", "Told"]
 
 _Row = TypeVar("_Row")
 
@@ -32,8 +32,11 @@ class PulleyRow:
         torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
         power: Power of that torque, positive where it drives [W].
         belt_torque: Mean torque of the belt on it, counter-clockwise [N m].
-        hub_load: Size of the belt's force on its bearings, less what the belt's mass takes off [N].
-        hub_direction: Direction of the mean of that force, counter-clockwise from x [deg].
+        hub_load: Size of the belt's force on its bearings, less what the belt's mass takes off [N]:
+            what the tensions in the middle of its two spans pull, T - rho v^2 each in the direction
+            of its span, and the weight of the belt. Not of ``result.pulleys.load``, the forces of
+            contact, which swing with every link that lands.
+        hub_direction: Direction of the mean of that force, counter-clockwise from x [rad].
         wrap: Arc of contact, mean [rad]; :class:`beltdyn.arcs.Arcs` says how it is found.
         slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
         slip_share: That over the arc of contact [1].
@@ -79,8 +82,9 @@ class SpanRow:
         frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
             None: none does.
         amplitude: Of that line [N].
-        link_passing: Whether that is the frequency with which links pass, or its alias at this
-            sampling: of the mesh, not of the drive.
+        link_passing: Whether that is the frequency with which links pass, a multiple of it, or its
+            alias at this sampling: of the mesh, not of the drive. None: the window cannot tell,
+            being too short or the speed uneven, or because something else is as near.
         lateral: First frequency of the span as a moving string, (c^2 - v^2) / (2 l c) with the
             wave speed c [Hz]; 0 where the belt is faster than the wave.
     """
@@ -90,8 +94,44 @@ class SpanRow:
     tension: Spread | None = None
     frequency: float | None = None
     amplitude: float | None = None
-    link_passing: bool = False
+    link_passing: bool | None = False
     lateral: float | None = None
+
+
+@attrs.frozen(kw_only=True)
+class MountRow:
+    """An arm, slider or path over the window. None: it has no such part, or it is not known.
+
+    Of an arm travels are angles [rad], counter-clockwise, and forces torques [N m]; of a slider
+    ways along its direction [m] and forces [N]. Forces count in the sense of the travel.
+
+    Attributes:
+        name: Of its pulley.
+        kind: "arm", "slider" or "path".
+        travel: From the place of the drive [rad or m]; of a path the distance of the axis from
+            there [m].
+        to_stop: How far it is from the nearer stop [rad or m]; negative: it presses on it.
+        spring: Of the spring, with preload and hung weight [N m or N].
+        damper: Of the damper [N m or N].
+        friction: Of the friction in its pivot or guide [N m or N].
+        stop: Of the stops [N m or N].
+        belt: What the belt pulls it with [N m or N]: mean of the contact, range by the tensions in
+            the middle of the spans, as ``PulleyRow.hub_load``. Not of a path; its hub load is that.
+        frequency: Of the line that stands out in the spectrum of the travel [Hz]; None: none does.
+        amplitude: Of that line [rad or m].
+    """
+
+    name: str
+    kind: str
+    travel: Spread | None = None
+    to_stop: Spread | None = None
+    spring: Spread | None = None
+    damper: Spread | None = None
+    friction: Spread | None = None
+    stop: Spread | None = None
+    belt: Spread | None = None
+    frequency: float | None = None
+    amplitude: float | None = None
 
 
 @attrs.frozen(kw_only=True)
@@ -196,6 +236,7 @@ class Told:
     belt_speed: float | None
     pulleys: Rows[PulleyRow]
     spans: Rows[SpanRow]
+    mounts: Rows[MountRow]
     creep: Rows[Creep]
     powers: Rows[Power]
     efficiency: float | None

@@ -8,16 +8,15 @@ import numpy as np
 
 from ..checks import Array
 from ..naming import span_name
-from ..spans import Coordinates, mid_span
-from ..spectra.fourier import folded
+from ..spectra.sources import Source, lines_at, sources
+from .hubs import middles
 from .pulleys import spread
 from .rows import SpanRow, Spread
 from .touching import Touching
-from .window import Window, missing
+from .window import Window
 
-__all__ = ["Line", "dominant", "moving_string", "span_rows"]
+__all__ = ["Line", "dominant", "moving_string", "span_rows", "uneven"]
 
-_OF_MIDDLE = ("belt.x", "belt.y", "belt.phi", "joints.force")
 #: A line stands out if it holds this part of the variance and is this many times the median of the
 #: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
 PART, ABOVE = 0.25, 20.0
@@ -94,7 +93,8 @@ def moving_string(tension: float, density: float, length: float, speed: float) -
 
 def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow], list[str]]:
     """Give the rows, and what is missing in them."""
-    params, run, notes = window.params, window.run, []
+    params, run = window.params, window.run
+    notes: list[str] = []
     n_p = len(params.pulleys)
     if n_p == 1:
         return [], ["one pulley: there is no span between two"]
@@ -102,21 +102,18 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
     names = params.pulley_names
     spans = window.spans()
     means = None if spans is None else window.mean(spans)
-    middle = None
-    lacking = missing(run, _OF_MIDDLE)
-    if not lacking:
-        part = Coordinates(*(window.of(one) for one in (run.belt.x, run.belt.y, run.belt.phi)))
-        middle = mid_span(params, part, window.of(run.joints.force))
-        absent = np.isnan(middle).mean(axis=0)
-    uneven = _uneven(window)
-    if uneven:
-        notes.append(f"no frequencies of spans: {uneven}")
+    middle = middles(window)
+    absent = None if middle is None else np.isnan(middle).mean(axis=0)
+    not_even = uneven(window)
+    found = () if not_even else sources(run, window.rows)
+    if not_even:
+        notes.append(f"no frequencies of spans: {not_even}")
     rows = []
     for k in range(n_p):
         name = span_name(k, names, unnamed=f"{names[k]} to {names[(k + 1) % n_p]}")
         row: dict[str, Any] = {"name": name, "length": float(way.spans[k])}
         history = None
-        if middle is not None and absent[k] == 0.0:
+        if middle is not None and absent is not None and absent[k] == 0.0:
             history = middle[:, k]
         elif spans is not None and not np.isnan(spans[:, k]).any():
             history = spans[:, k]
@@ -139,29 +136,40 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
                 row["lateral"] = moving_string(
                     tension.mean, params.belt.linear_density / stretch, row["length"], speed
                 )
-        if history is not None and not uneven and tension is not None:
+        if history is not None and not not_even and tension is not None:
             line = dominant(window.t, history)
             if line is not None and line.amplitude > FAINT * abs(tension.mean):
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
-                row["link_passing"] = touching is not None and _of_links(
-                    window, touching.speed, line.frequency
-                )
+                row["link_passing"] = _of_links(found, window.t, line.frequency)
         rows.append(SpanRow(**row))
     return rows, notes
 
 
-def _uneven(window: Window) -> str:
+def uneven(window: Window) -> str:
+    """Say why there are no spectra of a window; nothing if its samples are even in time."""
     steps = np.diff(window.t)
     if steps.size < 2 or np.ptp(steps) <= EVEN * steps.mean():
         return ""
     return "the samples are not even in time; give simulate an even t_eval"
 
 
-def _of_links(window: Window, speed: float, frequency: float) -> bool:
-    """Tell whether a frequency is that of links that pass, or of twice as many, or an alias."""
-    t = window.t
-    rate = (t.size - 1) / (t[-1] - t[0])
-    passing = abs(speed) / float(window.params.info["link_length"])
-    near = 1.5 / float(t[-1] - t[0])
-    seen = folded(passing * np.array([1.0, 2.0]), rate)
-    return bool(passing > 0.0 and np.any(np.abs(seen - frequency) < near))
+def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
+    """Tell whether a line is at the frequency of links that pass, a multiple of it, or an alias.
+
+    None: the window cannot tell. It is too short to tell it from other lines, something else has a
+    harmonic there as well, or the belt changes its speed so much that the links pass at this
+    frequency for a part of it.
+    """
+    resolution = 1.5 / float(t[-1] - t[0])
+    limit = 0.5 * (t.size - 1) / float(t[-1] - t[0])
+    names = lines_at(found, frequency, resolution, limit)
+    of_links = ["link passing" in name for name in names]
+    if any(of_links):
+        sure = all(name.startswith("link passing") for name in names)
+        return True if sure else None
+    for one in found:
+        if one.kind == "link" and one.sharp == 0 and np.isfinite(one.spread):
+            low, high = (one.frequency * (1.0 + side * one.spread) for side in (-0.5, 0.5))
+            if low <= frequency + resolution and frequency - resolution <= 2.0 * high:
+                return None
+    return False

@@ -1,21 +1,23 @@
-"""How a report is printed: tables of at most 100 columns, the same in HTML, and single numbers."""
+"""How a report is printed: in tables of at most 80 columns, and the same in HTML."""
 
 from __future__ import annotations
 
 import html as escape
+import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import attrs
-
+from .cycles import CLASSES
 from .rows import PulleyRow, Spread, Told
 
-__all__ = ["Table", "html", "lines", "numbers", "tables"]
+__all__ = ["Table", "html", "lines", "tables"]
 
-_WIDTH = 98
+_WIDTH = 80
 _TO_RPM = 30.0 / math.pi
+#: Speeds below this are rounding [rad/s], and powers below that much of the largest.
+_STILL, _NOTHING = 1e-6, 1e-9
 #: What stands for a value that is not known or does not apply.
 _NONE = "-"
 
@@ -64,10 +66,10 @@ def _signed(shown: str) -> str:
     return shown.removeprefix("-") if not shown.strip("-0.") else shown
 
 
-def _direction(degrees: float | None) -> str:
-    if degrees is None:
+def _direction(angle: float | None) -> str:
+    if angle is None:
         return _NONE
-    shown = _signed(f"{degrees:.0f}")
+    shown = _signed(f"{math.degrees(angle):.0f}")
     return "180" if shown == "-180" else shown
 
 
@@ -82,6 +84,7 @@ def tables(report: Told) -> Iterator[Table]:
         (_loads, report.pulleys),
         (_slip, report.pulleys),
         (_spans, report.spans),
+        (_mounts, report.mounts),
         (_creep, report.creep),
         (_powers, report.powers),
         (_cycles, report.cycles),
@@ -93,20 +96,33 @@ def tables(report: Told) -> Iterator[Table]:
 
 
 def _motion(report: Told) -> Table:
-    rows = [
-        (
-            row.name,
-            _mean(row.speed, 5, _TO_RPM),
-            _mean(row.speed, 5),
-            _range(row.speed, 5),
-            _mean(row.torque),
-            _range(row.torque, 3),
-            _mean(row.power),
+    powers = [abs(row.power.mean) for row in report.pulleys if row.power is not None]
+    least = _NOTHING * max(powers, default=0.0)
+    rows = []
+    for row in report.pulleys:
+        speed = _without(row.speed, _STILL)
+        rows.append(
+            (
+                row.name,
+                _mean(speed, 4, _TO_RPM),
+                _mean(speed, 5),
+                _range(speed, 4),
+                _mean(row.torque),
+                _range(row.torque, 3),
+                _mean(_without(row.power, least)),
+            )
         )
-        for row in report.pulleys
-    ]
-    heading = ("pulley", "1/min", "rad/s", "range", "torque N m", "range", "power W")
-    return Table("Speed, torque, power (counter-clockwise, and put in, positive)", heading, rows)
+    heading = ("pulley", "1/min", "rad/s", "range", "torque", "range", "power")
+    title = "Speed, torque in N m, power in W (counter-clockwise, and put in, positive)"
+    return Table(title, heading, rows)
+
+
+def _without(value: Spread | None, least: float) -> Spread | None:
+    """Give a spread with 0 for numbers that are less than rounding leaves."""
+    if value is None:
+        return None
+    ends = (value.mean, value.least, value.most)
+    return Spread(*(0.0 if abs(one) < least else one for one in ends))
 
 
 def _loads(report: Told) -> Table:
@@ -181,7 +197,8 @@ def _spans(report: Told) -> Table:
     for row in report.spans:
         line = _NONE
         if row.frequency is not None:
-            line = f"{_number(row.frequency)}{' *' if row.link_passing else ''}"
+            mark = " ?" if row.link_passing is None else " *" if row.link_passing else ""
+            line = _number(row.frequency) + mark
         rows.append(
             (
                 row.name,
@@ -193,12 +210,69 @@ def _spans(report: Told) -> Table:
                 _number(row.lateral),
             )
         )
-    heading = ("span", "mm", "tension N", "range", "strongest Hz", "+- N", "lateral Hz")
+    heading = ("span", "mm", "tension", "range", "line Hz", "+- N", "string")
     remarks = []
     if any(row.link_passing for row in report.spans):
         remarks.append("* links that pass: an artefact of the mesh, not of the drive.")
-    title = "Spans: tension, strongest line in it, first frequency as a moving string"
+    if any(row.link_passing is None for row in report.spans):
+        remarks.append(
+            "? may be links that pass, an artefact of the mesh: this window cannot tell them from "
+            "other lines."
+        )
+    title = "Spans: tension in N, strongest line in it, frequency as a moving string in Hz"
     return Table(title, heading, rows, tuple(remarks))
+
+
+#: What the parts of a mount are called; units of travel and force of a kind, and the scale.
+_PARTS = {
+    "travel": "travel",
+    "to_stop": "to the nearer stop",
+    "spring": "spring",
+    "damper": "damper",
+    "friction": "friction",
+    "stop": "stop",
+    "belt": "belt",
+}
+_OF_KIND = {
+    "arm": ("deg", "N m", 180.0 / math.pi),
+    "slider": ("mm", "N", 1e3),
+    "path": ("mm", "N", 1e3),
+}
+
+
+def _mounts(report: Told) -> Table:
+    rows = []
+    for row in report.mounts:
+        way, force, scale = _OF_KIND[row.kind]
+        for field, words in _PARTS.items():
+            value: Spread | None = getattr(row, field)
+            if value is None:
+                continue
+            of_way = field in ("travel", "to_stop")
+            factor = scale if of_way else 1.0
+            line = field == "travel" and row.frequency is not None
+            if field == "spring" and row.kind == "slider":
+                words = "spring, hung weight"
+            rows.append(
+                (
+                    f"{row.name}, {words}",
+                    way if of_way else force,
+                    _mean(value, 4, factor),
+                    _range(value, 4, factor),
+                    _number(row.frequency) if line else "",
+                    _number(scale * (row.amplitude or 0.0), 2) if line else "",
+                )
+            )
+    heading = ("mount", "in", "mean", "range", "line Hz", "+-")
+    kinds = {row.kind for row in report.mounts}
+    remarks = []
+    if "arm" in kinds:
+        remarks.append("Arms: travel from the drawn place and torques counter-clockwise.")
+    if "slider" in kinds:
+        remarks.append("Sliders: travel from the drawn place and forces along their direction.")
+    if "path" in kinds:
+        remarks.append("Paths: distance of the axis from the drawn place.")
+    return Table("Mounts: travel, and what acts on them", heading, rows, tuple(remarks))
 
 
 def _creep(report: Told) -> Table:
@@ -216,15 +290,17 @@ def _creep(report: Told) -> Table:
     ]
     heading = (
         "pulley",
-        "speed ratio",
-        "lost %",
+        "ratio",
+        "lost",
         "= stretch",
         "+ friction",
         "+ radius",
         "+ remainder",
     )
     return Table(
-        f"Speed lost against {report.driver}, and why (parts are -ln of ratios)", heading, rows
+        f"Speed lost against {report.driver} in %, and why (parts are -ln of ratios)",
+        heading,
+        rows,
     )
 
 
@@ -244,13 +320,21 @@ def _powers(report: Told) -> Table:
 
 def _cycles(report: Told) -> Table:
     rows = [(_number(one.range), _number(one.mean), f"{one.count:g}") for one in report.cycles]
-    during = "" if report.rounds is None else f", {report.rounds:.3g} rounds of the belt"
-    return Table(
+    title = (
         f"Load cycles of joint {report.joint} by rainflow, t = {report.cycles_begin:.4g} to "
-        f"{report.end:.4g} s{during}",
-        ("range N", "mean N", "cycles"),
-        rows,
+        f"{report.end:.4g} s"
     )
+    if report.rounds is not None:
+        many = f"{report.rounds:.3g}"
+        title += f", {many} round{'' if many == '1' else 's'} of the belt"
+    before = "the last link" if report.joint == 0 else f"link {report.joint - 1}"
+    remarks = [
+        f"Joint {report.joint} is between {before} and link {report.joint}. In steady running any "
+        "joint of the belt goes through the same cycles in a round.",
+        f"Cycles are put into {CLASSES} classes by their range, of equal width from 0 to the "
+        "largest; range and mean are averages over a class, halves are cycles that do not close.",
+    ]
+    return Table(title, ("range N", "mean N", "cycles"), rows, tuple(remarks))
 
 
 def _opening(report: Told) -> list[str]:
@@ -258,25 +342,31 @@ def _opening(report: Told) -> list[str]:
     driver = "" if report.driver is None else f", driven by {report.driver}"
     return [
         f"Means over t = {report.begin:.6g} to {report.end:.6g} s, {report.samples} samples"
-        f"{speed}{driver}"
+        f"{speed}{_against(report)}{driver}"
     ]
 
 
+def _against(report: Told) -> str:
+    """Say which way the belt runs if that is not the one in which its links are numbered."""
+    speed = report.belt_speed or 0.0
+    return " against the order of its links" if speed < -_STILL else ""
+
+
 def lines(report: Told) -> list[str]:
-    """Give the lines of a report."""
-    found = _opening(report)
+    """Give the lines of a report, none longer than 80 characters."""
+    found = [line for one in _opening(report) for line in textwrap.wrap(one, _WIDTH)]
     for one in report.unsteady:
         found += _wrapped(f"not steady: {one}")
     for table in tables(report):
-        found += ["", table.title]
-        whole = [table.heading, *table.rows]
-        widths = [max(len(row[k]) for row in whole) for k in range(len(table.heading))]
-        for row in whole:
-            cells = [
-                f"{cell:{'>' if k else '<'}{width}}"
-                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ]
-            found.append(("  " + "  ".join(cells)).rstrip())
+        found += ["", *textwrap.wrap(table.title, _WIDTH)]
+        for whole in _fitted([table.heading, *table.rows]):
+            widths = _widths(whole)
+            for row in whole:
+                cells = [
+                    f"{cell:{'>' if k else '<'}{width}}"
+                    for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+                ]
+                found.append(("  " + "  ".join(cells)).rstrip())
         for remark in table.remarks:
             found += _wrapped(remark)
     if report.notes:
@@ -284,6 +374,27 @@ def lines(report: Told) -> list[str]:
         for note in report.notes:
             found += _wrapped(note)
     return found
+
+
+def _widths(rows: list[tuple[str, ...]]) -> list[int]:
+    return [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+
+
+def _fitted(rows: list[tuple[str, ...]]) -> list[list[tuple[str, ...]]]:
+    """Break a table that is too wide into as few as fit, all with the first column, alike wide."""
+    widths = _widths(rows)
+    n = len(widths)
+
+    def wide(cut: tuple[int, ...]) -> int:
+        ends = zip((1, *cut), (*cut, n), strict=True)
+        return max(2 + widths[0] + sum(2 + one for one in widths[a:b]) for a, b in ends)
+
+    for parts in range(1, n):
+        cut = min(itertools.combinations(range(2, n), parts - 1), key=wide)
+        if wide(cut) <= _WIDTH or parts == n - 1:
+            ends = list(zip((1, *cut), (*cut, n), strict=True))
+            return [[(row[0], *row[a:b]) for row in rows] for a, b in ends]
+    return [rows]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -309,51 +420,3 @@ def html(report: Told) -> str:
         items = "".join(f"<li>{escape.escape(one)}</li>" for one in report.notes)
         parts.append(f"<p>Not told:</p><ul>{items}</ul>")
     return "\n".join(parts)
-
-
-_UNITS = {
-    "speed": "rad/s",
-    "torque": "N m",
-    "power": "W",
-    "belt_torque": "N m",
-    "hub_load": "N",
-    "hub_direction": "deg",
-    "wrap": "rad",
-    "slip_arc": "rad",
-    "tight": "N",
-    "slack": "N",
-    "slip_torque": "N m",
-    "slip_tensions": "N",
-    "length": "m",
-    "tension": "N",
-    "frequency": "Hz",
-    "amplitude": "N",
-    "lateral": "Hz",
-    "range": "N",
-    "mean": "N",
-}
-
-
-def numbers(report: Told) -> list[tuple[str, str, str, str, float]]:
-    """Give all numbers that are known: part, name, quantity, unit, value."""
-    found: list[tuple[str, str, str, str, float]] = []
-    parts = ("pulleys", "spans", "creep", "powers", "cycles")
-    for part in parts:
-        for index, row in enumerate(getattr(report, part)):
-            name = getattr(row, "name", f"class {index}")
-            for field, value in attrs.asdict(row, recurse=False).items():
-                for suffix, one in _values(value):
-                    found.append((part, name, field + suffix, _UNITS.get(field, "1"), one))
-    if report.efficiency is not None:
-        found.append(("powers", "efficiency", "share", "1", report.efficiency))
-    return found
-
-
-def _values(value: Any) -> Sequence[tuple[str, float]]:
-    if isinstance(value, Spread):
-        return [("", value.mean), (" least", value.least), (" most", value.most)]
-    if isinstance(value, tuple):
-        return [(" tight", value[0]), (" slack", value[1])]
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return [("", float(value))]
-    return []

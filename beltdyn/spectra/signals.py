@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import attrs
 import numpy as np
 
-from ..checks import Array
+from ..checks import Array, close_to, shown
 from ..mounts import Arm
 from ..naming import index_of, span_name
 from ..outputs import array_names
@@ -115,8 +115,17 @@ def _column(result: Result, by: str, value: object, names: list[str]) -> int:
             if index not in result.params.mounted:
                 raise ValueError(f"mount: {pulleys[index]} has none")
             return list(result.params.mounted).index(index)
-    elif by == "span" and isinstance(value, str) and f"span {value}" in names:
-        return names.index(f"span {value}")
+    elif by == "span" and isinstance(value, str) and not value.isdecimal():
+        spans = [name.removeprefix("span ") for name in names]
+        asked = value.removeprefix("span ")
+        if asked in spans:
+            return spans.index(asked)
+        if value not in pulleys:
+            raise ValueError(
+                f"span: no span is called {shown(value)}{close_to(asked, spans)}; there are "
+                f"{', '.join(spans)}, also by the pulley before each"
+            )
+        return pulleys.index(value)
     elif by in ("span", "pulley"):
         return index_of(by, value, pulleys)
     return index_of(by, value, names)

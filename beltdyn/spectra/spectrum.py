@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import attrs
 import numpy as np
 
-from ..checks import Array, real
+from ..checks import Array, integer, positive, share_of_run
 from ..naming import index_of
 from .fourier import amplitude_spectrum, even_step, folded, scipy_module, spectrogram
 from .signals import signal
-from .sources import Source, belt_rate, sources
+from .sources import HARMONICS, NEAR, Source, belt_turning, lines_at, sources
 
 if TYPE_CHECKING:
     from ..result import Result  # imports the report, which imports this
@@ -21,11 +21,6 @@ __all__ = ["Line", "Spectrogram", "Spectrum", "spectrum", "speed_spectra"]
 
 #: Least samples in a slice.
 _FEWEST = 16
-#: Harmonics by which a line is recognised: of links; of pulleys; of the belt.
-_HARMONICS = {"link": 4, "pulley": 12, "belt": 3}
-#: A peak is found this close to the line that it comes from, in resolutions, and its frequency is
-#: known this well, as a share, from the speeds of the run.
-_NEAR, _KNOWN = 0.2, 2e-3
 #: Least height of a peak that is listed, as a share of the largest.
 _FAINT = 0.02
 
@@ -38,14 +33,16 @@ def _of_links(names: tuple[str, ...]) -> bool:
 class Line:
     """A peak of a spectrum.
 
-    Lines beside a harmonic of the link passing, by the frequency of another line (sidebands: that
-    vibration modulates the passing), are named "link passing x1 - 100 Hz".
+    Lines beside a harmonic of the link passing, by the frequency of a line that is named after a
+    pulley or the belt (side bands: that vibration modulates the passing), are named "link passing
+    x1 - crank x2". By another distance they are not, which any line has to a multiple of something.
 
     Attributes:
         frequency: Where it is [Hz].
         amplitude: Its height, in the unit of the signal.
         names: What has a harmonic there, such as "link passing x1" or "crank x2"; several if the
-            window is too short to tell them apart, none if nothing has.
+            window is too short to tell them apart, none if nothing has; "may be link passing x1" if
+            it is too short to tell that from other lines.
     """
 
     frequency: float
@@ -88,7 +85,12 @@ class Spectrum:
 
         Each stands out of its surroundings by half its height at least, and is farther than a
         resolution from any larger one, so that sidelobes are no lines.
+
+        Raises:
+            TypeError, ValueError: ``count`` is no integer >= 0.
         """
+        if integer("count", count, 0) == 0:
+            return ()
         peaks, _ = scipy_module("signal").find_peaks(
             self.amplitude, prominence=0.5 * self.amplitude, height=np.finfo(float).tiny
         )
@@ -100,31 +102,47 @@ class Spectrum:
             if len(found) == count:
                 break
         faint = _FAINT * self.amplitude[found[0]] if found else 0.0
-        tops = [(k, self._top(k)) for k in found if self.amplitude[k] >= faint]
-        named = [(k, at, self.names(at)) for k, at in tops]
-        others = [at for _, at, names in named if not _of_links(names)]
+        named = [
+            (k, at, self.names(at))
+            for k in found
+            if self.amplitude[k] >= faint
+            for at in [self._top(k)]
+        ]
+        known = [
+            (at, names[0])
+            for _, at, names in named
+            if names and not _of_links(names[:1]) and not names[0].startswith("may be ")
+        ]
         return tuple(
             Line(
                 frequency=at,
                 amplitude=float(self.amplitude[k]),
-                names=names or self._sidebands(at, [one for one in others if one < at]),
+                names=names or self._sidebands(at, known),
             )
             for k, at, names in named
         )
 
-    def _sidebands(self, frequency: float, others: list[float]) -> tuple[str, ...]:
-        """Name harmonics of the link passing that another line modulates: beside them, as far."""
+    def _sidebands(self, frequency: float, others: list[tuple[float, str]]) -> tuple[str, ...]:
+        """Name harmonics of the link passing that a known line modulates: beside them, as far."""
         return tuple(
-            f"link passing x{k} {'+' if sign > 0 else '-'} {one:.4g} Hz"
+            f"{source.name} x{k} {'+' if sign > 0 else '-'} {name}"
             for source in self.sources
             if source.kind == "link"
-            for k in range(1, _HARMONICS["link"] + 1)
-            for one in others
+            for k in range(1, self.harmonics(source) + 1)
+            for one, name in others
             for sign in (-1.0, 1.0)
             for at in [k * source.frequency + sign * one]
             if abs(float(folded(at, 2.0 * self.limit)) - frequency)
-            <= _NEAR * self.resolution + at * (_KNOWN + 0.5 * source.spread)
+            <= NEAR * self.resolution + abs(at) * source.known
         )[:1]
+
+    def harmonics(self, source: Source) -> int:
+        """Give up to which harmonic of a source lines are named after it; 0: none.
+
+        None of one whose harmonics are closer than the resolution, and none that its changes of
+        speed smear (:attr:`Source.sharp`); :meth:`notes` says so.
+        """
+        return source.sharp if source.frequency >= self.resolution else 0
 
     def _top(self, k: int) -> float:
         """Give the frequency of a peak: of the parabola through three points."""
@@ -139,23 +157,10 @@ class Spectrum:
 
         Those of links, of pulleys (up to the twelfth order) and of the belt (up to the third), as
         "crank x2"; folded ones, of a frequency above :attr:`limit`, say so. Not of a source
-        whose harmonics are closer than the resolution: any line would be one of them.
+        whose harmonics are closer than the resolution: any line would be one of them; nor
+        harmonics that changes of the speed smear.
         """
-        found = []
-        for source in self.sources:
-            if source.frequency < self.resolution:
-                continue
-            for k in range(1, _HARMONICS[source.kind] + 1):
-                at = k * source.frequency
-                above = at > self.limit
-                if above and source.kind != "link":
-                    break
-                off = abs(float(folded(at, 2.0 * self.limit)) - frequency)
-                allowed = _NEAR * self.resolution + at * (_KNOWN + 0.5 * source.spread)
-                if off <= allowed:
-                    name = f"{source.name} x{k}" + (", folded" if above else "")
-                    found.append((above, off / allowed, name))
-        return tuple(name for _, _, name in sorted(found))
+        return lines_at(self.sources, frequency, self.resolution, self.limit)
 
     def notes(self) -> tuple[str, ...]:
         """Say how far the spectrum can be trusted, a sentence each."""
@@ -166,7 +171,7 @@ class Spectrum:
             f"{self.limit:.4g} Hz"
         ]
         for source in self.sources:
-            if source.kind == "link" and source.frequency > self.limit:
+            if source.kind == "link" and source.frequency > self.limit and source.sharp:
                 at = float(folded(source.frequency, rate))
                 need = math.ceil(2.5 * source.frequency * (self.end - self.begin)) + 1
                 said.append(
@@ -174,15 +179,26 @@ class Spectrum:
                     f"{at:.4g} Hz, where nothing happens: {need} samples in the window show it in "
                     "its place"
                 )
-            if source.spread * source.frequency > self.resolution:
+            most = HARMONICS[source.kind]
+            if source.sharp == 0:
                 said.append(
-                    f"{source.name} changes by {100 * source.spread:.2g} % in the window: its "
-                    "lines are smeared"
+                    f"the rate of {source.name} changes too much in the window{_by(source)}: no "
+                    "line is named after it"
                 )
-        close = [one.name for one in self.sources if 0 < one.frequency < self.resolution]
-        if close:
-            said.append(f"the window is too short to tell harmonics of {', '.join(close)} apart")
+            elif source.sharp < most and source.frequency >= self.resolution:
+                said.append(
+                    f"the rate of {source.name} changes in the window{_by(source)}: lines are "
+                    f"named after it up to x{source.sharp} only"
+                )
+        few = [one.name for one in self.sources if one.sharp and one.frequency < self.resolution]
+        if few:
+            said.append(f"the window holds too few turns to name lines after {', '.join(few)}")
         return tuple(said)
+
+
+def _by(source: Source) -> str:
+    """Say by how much a source changes its speed, if that is a share of it."""
+    return f", by {100.0 * source.spread:.2g} %" if source.spread < 1.0 else ""
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -229,8 +245,8 @@ def spectrum(
             default); their number sets how high the spectrum reaches.
         output: "span_tension", or an array such as "pulleys.omega", "pulleys.torque",
             "joints.force", "mounts.travel".
-        last: The part of the run, counted from its end, 0 < last <= 1: steady running. Its length
-            in time sets the resolution.
+        last: The part of the run, counted from its end, as a share of it, 0 < last <= 1: steady
+            running. Its length in time sets the resolution.
         window: Of ``scipy.signal.get_window``; "flattop" for heights right to 0.02 %, at a
             resolution two and a half times coarser.
         **where: ``span`` (by its name, or the name or index of the pulley before it), ``pulley``,
@@ -242,9 +258,7 @@ def spectrum(
             are not finite.
         AttributeError: The run was not asked for this output.
     """
-    share = real("last", last)
-    if not 0.0 < share <= 1.0:
-        raise ValueError(f"last must be > 0 and <= 1, got {share:g}")
+    share = share_of_run("last", last)
     begin = result.t[-1] - share * (result.t[-1] - result.t[0]) if result.t.size else 0.0
     rows = slice(int(np.searchsorted(result.t, begin - 1e-9 * abs(begin))), None)
     t = result.t[rows]
@@ -299,10 +313,10 @@ def speed_spectra(
         length = math.sqrt(1.5 / rate) if rate > 0.0 else span
         length = max(min(length, span / 4.0), _FEWEST * step)
     else:
-        length = real("window", window, "s")
+        length = positive("window", window, "s")
     t, frequency, amplitude = spectrogram(result.t, found.values, length)
     half = 0.5 * length
-    belt = belt_rate(result)
+    belt = belt_turning(result)
 
     def means(values: Array) -> Array:
         near = [np.abs(result.t - at) <= half for at in t]
@@ -317,6 +331,6 @@ def speed_spectra(
         amplitude=amplitude,
         resolution=1.5 / length,
         limit=0.5 / step,
-        belt=np.full(t.size, np.nan) if belt is None else means(belt),
+        belt=np.full(t.size, np.nan) if belt is None else np.abs(means(belt)),
         n_bodies=result.params.belt.n_bodies,
     )

@@ -1,0 +1,116 @@
+"""A report as single numbers, one to a row."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import attrs
+
+from .rows import Creep, Cycle, MountRow, Power, PulleyRow, SpanRow, Spread, Told
+
+__all__ = ["Number", "numbers"]
+
+
+class Number(NamedTuple):
+    """A number or a text of a report, and what it is of: a row of ``Report.to_frame()``."""
+
+    part: str
+    name: str
+    quantity: str
+    unit: str
+    value: float
+    text: str | None
+
+
+_UNITS: dict[type, dict[str, str]] = {
+    PulleyRow: {
+        "speed": "rad/s",
+        "torque": "N m",
+        "power": "W",
+        "belt_torque": "N m",
+        "hub_load": "N",
+        "hub_direction": "rad",
+        "wrap": "rad",
+        "slip_arc": "rad",
+        "tight": "N",
+        "slack": "N",
+        "slip_torque": "N m",
+        "slip_tensions": "N",
+        "worst_time": "s",
+        "own_slip_torque": "N m",
+    },
+    SpanRow: {
+        "length": "m",
+        "tension": "N",
+        "frequency": "Hz",
+        "amplitude": "N",
+        "lateral": "Hz",
+    },
+    Creep: {},
+    Power: {"power": "W"},
+    Cycle: {"range": "N", "mean": "N"},
+}
+_OF_RUN = {
+    "begin": "s",
+    "end": "s",
+    "samples": "1",
+    "driver": "",
+    "belt_speed": "m/s",
+    "belt_speeds": "m/s",
+    "efficiency": "1",
+    "joint": "1",
+    "cycles_begin": "s",
+    "rounds": "1",
+}
+
+
+def _unit(row: Any, field: str) -> str:
+    if isinstance(row, MountRow):
+        way, force = ("rad", "N m") if row.kind == "arm" else ("m", "N")
+        of_way = {"travel": way, "to_stop": way, "amplitude": way, "frequency": "Hz"}
+        return of_way.get(field, force)
+    return _UNITS[type(row)].get(field, "1")
+
+
+def numbers(report: Told) -> list[Number]:
+    """Give all that is known, angles in rad: part, name, quantity, unit, value, text.
+
+    Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
+    notes. A text has the value NaN; yes and no are 1 and 0, with the text.
+    """
+    found = []
+
+    def add(part: str, name: str, quantity: str, unit: str, value: Any) -> None:
+        if isinstance(value, bool):
+            found.append(Number(part, name, quantity, "1", float(value), "yes" if value else "no"))
+        elif isinstance(value, str):
+            found.append(Number(part, name, quantity, "", math.nan, value))
+        elif isinstance(value, Spread):
+            for suffix, one in (("", "mean"), (" least", "least"), (" most", "most")):
+                add(part, name, quantity + suffix, unit, getattr(value, one))
+        elif isinstance(value, tuple):
+            for suffix, one in zip((" tight", " slack"), value, strict=True):
+                add(part, name, quantity + suffix, unit, one)
+        elif value is not None:
+            found.append(Number(part, name, quantity, unit, float(value), None))
+
+    for field, unit in _OF_RUN.items():
+        add("report", "", field, unit, getattr(report, field, None))
+    first = report.first_to_slip
+    add("report", "", "first_to_slip", "", None if first is None else first.name)
+    add("report", "", "steady", "", not report.unsteady)
+    for field in ("unsteady", "notes"):
+        for k, text in enumerate(getattr(report, field)):
+            add("report", str(k), field, "", text)
+    for part in ("pulleys", "spans", "mounts", "creep", "powers", "cycles"):
+        for index, row in enumerate(getattr(report, part)):
+            name = getattr(row, "name", f"class {index}")
+            for field, value in attrs.asdict(row, recurse=False).items():
+                if field == "link_passing" and row.frequency is None:
+                    continue
+                if field == "link_passing" and value is None:
+                    value = "may be"
+                if field != "name":
+                    add(part, name, field, _unit(row, field), value)
+    return found

@@ -1,0 +1,87 @@
+"""Hub loads as the spans pull: of the drive, without the forces of single links that land."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+
+from ..checks import Array
+from ..places import routes
+from ..spans import Coordinates, mid_span
+from ..spectra.sources import belt_turning
+from .pulleys import spread
+from .rows import PulleyRow
+from .window import Window, missing
+
+__all__ = ["hub_statics", "middles", "with_hub_loads"]
+
+_OF_MIDDLE = ("belt.x", "belt.y", "belt.phi", "joints.force")
+
+
+def middles(window: Window) -> Array | None:
+    """Give the tension in the middle of each span (n_w, n_p) [N]; None: outputs are missing.
+
+    NaN where the belt is not there, as in a span shorter than a link.
+    """
+    run = window.run
+    if missing(run, _OF_MIDDLE):
+        return None
+    part = Coordinates(*(window.of(one) for one in (run.belt.x, run.belt.y, run.belt.phi)))
+    return mid_span(window.params, part, window.of(run.joints.force))
+
+
+def hub_statics(window: Window) -> Array | None:
+    """Give what the belt pulls at each pulley, from the middle of one span to that of the next.
+
+    (T_1 - rho v^2) d_1 + (T_2 - rho v^2) d_2 by the tensions there and the directions of the belt
+    line, at every sample, and the weight of that belt. The forces of contact, ``pulleys.load``,
+    come to the same mean as links get shorter; but with every link that lands or leaves they swing
+    by what is of the mesh, the more the fewer links there are.
+
+    Returns:
+        (n_w, n_p, 2) [N]; NaN of pulleys beside a span in the middle of which there is no belt.
+        None: outputs are missing, or there is one pulley.
+    """
+    params = window.params
+    tension = middles(window)
+    turning = belt_turning(window.run, window.rows)
+    if tension is None or turning is None or len(params.pulleys) == 1:
+        return None
+    lines, _ = routes(params, window.travels())
+    way = np.roll([one.arrive for one in lines], -1, axis=1) - np.array([o.leave for o in lines])
+    spans = np.array([one.spans for one in lines])
+    belt = params.belt
+    stretch = 1.0 + tension / belt.axial_stiffness
+    speed = turning[:, None] * float(params.info["length"])  # of stress-free belt
+    pull = (tension - belt.linear_density * speed**2 * stretch)[..., None] * (
+        way / spans[..., None]
+    )
+    load = pull - np.roll(pull, 1, axis=1)
+    if np.any(params.gravity):
+        arcs = np.array([one.wraps for one in lines]) * [pulley.radius for pulley in params.pulleys]
+        half = 0.5 * spans
+        mass = belt.linear_density * (half + np.roll(half, 1, axis=1) + arcs) / np.nanmean(stretch)
+        load = load + mass[..., None] * np.array(params.gravity)
+    return np.asarray(load)
+
+
+def with_hub_loads(
+    window: Window, rows: list[PulleyRow], statics: Array | None
+) -> tuple[list[PulleyRow], list[str]]:
+    """Take the sizes of hub loads from the spans; say where they are those of the contact still."""
+    found, kept = [], []
+    for k, row in enumerate(rows):
+        if row.hub_load is None:
+            found.append(row)
+        elif statics is None or np.isnan(statics[:, k]).any():
+            kept.append(row.name)
+            found.append(row)
+        else:
+            size = np.hypot(statics[:, k, 0], statics[:, k, 1])
+            found.append(attrs.evolve(row, hub_load=spread(window, size)))
+    if not kept:
+        return found, []
+    return found, [
+        f"hub load of {', '.join(kept)}: from the contact, because the tensions beside it are not "
+        "known; its range holds the blows of links that land, of the mesh"
+    ]

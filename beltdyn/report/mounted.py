@@ -1,0 +1,96 @@
+"""What a report says of tensioner arms, sliders and paths."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..checks import Array
+from ..mounts import Arm, Path, axis_direction
+from .pulleys import spread
+from .rows import MountRow, Spread
+from .spans import dominant, uneven
+from .window import Window
+
+__all__ = ["mount_rows"]
+
+#: Least amplitude of a line in the travel, of a turn of one radian or of the pulley's radius: below
+#: it is what rounding and tolerances leave.
+FAINT = 1e-6
+_FORCES = {
+    "spring": "spring_force",
+    "damper": "damper_force",
+    "friction": "friction_force",
+    "stop": "stop_force",
+    "belt": "belt_force",
+}
+
+
+def mount_rows(window: Window, statics: Array | None) -> tuple[list[MountRow], list[str]]:
+    """Give the rows, and what is missing in them.
+
+    Args:
+        window: The part of the run.
+        statics: What the belt pulls at each pulley (n_w, n_p, 2) [N], if known.
+    """
+    params, run = window.params, window.run
+    mounts = run.mounts
+    if mounts is None:
+        return [], []
+    notes = []
+    lacking = [name for name in ("travel", *_FORCES.values()) if not run._has(f"mounts.{name}")]
+    if lacking:
+        names = ", ".join(f"mounts.{name}" for name in lacking)
+        notes.append(f"mounts: {names} not asked for (outputs of simulate)")
+    rows = []
+    for m, k in enumerate(params.mounted):
+        mount, name = params.pulleys[k].mount, params.pulley_names[k]
+        assert mount is not None
+        kind = "arm" if isinstance(mount, Arm) else "path" if isinstance(mount, Path) else "slider"
+        row: dict[str, Any] = {"name": name, "kind": kind}
+        if "travel" not in lacking:
+            travel = window.of(mounts.travel)[:, m]
+            if isinstance(mount, Path):
+                drawn = np.array(params.pulleys[k].center)
+                travel = np.hypot(*(window.centers[:, k] - drawn).T)
+            elif mount.stops is not None:
+                low, high = mount.stops
+                row["to_stop"] = spread(window, np.minimum(travel - low, high - travel))
+            row["travel"] = spread(window, travel)
+            least = FAINT * (1.0 if kind == "arm" else params.pulleys[k].radius)
+            line = None if uneven(window) else dominant(window.t, travel)
+            if line is not None and line.amplitude > least:
+                row |= {"frequency": line.frequency, "amplitude": line.amplitude}
+        if not isinstance(mount, Path):
+            for field, output in _FORCES.items():
+                if output not in lacking and _there(mount, field):
+                    row[field] = spread(window, window.of(getattr(mounts, output))[:, m])
+            if row.get("belt") is not None and "travel" not in lacking and statics is not None:
+                pull = np.array(
+                    [
+                        axis_direction(mount, center) @ load
+                        for center, load in zip(window.centers[:, k], statics[:, k], strict=True)
+                    ]
+                )
+                row["belt"] = _without_blows(window, row["belt"], pull)
+        rows.append(MountRow(**row))
+    return rows, notes
+
+
+def _there(mount: Any, field: str) -> bool:
+    """Tell whether a mount has a part at all."""
+    if field == "spring":
+        return bool(mount.stiffness or mount.spring_force or getattr(mount, "weight", 0.0))
+    if field in ("damper", "friction"):
+        return bool(mount.damping if field == "damper" else mount.friction)
+    return field == "belt" or mount.stops is not None
+
+
+def _without_blows(window: Window, of_contact: Spread, pull: Array) -> Spread:
+    """Take the mean from the contact, exact, and the swing round it from what the spans pull."""
+    swing = spread(window, pull)
+    if swing is None or np.isnan(pull).any():
+        return of_contact
+    mean = of_contact.mean
+    return Spread(mean, mean + swing.least - swing.mean, mean + swing.most - swing.mean)

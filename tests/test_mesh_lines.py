@@ -1,0 +1,177 @@
+"""Lines that links make, and lines that they do not: no load may be called an artefact.
+
+A line of the drive beside the link passing, a belt that rocks, a run-up, a standing drive: what is
+put in at a frequency of its own is known to be of the drive, so no name of the mesh may be there.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn.report.spans import _of_links
+from beltdyn.spectra.sources import Source, lines_at, sources
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+
+def drive() -> bd.Params:
+    return bd.Params(
+        belt=bd.Belt(
+            preload=400.0,
+            n_bodies=60,
+            linear_density=0.1,
+            axial_stiffness=80e3,
+            axial_damping=1.5,
+        ),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
+            bd.Pulley(center=(0.35, 0.05), radius=0.1, inertia=0.02),
+        ],
+        contact=bd.Contact(linear=2e8, damping=4e3),
+        friction=bd.Dahl(mu_k=0.6, sigma=1e4),
+    )
+
+
+def run(speed: Callable[[np.ndarray], np.ndarray], load: Callable[[float], float]) -> bd.Result:
+    t = np.linspace(0.0, 1.0, 4001)
+    return bd.simulate(
+        drive(),
+        lambda t, _theta, _omega: [0.0, load(t) * min(t / 0.05, 1.0)],
+        1.0,
+        motion={0: bd.PiecewiseLinear(t, speed(t))},
+        t_eval=np.linspace(0.0, 1.0, 2001),
+    )
+
+
+PASSING = 20.0 * 0.06 / drive().info["link_length"]
+
+
+@functools.cache
+def pulsating(beside: float) -> bd.Result:
+    """A load that pulsates that far beside the link passing [Hz]."""
+    pulse = PASSING + beside
+    return run(
+        lambda t: -20.0 * np.minimum(t / 0.1, 1.0),
+        lambda t: 8.0 + 6.0 * math.sin(2.0 * math.pi * pulse * t),
+    )
+
+
+def test_a_load_beside_the_link_passing_is_of_the_drive() -> None:
+    told = pulsating(6.0).report()
+    for row in told.spans:
+        assert row.frequency == pytest.approx(PASSING + 6.0, abs=0.3)
+        assert row.amplitude is not None and row.amplitude > 200.0
+        assert row.link_passing is False
+    assert "artefact" not in str(told)
+    line = bd.spectra.spectrum(pulsating(6.0)).lines(1)[0]
+    assert line.frequency == pytest.approx(PASSING + 6.0, abs=0.1) and not line.from_mesh
+
+
+def test_links_that_pass_are_told_and_a_short_window_says_may_be() -> None:
+    """Of a steady belt; 0.06 s hold 3.6 passings, whose line other lines may lie as near."""
+    result = run(lambda t: -20.0 * np.minimum(t / 0.1, 1.0), lambda _t: 8.0)
+    told = result.report(0.5)
+    of_links = [row for row in told.spans if row.link_passing]
+    assert of_links and "* links that pass" in str(told)
+    rate = bd.spectra.belt_rate(result, result.t > 0.5)
+    assert rate is not None
+    for row in of_links:
+        assert row.frequency is not None
+        order = row.frequency / (60.0 * rate.mean())
+        assert order == pytest.approx(round(order), rel=5e-3)
+    late = result.t > 0.94
+    few = sources(result, late)
+    passing = next(one.frequency for one in few if one.kind == "link")
+    assert _of_links(few, result.t[late], passing) is None
+    assert _of_links(few, result.t[late], passing + 10.0) is False
+    spectrum = bd.spectra.spectrum(result, last=0.06)
+    assert "may be link passing x1" in spectrum.names(passing)
+
+
+def test_a_rocking_belt_has_no_link_passing() -> None:
+    """Rocked at 15 and 97 Hz: on an average the belt stands, however fast its links go by."""
+    result = run(
+        lambda t: (
+            np.minimum(t / 0.1, 1.0)
+            * (8.0 * np.sin(2.0 * np.pi * 15.0 * t) + 3.0 * np.sin(2.0 * np.pi * 97.0 * t))
+        ),
+        lambda _t: 0.0,
+    )
+    spectrum = bd.spectra.spectrum(result)
+    lines = spectrum.lines(4)
+    assert {round(line.frequency) for line in lines} >= {15, 97}
+    assert not any(line.from_mesh for line in lines)
+    assert any("link passing changes too much" in note for note in spectrum.notes())
+    ax = bd.plot.spectrum(result)
+    assert "link passing changes too" in ax.get_title().replace("\n", " ")
+    assert not [line for line in ax.lines if str(line.get_label()).startswith("link passing")]
+    assert not any(row.link_passing for row in result.report().spans)
+
+
+def test_on_a_run_up_no_line_is_named_after_what_sweeps_over_it() -> None:
+    """190 Hz on the pulley while the links pass at 56 to 240 Hz."""
+    result = run(
+        lambda t: -(20.0 + 60.0 * t) + 0.5 * np.sin(2.0 * np.pi * 190.0 * t), lambda _t: 3.0
+    )
+    spectrum = bd.spectra.spectrum(result, "pulleys.omega", pulley=0)
+    (line, *_) = spectrum.lines()
+    assert line.frequency == pytest.approx(190.0, abs=0.1) and line.names == ()
+    assert any("link passing changes too much" in note for note in spectrum.notes())
+    # links did pass at that rate for a part of the window
+    late = result.t >= 0.5
+    assert _of_links(sources(result, late), result.t[late], 190.0) is None
+    assert _of_links(sources(result, late), result.t[late], 20.0) is False
+
+
+def test_a_standing_drive_has_no_links_that_pass() -> None:
+    result = run(lambda t: 0.0 * t, lambda t: 3.0 * math.sin(2.0 * math.pi * 113.0 * t))
+    spectrum = bd.spectra.spectrum(result)
+    line = next(one for one in spectrum.lines() if abs(one.frequency - 113.0) < 0.5)
+    assert not line.from_mesh and line.names == ()
+
+
+def test_the_benchmark_that_rocks_shows_its_mode_not_its_mesh() -> None:
+    """Kubas's second case: pulley 1 against pulley 0, near the mode that ``modes`` finds."""
+    params, torque, t_end, motion = bd.scenes.kubas_case_2()
+    result = bd.simulate(params, torque, t_end, motion=motion)
+    lines = bd.spectra.spectrum(result, "pulleys.omega").lines(3)
+    assert any(line.frequency == pytest.approx(94.8, rel=0.03) for line in lines)
+    assert not any(line.from_mesh for line in lines)
+
+
+@pytest.mark.parametrize("swept", [0.5, 2.0, 4.0])
+def test_a_chirp_is_named_as_long_as_it_is_a_line(swept: float) -> None:
+    """A pulley whose speed rises by so many resolutions: its peak stands at its mean frequency.
+
+    The share of its height that the line is said to keep is that of the peak's computed.
+    """
+    t = np.linspace(0.0, 2.0, 4001)
+    rise = swept * 0.75  # Hz, of 0.75 Hz
+    turns = 30.0 * t + 0.5 * rise * (t - 1.0) ** 2 / 2.0
+
+    class Run:
+        params = drive()
+
+        class Pulleys:
+            omega = 2.0 * np.pi * np.gradient(turns, t)[:, None] * np.ones((1, 2))
+
+        pulleys = Pulleys()
+
+        def __init__(self) -> None:
+            self.t = t
+
+        def _has(self, name: str) -> bool:
+            return name == "pulleys.omega"
+
+    one: Source = next(s for s in sources(Run(), slice(None)) if s.kind == "pulley")  # type: ignore[arg-type]
+    at, amplitude, resolution = bd.spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * turns))
+    assert one.frequency == pytest.approx(30.0, abs=1e-3)
+    assert one.kept[0] == pytest.approx(amplitude[np.argmin(abs(at - 30.0))], abs=0.01)
+    named = "pulley 0 x1" in lines_at([one], float(at[amplitude.argmax()]), resolution, 1000.0)
+    assert named == (one.kept[0] >= 0.7)

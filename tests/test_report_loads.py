@@ -1,0 +1,181 @@
+"""Loads that a designer takes from a report: hub loads that the mesh does not make, and mounts.
+
+Hub loads against another number of links, the statics of all pulleys together and the samples of
+the contact; mounts against the balance of what acts on them and the drive's own numbers.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import attrs
+import numpy as np
+import pytest
+
+import beltdyn as bd
+from beltdyn.report.hubs import hub_statics
+from beltdyn.report.window import Window
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+PULSE = 22.0
+
+
+def drive(n_bodies: int, gravity: tuple[float, float] = (0.0, 0.0)) -> bd.Params:
+    """A drive with a tensioner arm, whose friction lets it swing and which has stops."""
+    params = bd.scenes.tensioned_alternator(n_bodies).params
+    crank, alternator, tensioner = params.pulleys
+    arm = attrs.evolve(tensioner.mount, friction=0.3, stops=(-0.1, 0.2))
+    pulleys = [crank, alternator, attrs.evolve(tensioner, mount=arm)]
+    return attrs.evolve(params, pulleys=pulleys, gravity=gravity)
+
+
+@functools.cache
+def run(n_bodies: int) -> bd.Result:
+    def load(t: float, _theta: object, _omega: object) -> list[float]:
+        return [0.0, -(5.0 + 2.0 * math.sin(2 * math.pi * PULSE * t)) * min(t / 0.05, 1.0), 0.0]
+
+    return bd.simulate(
+        drive(n_bodies),
+        load,
+        0.5,
+        motion={"crank": bd.PiecewiseLinear([0.0, 0.1], [0.0, 100.0])},
+        t_eval=np.linspace(0.0, 0.5, 1501),
+    )
+
+
+@functools.cache
+def steady() -> bd.Result:
+    """The same arm with its own friction, at a constant load on few links."""
+    scene = bd.scenes.tensioned_alternator(70)
+    return bd.simulate(scene.params, scene.torque_fn, 0.4, motion=scene.motion)
+
+
+# --- Hub loads ------------------------------------------------------------------------------------
+
+
+def test_a_constant_load_has_a_narrow_range() -> None:
+    """Load, speed and tensions are constant but for the mesh: so are the hub loads of a designer.
+
+    The contact of 4 links on the tensioner swings by a third and more of the mean.
+    """
+    told = steady().report(0.2)
+    late = steady().t >= told.begin
+    swings = []
+    for k, row in enumerate(told.pulleys):
+        assert row.hub_load is not None
+        assert row.hub_load.most - row.hub_load.least < 0.1 * row.hub_load.mean
+        raw = np.hypot(*steady().pulleys.load[late, k].T)
+        swings.append(float(np.ptp(raw) / raw.mean()))
+        # the contact's force has the mean that the spans pull, to what 4 links know of an arc
+        x, y = steady().pulleys.load[late, k].mean(axis=0)
+        assert row.hub_load.mean == pytest.approx(math.hypot(x, y), rel=0.02)
+    assert max(swings) > 0.35
+    belt = told.mounts["tensioner"].belt
+    raw = steady().mounts.belt_force[late, 0]  # type: ignore[union-attr]
+    assert belt is not None and belt.mean == pytest.approx(raw.mean(), rel=2e-3)
+    assert belt.most - belt.least < 0.7 * np.ptp(raw)
+
+
+@pytest.mark.slow
+def test_ranges_of_hub_loads_do_not_depend_on_the_mesh() -> None:
+    """Of the serpentine drive, 200 and 400 links, whose contact's peaks fall by 36 %."""
+    peaks = []
+    for n_bodies in (200, 400):
+        scene = bd.scenes.serpentine(n_bodies)
+        result = bd.simulate(scene.params, scene.torque_fn, scene.t_end, motion=scene.motion)
+        loads = [row.hub_load for row in result.report().pulleys]
+        peaks.append(np.array([[one.least, one.most] for one in loads if one is not None]))
+    assert peaks[0].shape == (7, 2)
+    np.testing.assert_allclose(peaks[0], peaks[1], rtol=0.03)
+
+
+def test_pulleys_carry_the_weight_of_the_belt() -> None:
+    """Of all pulleys together the pulls of the spans cancel: what is left is rho L g."""
+    params = drive(40, gravity=(0.0, -9.80665))
+    still = bd.simulate(params, lambda *_: [0.0, 0.0, 0.0], 0.01)
+    statics = hub_statics(Window.last(still, 1.0))
+    assert statics is not None
+    total = statics[-1].sum(axis=0)
+    weight = params.belt.linear_density * params.info["length"] * 9.80665
+    assert total[1] == pytest.approx(-weight, rel=2e-3)
+    assert abs(total[0]) < 1e-9 * np.abs(statics).max()
+
+
+def test_where_spans_are_not_known_it_is_said() -> None:
+    scene = bd.scenes.tensioned_alternator(40)
+    few = bd.simulate(
+        scene.params, scene.torque_fn, 0.02, motion=scene.motion, outputs=("pulleys", "mounts")
+    ).report()
+    assert any(note.startswith("hub load of crank, alternator") for note in few.notes)
+
+
+# --- Mounts ---------------------------------------------------------------------------------------
+
+
+def test_what_acts_on_an_arm_is_in_balance() -> None:
+    """Its mean acceleration is what its speed changes by over the window, over its inertia."""
+    result = run(70)
+    told = result.report(0.4)
+    row = told.mounts["tensioner"]
+    late = result.t >= told.begin
+    means = [row.spring, row.damper, row.friction, row.stop, row.belt]
+    torques = [one.mean for one in means if one is not None]
+    assert len(torques) == 5 and row.kind == "arm"
+    assert result.mounts is not None
+    speed, arm = result.mounts.travel_speed[late, 0], result.params.pulleys[2].mount
+    assert isinstance(arm, bd.Arm)
+    change = arm.inertia * (speed[-1] - speed[0]) / (told.end - told.begin)
+    # by trapezoids over samples between which links land: 0.5 % of the belt's torque
+    assert sum(torques) == pytest.approx(change, abs=5e-3 * abs(torques[-1]))
+
+
+def test_travel_stops_and_swing_of_an_arm() -> None:
+    result = run(70)
+    told = result.report(0.4)
+    row = told.mounts[0]
+    assert result.mounts is not None and row.travel is not None and row.to_stop is not None
+    late = result.t >= told.begin
+    travel = result.mounts.travel[late, 0]
+    assert (row.travel.least, row.travel.most) == (travel.min(), travel.max())
+    assert row.to_stop.least == pytest.approx(travel.min() + 0.1)  # the lower stop is nearer
+    # it swings with the load; over 4.4 periods a line is found within a tenth of 5 Hz
+    assert row.frequency == pytest.approx(PULSE, abs=0.5)
+    assert row.amplitude is not None and 0.3 < 2.0 * row.amplitude / np.ptp(travel) < 1.2
+    lines = str(told).splitlines()
+    (line,) = [one for one in lines if one.strip().startswith("tensioner, travel")]
+    assert f"{math.degrees(row.travel.mean):.3f}" in line and " deg " in line
+    assert f"{row.frequency:.2f}" in line
+    assert any("to the nearer stop" in one for one in lines)
+    assert "tensioner, spring" in told._repr_html_()
+    assert told.to_dict()["mounts"][0]["travel"]["mean"] == row.travel.mean
+
+
+def test_a_slider_and_a_path() -> None:
+    def two(mount: object, **belt: float) -> bd.Params:
+        return bd.Params(
+            belt=bd.Belt(n_bodies=40, linear_density=0.1, axial_stiffness=60e3, **belt),  # type: ignore[arg-type]
+            pulleys=[
+                bd.Pulley(name="motor", center=(0.0, 0.0), radius=0.05, inertia=0.01),
+                bd.Pulley(name="tail", center=(0.4, 0.0), radius=0.05, inertia=0.01, mount=mount),
+            ],
+            friction=bd.Dahl(mu_k=0.5, sigma=1e4),
+        )
+
+    still = lambda *_: [0.0, 0.0]  # noqa: E731
+    slider = bd.Slider(direction=(1.0, 0.0), mass=2.0, weight=80.0)
+    told = bd.simulate(two(slider, length=1.12), still, 0.02).report(1.0)
+    row = told.mounts["tail"]
+    pull = 80.0 * 9.80665
+    assert row.kind == "slider" and row.to_stop is None and row.damper is None
+    assert row.spring is not None and row.spring.mean == pytest.approx(pull, rel=1e-9)
+    assert row.belt is not None and row.belt.mean == pytest.approx(-pull, rel=1e-3)
+    assert " mm " in str(told) and "spring, hung weight" in str(told)
+    path = bd.Path(t=[0.0, 0.02], displacement=[(0.0, 0.0), (3e-4, -4e-4)])
+    told = bd.simulate(two(path, preload=300.0), still, 0.03).report(0.1)
+    row = told.mounts[0]
+    assert row.kind == "path" and row.belt is None
+    assert row.travel is not None and row.travel.mean == pytest.approx(5e-4, rel=1e-9)
+    few = bd.simulate(two(path, preload=300.0), still, 0.01, outputs=("pulleys",)).report(1.0)
+    assert any(note.startswith("mounts: mounts.travel") for note in few.notes)
