@@ -175,3 +175,21 @@ def test_a_chirp_is_named_as_long_as_it_is_a_line(swept: float) -> None:
     assert one.kept[0] == pytest.approx(amplitude[np.argmin(abs(at - 30.0))], abs=0.01)
     named = "pulley 0 x1" in lines_at([one], float(at[amplitude.argmax()]), resolution, 1000.0)
     assert named == (one.kept[0] >= 0.7)
+
+
+def test_a_folded_guess_does_not_stand_beside_an_order() -> None:
+    """Three times 2813 Hz, sampled at 8333 Hz, appears at 106 Hz: beside an order of 100 Hz."""
+
+    def source(name: str, kind: str, frequency: float) -> Source:
+        kept = (1.0,) * {"link": 4, "pulley": 12}[kind]
+        return Source(name=name, kind=kind, frequency=frequency, spread=0, kept=kept, known=5e-4)
+
+    links, crank = source("link passing", "link", 2813.0), source("crank", "pulley", 50.5)
+    assert lines_at([links, crank], 102.0, 25.0, 4166.5) == ("crank x2",)
+    assert lines_at([links], 102.0, 25.0, 4166.5) == ("may be link passing x3, folded",)
+    # as near by an order that is not folded it cannot be told
+    near = source("link passing", "link", 101.5)
+    assert set(lines_at([near, crank], 101.2, 25.0, 4166.5)) == {
+        "crank x2",
+        "may be link passing x1",
+    }

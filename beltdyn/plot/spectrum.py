@@ -131,7 +131,8 @@ def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
         f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz merge"
     ]
     if marks:
-        said += [note for note in found.notes()[1:] if "up to x" not in note]
+        notes = [note for note in found.notes()[1:] if "up to x" not in note]
+        said += [note.replace(" %", "\N{NO-BREAK SPACE}%") for note in notes]
     figure = ax.get_figure()
     wide = 6.4 if figure is None else figure.get_figwidth()  # type: ignore[union-attr]
     points = FontProperties(size="small").get_size_in_points()

@@ -24,7 +24,7 @@ NEAR = 0.2
 KEPT = 0.7
 #: How well a frequency is known, as a share: from the speeds of pulleys or links, by the times
 #: between the samples; from the rims for the belt, by stretch, creep and running radii.
-MEASURED, FROM_RIMS = 1e-3, 2e-2
+MEASURED, FROM_RIMS = 5e-4, 2e-2
 #: Periods in the window below which a line at the link passing only may be of the mesh: that near,
 #: 3 % of its frequency, another line may well be.
 SURE = 10.0
@@ -198,7 +198,8 @@ def lines_at(
 
     Returns:
         As "crank x2"; "link passing x3, folded" of a frequency above the limit; "may be link
-        passing x1" where the window holds so few periods that other lines are as near.
+        passing x1" where the window holds so few periods that other lines are as near (folded ones
+        only where nothing else is).
     """
     names = []
     for source in found:
@@ -215,4 +216,9 @@ def lines_at(
                 sure = source.kind != "link" or frequency >= SURE * resolution / 1.5
                 name = f"{'' if sure else 'may be '}{source.name} x{k}"
                 names.append((above, off / allowed, name + (", folded" if above else "")))
-    return tuple(name for _, _, name in sorted(names))
+    told = [name for _, _, name in sorted(names)]
+    # what is folded may be anywhere: where something is known to be, that is no guess worth telling
+    guesses = [name for name in told if name.startswith("may be ") and name.endswith(", folded")]
+    if len(guesses) < len(told):
+        told = [name for name in told if name not in guesses]
+    return tuple(told)
