@@ -40,14 +40,17 @@ def hub_statics(window: Window) -> Array | None:
 
     Returns:
         (n_w, n_p, 2) [N]; NaN of pulleys beside a span in the middle of which there is no belt.
-        None: outputs are missing, or there is one pulley.
+        None: outputs are missing, travels of mounts among them, or there is one pulley.
     """
     params = window.params
     tension = middles(window)
     turning = belt_turning(window.run, window.rows)
+    travels = window.travels()
     if tension is None or turning is None or len(params.pulleys) == 1:
         return None
-    lines, _ = routes(params, window.travels())
+    if params.mounted and travels is None:
+        return None
+    lines, _ = routes(params, travels)
     way = np.roll([one.arrive for one in lines], -1, axis=1) - np.array([o.leave for o in lines])
     spans = np.array([one.spans for one in lines])
     belt = params.belt
@@ -82,6 +85,6 @@ def with_hub_loads(
     if not kept:
         return found, []
     return found, [
-        f"hub load of {', '.join(kept)}: from the contact, because the tensions beside it are not "
+        f"hub load of {', '.join(kept)}: from the contact, because tensions or axes are not "
         "known; its range holds the blows of links that land, of the mesh"
     ]
