@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
+import attrs
 
 from ..checks import integer, real
 from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
 from .powers import power_rows
-from .pulleys import pulley_rows
+from .pulleys import pulley_rows, spread
 from .report import Report
-from .rows import Creep, PulleyRow, Rows
+from .rows import Creep, PulleyRow, Rows, Spread
 from .spans import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import OF_ARCS, Run, Window, missing
@@ -58,12 +58,18 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         lacking = missing(run, names)
         if lacking:
             notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
+    if window.lost_mounts:
+        notes.append(
+            "no wraps, limits, lengths and string frequencies of spans, margin to slip, no torque "
+            "of the belt on pulleys with mounts and no split of their creep: mounts.travel not "
+            "asked for (outputs of simulate)"
+        )
     touched = touching(window)
-    driver = driving(window, _belt_torque(window, touched))
-    if driver is not None and touched is not None and abs(touched.speed) <= least_speed(window):
+    driver = driving(window, None if touched is None else touched.torques)
+    if touched is not None and touched.stands(window, least_speed(window)):
         driver = None
     if driver is None and run._has("pulleys.omega"):
-        notes.append("the belt stands still in this window: no creep, no margin to slip")
+        notes.append("the belt stands still in this window: no creep; margins are those at rest")
     if not run.params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
     unsteady = window.unsteady()
@@ -87,6 +93,7 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         samples=window.t.size,
         driver=None if driver is None else names[driver],
         belt_speed=None if touched is None else _belt_speed(window, touched),
+        belt_speeds=None if touched is None else _belt_speeds(window, touched),
         pulleys=Rows(pulleys),
         spans=Rows(spans),
         creep=Rows(creep),
@@ -107,18 +114,9 @@ def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
         return []
     window = Window.last(run, last)
     touched = touching(window)
-    if touched is None or abs(touched.speed) <= least_speed(window):
+    if touched is None or touched.stands(window, least_speed(window)):
         return []
     return creep_rows(window, touched, pulley)[0]
-
-
-def _belt_torque(window: Window, touched: Touching | None) -> np.ndarray | None:
-    if touched is None:
-        return None
-    torque = touched.friction * touched.radius
-    n_p = len(window.params.pulleys)
-    sums = [np.sum(np.where(touched.pulley == k, torque, 0.0), axis=1) for k in range(n_p)]
-    return window.mean(np.column_stack(sums))
 
 
 def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
@@ -148,3 +146,10 @@ def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
 def _belt_speed(window: Window, touched: Touching) -> float:
     """Give the mean speed of the belt, along the order of its links [m/s]."""
     return touched.speed * float(window.mean(touched.stretch.mean(axis=1)))
+
+
+def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
+    """Give the same with its range."""
+    smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
+    found = spread(window, smooth * touched.stretch.mean(axis=1))
+    return None if found is None else attrs.evolve(found, mean=_belt_speed(window, touched))

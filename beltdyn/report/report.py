@@ -42,7 +42,8 @@ class Report(Told):
         end: Last one [s].
         samples: How many.
         driver: Name of the pulley that drives the belt; None if the belt stands still.
-        belt_speed: Mean speed of the belt in the order of its links [m/s].
+        belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
+        belt_speeds: The same with its range, without what links do that pass [m/s].
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
         creep: A row for each pulley but the driving one.

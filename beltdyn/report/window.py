@@ -157,6 +157,33 @@ class Window:
             np.divide(summed, total, out=np.full(np.shape(summed), np.nan), where=total > 0.0)
         )
 
+    def smoothed(self, samples: Array, width: float) -> Array:
+        """Give the running mean over a time [s] of samples (n_w, n), NaN left out.
+
+        Over half of it, or less, at the ends there is no whole one: NaN; if it is longer than the
+        window, the mean of the window.
+        """
+        t = self.t
+        if not width < self.lasts:
+            return np.broadcast_to(self.mean(samples), samples.shape)
+        if width == 0.0:
+            return samples
+        half = 0.5 * width
+        whole = (t >= t[0] + half * (1.0 - 1e-9)) & (t <= t[-1] - half * (1.0 - 1e-9))
+        found = np.full(samples.shape, np.nan)
+        there = ~np.isnan(samples)
+        for k in range(samples.shape[1]):
+            parts = [
+                np.interp(t + half, t, total) - np.interp(t - half, t, total)
+                for total in (
+                    _integral(t, np.where(there[:, k], samples[:, k], 0.0)),
+                    _integral(t, there[:, k].astype(float)),
+                )
+            ]
+            known = whole & (parts[1] > 0.5 * width)
+            found[known, k] = parts[0][known] / parts[1][known]
+        return found
+
     def travels(self) -> Array | None:
         """Give the travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
         mounts = self.run.mounts
@@ -194,8 +221,15 @@ class Window:
             self.centers,
         )
 
-    def route(self) -> Route:
-        """Give the way of the belt with the mounts at their mean travels."""
+    @property
+    def lost_mounts(self) -> bool:
+        """Whether pulleys are on mounts whose travels the run was not asked for."""
+        return bool(self.params.mounted) and self.travels() is None
+
+    def route(self) -> Route | None:
+        """Give the way of the belt with the mounts at their mean travels; None: not known."""
+        if self.lost_mounts:
+            return None
         travels = self.travels()
         if travels is None:
             return self.params.route
@@ -247,3 +281,9 @@ class Window:
             value = np.sum(weights * np.nan_to_num(samples)) / total if total > 0.0 else np.nan
             means.append(float(value))
         return means[0], means[1]
+
+
+def _integral(t: Array, values: Array) -> Array:
+    """Integrate samples over time, from 0 at the first (n,)."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)
+    return np.concatenate([[0.0], np.cumsum(steps)])
