@@ -9,11 +9,12 @@ and whether they are steady), ``touching`` (where belt and pulleys touch), ``pul
 from __future__ import annotations
 
 from .cycles import rainflow
-from .making import creep_against, make_report
+from .making import LAST, creep_of, make_report
 from .report import Report
 from .rows import Creep, Cycle, Power, PulleyRow, Rows, SpanRow, Spread
 
 __all__ = [
+    "LAST",
     "Creep",
     "Cycle",
     "Power",
@@ -22,7 +23,7 @@ __all__ = [
     "Rows",
     "SpanRow",
     "Spread",
-    "creep_against",
+    "creep_of",
     "make_report",
     "rainflow",
 ]

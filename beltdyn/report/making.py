@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import attrs
+import numpy as np
 
 from ..checks import integer, real
 from .creep import creep_rows, driving, least_speed
@@ -17,10 +18,16 @@ from .spans import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import OF_ARCS, Run, Window, missing
 
-__all__ = ["creep_against", "make_report"]
+__all__ = ["LAST", "creep_of", "make_report"]
 
 #: Share of the exponent mu wrap from which on it is said that bending takes it off.
 NOTABLE = 0.01
+#: Part of a run that is reported if none is asked for.
+LAST = 0.2
+#: Turns of a pulley in the window below which it is said how many, and those of one that stands.
+FEW, STANDS = 5.0, 0.01
+#: Power over the largest one of a pulley that only runs along.
+IDLE = 0.01
 
 
 #: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
@@ -34,7 +41,7 @@ _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 
 
-def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
+def make_report(run: Run, last: float = LAST, joint: int = 0) -> Report:
     """Make the report of the last part of a run.
 
     Args:
@@ -73,6 +80,7 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     if not run.params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
     unsteady = window.unsteady()
+    notes += _turns(window)
     pulleys, said = pulley_rows(window, touched, driver)
     notes += said
     notes += _bending(run, pulleys)
@@ -108,15 +116,40 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     )
 
 
-def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
-    """Split the speed that pulleys lose against one of them; empty if it cannot be told."""
+def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
+    """Give the driving pulley and the speed that others lose against it, as a report has them.
+
+    Returns:
+        "" and no rows if it cannot be told.
+    """
     if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
-        return []
+        return "", []
     window = Window.last(run, last)
     touched = touching(window)
     if touched is None or touched.stands(window, least_speed(window)):
+        return "", []
+    driver = driving(window, touched.torques)
+    if driver is None:
+        return "", []
+    return run.params.pulley_names[driver], creep_rows(window, touched, driver)[0]
+
+
+def _turns(window: Window) -> list[str]:
+    """Say where the window holds so few turns of a pulley that means are of broken periods."""
+    run = window.run
+    if not run._has("pulleys.omega"):
         return []
-    return creep_rows(window, touched, pulley)[0]
+    turns = np.abs(window.mean(window.of(run.pulleys.omega))) * window.lasts / (2.0 * np.pi)
+    if run._has("pulleys.torque"):  # of those whose loads may change with the angle
+        power = window.mean(np.abs(window.of(run.pulleys.torque) * window.of(run.pulleys.omega)))
+        turns = np.where(power > IDLE * power.max(initial=0.0), turns, np.inf)
+    slowest = int(np.argmin(turns))
+    if not STANDS < turns[slowest] < FEW:
+        return []
+    return [
+        f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what changes "
+        "with its angle goes into the means with a broken number of periods"
+    ]
 
 
 def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:

@@ -142,6 +142,16 @@ class Creep:
         """Creep proper: belt that moves against the rim, of stretch and friction [1]."""
         return self.stretch + self.friction
 
+    @property
+    def slower(self) -> float:
+        """Speed lost over that of the driving pulley's rim, 1 - ratio / nominal [1]."""
+        return -math.expm1(-self.lost)
+
+    @property
+    def as_share(self) -> float:
+        """What parts are multiplied with to add up to ``slower`` in place of ``lost``."""
+        return self.slower / self.lost if self.lost != 0.0 else 1.0
+
 
 @attrs.frozen(kw_only=True)
 class Power:

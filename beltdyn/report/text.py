@@ -18,6 +18,8 @@ _WIDTH = 98
 _TO_RPM = 30.0 / math.pi
 #: What stands for a value that is not known or does not apply.
 _NONE = "-"
+#: Part of the speed lost that may remain unexplained, and speeds lost that are as good as none.
+DOUBT, FAINT = 0.1, 1e-5
 #: Links on a wrap from which on arcs and ratios are right to some percent.
 LINKS = 3.0
 
@@ -254,11 +256,11 @@ def _creep(report: Told) -> Table:
         (
             row.name,
             _number(row.ratio, 5),
-            _percent(row.lost, 3),
-            _percent(row.stretch, 3),
-            _percent(row.friction, 3),
-            _percent(row.radius, 3),
-            _percent(row.remainder, 3),
+            _percent(row.slower, 3),
+            _percent(row.as_share * row.stretch, 3),
+            _percent(row.as_share * row.friction, 3),
+            _percent(row.as_share * row.radius, 3),
+            _percent(row.as_share * row.remainder, 3),
         )
         for row in report.creep
     ]
@@ -271,9 +273,16 @@ def _creep(report: Told) -> Table:
         "+ radius",
         "+ remainder",
     )
-    return Table(
-        f"Speed lost against {report.driver}, and why (parts are -ln of ratios)", heading, rows
-    )
+    doubtful = [
+        row.name for row in report.creep if abs(row.remainder) > DOUBT * max(abs(row.lost), FAINT)
+    ]
+    remarks: tuple[str, ...] = ()
+    if doubtful:
+        remarks = (
+            f"Do not trust the split of {', '.join(doubtful)}: the remainder, of unsteady motion, "
+            "is more than a tenth of the speed lost. Take a longer or a steadier part of the run.",
+        )
+    return Table(f"Speed lost against {report.driver}, and why", heading, rows, remarks)
 
 
 def _powers(report: Told) -> Table:
@@ -314,11 +323,17 @@ def _opening(report: Told) -> list[str]:
     ]
 
 
+def _unsteady(report: Told) -> str:
+    """Give what is least steady, and how much else is not."""
+    more = len(report.unsteady) - 1
+    return report.unsteady[0] + (f"; and {more} more (report.unsteady)" if more else "")
+
+
 def lines(report: Told) -> list[str]:
     """Give the lines of a report."""
     found = _opening(report)
-    for one in report.unsteady:
-        found += _wrapped(f"not steady: {one}")
+    if report.unsteady:
+        found += _wrapped(f"not steady: {_unsteady(report)}")
     for table in tables(report):
         found += ["", table.title]
         whole = [table.heading, *table.rows]
@@ -345,7 +360,8 @@ def _wrapped(text: str) -> list[str]:
 def html(report: Told) -> str:
     """Give a report as HTML, for notebooks."""
     parts = [f"<p>{escape.escape(one)}</p>" for one in _opening(report)]
-    parts += [f"<p><b>not steady:</b> {escape.escape(one)}</p>" for one in report.unsteady]
+    if report.unsteady:
+        parts.append(f"<p><b>not steady:</b> {escape.escape(_unsteady(report))}</p>")
     for table in tables(report):
         head = "".join(f"<th>{escape.escape(cell)}</th>" for cell in table.heading)
         body = "".join(

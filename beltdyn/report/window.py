@@ -41,6 +41,7 @@ OF_ARCS = (
 #: the pulley's largest speed, of tensions over the mean tension: half of it is as much as a link
 #: that lands does to a mean of some passings of links.
 STEADY = 0.01
+_HALVES = " from the first half of the window to the second"
 
 
 class Run(Protocol):
@@ -242,11 +243,11 @@ class Window:
         return np.asarray(self.of(self.run.span_tension), dtype=float)
 
     def unsteady(self) -> list[str]:
-        """Say what changes between the halves of the window, by how much."""
+        """Say what changes between the halves of the window, by how much; the largest first."""
         half = self.t.size // 2
         if half < 2:
             return ["whether it is steady cannot be told from fewer than four samples"]
-        found = []
+        found: list[tuple[float, str]] = []
         names = self.params.pulley_names
         if self.run._has("pulleys.omega"):
             omega = self.of(self.run.pulleys.omega)
@@ -255,22 +256,22 @@ class Window:
             for k, pulley in enumerate(self.params.pulleys):
                 before, after = self._halves(omega[:, k])
                 if abs(after - before) * pulley.radius > max(STEADY * scale, least):
-                    found.append(
-                        f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s "
-                        "from the first half of the window to the second"
+                    text = (
+                        f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s"
                     )
+                    found.append((abs(after - before) * pulley.radius / scale, text + _HALVES))
         spans = self.spans()
         if spans is not None and spans.shape[1] > 1:
             scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0
             for k in range(spans.shape[1]):
                 before, after = self._halves(spans[:, k])
                 if abs(after - before) > STEADY * scale > 0.0:
-                    after_name = names[(k + 1) % len(names)]
-                    found.append(
-                        f"the mean tension from {names[k]} to {after_name} goes from {before:.4g} "
-                        f"to {after:.4g} N"
+                    text = (
+                        f"the mean tension from {names[k]} to {names[(k + 1) % len(names)]} goes "
+                        f"from {before:.4g} to {after:.4g} N"
                     )
-        return found
+                    found.append((abs(after - before) / scale, text + _HALVES))
+        return [text for _, text in sorted(found, key=lambda one: -one[0])]
 
     def _halves(self, samples: Array) -> tuple[float, float]:
         middle = 0.5 * (self.t[0] + self.t[-1])
