@@ -25,7 +25,8 @@ class Report(Told):
     ==================================================  ==========================================
     what load do the alternator's bearings carry?       ``pulleys["alternator"].hub_load``
     in which direction?                                 ``pulleys["alternator"].hub_direction``
-    how far is it from slipping?                        ``pulleys["alternator"].margin``
+    how far is it from slipping?                        ``pulleys["alternator"].own_margin``,
+                                                        all torques: ``margin``, ``least_margin``
     at which torque does it slip?                       ``pulleys["alternator"].slip_torque``
     which pulley slips first?                           ``first_to_slip``
     where does the power go?                            ``powers``, ``efficiency``
