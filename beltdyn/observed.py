@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .arcs import in_slip
 from .checks import Array
+from .gross_slip import durations, gross_slip
 from .naming import span_name
 from .outputs import has, unchecked
 from .params import Params
@@ -24,16 +24,6 @@ __all__ = ["observe"]
 
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
-#: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
-#: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
-#: below: 0.88 in case 1 of the paper, which is loaded almost to its limit. In place of mu_k stands
-#: what friction has at the slip velocity of each link, where its law depends on that: with LuGre's
-#: law a link that sticks can hold mu_s.
-SATURATED = 0.98
-#: Slip in units of mu_k/sigma, below which a pulley has only moved within its friction joint.
-SLIPPED = 10.0
-#: Friction below this share of the belt's tension is neglected.
-FAINT = 0.01
 
 
 def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
@@ -99,45 +89,28 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, contact = result.params, result.contact
     if not params.has_friction:
         return
-    kinetic, developed = params._slip_limits
-    n_t, n_p = result.t.size, len(params.pulleys)
-    bins = _bins(contact.pulley, n_p)
-    friction = _per_pulley(contact.friction, bins, n_p)
-    most = kinetic * _per_pulley(contact.normal, bins, n_p)
-    for k in range(n_p):
-        law = params.friction_on(k)
-        held = None if law is None else in_slip(law, float(kinetic[k]), contact.velocity)
-        if held is not None:
-            most[:, k] = _per_pulley(held * contact.normal, bins, n_p)[:, k]
-    tension = params.info["strain_tension"]
-    saturated = (np.abs(friction) >= SATURATED * most) & (most > FAINT * tension)
-    rows = np.flatnonzero(saturated.any(axis=1))
-    if rows.size == 0:
-        return
-    lost = np.zeros((n_t, n_p))
-    lost[rows] = _per_pulley(
-        contact.friction[rows] * contact.velocity[rows], _bins(contact.pulley[rows], n_p), n_p
+    found = gross_slip(
+        params, result.t, contact.pulley, contact.normal, contact.friction, contact.velocity
     )
-    lasts = _durations(result.t)
+    if found is None:
+        return
+    lasts = durations(result.t)
     for k, pulley in enumerate(params.pulleys):
-        speed = np.where(saturated[:, k], lost[:, k] / np.abs(friction[:, k]), 0.0)
-        # A wrap whose friction is fully developed from tensioning alone does not slip.
-        slips = speed > 0.01 * speed.max()
-        slip = float(np.sum(lasts * speed, where=slips))
-        if not slip > SLIPPED * developed[k]:
+        slips = found.slips[:, k]
+        if not slips.any():
             continue
         first, last, whole = _when(result.t, lasts, slips)
-        carried = float(np.max(np.abs(friction[slips, k]))) * pulley.radius
+        carried = float(found.carried[k]) * pulley.radius
         given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
         of_set = (
             f", the set torque is {given:.3g} N m" if given > carried and k not in moved else ""
         )
         yield RunWarning(
             code="full_slip",
-            text=f"{params.label(k)} slips over its whole wrap, by {slip:.2g} m, {whole} between "
-            f"t = {first:.4g} and {last:.4g} s, which dissipates "
-            f"{np.sum(lasts * lost[:, k], where=slips):.3g} J: friction transmits "
-            f"{carried:.3g} N m at most{of_set}; {_tighter(params)} or lower the torque",
+            text=f"{params.label(k)} slips over its whole wrap, by {found.way[k]:.2g} m, {whole} "
+            f"between t = {first:.4g} and {last:.4g} s, which dissipates {found.lost[k]:.3g} J: "
+            f"friction transmits {carried:.3g} N m at most{of_set}; {_tighter(params)} or lower "
+            "the torque",
             t=first,
             where=params.label(k),
         )
@@ -159,7 +132,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
         return
     params, n_p = result.params, len(result.params.pulleys)
     tension = result._span_tension(rows)
-    lasts = _durations(result.t)
+    lasts = durations(result.t)
     for k in range(n_p):
         slack = np.zeros(result.t.size, dtype=bool)
         slack[rows] = tension[:, k] <= 0.0
@@ -177,25 +150,6 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             where=f"span {span_name(k, params.pulley_names, unnamed=str(k))}",
             accuracy=True,
         )
-
-
-def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
-    """Give every (sample, pulley) a number; pulley -1, no contact, is the first of a sample."""
-    rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
-    return (touched + (rows * (n_p + 1) + 1)).ravel()
-
-
-def _per_pulley(values: Array, bins: NDArray[np.intp], n_p: int) -> Array:
-    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
-    n_t = values.shape[0]
-    total = np.bincount(bins, weights=values.ravel(), minlength=n_t * (n_p + 1))
-    return np.asarray(total.reshape(n_t, n_p + 1)[:, 1:], dtype=float)
-
-
-def _durations(t: Array) -> Array:
-    """Time that each sample stands for [s]."""
-    half = np.diff(t) / 2.0
-    return np.asarray(np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half]))
 
 
 def _when(t: Array, lasts: Array, during: NDArray[np.bool_]) -> tuple[float, float, str]:

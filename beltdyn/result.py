@@ -31,7 +31,7 @@ from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
 from .places import AlongBelt, along, momentum_flux, routes
-from .report import Report, creep_against, make_report
+from .report import LAST, Report, creep_of, make_report
 from .run_warnings import RunWarning
 from .sanity import bodies
 from .spans import span_tension
@@ -338,7 +338,7 @@ class Result:
     def summary(self, verbose: bool = False) -> list[tuple[str, str]]:
         """List the most important results, and how accurate they are, as pairs of label and value.
 
-        Speeds, tensions and creep are means over the last tenth of the run, because links that
+        Speeds, tensions and creep are means over the last fifth of the run, because links that
         arrive at a pulley or leave it make them fluctuate from sample to sample.
 
         Args:
@@ -359,12 +359,10 @@ class Result:
         if self.unchecked:
             rows.append(("  not looked for", f"{', '.join(self.unchecked)}, for want of outputs"))
         if self.t.size:
-            late = self.t >= self.t[-1] - 0.1 * (self.t[-1] - self.t[0])
-            slip = np.array([])
+            late = self.t >= self.t[-1] - LAST * (self.t[-1] - self.t[0])
             rows.append(("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"))
             if self._has("pulleys.omega"):
                 speeds = self.pulleys.omega[late].mean(axis=0)
-                slip = self._slip(speeds[None])[0, 1:]
                 rows.append(("  pulley speeds", listed(speeds, ".5g", names, " rad/s")))
             if self._has("span_tension"):
                 tensions = listed(_mean(self.span_tension[late]), ".5g", spans, " N")
@@ -374,15 +372,20 @@ class Result:
                 travel = self.mounts.travel[late].mean(axis=0)
                 texts = [f"{names[k]}: {travel_text(self._mount(k), travel[m])}" for m, k in moving]
                 rows.append(("  mounts, from their places", ", ".join(texts)))
-            # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
-            if slip.size and (np.abs(slip) <= 1.0).all():
-                against = f"  speed lost against {names[0]}"
-                rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
+            driver, lost = creep_of(self) if self._has("pulleys.omega") else ("", [])
+            if lost:
+                of = [one.name for one in lost]
+                parts = np.array([(one.slower, one.as_share * one.creep) for one in lost])
+                percent = 100.0 * parts.T
+                rows.append((f"  speed lost against {driver}", listed(percent[0], ".3g", of, " %")))
                 # The rest is running radii: report() has all parts.
-                split = creep_against(self, 0, 0.1)
-                if len(split) == slip.size:
-                    creep = 100 * np.array([one.creep for one in split])
-                    rows.append(("    of it creep", listed(creep, ".3g", names[1:], " %")))
+                rows.append(("    by creep alone", listed(percent[1], ".3g", of, " %")))
+            elif self._has("pulleys.omega"):  # no split of it can be told
+                slip = self._slip(speeds[None])[0, 1:]
+                # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
+                if slip.size and (np.abs(slip) <= 1.0).all():
+                    against = f"  speed lost against {names[0]}"
+                    rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
         rows += self.accuracy.summary()
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]

@@ -2,18 +2,20 @@
 
 ``result.report()`` makes it (:class:`Report`). Each part is a module: ``window`` (which samples,
 and whether they are steady), ``touching`` (where belt and pulleys touch), ``pulleys``, ``hubs``
-(hub loads by the spans), ``margin`` (to full slip), ``spans``, ``mounted``, ``creep``, ``powers``,
-``cycles``, and ``text`` and ``flat`` for how it is printed and given as numbers.
+(hub loads by the spans), ``slipping`` (friction in use), ``margin`` (to full slip), ``spans``,
+``mounted``, ``creep``, ``powers``, ``cycles``, and ``text`` and ``flat`` for how it is printed and
+given as numbers.
 """
 
 from __future__ import annotations
 
 from .cycles import rainflow
-from .making import creep_against, make_report
+from .making import LAST, creep_of, make_report
 from .report import Report
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, Rows, SpanRow, Spread
 
 __all__ = [
+    "LAST",
     "Creep",
     "Cycle",
     "MountRow",
@@ -23,7 +25,7 @@ __all__ = [
     "Rows",
     "SpanRow",
     "Spread",
-    "creep_against",
+    "creep_of",
     "make_report",
     "rainflow",
 ]

@@ -26,6 +26,7 @@ import numpy as np
 
 from ..checks import Array
 from .rows import Creep
+from .slipping import friction_limits
 from .touching import Touching
 from .window import Window
 
@@ -54,24 +55,27 @@ def least_speed(window: Window) -> float:
 
 
 def driving(window: Window, torque: Array | None) -> int | None:
-    """Find the pulley that puts the most power into the belt; None if the belt stands still.
+    """Find the pulley that puts in the most power, in the mean; None if the belt stands still.
+
+    By the torques that are set; where none puts power in, as when a drive runs down, or none is
+    known, by those of the belt.
 
     Args:
         window: The part of the run.
-        torque: Mean torque of the belt on each pulley [N m]; None: by the torques that are set.
+        torque: Torques of the belt on the pulleys (n_w, n_p) [N m]; None: not known.
     """
     run = window.run
     if not run._has("pulleys.omega"):
         return None
-    omega = window.mean(window.of(run.pulleys.omega))
+    omega = window.of(run.pulleys.omega)
     radii = np.array([pulley.radius for pulley in window.params.pulleys])
-    if not float(np.max(np.abs(omega) * radii)) > least_speed(window):
+    if not float(np.max(window.mean(np.abs(omega)) * radii)) > least_speed(window):
         return None
-    if torque is not None:
-        return int(np.argmin(torque * omega))
     if run._has("pulleys.torque"):
-        return int(np.argmax(window.mean(window.of(run.pulleys.torque)) * omega))
-    return 0
+        power = window.mean(window.of(run.pulleys.torque) * omega)
+        if power.max() > 0.0 or torque is None:
+            return int(np.argmax(power))
+    return 0 if torque is None else int(np.argmin(window.mean(torque * omega)))
 
 
 def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Creep], list[str]]:
@@ -86,7 +90,13 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
     if tension is None or np.isnan(tension).any() or touching.speed == 0.0:
         return [], ["no split of creep: not all spans have a tension in this window"]
     arriving = np.roll(tension, 1) if touching.speed > 0.0 else tension
-    parts = [_of(window, touching, k, float(arriving[k])) for k in range(radii.size)]
+    if touching.reverses(window):
+        return [], [
+            "no creep: the belt's speed changes in this window by more than its mean, "
+            f"{touching.speed:.3g} m/s; take a part of the run in which it runs evenly (last)"
+        ]
+    limits = friction_limits(window, touching)
+    parts = [_of(window, touching, k, float(arriving[k]), limits[k]) for k in range(radii.size)]
     first = parts[driver]
     rows = []
     for k, part in enumerate(parts):
@@ -94,7 +104,11 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
             continue
         ratio = float(rims[k] / rims[driver])
         if part is None or first is None or not ratio > 0.0:
-            why = "the belt does not touch it" if part is None else "it does not turn with the belt"
+            why = "it does not turn with the belt"
+            if part is None or first is None:
+                why = "the belt does not touch it"
+            if window.lost_mounts and (k in params.mounted or driver in params.mounted):
+                why = "mounts.travel was not asked for, so that running radii are not known"
             notes.append(f"{params.label(k)}: no split of its creep, {why}")
             continue
         if abs(math.log(ratio)) > SLIPS:
@@ -124,10 +138,11 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
     return rows, notes
 
 
-def _of(window: Window, touching: Touching, k: int, tension: float) -> _Of | None:
+def _of(window: Window, touching: Touching, k: int, tension: float, mu: float) -> _Of | None:
     params = window.params
+    if window.lost_mounts and k in params.mounted:
+        return None
     on = (touching.pulley == k) & (touching.normal > 0.0)
-    mu = float(params._slip_limits[0][k])
     weight = np.where(on, touching.normal, 0.0)
     unused = np.where(on, np.maximum(mu * touching.normal - np.abs(touching.friction), 0.0), 0.0)
     # In full slip there is next to none unused, by the scatter of samples.

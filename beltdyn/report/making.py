@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import attrs
 import numpy as np
 
 from ..checks import integer, share_of_run
@@ -12,17 +13,23 @@ from .cycles import cycle_rows
 from .hubs import hub_statics, with_hub_loads
 from .mounted import mount_rows
 from .powers import power_rows
-from .pulleys import pulley_rows
+from .pulleys import pulley_rows, spread
 from .report import Report
-from .rows import Creep, PulleyRow, Rows
+from .rows import Creep, PulleyRow, Rows, Spread
 from .spans import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import OF_ARCS, Run, Window, missing
 
-__all__ = ["creep_against", "make_report"]
+__all__ = ["LAST", "creep_of", "make_report"]
 
 #: Share of the exponent mu wrap from which on it is said that bending takes it off.
 NOTABLE = 0.01
+#: Part of a run that is reported if none is asked for.
+LAST = 0.2
+#: Turns of a pulley in the window below which it is said how many, and those of one that stands.
+FEW, STANDS = 5.0, 0.01
+#: Power over the largest one of a pulley that only runs along.
+IDLE = 0.01
 
 
 #: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
@@ -36,7 +43,7 @@ _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 
 
-def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
+def make_report(run: Run, last: float = LAST, joint: int = 0) -> Report:
     """Make the report of the last part of a run.
 
     Args:
@@ -58,15 +65,22 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         lacking = missing(run, names)
         if lacking:
             notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
+    if window.lost_mounts:
+        notes.append(
+            "no wraps, limits, lengths and string frequencies of spans, margin to slip, no torque "
+            "of the belt on pulleys with mounts and no split of their creep: mounts.travel not "
+            "asked for (outputs of simulate)"
+        )
     touched = touching(window)
-    driver = driving(window, _belt_torque(window, touched))
-    if driver is not None and touched is not None and abs(touched.speed) <= least_speed(window):
+    driver = driving(window, None if touched is None else touched.torques)
+    if touched is not None and touched.stands(window, least_speed(window)):
         driver = None
     if driver is None and run._has("pulleys.omega"):
-        notes.append("the belt stands still in this window: no creep, no margin to slip")
+        notes.append("the belt stands still in this window: no creep; margins are those at rest")
     if not run.params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
     unsteady = window.unsteady()
+    notes += _turns(window)
     pulleys, said = pulley_rows(window, touched, driver)
     notes += said
     statics = hub_statics(window)
@@ -92,6 +106,7 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
         samples=window.t.size,
         driver=None if driver is None else names[driver],
         belt_speed=None if touched is None else _belt_speed(window, touched),
+        belt_speeds=None if touched is None else _belt_speeds(window, touched),
         pulleys=Rows(pulleys),
         spans=Rows(spans),
         mounts=Rows(mounts),
@@ -107,24 +122,40 @@ def make_report(run: Run, last: float = 0.2, joint: int = 0) -> Report:
     )
 
 
-def creep_against(run: Run, pulley: int, last: float) -> list[Creep]:
-    """Split the speed that pulleys lose against one of them; empty if it cannot be told."""
+def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
+    """Give the driving pulley and the speed that others lose against it, as a report has them.
+
+    Returns:
+        "" and no rows if it cannot be told.
+    """
     if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
-        return []
+        return "", []
     window = Window.last(run, last)
     touched = touching(window)
-    if touched is None or abs(touched.speed) <= least_speed(window):
+    if touched is None or touched.stands(window, least_speed(window)):
+        return "", []
+    driver = driving(window, touched.torques)
+    if driver is None:
+        return "", []
+    return run.params.pulley_names[driver], creep_rows(window, touched, driver)[0]
+
+
+def _turns(window: Window) -> list[str]:
+    """Say where the window holds so few turns of a pulley that means are of broken periods."""
+    run = window.run
+    if not run._has("pulleys.omega"):
         return []
-    return creep_rows(window, touched, pulley)[0]
-
-
-def _belt_torque(window: Window, touched: Touching | None) -> np.ndarray | None:
-    if touched is None:
-        return None
-    torque = touched.friction * touched.radius
-    n_p = len(window.params.pulleys)
-    sums = [np.sum(np.where(touched.pulley == k, torque, 0.0), axis=1) for k in range(n_p)]
-    return window.mean(np.column_stack(sums))
+    turns = np.abs(window.mean(window.of(run.pulleys.omega))) * window.lasts / (2.0 * np.pi)
+    if run._has("pulleys.torque"):  # of those whose loads may change with the angle
+        power = window.mean(np.abs(window.of(run.pulleys.torque) * window.of(run.pulleys.omega)))
+        turns = np.where(power > IDLE * power.max(initial=0.0), turns, np.inf)
+    slowest = int(np.argmin(turns))
+    if not STANDS < turns[slowest] < FEW:
+        return []
+    return [
+        f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what changes "
+        "with its angle goes into the means with a broken number of periods"
+    ]
 
 
 def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
@@ -154,3 +185,10 @@ def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
 def _belt_speed(window: Window, touched: Touching) -> float:
     """Give the mean speed of the belt, along the order of its links [m/s]."""
     return touched.speed * float(window.mean(touched.stretch.mean(axis=1)))
+
+
+def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
+    """Give the same with its range."""
+    smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
+    found = spread(window, smooth * touched.stretch.mean(axis=1))
+    return None if found is None else attrs.evolve(found, mean=_belt_speed(window, touched))

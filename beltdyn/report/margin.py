@@ -19,6 +19,7 @@ wrap.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import attrs
 import numpy as np
@@ -51,6 +52,7 @@ class Steady:
         speed: Stress-free length that passes in a second, in the order of the links [m/s].
         driver: The pulley whose speed is held.
         travel: Mean travels of the mounts (n_m,) [rad, m, s].
+        friction: Coefficients in full slip (n_p,) [1]; None: those of the laws in fast slip.
     """
 
     params: Params
@@ -59,6 +61,7 @@ class Steady:
     speed: float
     driver: int
     travel: Array
+    friction: Array | None = None
 
 
 @attrs.frozen(kw_only=True)
@@ -71,15 +74,16 @@ class FullSlip:
 
 
 class _Theory:
-    """Tensions at torques grown by a factor."""
+    """Tensions at torques grown by a factor: all of them, or that of one pulley and the driver."""
 
-    def __init__(self, steady: Steady) -> None:
+    def __init__(self, steady: Steady, growing: int | None = None) -> None:
         params, belt = steady.params, steady.params.belt
         self.steady, self.params = steady, params
         self.stiffness = belt.axial_stiffness
         self.density = belt.linear_density
         self.length = float(params.info["length"])
-        self.mu = params._slip_limits[0]
+        given = steady.friction
+        self.mu = params._slip_limits[0] if given is None else given
         self.radii = np.array([pulley.radius for pulley in params.pulleys])
         contact = params.effective_contact
         assert contact.linear is not None
@@ -95,6 +99,8 @@ class _Theory:
         pulls = self.less_mass(steady.tension, steady.speed)
         self.measured = pulls - np.roll(pulls, 1)
         per_factor = params.route.senses * steady.torque / self.radii
+        if growing is not None:
+            per_factor = np.where(np.arange(per_factor.size) == growing, per_factor, 0.0)
         # The driving pulley makes up for what else takes power: the ring closes.
         per_factor[steady.driver] -= per_factor.sum()
         self.per_factor = per_factor
@@ -273,25 +279,34 @@ class _State:
     used: Array
 
 
-def full_slip(steady: Steady) -> list[FullSlip | None]:
+def full_slip(
+    steady: Steady, pulleys: Sequence[int] | None = None, alone: bool = False
+) -> list[FullSlip | None]:
     """Find the torques at which each pulley slips in full, as if no other one did before.
 
     Args:
         steady: The mean state.
+        pulleys: Those that are asked for; None: all.
+        alone: Whether only the torque of that pulley grows, which the driving one makes up for;
+            else all torques grow in proportion.
 
     Returns:
-        For each pulley; None without friction on it. An infinite factor: others slip long before,
-        a span that is not its own goes slack first, or the factor is above 100.
+        For each pulley that is asked for; None without friction on it. An infinite factor: others
+        slip long before, a span that is not its own goes slack first, or the factor is above 100.
 
     Raises:
         ValueError: The mean state is none of a tight, turning belt.
     """
-    theory = _Theory(steady)
-    states = _march(theory)
-    return [
-        _of_pulley(theory, states, k) if theory.mu[k] > 0.0 else None
-        for k in range(theory.radii.size)
-    ]
+    asked = range(len(steady.params.pulleys)) if pulleys is None else pulleys
+    if alone:
+        return [_found(_Theory(steady, k), [k], coarse=True)[0] for k in asked]
+    return _found(_Theory(steady), asked, coarse=pulleys is not None)
+
+
+def _found(theory: _Theory, asked: Sequence[int], coarse: bool) -> list[FullSlip | None]:
+    holds = [k for k in asked if theory.mu[k] > 0.0]
+    states = _march(theory, holds, coarse) if holds else []
+    return [_of_pulley(theory, states, k) if k in holds else None for k in asked]
 
 
 def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
@@ -306,9 +321,13 @@ def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
         return None
 
 
-def _march(theory: _Theory) -> list[_State]:
-    """Give states at factors from 0 on, to where all pulleys slip or a span goes slack."""
-    holds = theory.mu > 0.0
+def _march(theory: _Theory, holds: list[int], coarse: bool) -> list[_State]:
+    """Give states at factors from 0 on, to where these pulleys slip or a span goes slack.
+
+    Of a single pulley coarse steps are enough: the span that goes slack is not its own, or it slips
+    before.
+    """
+    growth, slack = (1.6, 10.0 * _SLACK) if coarse else (1.25, _SLACK)
     first = _at(theory, 1.0, theory.start())
     if first is None:
         raise ValueError("the tensions of the window are none of a tight belt")
@@ -319,8 +338,8 @@ def _march(theory: _Theory) -> list[_State]:
     failed = math.inf
     while not np.all(states[-1].used[holds] >= 1.0):
         last = states[-1]
-        factor = min(1.25 * last.factor, 0.5 * (last.factor + failed))
-        if factor > LARGEST or failed - last.factor < _SLACK * last.factor:
+        factor = min(growth * last.factor, 0.5 * (last.factor + failed))
+        if factor > LARGEST or failed - last.factor < slack * last.factor:
             break
         state = _at(theory, factor, last.unknown)
         if state is None:

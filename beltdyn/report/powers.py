@@ -5,20 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from .. import _core
+from ..mounts import Arm, Slider
 from .rows import Power
 from .touching import Touching
 from .window import Window
 
-__all__ = ["power_rows"]
+__all__ = ["PATHS", "power_rows"]
 
+#: Name of what axes on paths put in or take off.
+PATHS = "axes that follow a path"
 _LOSSES = {
     "joint_loss": "damping in the belt's joints",
     "contact_loss": "damping in the contact",
     "friction_loss": "friction on the pulleys",
     "drag_loss": "bearing drag",
     "mount_loss": "dampers and friction of mounts",
-    "path_work": "work on axes that follow a path",
 }
+#: Work of the belt on axes that are led along a path: taken off by what leads them, or put in.
+_PATH = "path_work"
+#: Share of what is put in by which what is stored may change for an efficiency to mean something.
+STORED = 0.01
+#: Presliding travel where mounts are given no friction stiffness: of an arm [rad], of a slider over
+#: the radius of its pulley (``PRESLIDING`` of csrc/model/mount.c).
+PRESLIDING = 0.01
 
 
 def power_rows(
@@ -30,9 +39,12 @@ def power_rows(
     for its residual. Powers of pulleys are means of samples; "error of sampling" is what their sum
     lacks of the ledger's work. Of friction the same, by pulley.
 
+    Axes that follow a path put power in or take it off as pulleys do. Dry friction of mounts stores
+    what bends its bristles, F^2 / (2 k): that is stored, not lost.
+
     Returns:
         Rows whose sizes add up: what is put in is the sum of all others. Efficiency: the part that
-        is not lost, None if nothing is put in.
+        is not lost; None if nothing is put in, or what is stored changes.
     """
     run, names = window.run, window.params.pulley_names
     if not run._has("energy"):
@@ -42,6 +54,7 @@ def power_rows(
     if not (run._has("pulleys.omega") and run._has("pulleys.torque")):
         return [], None, ["no powers: pulleys.omega or pulleys.torque not asked for"]
     energy, lasts = run.energy, window.lasts
+    notes: list[str] = []
 
     def rate(history: np.ndarray | None) -> float:
         if history is None:
@@ -49,31 +62,49 @@ def power_rows(
         part = window.of(history)
         return float(part[-1] - part[0]) / lasts
 
+    bristles = _bristles(window)
+    if bristles is None and energy.mount_loss is not None:
+        notes.append(
+            "what dry friction of mounts stores is told as lost: mounts.friction_force not asked "
+            "for (outputs of simulate)"
+        )
     powers = window.mean(window.of(run.pulleys.torque) * window.of(run.pulleys.omega))
     scale = float(np.max(np.abs(powers), initial=0.0))
     given = [k for k, power in enumerate(powers) if power > 1e-9 * scale]
     taken = [k for k, power in enumerate(powers) if power < -1e-9 * scale]
-    put_in = float(sum(powers[k] for k in given))
+    path = rate(getattr(energy, _PATH, None))
+    put_in = float(sum(powers[k] for k in given)) + max(0.0, -path)
 
     rows: list[tuple[str, str, float]] = [(names[k], "in", float(powers[k])) for k in given]
     rows += [(names[k], "out", -float(powers[k])) for k in taken]
-    lost = 0.0
+    if path != 0.0:
+        rows.append((PATHS, "in" if path < 0.0 else "out", abs(path)))
+    lost, held = 0.0, rate(bristles)
     for term, text in _LOSSES.items():
         if getattr(energy, term, None) is None:
             continue
-        power = rate(getattr(energy, term))
+        power = rate(getattr(energy, term)) - (held if term == "mount_loss" else 0.0)
         lost += power
         if term == "friction_loss" and touching is not None and window.params.has_friction:
             rows += _friction(window, touching, power)
         else:
             rows.append((text, "lost", power))
     known = {name for name, kind, _ in _core.ENERGY_TERMS if kind == "LOST"}
-    assert known <= set(_LOSSES), "a loss of the ledger has no text"
-    rows.append(("change of what is stored", "stored", rate(energy.total)))
+    assert known <= {*_LOSSES, _PATH}, "a loss of the ledger has no text"
+    stored = rate(energy.total) + held
+    rows.append(("change of what is stored", "stored", stored))
     rows.append(("error of sampling", "left", float(np.sum(powers)) - rate(energy.drive)))
     rows.append(("not accounted for (residual)", "left", -rate(energy.residual)))
-    efficiency = 1.0 - lost / put_in if put_in > 0.0 else None
-    notes = [] if put_in > 0.0 else ["no efficiency: no pulley puts power in, in this window"]
+    efficiency = None
+    if not put_in > 0.0:
+        notes.append("no efficiency: no pulley puts power in, in this window")
+    elif abs(stored) > STORED * put_in:
+        notes.append(
+            f"no efficiency: what is stored changes by {abs(stored):.3g} W in this window, "
+            f"{100.0 * abs(stored) / put_in:.2g} % of what is put in"
+        )
+    else:
+        efficiency = 1.0 - lost / put_in
     return (
         [
             Power(name=n, kind=k, power=p, share=p / put_in if put_in > 0.0 else None)
@@ -82,6 +113,22 @@ def power_rows(
         efficiency,
         notes,
     )
+
+
+def _bristles(window: Window) -> np.ndarray | None:
+    """Give what the dry friction of mounts stores (n_t,) [J]; None: none has any, or not known."""
+    run, params = window.run, window.params
+    stored: np.ndarray = np.zeros(run.t.size)
+    for m, k in enumerate(params.mounted):
+        mount = params.pulleys[k].mount
+        if not isinstance(mount, (Arm, Slider)) or not mount.friction > 0.0:
+            continue
+        if run.mounts is None or not run._has("mounts.friction_force"):
+            return None
+        travel = PRESLIDING if isinstance(mount, Arm) else PRESLIDING * params.pulleys[k].radius
+        stiffness = mount.friction_stiffness or mount.friction / travel
+        stored = stored + run.mounts.friction_force[:, m] ** 2 / (2.0 * stiffness)
+    return stored
 
 
 def _friction(window: Window, touching: Touching, whole: float) -> list[tuple[str, str, float]]:

@@ -9,20 +9,15 @@ import attrs
 import numpy as np
 
 from ..checks import Array
-from .margin import Steady, full_slip
 from .rows import PulleyRow, Spread
+from .slipping import slip_rows
 from .touching import Touching
 from .window import OF_ARCS, Window
 
-__all__ = ["pulley_rows", "spread", "steady_state"]
+__all__ = ["pulley_rows", "spread"]
 
-#: A pulley whose torque changes the tension by less than this share of the mean one is an idler:
-#: what the drag of its bearings takes is no torque that one would let grow.
-IDLE = 0.01
 #: Of the tension at rest: a force below it is rounding, and has no direction.
 FAINT = 1e-6
-#: A pulley that slips in full in the window: its used share is 1 but for the mesh and the samples.
-FULL = 0.98
 
 
 def spread(window: Window, samples: Array) -> Spread | None:
@@ -57,11 +52,7 @@ def pulley_rows(
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
     if touching is not None:
         rows = [attrs.evolve(row, **_contact(window, touching, k)) for k, row in enumerate(rows)]
-    tension = _tension(window)
-    if tension is not None and touching is not None:
-        rows = _ratios(window, touching, tension, rows, notes)
-        if driver is not None:
-            rows = _margins(window, touching, tension, driver, rows, notes)
+        rows, notes = slip_rows(window, touching, driver, rows)
     return rows, notes
 
 
@@ -90,120 +81,35 @@ def _hub_loads(window: Window, k: int) -> dict[str, Any]:
 
 def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:
     """Give the torque of the belt on a pulley."""
-    on = touching.pulley == k
-    friction = np.where(on, touching.friction, 0.0)
-    belt_torque = float(window.mean(np.sum(friction * touching.radius, axis=1)))
-    return {"belt_torque": belt_torque}
-
-
-def _arcs(window: Window, k: int) -> dict[str, Any]:
-    """Give the arcs of contact and slip of a pulley, by the rule of :class:`beltdyn.arcs.Arcs`."""
-    arcs = window.arcs
-    wrap = float(window.mean(arcs.wrap[:, k]))
-    if window.params.friction_on(k) is None or wrap == 0.0:
-        return {"wrap": wrap}
-    slip = float(window.mean(arcs.slip[:, k]))
-    return {"wrap": wrap, "slip_arc": slip, "slip_share": slip / wrap}
-
-
-def _tension(window: Window) -> Array | None:
-    """Give the mean tensions of the spans (n_p,); None where one is not known."""
-    spans = window.spans()
-    if spans is None or spans.shape[1] < 2:
-        return None
-    mean = window.mean(spans)
-    return None if np.isnan(mean).any() else mean
-
-
-def _ratios(
-    window: Window,
-    touching: Touching,
-    tension: Array,
-    rows: list[PulleyRow],
-    notes: list[str],
-) -> list[PulleyRow]:
-    """Add the ratios of tensions, against those of full slip."""
-    params = window.params
-    belt = params.belt
-    mass = belt.linear_density * touching.speed**2
-    pull = tension - mass * (1.0 + tension / belt.axial_stiffness)
-    wraps, mu = window.route().wraps, params._slip_limits[0]
-    found = []
-    for k, row in enumerate(rows):
-        tight, slack = max(pull[k], pull[k - 1]), min(pull[k], pull[k - 1])
-        changes: dict[str, Any] = {"tight": float(tight), "slack": float(slack)}
-        if slack > 0.0:
-            changes["ratio"] = float(tight / slack)
-        else:
-            notes.append(
-                f"{params.label(k)}: its slack span is slack, {slack:.3g} N less rho v^2: there is "
-                "no ratio of tensions"
-            )
-        if mu[k] > 0.0:
-            changes["limit"] = math.exp(mu[k] * wraps[k])
-            if slack > 0.0:
-                changes["used"] = float(math.log(tight / slack) / (mu[k] * wraps[k]))
-        elif params.has_friction:
-            notes.append(f"{params.label(k)} has no friction: it can hold no torque of the belt")
-        found.append(attrs.evolve(row, **changes))
+    if window.lost_mounts and k in window.params.mounted:
+        return {}
+    found: dict[str, Any] = {"belt_torque": float(window.mean(touching.torques[:, k]))}
+    if window.run._has("belt.x") and window.params.friction_on(k) is not None:
+        arcs = window.arcs
+        share = np.divide(
+            arcs.slip, arcs.wrap, out=np.full_like(arcs.wrap, np.nan), where=arcs.wrap > 0.0
+        )[:, k, None]
+        smooth = spread(window, window.smoothed(share, touching.passing(window))[:, 0])
+        found["slip_range"] = smooth
     return found
 
 
-def steady_state(
-    window: Window, touching: Touching, tension: Array, driver: int, torque: Array
-) -> Steady:
-    """Give the mean state of a window, tensions (n_p,) [N], belt's torques (n_p,) [N m]."""
-    travels = window.travels()
-    return Steady(
-        params=window.params,
-        tension=tension,
-        torque=torque,
-        speed=touching.speed,
-        driver=driver,
-        travel=np.zeros(0) if travels is None else window.mean(travels),
-    )
-
-
-def _margins(
-    window: Window,
-    touching: Touching,
-    tension: Array,
-    driver: int,
-    rows: list[PulleyRow],
-    notes: list[str],
-) -> list[PulleyRow]:
-    """Add how far torques can grow."""
-    params = window.params
-    torque = np.array([row.belt_torque for row in rows], dtype=float)
-    radii = np.array([pulley.radius for pulley in params.pulleys])
-    mean = float(np.mean(tension))
-    working = np.abs(torque / radii) > IDLE * mean
-    if not working.any():
-        if params.has_friction:
-            notes.append("no margin to slip: the belt hands on no torque in this window")
-        return rows
-    if window.run.mounts is not None and window.travels() is None:
-        notes.append("no margin to slip: mounts.travel was not asked for")
-        return rows
-    slipping = [row.name for row in rows if row.used is not None and row.used >= FULL]
-    try:
-        found = full_slip(steady_state(window, touching, tension, driver, torque))
-    except (ValueError, np.linalg.LinAlgError) as error:
-        notes.append(f"no margin to slip: {error}")
-        return rows
-    for name in slipping:
-        notes.append(f"{name} slips in full in this window, or is within 2 % of it")
-    idle = [row.name for row, works in zip(rows, working, strict=True) if not works]
-    if idle:
-        notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
-    return [
-        attrs.evolve(
-            row,
-            margin=one.factor,
-            slip_torque=None if math.isinf(one.factor) else one.torque,
-            slip_tensions=None if math.isinf(one.factor) else one.tensions,
-        )
-        if one is not None and works
-        else row
-        for row, one, works in zip(rows, found, working, strict=True)
-    ]
+def _arcs(window: Window, k: int) -> dict[str, Any]:
+    """Give wrap and slip of a pulley: the share that slips, by :class:`beltdyn.arcs.Arcs`."""
+    params, way = window.params, window.route()
+    found: dict[str, Any] = {}
+    if way is not None:
+        wrap = float(way.wraps[k])
+        length = wrap * params.pulleys[k].radius
+        found = {"wrap": wrap, "links": length / float(params.info["link_length"])}
+    elif k in params.mounted:
+        return {}
+    arcs = window.arcs
+    touched = float(window.mean(arcs.wrap[:, k]))
+    if params.friction_on(k) is None or touched == 0.0:
+        return found
+    share = float(window.mean(arcs.slip[:, k])) / touched
+    found["slip_share"] = share
+    if way is not None:
+        found["slip_arc"] = share * wrap
+    return found

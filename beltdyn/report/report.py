@@ -25,7 +25,8 @@ class Report(Told):
     ==================================================  ==========================================
     what load do the alternator's bearings carry?       ``pulleys["alternator"].hub_load``
     in which direction?                                 ``pulleys["alternator"].hub_direction``
-    how far is it from slipping?                        ``pulleys["alternator"].margin``
+    how far is it from slipping?                        ``pulleys["alternator"].own_margin``,
+                                                        all torques: ``margin``, ``least_margin``
     at which torque does it slip?                       ``pulleys["alternator"].slip_torque``
     which pulley slips first?                           ``first_to_slip``
     where does the power go?                            ``powers``, ``efficiency``
@@ -44,7 +45,8 @@ class Report(Told):
         end: Last one [s].
         samples: How many.
         driver: Name of the pulley that drives the belt; None if the belt stands still.
-        belt_speed: Mean speed of the belt in the order of its links [m/s].
+        belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
+        belt_speeds: The same with its range, without what links do that pass [m/s].
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
         mounts: A row for each arm, slider and path.

@@ -37,18 +37,28 @@ class PulleyRow:
             of its span, and the weight of the belt. Not of ``result.pulleys.load``, the forces of
             contact, which swing with every link that lands.
         hub_direction: Direction of the mean of that force, counter-clockwise from x [rad].
-        wrap: Arc of contact, mean [rad]; :class:`beltdyn.arcs.Arcs` says how it is found.
+        wrap: Angle of the belt line on it, with mounts at their mean places [rad].
+        links: How many links long that is [1].
         slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
-        slip_share: That over the arc of contact [1].
+        slip_share: That over the wrap, from the links in contact (:class:`beltdyn.arcs.Arcs`) [1].
+        slip_range: Least and largest of it, without what links do that pass.
         tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
         slack: The same of the other one [N].
         ratio: ``tight`` over ``slack`` [1].
         limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1].
-        used: Part of the wrap's friction in use, ln(ratio) / (mu wrap) [1].
-        margin: Factor by which all torques can grow before it slips in full [1]; infinite if others
-            slip long before, so that it does not.
+        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1].
+        used_range: The same of the instants, without what links do that pass; infinite where its
+            slack span goes slack.
+        margin: Factor by which all mean torques can grow before it slips in full [1]; infinite if
+            others slip long before, so that it does not; at most 1 if it slips in full in the
+            window.
         slip_torque: Torque of the belt on it then [N m].
         slip_tensions: Tensions of its tight and slack span then [N].
+        least_margin: The same factor at its worst instant, that of the most friction in use [1].
+        worst_time: That instant [s].
+        own_margin: Factor by which its mean torque alone can grow, which the driving pulley makes
+            up for [1]; infinite if a span that is not its own goes slack before.
+        own_slip_torque: Torque of the belt on it then [N m].
     """
 
     name: str
@@ -59,16 +69,23 @@ class PulleyRow:
     hub_load: Spread | None = None
     hub_direction: float | None = None
     wrap: float | None = None
+    links: float | None = None
     slip_arc: float | None = None
     slip_share: float | None = None
+    slip_range: Spread | None = None
     tight: float | None = None
     slack: float | None = None
     ratio: float | None = None
     limit: float | None = None
     used: float | None = None
+    used_range: Spread | None = None
     margin: float | None = None
     slip_torque: float | None = None
     slip_tensions: tuple[float, float] | None = None
+    least_margin: float | None = None
+    worst_time: float | None = None
+    own_margin: float | None = None
+    own_slip_torque: float | None = None
 
 
 @attrs.frozen(kw_only=True)
@@ -77,7 +94,7 @@ class SpanRow:
 
     Attributes:
         name: The pulleys that it is between, as "crank to pulley 1".
-        length: Of its tangent [m].
+        length: Of its tangent [m]; None: the places of mounts are not known.
         tension: Mean of the free joints; least and largest sample in its middle [N].
         frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
             None: none does.
@@ -90,7 +107,7 @@ class SpanRow:
     """
 
     name: str
-    length: float
+    length: float | None
     tension: Spread | None = None
     frequency: float | None = None
     amplitude: float | None = None
@@ -165,6 +182,16 @@ class Creep:
         """Creep proper: belt that moves against the rim, of stretch and friction [1]."""
         return self.stretch + self.friction
 
+    @property
+    def slower(self) -> float:
+        """Speed lost over that of the driving pulley's rim, 1 - ratio / nominal [1]."""
+        return -math.expm1(-self.lost)
+
+    @property
+    def as_share(self) -> float:
+        """What parts are multiplied with to add up to ``slower`` in place of ``lost``."""
+        return self.slower / self.lost if self.lost != 0.0 else 1.0
+
 
 @attrs.frozen(kw_only=True)
 class Power:
@@ -225,6 +252,12 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
         return tuple(str(getattr(row, "name", "")) for row in self)
 
 
+def _least(row: PulleyRow) -> float:
+    """Give the least margin that is known of a pulley; infinite if none is."""
+    known = [one for one in (row.margin, row.least_margin) if one is not None]
+    return min(known, default=math.inf)
+
+
 @attrs.frozen(kw_only=True)
 class Told:
     """What a report holds; :class:`Report` describes it."""
@@ -234,6 +267,7 @@ class Told:
     samples: int
     driver: str | None
     belt_speed: float | None
+    belt_speeds: Spread | None
     pulleys: Rows[PulleyRow]
     spans: Rows[SpanRow]
     mounts: Rows[MountRow]
@@ -249,7 +283,7 @@ class Told:
 
     @property
     def first_to_slip(self) -> PulleyRow | None:
-        """The pulley with the least margin; None if none is known, or none slips."""
-        known = [row for row in self.pulleys if row.margin is not None]
-        finite = [row for row in known if math.isfinite(row.margin or math.inf)]
-        return min(finite, key=lambda row: row.margin or 0.0, default=None)
+        """The pulley with the least margin, of means or instants; None if none slips."""
+        known = [(_least(row), row) for row in self.pulleys]
+        finite = [(margin, row) for margin, row in known if math.isfinite(margin)]
+        return min(finite, key=lambda one: one[0], default=(0.0, None))[1]

@@ -102,7 +102,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
     names = params.pulley_names
     spans = window.spans()
     means = None if spans is None else window.mean(spans)
-    middle = middles(window)
+    middle = None if way is None else middles(window)
     absent = None if middle is None else np.isnan(middle).mean(axis=0)
     not_even = uneven(window)
     found = () if not_even else sources(run, window.rows)
@@ -111,7 +111,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
     rows = []
     for k in range(n_p):
         name = span_name(k, names, unnamed=f"{names[k]} to {names[(k + 1) % n_p]}")
-        row: dict[str, Any] = {"name": name, "length": float(way.spans[k])}
+        row: dict[str, Any] = {"name": name, "length": None if way is None else float(way.spans[k])}
         history = None
         if middle is not None and absent is not None and absent[k] == 0.0:
             history = middle[:, k]
@@ -125,14 +125,14 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
         elif means is not None and not np.isnan(means[k]):
             row["tension"] = spread(window, spans[:, k])  # type: ignore[index]
         tension = row.get("tension")
-        if tension is None:
+        if tension is None and (spans is not None or middle is not None):
             notes.append(f"span {name}: no link of it is free of both pulleys in this window")
-        elif tension.least <= 0.0:
+        elif tension is not None and tension.least <= 0.0:
             notes.append(f"span {name} goes slack: down to {tension.least:.3g} N in its middle")
         if tension is not None and tension.mean > 0.0:
             stretch = 1.0 + tension.mean / params.belt.axial_stiffness
             speed = 0.0 if touching is None else touching.speed * stretch
-            if touching is not None:
+            if touching is not None and way is not None:
                 row["lateral"] = moving_string(
                     tension.mean, params.belt.linear_density / stretch, row["length"], speed
                 )

@@ -20,6 +20,10 @@ _TO_RPM = 30.0 / math.pi
 _STILL, _NOTHING = 1e-6, 1e-9
 #: What stands for a value that is not known or does not apply.
 _NONE = "-"
+#: Part of the speed lost that may remain unexplained, and speeds lost that are as good as none.
+DOUBT, FAINT = 0.1, 1e-5
+#: Links on a wrap from which on arcs and ratios are right to some percent.
+LINKS = 3.0
 
 
 class Table(NamedTuple):
@@ -135,6 +139,7 @@ def _loads(report: Told) -> Table:
             _degrees(row.wrap),
             _degrees(row.slip_arc),
             _percent(row.slip_share, 0),
+            _percents(row.slip_range),
         )
         for row in report.pulleys
     ]
@@ -146,8 +151,17 @@ def _loads(report: Told) -> Table:
         "wrap deg",
         "slip arc deg",
         "% of wrap",
+        "range",
     )
-    return Table("Hub loads; arcs of contact and of slip", heading, rows)
+    few = [f"{row.name} {row.links:.1f}" for row in report.pulleys if (row.links or LINKS) < LINKS]
+    remarks: tuple[str, ...] = ()
+    if few:
+        remarks = (
+            f"Links on the wrap: {', '.join(few)}. So few make arcs, tensions beside them and "
+            "ratios coarse: take more links.",
+        )
+    title = "Hub loads; wrap by the belt line; slip by the links in contact"
+    return Table(title, heading, rows, remarks)
 
 
 def _slip(report: Told) -> Table:
@@ -158,25 +172,35 @@ def _slip(report: Told) -> Table:
             _number(row.ratio, 3),
             _number(row.limit, 3),
             _percent(row.used, 0),
-            _margin(row),
+            _percents(row.used_range),
+            _margin(row.margin),
+            _margin(row.least_margin),
+            _margin(row.own_margin),
             _number(row.slip_torque),
         )
         for row in report.pulleys
     ]
+    remarks = [
+        "Torque, ratio, used, margin are of means over time, range and worst of instants, without "
+        "what links do that pass. Margin: factor by which all torques can grow; own: its torque "
+        f"alone, {report.driver or 'what holds the belt'} making up for it.",
+    ]
+    if any(row.margin is not None and math.isinf(row.margin) for row in report.pulleys):
+        remarks.append("later: others slip in full long before it would.")
     first = report.first_to_slip
-    remarks = []
     if first is not None:
-        margin = first.margin or 0.0
-        when = f"when all torques have grown {margin:.2f}-fold" if margin > 1.02 else "now"
-        remarks.append(f"{first.name} slips first, {when}.")
+        remarks.append(f"{first.name} slips first, {_when(first)}.")
     heading = (
         "pulley",
-        "torque of belt N m",
+        "torque N m",
         "ratio",
         "limit",
         "% used",
+        "range",
         "margin",
-        "full slip at N m",
+        "worst",
+        "own",
+        "slips at N m",
     )
     return Table(
         "Ratio (T_tight - rho v^2)/(T_slack - rho v^2), its limit exp(mu wrap), margin of torque",
@@ -186,10 +210,36 @@ def _slip(report: Told) -> Table:
     )
 
 
-def _margin(row: PulleyRow) -> str:
-    if row.margin is None:
+def _when(row: PulleyRow) -> str:
+    """Say when the first pulley slips: now, or at which torques."""
+    margins = [one for one in (row.margin, row.least_margin) if one is not None]
+    if min(margins) <= 1.02:
+        return (
+            "now" if row.margin is not None and row.margin <= 1.02 else "now, at the worst instant"
+        )
+    told = []
+    if row.margin is not None:
+        told.append(f"when all torques have grown {row.margin:.2f}-fold")
+    if row.least_margin is not None and (
+        row.margin is None or row.least_margin < 0.95 * row.margin
+    ):
+        worst = f"{row.least_margin:.2f}-fold at the worst instant, t = {row.worst_time:.4g} s"
+        told.append(f"but {worst}" if told else f"when all torques have grown {worst}")
+    return ", ".join(told)
+
+
+def _margin(margin: float | None) -> str:
+    if margin is None:
         return _NONE
-    return "later" if math.isinf(row.margin) else f"{row.margin:.2f}"
+    return "later" if math.isinf(margin) else f"{margin:.2f}"
+
+
+def _percents(value: Spread | None) -> str:
+    """Give the range of a share in percent, the most of it "slack" where it is infinite."""
+    if value is None:
+        return _NONE
+    ends = ["slack" if math.isinf(one) else f"{100 * one:.0f}" for one in (value.least, value.most)]
+    return " to ".join(ends)
 
 
 def _spans(report: Told) -> Table:
@@ -202,7 +252,7 @@ def _spans(report: Told) -> Table:
         rows.append(
             (
                 row.name,
-                f"{1e3 * row.length:.1f}",
+                _NONE if row.length is None else f"{1e3 * row.length:.1f}",
                 _mean(row.tension),
                 _range(row.tension, 3),
                 line,
@@ -280,11 +330,11 @@ def _creep(report: Told) -> Table:
         (
             row.name,
             _number(row.ratio, 5),
-            _percent(row.lost, 3),
-            _percent(row.stretch, 3),
-            _percent(row.friction, 3),
-            _percent(row.radius, 3),
-            _percent(row.remainder, 3),
+            _percent(row.slower, 3),
+            _percent(row.as_share * row.stretch, 3),
+            _percent(row.as_share * row.friction, 3),
+            _percent(row.as_share * row.radius, 3),
+            _percent(row.as_share * row.remainder, 3),
         )
         for row in report.creep
     ]
@@ -297,11 +347,16 @@ def _creep(report: Told) -> Table:
         "+ radius",
         "+ remainder",
     )
-    return Table(
-        f"Speed lost against {report.driver} in %, and why (parts are -ln of ratios)",
-        heading,
-        rows,
-    )
+    doubtful = [
+        row.name for row in report.creep if abs(row.remainder) > DOUBT * max(abs(row.lost), FAINT)
+    ]
+    remarks: tuple[str, ...] = ()
+    if doubtful:
+        remarks = (
+            f"Do not trust the split of {', '.join(doubtful)}: the remainder, of unsteady motion, "
+            "is more than a tenth of the speed lost. Take a longer or a steadier part of the run.",
+        )
+    return Table(f"Speed lost against {report.driver}, and why", heading, rows, remarks)
 
 
 def _powers(report: Told) -> Table:
@@ -338,7 +393,11 @@ def _cycles(report: Told) -> Table:
 
 
 def _opening(report: Told) -> list[str]:
-    speed = "" if report.belt_speed is None else f"; belt at {abs(report.belt_speed):.4g} m/s"
+    speed, range_ = "", report.belt_speeds
+    if report.belt_speed is not None:
+        speed = f"; belt at {abs(report.belt_speed):.4g} m/s"
+    if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
+        speed = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
     driver = "" if report.driver is None else f", driven by {report.driver}"
     return [
         f"Means over t = {report.begin:.6g} to {report.end:.6g} s, {report.samples} samples"
@@ -352,11 +411,17 @@ def _against(report: Told) -> str:
     return " against the order of its links" if speed < -_STILL else ""
 
 
+def _unsteady(report: Told) -> str:
+    """Give what is least steady, and how much else is not."""
+    more = len(report.unsteady) - 1
+    return report.unsteady[0] + (f"; and {more} more (report.unsteady)" if more else "")
+
+
 def lines(report: Told) -> list[str]:
     """Give the lines of a report, none longer than 80 characters."""
     found = [line for one in _opening(report) for line in textwrap.wrap(one, _WIDTH)]
-    for one in report.unsteady:
-        found += _wrapped(f"not steady: {one}")
+    if report.unsteady:
+        found += _wrapped(f"not steady: {_unsteady(report)}")
     for table in tables(report):
         found += ["", *textwrap.wrap(table.title, _WIDTH)]
         for whole in _fitted([table.heading, *table.rows]):
@@ -404,7 +469,8 @@ def _wrapped(text: str) -> list[str]:
 def html(report: Told) -> str:
     """Give a report as HTML, for notebooks."""
     parts = [f"<p>{escape.escape(one)}</p>" for one in _opening(report)]
-    parts += [f"<p><b>not steady:</b> {escape.escape(one)}</p>" for one in report.unsteady]
+    if report.unsteady:
+        parts.append(f"<p><b>not steady:</b> {escape.escape(_unsteady(report))}</p>")
     for table in tables(report):
         head = "".join(f"<th>{escape.escape(cell)}</th>" for cell in table.heading)
         body = "".join(

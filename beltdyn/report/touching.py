@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import attrs
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arcs import contact_points
 from ..checks import Array
+from ..gross_slip import GrossSlip, gross_slip
 from .window import Window, missing
 
 __all__ = ["NEEDED", "Touching", "touching"]
 
+#: Links that must pass in a window for a mean over the time of one to tell the mesh from the drive.
+PASSINGS = 10.0
+#: Of the length of a link: a belt that moves by less stands still.
+STILL = 0.1
 #: The outputs that it is read off from.
 NEEDED = (
     "belt.x",
@@ -46,6 +53,9 @@ class Touching:
         velocity: Slip velocity, counter-clockwise, of belt on the arc of ``running`` [m/s].
         speed: Stress-free length of belt that passes in a second, in the order of the links, mean
             of the window [m/s].
+        speeds: The same at the samples (n_w,) [m/s].
+        torques: Of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
+        gross: Where pulleys slip over their whole wrap; None: nowhere.
     """
 
     pulley: NDArray[np.int32]
@@ -59,6 +69,34 @@ class Touching:
     friction: Array
     velocity: Array
     speed: float
+    speeds: Array
+    torques: Array
+    gross: GrossSlip | None
+
+    def passing(self, window: Window) -> float:
+        """Give the time over which histories are averaged to tell the drive from the mesh [s].
+
+        That in which a link passes, or as many links as the samples need to have four of them; 0
+        where so few pass that no mean can tell them apart.
+        """
+        speed = float(window.mean(np.abs(self.speeds)))
+        length = float(window.params.info["link_length"])
+        if not speed * window.lasts > PASSINGS * length:
+            return 0.0
+        one = length / speed
+        return one * max(1.0, math.ceil(4.0 * window.lasts / (window.t.size - 1) / one))
+
+    def stands(self, window: Window, least: float) -> bool:
+        """Tell whether it is slower than this [m/s], or moves by no notable part of a link."""
+        speed = float(window.mean(np.abs(self.speeds)))
+        length = float(window.params.info["link_length"])
+        return not (speed > least and speed * window.lasts > STILL * length)
+
+    def reverses(self, window: Window) -> bool:
+        """Tell whether the belt's speed changes by more than its mean: there is no mean state."""
+        smooth = window.smoothed(self.speeds[:, None], self.passing(window))
+        change = float(np.nanmax(smooth) - np.nanmin(smooth))
+        return change > max(abs(self.speed), float(window.params.info["drag_speed"]))
 
 
 def touching(window: Window) -> Touching | None:
@@ -83,6 +121,15 @@ def touching(window: Window) -> Touching | None:
     dx, dy = x - axis[..., 0], y - axis[..., 1]
     radius = np.hypot(dx, dy)
     chord = _chord(0.5 * l0 / radius, stretch, along_links, string)
+    normal, friction = window.of(run.contact.normal), window.of(run.contact.friction)
+    speed, speeds = _speed(window, touched, stretch)
+    n_p = len(params.pulleys)
+    sums = [np.sum(np.where(touched == k, friction * radius, 0.0), axis=1) for k in range(n_p)]
+    gross = None
+    if params.has_friction:
+        gross = gross_slip(
+            params, window.t, touched, normal, friction, window.of(run.contact.velocity)
+        )
     return Touching(
         pulley=touched,
         x=dx,
@@ -91,10 +138,13 @@ def touching(window: Window) -> Touching | None:
         running=radius * chord,
         stretch=stretch,
         tension=force,
-        normal=window.of(run.contact.normal),
-        friction=window.of(run.contact.friction),
+        normal=normal,
+        friction=friction,
         velocity=window.of(run.contact.velocity) * chord,
-        speed=_speed(window, touched, stretch),
+        speed=speed,
+        speeds=speeds,
+        torques=np.column_stack(sums),
+        gross=gross,
     )
 
 
@@ -112,14 +162,18 @@ def _chord(half: Array, stretch: Array, along_links: bool, string: bool) -> Arra
     return np.asarray(stretch * half / (angle + (stretch - 1.0) * half))
 
 
-def _speed(window: Window, touched: NDArray[np.int32], stretch: Array) -> float:
-    """Give the stress-free length of belt that passes in a second, from the free links [m/s]."""
+def _speed(window: Window, touched: NDArray[np.int32], stretch: Array) -> tuple[float, Array]:
+    """Give the stress-free length of belt that passes in a second, from the free links [m/s].
+
+    Their speed along themselves: what they have across is swing of the spans. Mean, and (n_w,).
+    """
     belt = window.run.belt
     vx, vy, phi = window.of(belt.vx), window.of(belt.vy), window.of(belt.phi)
     free = touched < 0
     if not free.any():
         free = np.ones_like(free)
     along = vx * np.cos(phi) + vy * np.sin(phi)
-    way = np.sign(np.sum(window.weights * np.mean(along, axis=1)))
-    speeds = np.where(free, np.hypot(vx, vy), 0.0).sum(axis=1)
-    return float(way * window.mean(speeds) / window.mean(np.where(free, stretch, 0.0).sum(axis=1)))
+    moved = np.where(free, along, 0.0).sum(axis=1)
+    length = np.where(free, stretch, 0.0).sum(axis=1)
+    mean = float(window.mean(moved) / window.mean(length))
+    return mean, np.divide(moved, length, out=np.full_like(moved, mean), where=length > 0.0)

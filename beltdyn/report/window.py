@@ -41,6 +41,7 @@ OF_ARCS = (
 #: the pulley's largest speed, of tensions over the mean tension: half of it is as much as a link
 #: that lands does to a mean of some passings of links.
 STEADY = 0.01
+_HALVES = " from the first half of the window to the second"
 
 
 class Run(Protocol):
@@ -157,6 +158,33 @@ class Window:
             np.divide(summed, total, out=np.full(np.shape(summed), np.nan), where=total > 0.0)
         )
 
+    def smoothed(self, samples: Array, width: float) -> Array:
+        """Give the running mean over a time [s] of samples (n_w, n), NaN left out.
+
+        Over half of it, or less, at the ends there is no whole one: NaN; if it is longer than the
+        window, the mean of the window.
+        """
+        t = self.t
+        if not width < self.lasts:
+            return np.broadcast_to(self.mean(samples), samples.shape)
+        if width == 0.0:
+            return samples
+        half = 0.5 * width
+        whole = (t >= t[0] + half * (1.0 - 1e-9)) & (t <= t[-1] - half * (1.0 - 1e-9))
+        found = np.full(samples.shape, np.nan)
+        there = ~np.isnan(samples)
+        for k in range(samples.shape[1]):
+            parts = [
+                np.interp(t + half, t, total) - np.interp(t - half, t, total)
+                for total in (
+                    _integral(t, np.where(there[:, k], samples[:, k], 0.0)),
+                    _integral(t, there[:, k].astype(float)),
+                )
+            ]
+            known = whole & (parts[1] > 0.5 * width)
+            found[known, k] = parts[0][known] / parts[1][known]
+        return found
+
     def travels(self) -> Array | None:
         """Give the travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
         mounts = self.run.mounts
@@ -194,8 +222,15 @@ class Window:
             self.centers,
         )
 
-    def route(self) -> Route:
-        """Give the way of the belt with the mounts at their mean travels."""
+    @property
+    def lost_mounts(self) -> bool:
+        """Whether pulleys are on mounts whose travels the run was not asked for."""
+        return bool(self.params.mounted) and self.travels() is None
+
+    def route(self) -> Route | None:
+        """Give the way of the belt with the mounts at their mean travels; None: not known."""
+        if self.lost_mounts:
+            return None
         travels = self.travels()
         if travels is None:
             return self.params.route
@@ -208,11 +243,11 @@ class Window:
         return np.asarray(self.of(self.run.span_tension), dtype=float)
 
     def unsteady(self) -> list[str]:
-        """Say what changes between the halves of the window, by how much."""
+        """Say what changes between the halves of the window, by how much; the largest first."""
         half = self.t.size // 2
         if half < 2:
             return ["whether it is steady cannot be told from fewer than four samples"]
-        found = []
+        found: list[tuple[float, str]] = []
         names = self.params.pulley_names
         if self.run._has("pulleys.omega"):
             omega = self.of(self.run.pulleys.omega)
@@ -221,22 +256,22 @@ class Window:
             for k, pulley in enumerate(self.params.pulleys):
                 before, after = self._halves(omega[:, k])
                 if abs(after - before) * pulley.radius > max(STEADY * scale, least):
-                    found.append(
-                        f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s "
-                        "from the first half of the window to the second"
+                    text = (
+                        f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s"
                     )
+                    found.append((abs(after - before) * pulley.radius / scale, text + _HALVES))
         spans = self.spans()
         if spans is not None and spans.shape[1] > 1:
             scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0
             for k in range(spans.shape[1]):
                 before, after = self._halves(spans[:, k])
                 if abs(after - before) > STEADY * scale > 0.0:
-                    after_name = names[(k + 1) % len(names)]
-                    found.append(
-                        f"the mean tension from {names[k]} to {after_name} goes from {before:.4g} "
-                        f"to {after:.4g} N"
+                    text = (
+                        f"the mean tension from {names[k]} to {names[(k + 1) % len(names)]} goes "
+                        f"from {before:.4g} to {after:.4g} N"
                     )
-        return found
+                    found.append((abs(after - before) / scale, text + _HALVES))
+        return [text for _, text in sorted(found, key=lambda one: -one[0])]
 
     def _halves(self, samples: Array) -> tuple[float, float]:
         middle = 0.5 * (self.t[0] + self.t[-1])
@@ -247,3 +282,9 @@ class Window:
             value = np.sum(weights * np.nan_to_num(samples)) / total if total > 0.0 else np.nan
             means.append(float(value))
         return means[0], means[1]
+
+
+def _integral(t: Array, values: Array) -> Array:
+    """Integrate samples over time, from 0 at the first (n,)."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)
+    return np.concatenate([[0.0], np.cumsum(steps)])

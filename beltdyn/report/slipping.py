@@ -1,0 +1,301 @@
+"""What a report says of slip: ratios of tensions, the part of friction in use, margins of torque.
+
+Of the means of the window, and of its worst instants: what the drive does in a moment counts, not
+what the mesh does, so histories are taken as running means over the time in which links pass.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arcs import in_slip
+from ..checks import Array
+from ..gross_slip import durations
+from .margin import FullSlip, Steady, full_slip
+from .rows import PulleyRow, Spread
+from .touching import Touching
+from .window import Window
+
+__all__ = ["friction_limits", "slip_rows"]
+
+#: A pulley whose torque changes the tension by less than this share of the mean one is an idler:
+#: what the drag of its bearings takes is no torque that one would let grow.
+IDLE = 0.01
+#: A pulley from which on it is as good as in full slip: ratios are right to the mesh.
+FULL = 0.98
+
+
+def less_mass(window: Window, tension: Array, speed: float | Array) -> Array:
+    """Give tensions less what the belt's mass takes, T - m c^2 lambda [N]."""
+    belt = window.params.belt
+    mass = belt.linear_density * np.square(speed)
+    return np.asarray(tension - mass * (1.0 + tension / belt.axial_stiffness))
+
+
+def friction_limits(window: Window, touching: Touching) -> Array:
+    """Give the friction coefficient that each pulley's law can reach (n_p,) [1].
+
+    Where it depends on the slip velocity (Stribeck), the highest at the slip velocities of the
+    window; else that of full slip.
+    """
+    params = window.params
+    limits = np.array(params._slip_limits[0], dtype=float)
+    for k in range(limits.size):
+        law = params.friction_on(k)
+        velocity = touching.velocity[(touching.pulley == k) & (touching.normal > 0.0)]
+        if law is None or velocity.size == 0:
+            continue
+        found = in_slip(law, float(limits[k]), velocity)
+        if found is not None:
+            limits[k] = float(np.max(found))
+    return limits
+
+
+def slip_rows(
+    window: Window, touching: Touching, driver: int | None, rows: list[PulleyRow]
+) -> tuple[list[PulleyRow], list[str]]:
+    """Add ratios of tensions, friction in use and margins; say what is missing.
+
+    Args:
+        window: The part of the run.
+        touching: Contact and friction in it.
+        driver: The driving pulley, if the belt turns.
+        rows: Rows of the pulleys.
+    """
+    spans = window.spans()
+    way = window.route()
+    if spans is None or spans.shape[1] < 2 or way is None:
+        return rows, []
+    tension = window.mean(spans)
+    if np.isnan(tension).any():
+        return rows, []
+    return _Slipping(window, touching, driver, spans, way.wraps).rows(tension, rows)
+
+
+class _Slipping:
+    def __init__(
+        self,
+        window: Window,
+        touching: Touching,
+        driver: int | None,
+        spans: Array,
+        wraps: Array,
+    ) -> None:
+        self.window, self.touching, self.wraps = window, touching, wraps
+        self.params = window.params
+        self.driver = driver
+        self.mu = friction_limits(window, touching)
+        self.radii = np.array([pulley.radius for pulley in self.params.pulleys])
+        self.notes: list[str] = []
+        width = touching.passing(window)
+        self.tensions = window.smoothed(spans, width)
+        self.speeds = window.smoothed(touching.speeds[:, None], width)[:, 0]
+        self.torques = window.smoothed(touching.torques, width)
+        gross = touching.gross
+        n_p = self.radii.size
+        self.slips: NDArray[np.bool_] = np.zeros(n_p, dtype=np.bool_)
+        if gross is not None:
+            self.slips = np.asarray(np.any(gross.slips, axis=0), dtype=np.bool_)
+        travels = window.travels()
+        self.travels = np.zeros((window.t.size, 0)) if travels is None else travels
+
+    def rows(self, tension: Array, rows: list[PulleyRow]) -> tuple[list[PulleyRow], list[str]]:
+        rows = self._ratios(tension, rows)
+        self._curves()
+        self._full_slips()
+        rows = self._margins(tension, rows)
+        return rows, self.notes
+
+    def _used(self, pull: Array) -> Array:
+        """Give the part of the friction in use, from tensions less rho v^2 (..., n_p)."""
+        before = np.roll(pull, 1, axis=-1)
+        tight, slack = np.maximum(pull, before), np.minimum(pull, before)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            used = np.log(tight / slack) / (self.mu * self.wraps)
+        used = np.where(slack > 0.0, used, np.inf)
+        return np.where(np.isnan(pull) | np.isnan(before) | (self.mu == 0.0), np.nan, used)
+
+    def _ratios(self, tension: Array, rows: list[PulleyRow]) -> list[PulleyRow]:
+        params = self.params
+        pull = less_mass(self.window, tension, self.touching.speed)
+        self.over_time = self._used(less_mass(self.window, self.tensions, self.speeds[:, None]))
+        mean = self._used(pull)
+        found = []
+        for k, row in enumerate(rows):
+            tight, slack = max(pull[k], pull[k - 1]), min(pull[k], pull[k - 1])
+            changes: dict[str, Any] = {"tight": float(tight), "slack": float(slack)}
+            if slack > 0.0:
+                changes["ratio"] = float(tight / slack)
+            else:
+                self.notes.append(
+                    f"{params.label(k)}: its slack span is slack, {slack:.3g} N less rho v^2: "
+                    "there is no ratio of tensions"
+                )
+            if self.mu[k] > 0.0:
+                changes["limit"] = math.exp(self.mu[k] * self.wraps[k])
+                if slack > 0.0:
+                    changes["used"] = float(mean[k])
+                history = self.over_time[:, k]
+                there = history[~np.isnan(history)]
+                if there.size:
+                    changes["used_range"] = Spread(
+                        float(self.window.mean(np.where(np.isinf(history), np.nan, history))),
+                        float(there.min()),
+                        float(there.max()),
+                    )
+            elif params.has_friction:
+                self.notes.append(
+                    f"{params.label(k)} has no friction: it can hold no torque of the belt"
+                )
+            found.append(attrs.evolve(row, **changes))
+        return found
+
+    def _curves(self) -> None:
+        """Say where the limit is not that of full slip."""
+        kinetic = self.params._slip_limits[0]
+        differ = np.abs(self.mu - kinetic) > 0.01 * kinetic
+        for k in np.flatnonzero(differ):
+            self.notes.append(
+                f"{self.params.label(int(k))}: friction depends on the slip velocity. Limit and "
+                f"margins are for {self.mu[k]:.3g}, the most it reaches at those of this window; "
+                f"in fast slip it has {kinetic[k]:.3g}"
+            )
+
+    def _full_slips(self) -> None:
+        gross = self.touching.gross
+        if gross is None:
+            return
+        t, lasts = self.window.t, durations(self.window.t)
+        for k in np.flatnonzero(self.slips):
+            during = np.flatnonzero(gross.slips[:, k])
+            whole = float(np.sum(lasts[during]))
+            self.notes.append(
+                f"full_slip: {self.params.label(int(k))} slips over its whole wrap in this window, "
+                f"for {whole:.3g} of {self.window.lasts:.3g} s between t = {t[during[0]]:.4g} and "
+                f"{t[during[-1]]:.4g} s, by {gross.way[k]:.2g} m: it has no margin left"
+            )
+
+    # --- Margins ----------------------------------------------------------------------------------
+
+    def _margins(self, tension: Array, rows: list[PulleyRow]) -> list[PulleyRow]:
+        params, window = self.params, self.window
+        if not params.has_friction:
+            return rows
+        torque = window.mean(self.touching.torques)
+        scale = IDLE * float(np.mean(tension))
+        most = np.max(np.abs(np.nan_to_num(self.torques)), axis=0)
+        working = (most / self.radii > scale) & (self.mu > 0.0)
+        if not working.any():
+            self.notes.append("no margin to slip: the belt hands on no torque in this window")
+            return [self._capped(row, k) for k, row in enumerate(rows)]
+        idle = [row.name for k, row in enumerate(rows) if not working[k] and self.mu[k] > 0.0]
+        if idle:
+            self.notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
+        in_mean = working & (np.abs(torque) / self.radii > scale)
+        rows = self._of_means(tension, torque, in_mean, rows)
+        rows = [self._worst(row, k) if working[k] else row for k, row in enumerate(rows)]
+        return [self._capped(row, k) for k, row in enumerate(rows)]
+
+    def _of_means(
+        self, tension: Array, torque: Array, working: Any, rows: list[PulleyRow]
+    ) -> list[PulleyRow]:
+        """Add how far mean torques can grow, all together and each by itself."""
+        if not working.any():
+            return rows
+        if self.driver is not None and self.touching.reverses(self.window):
+            self.notes.append(
+                "no margin of mean torques: the belt's speed goes from "
+                f"{np.nanmin(self.speeds):.3g} to {np.nanmax(self.speeds):.3g} m/s in this window"
+            )
+            return rows
+        driver, speed = self.driver, self.touching.speed
+        if driver is None:  # it stands still: what holds it makes up for the rest
+            driver, speed = int(np.argmax(np.abs(torque))), 0.0
+        travels = self.window.mean(self.travels)
+        state = self._state(driver, tension, torque, speed, travels)
+        try:
+            together = full_slip(state)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            self.notes.append(f"no margin of mean torques: {error}")
+            return rows
+        found = []
+        for k, row in enumerate(rows):
+            one = together[k]
+            if not working[k] or one is None:
+                found.append(row)
+                continue
+            known = not math.isinf(one.factor)
+            changes: dict[str, Any] = {
+                "margin": one.factor,
+                "slip_torque": one.torque if known else None,
+                "slip_tensions": one.tensions if known else None,
+            }
+            alone = one if k == driver else _alone(state, k)
+            if alone is not None:
+                changes["own_margin"] = alone.factor
+                changes["own_slip_torque"] = None if math.isinf(alone.factor) else alone.torque
+            found.append(attrs.evolve(row, **changes))
+        return found
+
+    def _worst(self, row: PulleyRow, k: int) -> PulleyRow:
+        """Add the margin at the instant at which most of the friction is in use."""
+        history = self.over_time[:, k]
+        if np.isnan(history).all():
+            return row
+        at = int(np.nanargmax(history))
+        when = float(self.window.t[at])
+        if math.isinf(history[at]):
+            return attrs.evolve(row, least_margin=1.0, worst_time=when)
+        torque, speed = self.torques[at], float(self.speeds[at])
+        if self.driver is None:
+            driver, speed = int(np.argmax(np.abs(torque))), 0.0
+        else:
+            driver = int(np.argmin(torque * self.window.of(self.window.run.pulleys.omega)[at]))
+        state = self._state(driver, self.tensions[at], torque, speed, self.travels[at])
+        try:
+            one = full_slip(state, [k])[0]
+        except (ValueError, np.linalg.LinAlgError):
+            one = None
+        if one is None or (math.isinf(one.factor) and row.margin is None):
+            return row
+        return attrs.evolve(row, least_margin=one.factor, worst_time=when)
+
+    def _state(
+        self, driver: int, tension: Array, torque: Array, speed: float, travel: Array
+    ) -> Steady:
+        return Steady(
+            params=self.params,
+            tension=tension,
+            torque=torque,
+            speed=speed,
+            driver=driver,
+            travel=travel,
+            friction=self.mu,
+        )
+
+    def _capped(self, row: PulleyRow, k: int) -> PulleyRow:
+        """Use up the margins of a pulley that slips in full; the least is at most that of means."""
+        most = 1.0 if self.slips[k] else math.inf
+        changes: dict[str, Any] = {}
+        for name in ("margin", "least_margin", "own_margin"):
+            value = getattr(row, name)
+            if value is None and self.slips[k] and name != "own_margin":
+                value = 1.0
+            if value is not None:
+                changes[name] = min(value, most)
+        if changes.get("least_margin") is None and row.margin is not None and self.slips[k]:
+            changes["least_margin"] = min(row.margin, most)
+        return attrs.evolve(row, **changes)
+
+
+def _alone(state: Steady, k: int) -> FullSlip | None:
+    """Find the torque at which a pulley slips if its own alone grows, which the driver makes up."""
+    try:
+        return full_slip(state, [k], alone=True)[0]
+    except (ValueError, np.linalg.LinAlgError):
+        return None
