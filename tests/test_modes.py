@@ -6,6 +6,8 @@ of the oracle's equations by test_jacobian.py. Its eigenvalues come from LAPACK,
 
 from __future__ import annotations
 
+import sys
+import warnings
 from functools import cache
 from typing import Any
 
@@ -15,7 +17,9 @@ import pytest
 from bridge import oracle_of
 
 import beltdyn as bd
+from beltdyn.vibration.count import count
 from beltdyn.vibration.linear import linearise
+from beltdyn.vibration.search import search
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -137,6 +141,40 @@ def test_eigenvalues_running(name: str) -> None:
     assert len(expected) == len(modes)
     for value in expected:
         assert np.abs(modes.eigenvalue - value).min() < 1e-5 * high
+
+
+@pytest.mark.parametrize("state_of", [at_rest, running])
+@pytest.mark.parametrize("name", ["paper", "dahl", "tensioner", "string", "crossed"])
+def test_count(name: str, state_of: Any) -> None:
+    """As many eigenvalues in parts of the plane as LAPACK finds there."""
+    linear = linearise(*state_of(name))
+    values = np.linalg.eigvals(linear.matrix.toarray())
+    values = values[values.imag > 0.0]
+    for damping in (0.1, 0.25):
+        slight = np.sort(abs(values[abs(values.real) < damping * abs(values)]))
+        slight = slight[slight > 10.0]
+        high = float(np.sqrt(slight[8] * slight[9]))
+        inside = (abs(values) > 10.0) & (abs(values) < high)
+        inside &= abs(values.real) < damping * abs(values)
+        assert count(linear, 10.0, high, damping, 50) == np.count_nonzero(inside)
+
+
+def test_a_mode_that_the_search_misses_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a warning the numbers agree; a search that loses one of a pair is found out."""
+    params, state = at_rest("string")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", bd.BeltdynWarning)
+        bd.modes(params, state, count=True)
+    whole = search
+
+    def losing(*args: Any) -> Any:
+        (values, vectors), *rest = whole(*args)
+        keep = np.arange(len(values)) != 3
+        return (values[keep], vectors[:, keep]), *rest
+
+    monkeypatch.setattr(sys.modules["beltdyn.vibration.modes"], "search", losing)
+    with pytest.warns(bd.BeltdynWarning, match=r"modes_missing: (\d+) .* counted"):
+        bd.modes(params, state, count=True)
 
 
 def moving_string(n: int, share: float, phases: int) -> tuple[Any, Any]:

@@ -82,6 +82,12 @@ def test_arguments_are_checked() -> None:
     modes = found()
     with pytest.raises(ValueError, match="n must"):
         bd.modes(modes.params, modes.state, n=0)
+    with pytest.raises(ValueError, match="phases must"):
+        bd.modes(modes.params, modes.state, phases=0)
+    with pytest.raises(ValueError, match="phases must"):
+        bd.frequency_response(modes.params, modes.state, [1.0], torque="alternator", phases=0)
+    with pytest.raises(TypeError, match="count must"):
+        bd.modes(modes.params, modes.state, count=1)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="state"):
         bd.modes(modes.params, None)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="frequencies"):

@@ -8,13 +8,14 @@ from collections.abc import Mapping
 import attrs
 import numpy as np
 
-from ..checks import Array, integer, positive
+from ..checks import Array, flag, integer, positive
 from ..naming import ByPulley, by_index
 from ..params import Params
 from ..run_warnings import BeltdynWarning
 from ..state import State
 from ..torques import TorqueLike
 from . import participation as parts
+from .count import counted
 from .linear import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
 from .search import Found, residuals, search
@@ -34,6 +35,8 @@ DAMPED = 0.25
 #: which it is another one's with the passing of the links added; modes more that are sought at
 #: another phase, and likeness (0 to 1) from which on one is the same.
 STEADY, MORE, ALIKE = 0.5, 3, 0.3
+#: Modes more that are sought where they are counted, for a gap between them.
+SPARE = 4
 #: Estimated error of a frequency by the mesh that is told.
 MESHED = 0.01
 
@@ -78,7 +81,7 @@ class Modes:
             for what the polygon of links resists; None if it was not met.
         left_out: Number of modes left out for their damping, below the highest given.
         band: Frequencies between which no mode of less than a quarter of critical damping is
-            missing (2,) [Hz], up to the highest mode given.
+            missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
         speed: Of the belt along its numbering [m/s], 0 at rest.
         mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
             it falls with the length of a link. With several phases most of it is averaged out.
@@ -147,6 +150,7 @@ def modes(
     damping: float | None = None,
     motion: ByPulley[object] | None = None,
     phases: int = 1,
+    count: bool = False,
 ) -> Modes:
     """Find the lowest modes of a drive for small motions about a state.
 
@@ -177,6 +181,8 @@ def modes(
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
             motion of the rest leaves what is prescribed as it is.
         phases: Phases of the mesh, evenly over the passing of a link; 1: that of the state.
+        count: Whether to count the eigenvalues of the band, which finds none, and to compare, at
+            several times the work of the search; of several phases at rest those of the first.
 
     Raises:
         ImportError: SciPy is not installed.
@@ -185,14 +191,15 @@ def modes(
 
     Warns:
         BeltdynWarning: The state is not in equilibrium; an eigenvector is inaccurate;
-            eigenvalues of the band have not converged; a mode is not found at every phase.
+            eigenvalues of the band have not converged; not as many were found as are counted; a
+            mode is not found at every phase.
     """
-    n, phases = integer("n", n, 1), integer("phases", phases, 1)
+    n, phases, count = integer("n", n, 1), integer("phases", phases, 1), flag("count", count)
     least = None if damping is None else positive("damping", damping)
     linear = linear_drive(params, state, torque, motion, phases=phases)
     where = parts.sections(linear)
     most = (1.0 if linear.passing == 0.0 else DAMPED) if least is None else least
-    found, still, band, turning, left_out = _lowest(linear, n, most)
+    found, still, band, turning, left_out = _lowest(linear, n, most, count)
     shares = parts.participation(linear, found[1], where)
     still = _of_bodies(still, parts.participation(linear, still[1], where))
     scaled = _scaled(linear, found)
@@ -230,10 +237,10 @@ def modes(
 
 
 def _lowest(
-    linear: Linear, n: int, most: float
+    linear: Linear, n: int, most: float, check: bool = False
 ) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
     """Find the lowest n modes: see :func:`.search.search`, :func:`_without_turning`."""
-    where, sought = parts.sections(linear), n + 1
+    where, sought = parts.sections(linear), n + (1 if not check else SPARE)
     while True:
         found, still, band, complete = search(linear, sought, most)
         here = parts.steady_share(linear, found[1]) > STEADY
@@ -244,10 +251,35 @@ def _lowest(
         sought *= 2
     if not complete:
         _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
+    if check:
+        _compare(linear, found, band[0], n)
     found, across = (found[0][here], found[1][:, here]), across[here]
     found, turning = _without_turning(linear, found, across)
     found, left_out = _least_damped(found, n, most)
     return found, still, band, turning, left_out
+
+
+def _compare(linear: Linear, found: Found, low: float, n: int) -> None:
+    """Warn unless as many eigenvalues are counted as are found."""
+    rates, ratios = abs(found[0]), -found[0].real / abs(found[0])
+    # an outline far from eigenvalues: the widest gap above the n-th, and of damping
+    above = np.sort(rates[abs(ratios) < DAMPED])[n - 1 :]
+    if above.size < 2:
+        high = 1.01 * float(rates.max(initial=low))
+    else:
+        k = int(np.argmax(above[1:] / above[:-1]))
+        high = float(np.sqrt(above[k] * above[k + 1]))
+    limits = np.array([1.0, 0.9, 0.8]) * DAMPED
+    limit = float(limits[np.argmax([abs(abs(ratios) - one).min(initial=1.0) for one in limits])])
+    inside = int(np.count_nonzero((rates > low) & (rates < high) & (abs(ratios) < limit)))
+    there = counted(linear, inside, low, high, limit)
+    if there != inside:
+        number = "too many to tell" if there is None else str(there)
+        _warn(
+            f"modes_missing: {inside} eigenvalue(s) found between {low / (2.0 * np.pi):.3g} and "
+            f"{high / (2.0 * np.pi):.4g} Hz of less than {100.0 * limit:.3g} % damping, where "
+            f"{number} are counted"
+        )
 
 
 def _at_phases(

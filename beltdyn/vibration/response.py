@@ -9,7 +9,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, real_array
+from ..checks import Array, integer, real_array
 from ..naming import ByPulley, PulleyLike, by_index
 from ..params import Params
 from ..spans import span_tension
@@ -104,13 +104,15 @@ def frequency_response(
         phases: Of a running belt, phases of the mesh that are taken together, of which a passing
             link makes one after the other (see :func:`beltdyn.modes`); 6 do. The response is then
             that at the frequency that excites, without the sidebands of the links' passing; 1: as
-            the links stand in ``state``.
+            the links stand in ``state``, as at rest in any case. States from other moments of a run
+            give somewhat other responses, the less the shorter the links: with 160 links on pulleys
+            of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and 5 % of its damping.
 
     Raises:
         ImportError: SciPy is not installed.
         TypeError, ValueError: An argument breaks its rule; nothing excites the drive.
     """
-    at = real_array("frequencies", frequencies, ndim=1)
+    at, phases = real_array("frequencies", frequencies, ndim=1), integer("phases", phases, 1)
     if at.size == 0 or (at <= 0.0).any():
         raise ValueError("frequencies must hold at least one value, all > 0 (Hz)")
     moments, moved = _amplitudes(params, "torque", torque), _amplitudes(params, "motion", motion)

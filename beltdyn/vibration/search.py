@@ -10,7 +10,7 @@ many vectors share is one point to a Krylov space, where ARPACK, which restarts,
 every one of them before what it is asked for. Three random vectors at once find pairs of equal
 spans; multiplied by J they have nothing of the zeros. A disc is done when every Ritz value in it
 has converged and half as many vectors again bring no other. That is no proof that none is missing:
-tests compare with all eigenvalues of the dense matrix.
+tests compare with all eigenvalues of the dense matrix, and count.py counts them.
 """
 
 from __future__ import annotations
