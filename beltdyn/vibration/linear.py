@@ -84,6 +84,8 @@ class Linear:
             theta and of omega.
         phase: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
         parts: The drive linearised at each phase; empty: there is one.
+        torque_slopes: Derivatives of the set torques, as :func:`linearise` takes them; None: they
+            are constant.
     """
 
     params: Params
@@ -97,6 +99,7 @@ class Linear:
     given: tuple[Any, Any]
     phase: NDArray[np.intp] | None = None
     parts: tuple[Linear, ...] = ()
+    torque_slopes: tuple[Array, Array] | None = None
 
     @property
     def size(self) -> int:
@@ -182,6 +185,7 @@ def linearise(
         passing=passing,
         prescribed=prescribed,
         given=(given[0], given[1]),
+        torque_slopes=torque_slopes,
     )
 
 

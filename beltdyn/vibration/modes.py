@@ -19,15 +19,15 @@ from .linear import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
 from .search import Found, residuals, search
 from .torque_slopes import imbalance, torque_slopes
+from .turning import turning_of
 
 __all__ = ["Modes", "Shapes", "linear_drive", "modes"]
 
 #: Unbalanced torque on a pulley over the belt's tension on its radius, above which the state is no
 #: equilibrium, and residual of an eigenvector above which it is no mode.
 UNBALANCED, LEFT_OVER = 1e-2, 1e-5
-#: Difference of the rims' motions below which a drive turns as a whole; share of pulleys and mounts
-#: in a decay that is reported.
-TURNING, BODIES = 0.02, 0.3
+#: Share of pulleys and mounts in a decay that is reported.
+BODIES = 0.3
 #: Damping ratio above which modes of a running belt are left out.
 DAMPED = 0.25
 #: Share of the kinetic energy of a mode that is in its mean over the phases of the mesh, below
@@ -74,8 +74,9 @@ class Modes:
         decay: Rates of motions of pulleys and mounts that decay without oscillating, more slowly
             than the spans' lowest frequency (m,) [1/s].
         decay_names: What moves most in these.
-        turning: Eigenvalue of the whole drive turning, which is none of the modes [1/s]: 0 but
-            for what the polygon of links resists; None if it was not met.
+        turning: Eigenvalue of the whole drive turning, belt along itself and rims with it, which is
+            none of the modes [1/s]: it would be 0 but for what the polygon of links resists; None
+            if it was not met, a pulley is prescribed, or torques make its stiffness.
         left_out: Number of modes left out for their damping, below the highest given.
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given.
@@ -233,19 +234,17 @@ def _lowest(
     linear: Linear, n: int, most: float
 ) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
     """Find the lowest n modes: see :func:`.search.search`, :func:`_without_turning`."""
-    where, sought = parts.sections(linear), n + 1
+    sought = n + 1
     while True:
         found, still, band, complete = search(linear, sought, most)
         here = parts.steady_share(linear, found[1]) > STEADY
-        across = parts.participation(linear, found[1], where).spans.sum(axis=1)
         few = int(np.count_nonzero(here)) < min(n + 1, len(here)) and sought < 8 * n
         if not few or band[1] > float(linear.params.info["spectral_bound"]):
             break
         sought *= 2
     if not complete:
         _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
-    found, across = (found[0][here], found[1][:, here]), across[here]
-    found, turning = _without_turning(linear, found, across)
+    found, turning = _without_turning(linear, (found[0][here], found[1][:, here]))
     found, left_out = _least_damped(found, n, most)
     return found, still, band, turning, left_out
 
@@ -301,18 +300,12 @@ def linear_drive(
     return linearise_over(params, states, slopes, prescribed)
 
 
-def _without_turning(linear: Linear, found: Found, across: Array) -> tuple[Found, complex | None]:
+def _without_turning(linear: Linear, found: Found) -> tuple[Found, complex | None]:
     """Leave out the motion in which all pulleys turn with the belt, which only a mesh holds."""
-    if linear.prescribed:
+    k = turning_of(linear, *found)
+    if k is None:
         return found, None
-    params = linear.params
-    radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
-    rims = radii[:, None] * linear.field(found[1], "theta")
-    largest = abs(rims).max(axis=0)
-    turns = (abs(rims - rims[0]).max(axis=0) < TURNING * largest) & (across < TURNING)
-    keep = np.flatnonzero(~turns)
-    turning = complex(found[0][turns][0]) if turns.any() else None
-    return (found[0][keep], found[1][:, keep]), turning
+    return (np.delete(found[0], k), np.delete(found[1], k, axis=1)), complex(found[0][k])
 
 
 def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:
