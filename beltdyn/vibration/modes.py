@@ -15,6 +15,7 @@ from ..run_warnings import BeltdynWarning
 from ..state import State
 from ..torques import TorqueLike
 from . import participation as parts
+from .growth import growing
 from .linear import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
 from .search import Found, residuals, search
@@ -28,6 +29,8 @@ __all__ = ["Modes", "Shapes", "linear_drive", "modes"]
 UNBALANCED, LEFT_OVER = 1e-2, 1e-5
 #: Share of pulleys and mounts in a decay that is reported.
 BODIES = 0.3
+#: Damping ratio below which, negative, a mode is said to grow.
+UNSTABLE = 1e-3
 #: Damping ratio above which modes of a running belt are left out.
 DAMPED = 0.25
 #: Share of the kinetic energy of a mode that is in its mean over the phases of the mesh, below
@@ -71,6 +74,9 @@ class Modes:
         names: What moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
         participation: Shares of the kinetic energy, see :class:`Participation`.
         residual: |J x - lambda x| / |lambda x| (n,), what is left over of the eigenvalue problem.
+        grows: Eigenvalues (m,) [1/s], of a real part > 0, of motions that grow without oscillating,
+            or so fast that an oscillation is hardly one; none of a stable drive.
+        grow_names: What moves most in these.
         decay: Rates of motions of pulleys and mounts that decay without oscillating, more slowly
             than the spans' lowest frequency (m,) [1/s].
         decay_names: What moves most in these.
@@ -97,6 +103,8 @@ class Modes:
     names: tuple[str, ...]
     participation: parts.Participation
     residual: Array
+    grows: Complex
+    grow_names: tuple[str, ...]
     decay: Array
     decay_names: tuple[str, ...]
     turning: complex | None
@@ -114,7 +122,10 @@ class Modes:
 
     def __str__(self) -> str:
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
-        rows = [f"Modes of the drive, {running}:", "   k  frequency  damping  what moves"]
+        rows = [f"Modes of the drive, {running}:"]
+        for value, name in zip(self.grows, self.grow_names, strict=True):
+            rows.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
+        rows.append("   k  frequency  damping  what moves")
         for k, name in enumerate(self.names):
             frequency, damping = self.frequency[k], 100.0 * self.damping[k]
             rows.append(f"  {k:2d}  {frequency:6.4g} Hz  {damping:5.2f} %  {name}")
@@ -133,6 +144,11 @@ class Modes:
             )
         for rate, name in zip(self.decay, self.decay_names, strict=True):
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
+        if self.turning is not None and self.turning.real > abs(self.turning.imag):
+            rows.append(
+                f"  the whole drive turns away within {1.0 / self.turning.real:.3g} s, e-fold: of "
+                "the mesh alone, as links stand on the pulleys"
+            )
         if self.left_out:
             rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
         rows.append(f"  searched from {self.band[0]:.3g} Hz on")
@@ -185,8 +201,8 @@ def modes(
         SimulationError: The drive could not be moved from phase to phase.
 
     Warns:
-        BeltdynWarning: The state is not in equilibrium; an eigenvector is inaccurate;
-            eigenvalues of the band have not converged; a mode is not found at every phase.
+        BeltdynWarning: The state is not in equilibrium; the drive is unstable there; an
+            eigenvector is inaccurate; eigenvalues of the band have not converged; a mode is not found at every phase.
     """
     n, phases = integer("n", n, 1), integer("phases", phases, 1)
     least = None if damping is None else positive("damping", damping)
@@ -194,6 +210,10 @@ def modes(
     where = parts.sections(linear)
     most = (1.0 if linear.passing == 0.0 else DAMPED) if least is None else least
     found, still, band, turning, left_out = _lowest(linear, n, most)
+    grows, away, complete = growing(linear, band, found)
+    turning = away if turning is None else turning
+    if not complete:
+        _warn("modes_missing: not all eigenvalues of growing motions have converged")
     shares = parts.participation(linear, found[1], where)
     still = _of_bodies(still, parts.participation(linear, still[1], where))
     scaled = _scaled(linear, found)
@@ -206,6 +226,9 @@ def modes(
     if phases > 1 and linear.passing == 0.0:
         seen = _at_phases(linear, found, torque, phases, most)
         values, by_phase = seen.mean(axis=0), seen.imag / (2.0 * np.pi)
+    of_grows = parts.participation(linear, grows[1], where)
+    grow_names = parts.names(linear, grows[1], where, of_grows)
+    _warn_unstable(grows[0], grow_names, values)
     return Modes(
         frequency=values.imag / (2.0 * np.pi),
         damping=-values.real / abs(values),
@@ -216,6 +239,8 @@ def modes(
         names=parts.names(linear, found[1], where, shares),
         participation=shares,
         residual=left,
+        grows=grows[0],
+        grow_names=grow_names,
         decay=-still[0].real,
         decay_names=parts.names(linear, still[1], where, of_still),
         turning=turning,
@@ -228,6 +253,21 @@ def modes(
         params=params,
         state=state,
     )
+
+
+def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
+    """Tell of motions that grow, and of modes of which a damping below -0.1 % is not the mesh's."""
+    told = [
+        f"{name} grows by {value.real:.3g} 1/s" for value, name in zip(grows, names, strict=True)
+    ]
+    told += [
+        f"mode {k} by {value.real:.3g} 1/s"
+        for k, value in enumerate(values)
+        if value.real > UNSTABLE * abs(value)
+    ]
+    if told:
+        more = f", and {len(told) - 3} more" if len(told) > 3 else ""
+        _warn(f"unstable: {', '.join(told[:3])}{more}")
 
 
 def _lowest(
