@@ -64,3 +64,18 @@ def test_a_steady_run_is_steady() -> None:
     for other in (start, noisy(state, 1e-4)):
         with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium"):
             bd.frequency_response(params, other, [20.0], torque=1, motion={0: 0.0}, loads=load)
+
+
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+def test_friction_that_is_nearly_full() -> None:
+    """A state of a slipping drive, that of a run: no difference leaves the friction law's bound.
+
+    Forces in joints are those of stretch alone, so the sum of a response is still its parts'.
+    """
+    params = fan_drive(80)
+    state = bd.simulate(params, lambda t, th, om: [-30 if t > 0.02 else 0, 0, 0], 0.05).final_state
+    assert abs(state.mu).max() > 0.8 - 1e-6
+    one = bd.frequency_response(params, state, [10.0, 20.0], torque="motor")
+    ten = bd.frequency_response(params, state, [10.0, 20.0], torque={"motor": 10.0})
+    assert np.isfinite(one.joint_force).all()
+    assert np.allclose(10.0 * one.joint_force, ten.joint_force, rtol=1e-4)

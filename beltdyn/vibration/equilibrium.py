@@ -17,6 +17,7 @@ from ..checks import Array
 from ..errors import SimulationError
 from ..mounts import Path, axis_direction
 from ..params import Params
+from ..run_warnings import silenced
 from ..simulation import simulate
 from ..state import State
 from ..torques import PiecewiseLinear, TorqueLike
@@ -90,16 +91,17 @@ def _after_a_passing(
     end = state.t + time
     none = PiecewiseLinear([0.0], np.zeros((1, len(params.pulleys))))
     try:
-        result = simulate(
-            params,
-            none if torque is None else torque,
-            end,
-            motion=motion,
-            initial=state,
-            rtol=RTOL,
-            t_eval=[end],
-            outputs=(),
-        )
+        with silenced():
+            result = simulate(
+                params,
+                none if torque is None else torque,
+                end,
+                motion=motion,
+                initial=state,
+                rtol=RTOL,
+                t_eval=[end],
+                outputs=(),
+            )
     except SimulationError:
         return None
     return result.final_state._to_core(params)

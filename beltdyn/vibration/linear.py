@@ -130,9 +130,12 @@ class Linear:
         return np.where(fast, rate, 1.0) * self.unit
 
     def displaced(self, eta: Array) -> dict[str, Any]:
-        """Give the state moved by a small eta (n,), as the core takes it."""
+        """Give the state moved by a small eta (n,), as the core takes it; friction as it was.
+
+        On a friction that is nearly full a small step would be beyond what the core takes.
+        """
         out = {name: np.array(value, dtype=float) for name, value in self.state.items()}
-        for name in set(self.names.tolist()):
+        for name in set(self.names.tolist()) - {"mu", "mount_friction"}:
             rows = self.rows(name)
             out[name][self.index[rows]] += eta[rows]
         return out | {"t": self.state["t"]}

@@ -334,7 +334,7 @@ def linear_drive(
     if off > UNBALANCED:
         _warn(
             f"not_in_equilibrium: {what} has a force left over of {100.0 * off:.2g} % of the "
-            "belt's tension: this is those about a state that does not last"
+            "belt's tension: this is about a state that does not last"
         )
     if phases == 1 or passing_of(params, state._to_core(params)) == 0.0:
         return linearise(params, state, slopes, prescribed)

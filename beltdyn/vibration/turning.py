@@ -9,13 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import Array
-from .linear import Complex, Linear
+from .linear import Complex, Linear, scipy_sparse
 from .participation import weighted
+from .search import first_rate
 
-__all__ = ["rigid_rates", "rigid_share", "rigid_turning", "turning_of"]
+__all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "turning_of"]
 
 #: Share of a mode's kinetic energy in the drive turning as a whole, from which on it is that.
 WHOLE = 0.9
+#: Rate at which a stiffness is taken for static, against the spans' lowest; and how much of the
+#: force may there be out of phase.
+SLOW, LOSSY = 1e-4, 0.1
 
 
 def rigid_turning(linear: Linear) -> Array:
@@ -73,3 +77,46 @@ def turning_of(linear: Linear, values: Complex, vectors: Complex) -> int | None:
     if share[k] < WHOLE or rigid_rates(linear)[0] > 0.5 * abs(values[k]) ** 2:
         return None
     return k
+
+
+def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
+    """Give the mesh's stiffness against turning as a rank-one term to add to J.
+
+    With M the masses and t the turning, K - k (M t)(M t)^T / (t^T M t) has a free turning for the k
+    that is given, 1 over the static displacement along t by a force M t / (t^T M t), less what set
+    torques make of it: J + k ``by`` ``on``^T is the drive without.
+
+    Returns:
+        ``by`` (size,), ``on`` (size,), and k [1/s^2]; None where friction creeps under such a
+        force, so that there is no static displacement.
+    """
+    sparse, linalg = scipy_sparse()
+    turn = rigid_turning(linear)
+    fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega"])
+    by = np.where(fast, turn, 0.0)
+    on = np.where(fast, 0.0, turn * _masses(linear))
+    on /= on @ turn
+    rate = SLOW * first_rate(linear.params)
+    size = linear.norms(rate)
+    scaled = sparse.diags(1.0 / size) @ linear.matrix @ sparse.diags(size)
+    matrix = (1j * rate * sparse.identity(linear.size) - scaled).tocsc()
+    lu, force = linalg.splu(matrix), (by / size).astype(complex)
+    x = lu.solve(force)
+    for _ in range(2):
+        x += lu.solve(force - matrix @ x)
+    moved = complex((on * size) @ x)
+    if abs(moved.imag) > LOSSY * abs(moved.real):
+        return by, on, None
+    return by, on, 1.0 / moved.real + rate**2 - rigid_rates(linear)[0]
+
+
+def _masses(linear: Linear) -> Array:
+    """Inertias (size,) of places and angles of links and pulleys, 0 of all else."""
+    params, info, out = linear.params, linear.params.info, np.zeros(linear.size)
+    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    for name in ("x", "y"):
+        out[linear.rows(name)] = float(info["link_mass"])
+    out[linear.rows("phi")] = float(info["link_inertia"])
+    rows = linear.rows("theta")
+    out[rows] = inertia[linear.index[rows]]
+    return out
