@@ -23,13 +23,13 @@ from .search import Found, residuals, search
 from .torque_slopes import torque_slopes
 from .turning import turning_of
 
-__all__ = ["Modes", "Shapes", "linear_drive", "modes"]
+__all__ = ["Modes", "Shapes", "check_drive", "linear_drive", "modes"]
 
 #: Force left over against the tension above which a state is no equilibrium: settled ones leave
 #: 1e-9, steady runs at their tolerance up to 5e-3. Residual above which an eigenvector is no mode.
 UNBALANCED, LEFT_OVER = 1e-2, 1e-5
-#: Share of pulleys and mounts in a decay that is reported.
-BODIES = 0.3
+#: Share of pulleys and mounts in a decay that is reported; how many of these are printed.
+BODIES, STILL = 0.3, 4
 #: Damping ratio below which, negative, a mode is said to grow.
 UNSTABLE = 1e-3
 #: Damping ratio above which modes of a running belt are left out.
@@ -143,8 +143,10 @@ class Modes:
                 f"{100.0 * self.mesh_error.max():.2g} % for the phase of the mesh, which "
                 "phases=12 averages out"
             )
-        for rate, name in zip(self.decay, self.decay_names, strict=True):
+        for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
+        if self.decay.size > STILL:
+            rows.append(f"  not oscillating: and {self.decay.size - STILL} more (modes.decay)")
         if self.turning is not None and self.turning.real > abs(self.turning.imag):
             rows.append(
                 f"  the whole drive turns away within {1.0 / self.turning.real:.3g} s, e-fold: of "
@@ -189,7 +191,7 @@ def modes(
         state: In equilibrium, at rest or running steadily: from :func:`beltdyn.settle`, or
             ``result.final_state``.
         torque: Torques that depend on speeds or angles; None: they are constant.
-        n: How many modes.
+        n: How many modes, at most as many as there are links.
         damping: Damping ratio above which modes are left out; None: 1 at rest, 0.25 running.
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
@@ -207,6 +209,13 @@ def modes(
             is not found at every phase.
     """
     n, phases = integer("n", n, 1), integer("phases", phases, 1)
+    check_drive(params, state)
+    if n > params.belt.n_bodies:
+        raise ValueError(
+            f"n must be at most {params.belt.n_bodies}, the number of links, got {n}: modes beyond "
+            "have waves shorter than two links, which the mesh makes and no belt; more links have "
+            "more modes"
+        )
     least = None if damping is None else positive("damping", damping)
     linear = linear_drive(params, state, torque, motion, phases=phases)
     where = parts.sections(linear)
@@ -312,6 +321,15 @@ def _at_phases(
     return np.array(out)
 
 
+def check_drive(params: Params, state: State) -> None:
+    """Raise TypeError, ValueError unless these are a drive and a state of it."""
+    if not isinstance(params, Params):
+        raise TypeError(f"params must be a Params, got {type(params).__name__}")
+    if not isinstance(state, State):
+        raise TypeError(f"state must be a State, got {type(state).__name__}")
+    state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted), "state")
+
+
 def linear_drive(
     params: Params,
     state: State,
@@ -321,11 +339,7 @@ def linear_drive(
     phases: int = 1,
 ) -> Linear:
     """Check the arguments of :func:`modes`; linearise the drive, a running one over phases."""
-    if not isinstance(params, Params):
-        raise TypeError(f"params must be a Params, got {type(params).__name__}")
-    if not isinstance(state, State):
-        raise TypeError(f"state must be a State, got {type(state).__name__}")
-    state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+    check_drive(params, state)
     if motion is not None and not isinstance(motion, Mapping):
         raise TypeError(f"motion must be a mapping by pulley, got {type(motion).__name__}")
     prescribed = tuple(sorted(by_index("motion", motion or {}, params.pulley_names)))

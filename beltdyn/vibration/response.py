@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -10,15 +11,15 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, real_array
-from ..naming import ByPulley, PulleyLike, by_index
+from ..checks import Array, real_array, shown
+from ..naming import ByPulley, PulleyLike, by_index, key
 from ..params import Params
 from ..run_warnings import BeltdynWarning
 from ..spans import span_tension
 from ..state import State
 from ..torques import TorqueLike
 from .linear import Complex, Linear, scipy_sparse
-from .modes import linear_drive
+from .modes import check_drive, linear_drive
 from .turning import mesh_stiffness
 
 __all__ = ["FrequencyResponse", "frequency_response"]
@@ -125,6 +126,7 @@ def frequency_response(
     at = real_array("frequencies", frequencies, ndim=1)
     if at.size == 0 or (at <= 0.0).any():
         raise ValueError("frequencies must hold at least one value, all > 0 (Hz)")
+    check_drive(params, state)
     moments, moved = _amplitudes(params, "torque", torque), _amplitudes(params, "motion", motion)
     if not any(moments.values()) and not any(moved.values()):
         raise ValueError("torque or motion must excite at least one pulley")
@@ -171,9 +173,19 @@ def _amplitudes(params: Params, name: str, given: Any) -> dict[int, complex]:
     if given is None:
         return {}
     by_pulley = given if isinstance(given, Mapping) else {given: 1.0}
+    names = params.pulley_names
     return {
-        k: complex(value) for k, value in by_index(name, by_pulley, params.pulley_names).items()
+        k: _amplitude(f"{name}[{key(k, names)}]", value)
+        for k, value in by_index(name, by_pulley, names).items()
     }
+
+
+def _amplitude(name: str, value: Any) -> complex:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Complex):
+        raise TypeError(f"{name} must be a real or complex number, got {shown(value)}")
+    if not np.isfinite(complex(value)):
+        raise ValueError(f"{name} must be finite, got {shown(value)}")
+    return complex(value)
 
 
 def _mesh_turning(mesh: tuple[Array, Array, float | None] | None, at: Array) -> float:
