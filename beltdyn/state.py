@@ -196,14 +196,16 @@ class State:
         at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"
         return f"State(t={self.t:.6g}, {self.n_bodies} links, {self.n_pulleys} pulley(s){at_rest})"
 
-    def check_fits(self, n_bodies: int, n_pulleys: int, n_mounts: int = 0) -> None:
+    def check_fits(
+        self, n_bodies: int, n_pulleys: int, n_mounts: int = 0, argument: str = "initial"
+    ) -> None:
         """Raise ValueError unless the state is one of that many links, pulleys and mounts."""
         sizes = {"PULLEYS": n_pulleys, "MOUNTS": n_mounts}
         for name, size in _SIZES.items():
             shape = getattr(self, name).shape
             expected = (sizes.get(size, n_bodies),)
             if shape[-1:] != expected:
-                raise ValueError(f"initial.{name} must have shape {expected}, got {shape}")
+                raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
 
     def tension(self, params: Params) -> Tensions:
         """Give the tensions of the belt, as a run reports them (``result.span_tension``).

@@ -84,6 +84,8 @@ class Linear:
             theta and of omega.
         phase: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
         parts: The drive linearised at each phase; empty: there is one.
+        torque_slopes: Derivatives of the set torques, as :func:`linearise` takes them; None: they
+            are constant.
     """
 
     params: Params
@@ -97,6 +99,7 @@ class Linear:
     given: tuple[Any, Any]
     phase: NDArray[np.intp] | None = None
     parts: tuple[Linear, ...] = ()
+    torque_slopes: tuple[Array, Array] | None = None
 
     @property
     def size(self) -> int:
@@ -127,9 +130,12 @@ class Linear:
         return np.where(fast, rate, 1.0) * self.unit
 
     def displaced(self, eta: Array) -> dict[str, Any]:
-        """Give the state moved by a small eta (n,), as the core takes it."""
+        """Give the state moved by a small eta (n,), as the core takes it; friction as it was.
+
+        On a friction that is nearly full a small step would be beyond what the core takes.
+        """
         out = {name: np.array(value, dtype=float) for name, value in self.state.items()}
-        for name in set(self.names.tolist()):
+        for name in set(self.names.tolist()) - {"mu", "mount_friction"}:
             rows = self.rows(name)
             out[name][self.index[rows]] += eta[rows]
         return out | {"t": self.state["t"]}
@@ -182,6 +188,7 @@ def linearise(
         passing=passing,
         prescribed=prescribed,
         given=(given[0], given[1]),
+        torque_slopes=torque_slopes,
     )
 
 

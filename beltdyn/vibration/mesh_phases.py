@@ -129,6 +129,7 @@ def linearise_over(
         ),
         phase=phase,
         parts=tuple(parts),
+        torque_slopes=torque_slopes,
     )
 
 

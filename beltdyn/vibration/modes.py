@@ -16,19 +16,23 @@ from ..state import State
 from ..torques import TorqueLike
 from . import participation as parts
 from .count import counted
+from .equilibrium import imbalance
+from .growth import growing
 from .linear import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
 from .search import Found, residuals, search
-from .torque_slopes import imbalance, torque_slopes
+from .torque_slopes import torque_slopes
+from .turning import turning_of
 
-__all__ = ["Modes", "Shapes", "linear_drive", "modes"]
+__all__ = ["Modes", "Shapes", "check_drive", "linear_drive", "modes"]
 
-#: Unbalanced torque on a pulley over the belt's tension on its radius, above which the state is no
-#: equilibrium, and residual of an eigenvector above which it is no mode.
+#: Force left over against the tension above which a state is no equilibrium: settled ones leave
+#: 1e-9, steady runs at their tolerance up to 5e-3. Residual above which an eigenvector is no mode.
 UNBALANCED, LEFT_OVER = 1e-2, 1e-5
-#: Difference of the rims' motions below which a drive turns as a whole; share of pulleys and mounts
-#: in a decay that is reported.
-TURNING, BODIES = 0.02, 0.3
+#: Share of pulleys and mounts in a decay that is reported; how many of these are printed.
+BODIES, STILL = 0.3, 4
+#: Damping ratio below which, negative, a mode is said to grow.
+UNSTABLE = 1e-3
 #: Damping ratio above which modes of a running belt are left out.
 DAMPED = 0.25
 #: Share of the kinetic energy of a mode that is in its mean over the phases of the mesh, below
@@ -74,11 +78,15 @@ class Modes:
         names: What moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
         participation: Shares of the kinetic energy, see :class:`Participation`.
         residual: |J x - lambda x| / |lambda x| (n,), what is left over of the eigenvalue problem.
+        grows: Eigenvalues (m,) [1/s], of a real part > 0, of motions that grow without oscillating,
+            or so fast that an oscillation is hardly one; none of a stable drive.
+        grow_names: What moves most in these.
         decay: Rates of motions of pulleys and mounts that decay without oscillating, more slowly
             than the spans' lowest frequency (m,) [1/s].
         decay_names: What moves most in these.
-        turning: Eigenvalue of the whole drive turning, which is none of the modes [1/s]: 0 but
-            for what the polygon of links resists; None if it was not met.
+        turning: Eigenvalue of the whole drive turning, belt along itself and rims with it, which is
+            none of the modes [1/s]: it would be 0 but for what the polygon of links resists; None
+            if it was not met, a pulley is prescribed, or torques make its stiffness.
         left_out: Number of modes left out for their damping, below the highest given.
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
@@ -99,6 +107,8 @@ class Modes:
     names: tuple[str, ...]
     participation: parts.Participation
     residual: Array
+    grows: Complex
+    grow_names: tuple[str, ...]
     decay: Array
     decay_names: tuple[str, ...]
     turning: complex | None
@@ -116,7 +126,10 @@ class Modes:
 
     def __str__(self) -> str:
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
-        rows = [f"Modes of the drive, {running}:", "   k  frequency  damping  what moves"]
+        rows = [f"Modes of the drive, {running}:"]
+        for value, name in zip(self.grows, self.grow_names, strict=True):
+            rows.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
+        rows.append("   k  frequency  damping  what moves")
         for k, name in enumerate(self.names):
             frequency, damping = self.frequency[k], 100.0 * self.damping[k]
             rows.append(f"  {k:2d}  {frequency:6.4g} Hz  {damping:5.2f} %  {name}")
@@ -133,8 +146,15 @@ class Modes:
                 f"{100.0 * self.mesh_error.max():.2g} % for the phase of the mesh, which "
                 "phases=12 averages out"
             )
-        for rate, name in zip(self.decay, self.decay_names, strict=True):
+        for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
+        if self.decay.size > STILL:
+            rows.append(f"  not oscillating: and {self.decay.size - STILL} more (modes.decay)")
+        if self.turning is not None and self.turning.real > abs(self.turning.imag):
+            rows.append(
+                f"  the whole drive turns away within {1.0 / self.turning.real:.3g} s, e-fold: of "
+                "the mesh alone, as links stand on the pulleys"
+            )
         if self.left_out:
             rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
         rows.append(f"  searched from {self.band[0]:.3g} Hz on")
@@ -175,7 +195,7 @@ def modes(
         state: In equilibrium, at rest or running steadily: from :func:`beltdyn.settle`, or
             ``result.final_state``.
         torque: Torques that depend on speeds or angles; None: they are constant.
-        n: How many modes.
+        n: How many modes, at most as many as there are links.
         damping: Damping ratio above which modes are left out; None: 1 at rest, 0.25 running.
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
@@ -190,16 +210,27 @@ def modes(
         SimulationError: The drive could not be moved from phase to phase.
 
     Warns:
-        BeltdynWarning: The state is not in equilibrium; an eigenvector is inaccurate;
-            eigenvalues of the band have not converged; not as many were found as are counted; a
-            mode is not found at every phase.
+        BeltdynWarning: The state is not in equilibrium; the drive is unstable there; an
+            eigenvector is inaccurate; eigenvalues of the band have not converged; not as many were
+            found as are counted; a mode is not found at every phase.
     """
     n, phases, count = integer("n", n, 1), integer("phases", phases, 1), flag("count", count)
+    check_drive(params, state)
+    if n > params.belt.n_bodies:
+        raise ValueError(
+            f"n must be at most {params.belt.n_bodies}, the number of links, got {n}: modes beyond "
+            "have waves shorter than two links, which the mesh makes and no belt; more links have "
+            "more modes"
+        )
     least = None if damping is None else positive("damping", damping)
     linear = linear_drive(params, state, torque, motion, phases=phases)
     where = parts.sections(linear)
     most = (1.0 if linear.passing == 0.0 else DAMPED) if least is None else least
     found, still, band, turning, left_out = _lowest(linear, n, most, count)
+    grows, away, complete = growing(linear, band, found)
+    turning = away if turning is None else turning
+    if not complete:
+        _warn("modes_missing: not all eigenvalues of growing motions have converged")
     shares = parts.participation(linear, found[1], where)
     still = _of_bodies(still, parts.participation(linear, still[1], where))
     scaled = _scaled(linear, found)
@@ -212,6 +243,9 @@ def modes(
     if phases > 1 and linear.passing == 0.0:
         seen = _at_phases(linear, found, torque, phases, most)
         values, by_phase = seen.mean(axis=0), seen.imag / (2.0 * np.pi)
+    of_grows = parts.participation(linear, grows[1], where)
+    grow_names = parts.names(linear, grows[1], where, of_grows)
+    _warn_unstable(grows[0], grow_names, values)
     return Modes(
         frequency=values.imag / (2.0 * np.pi),
         damping=-values.real / abs(values),
@@ -222,6 +256,8 @@ def modes(
         names=parts.names(linear, found[1], where, shares),
         participation=shares,
         residual=left,
+        grows=grows[0],
+        grow_names=grow_names,
         decay=-still[0].real,
         decay_names=parts.names(linear, still[1], where, of_still),
         turning=turning,
@@ -236,15 +272,29 @@ def modes(
     )
 
 
+def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
+    """Tell of motions that grow, and of modes of which a damping below -0.1 % is not the mesh's."""
+    told = [
+        f"{name} grows by {value.real:.3g} 1/s" for value, name in zip(grows, names, strict=True)
+    ]
+    told += [
+        f"mode {k} by {value.real:.3g} 1/s"
+        for k, value in enumerate(values)
+        if value.real > UNSTABLE * abs(value)
+    ]
+    if told:
+        more = f", and {len(told) - 3} more" if len(told) > 3 else ""
+        _warn(f"unstable: {', '.join(told[:3])}{more}")
+
+
 def _lowest(
     linear: Linear, n: int, most: float, check: bool = False
 ) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
     """Find the lowest n modes: see :func:`.search.search`, :func:`_without_turning`."""
-    where, sought = parts.sections(linear), n + (1 if not check else SPARE)
+    sought = n + (1 if not check else SPARE)
     while True:
         found, still, band, complete = search(linear, sought, most)
         here = parts.steady_share(linear, found[1]) > STEADY
-        across = parts.participation(linear, found[1], where).spans.sum(axis=1)
         few = int(np.count_nonzero(here)) < min(n + 1, len(here)) and sought < 8 * n
         if not few or band[1] > float(linear.params.info["spectral_bound"]):
             break
@@ -253,8 +303,7 @@ def _lowest(
         _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
     if check:
         _compare(linear, found, band[0], n)
-    found, across = (found[0][here], found[1][:, here]), across[here]
-    found, turning = _without_turning(linear, found, across)
+    found, turning = _without_turning(linear, (found[0][here], found[1][:, here]))
     found, left_out = _least_damped(found, n, most)
     return found, still, band, turning, left_out
 
@@ -303,6 +352,15 @@ def _at_phases(
     return np.array(out)
 
 
+def check_drive(params: Params, state: State) -> None:
+    """Raise TypeError, ValueError unless these are a drive and a state of it."""
+    if not isinstance(params, Params):
+        raise TypeError(f"params must be a Params, got {type(params).__name__}")
+    if not isinstance(state, State):
+        raise TypeError(f"state must be a State, got {type(state).__name__}")
+    state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted), "state")
+
+
 def linear_drive(
     params: Params,
     state: State,
@@ -312,11 +370,7 @@ def linear_drive(
     phases: int = 1,
 ) -> Linear:
     """Check the arguments of :func:`modes`; linearise the drive, a running one over phases."""
-    if not isinstance(params, Params):
-        raise TypeError(f"params must be a Params, got {type(params).__name__}")
-    if not isinstance(state, State):
-        raise TypeError(f"state must be a State, got {type(state).__name__}")
-    state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+    check_drive(params, state)
     if motion is not None and not isinstance(motion, Mapping):
         raise TypeError(f"motion must be a mapping by pulley, got {type(motion).__name__}")
     prescribed = tuple(sorted(by_index("motion", motion or {}, params.pulley_names)))
@@ -324,8 +378,8 @@ def linear_drive(
     off, what = imbalance(params, state, torque, prescribed)
     if off > UNBALANCED:
         _warn(
-            f"not_in_equilibrium: {what} has a torque left over of {100.0 * off:.2g} % of the "
-            "belt's tension: the modes are those about a state that does not last"
+            f"not_in_equilibrium: {what} has a force left over of {100.0 * off:.2g} % of the "
+            "belt's tension: this is about a state that does not last"
         )
     if phases == 1 or passing_of(params, state._to_core(params)) == 0.0:
         return linearise(params, state, slopes, prescribed)
@@ -333,18 +387,12 @@ def linear_drive(
     return linearise_over(params, states, slopes, prescribed)
 
 
-def _without_turning(linear: Linear, found: Found, across: Array) -> tuple[Found, complex | None]:
+def _without_turning(linear: Linear, found: Found) -> tuple[Found, complex | None]:
     """Leave out the motion in which all pulleys turn with the belt, which only a mesh holds."""
-    if linear.prescribed:
+    k = turning_of(linear, *found)
+    if k is None:
         return found, None
-    params = linear.params
-    radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
-    rims = radii[:, None] * linear.field(found[1], "theta")
-    largest = abs(rims).max(axis=0)
-    turns = (abs(rims - rims[0]).max(axis=0) < TURNING * largest) & (across < TURNING)
-    keep = np.flatnonzero(~turns)
-    turning = complex(found[0][turns][0]) if turns.any() else None
-    return (found[0][keep], found[1][:, keep]), turning
+    return (np.delete(found[0], k), np.delete(found[1], k, axis=1)), complex(found[0][k])
 
 
 def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:

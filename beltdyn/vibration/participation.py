@@ -25,6 +25,7 @@ from .linear import Complex, Linear
 __all__ = [
     "Participation",
     "Sections",
+    "mount_inertia",
     "participation",
     "same_modes",
     "sections",
@@ -103,7 +104,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
         across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
     inertia = np.array([pulley.inertia for pulley in params.pulleys])
     turns = (inertia[:, None] * abs(linear.field(vectors, "omega")) ** 2).T
-    weight = np.array([_inertia(params, k) for k in params.mounted]).reshape(-1, 1)
+    weight = np.array([mount_inertia(params, k) for k in params.mounted]).reshape(-1, 1)
     moved = (weight * abs(linear.field(vectors, "travel_speed")) ** 2).T
     belt = whole.sum(axis=0) - across.sum(axis=1)
     total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
@@ -120,7 +121,7 @@ def weighted(linear: Linear, vectors: Complex) -> Complex:
     params, info = linear.params, linear.params.info
     mass, turning = float(info["link_mass"]), float(info["link_inertia"])
     inertia = np.array([pulley.inertia for pulley in params.pulleys])
-    carried = np.array([_inertia(params, k) for k in params.mounted])
+    carried = np.array([mount_inertia(params, k) for k in params.mounted])
     weights: dict[str, Any] = {
         "vx": mass,
         "vy": mass,
@@ -155,7 +156,8 @@ def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
     return which, product[np.arange(len(which)), which]
 
 
-def _inertia(params: Params, pulley: int) -> float:
+def mount_inertia(params: Params, pulley: int) -> float:
+    """Inertia of a mount that its travel moves [kg m^2 of an arm, kg]."""
     mount = params.pulleys[pulley].mount
     if isinstance(mount, Arm):
         return mount.inertia

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numbers
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,14 +11,16 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, integer, real_array
-from ..naming import ByPulley, PulleyLike, by_index
+from ..checks import Array, integer, real_array, shown
+from ..naming import ByPulley, PulleyLike, by_index, key
 from ..params import Params
+from ..run_warnings import BeltdynWarning
 from ..spans import span_tension
 from ..state import State
 from ..torques import TorqueLike
 from .linear import Complex, Linear, scipy_sparse
-from .modes import linear_drive
+from .modes import check_drive, linear_drive
+from .turning import mesh_stiffness
 
 __all__ = ["FrequencyResponse", "frequency_response"]
 
@@ -41,6 +45,10 @@ class FrequencyResponse:
         torque: Amplitudes of the torques that excite (n_p,) [N m].
         motion: Amplitudes of the motions that excite (n_p,) [rad].
         residual: |(i w - J) x - b| / |b| (n_f,).
+        mesh_turning: Frequency [Hz] at which the drive would swing as a whole on the polygon of
+            links; its stiffness is taken out of the response, in which the turning is free. 0
+            where a pulley's motion is prescribed or the phases of the mesh average it; NaN if it
+            cannot be told, and stays.
         phases: Phases of the mesh of a running belt that the response is the mean over.
         params: The drive.
     """
@@ -56,6 +64,7 @@ class FrequencyResponse:
     torque: Complex
     motion: Complex
     residual: Array
+    mesh_turning: float
     phases: int
     params: Params
 
@@ -108,6 +117,10 @@ def frequency_response(
             give somewhat other responses, the less the shorter the links: with 160 links on pulleys
             of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and 5 % of its damping.
 
+    Where no pulley's motion is prescribed, the drive turns as a whole at low frequencies. What the
+    polygon of links resists against that, which no drive has, is taken out: a term of rank one, so
+    that a steady torque alone turns it (``mesh_turning``).
+
     Raises:
         ImportError: SciPy is not installed.
         TypeError, ValueError: An argument breaks its rule; nothing excites the drive.
@@ -115,6 +128,7 @@ def frequency_response(
     at, phases = real_array("frequencies", frequencies, ndim=1), integer("phases", phases, 1)
     if at.size == 0 or (at <= 0.0).any():
         raise ValueError("frequencies must hold at least one value, all > 0 (Hz)")
+    check_drive(params, state)
     moments, moved = _amplitudes(params, "torque", torque), _amplitudes(params, "motion", motion)
     if not any(moments.values()) and not any(moved.values()):
         raise ValueError("torque or motion must excite at least one pulley")
@@ -126,7 +140,9 @@ def frequency_response(
     torques, motions = np.zeros(n_p, complex), np.zeros(n_p, complex)
     torques[list(moments)] = list(moments.values())
     motions[list(moved)] = list(moved.values())
-    vectors, left = _solve(linear, 2.0 * np.pi * at, torques, motions)
+    mesh = None if linear.prescribed or linear.parts else mesh_stiffness(linear)
+    resisted = _mesh_turning(mesh, at)
+    vectors, left = _solve(linear, 2.0 * np.pi * at, torques, motions, mesh)
     theta = linear.field(vectors, "theta").T + motions
     omega = linear.field(vectors, "omega").T
     omega = omega + 2j * np.pi * at[:, None] * motions
@@ -149,6 +165,7 @@ def frequency_response(
         torque=torques,
         motion=motions,
         residual=left,
+        mesh_turning=resisted,
         phases=max(len(linear.parts), 1),
         params=params,
     )
@@ -158,13 +175,49 @@ def _amplitudes(params: Params, name: str, given: Any) -> dict[int, complex]:
     if given is None:
         return {}
     by_pulley = given if isinstance(given, Mapping) else {given: 1.0}
+    names = params.pulley_names
     return {
-        k: complex(value) for k, value in by_index(name, by_pulley, params.pulley_names).items()
+        k: _amplitude(f"{name}[{key(k, names)}]", value)
+        for k, value in by_index(name, by_pulley, names).items()
     }
 
 
-def _solve(linear: Linear, rates: Array, torques: Complex, motions: Complex) -> tuple[Any, Array]:
-    """Solve (i w - J) x = b at each w, in unknowns scaled for w."""
+def _amplitude(name: str, value: Any) -> complex:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Complex):
+        raise TypeError(f"{name} must be a real or complex number, got {shown(value)}")
+    if not np.isfinite(complex(value)):
+        raise ValueError(f"{name} must be finite, got {shown(value)}")
+    return complex(value)
+
+
+def _mesh_turning(mesh: tuple[Array, Array, float | None] | None, at: Array) -> float:
+    """Give the frequency that the mesh makes of the drive's turning [Hz]; warn if it stays."""
+    if mesh is None:
+        return 0.0
+    if mesh[2] is None:
+        warnings.warn(
+            "mesh_turning: the polygon of links resists the whole drive turning, which cannot be "
+            f"told from friction that creeps and stays in the response (from {at.min():.3g} Hz): "
+            "more links make it less, and a motion prescribed on a pulley, or a law of friction "
+            "that sticks, does without",
+            BeltdynWarning,
+            stacklevel=3,
+        )
+        return np.nan
+    return float(np.sqrt(abs(mesh[2])) / (2.0 * np.pi))
+
+
+def _solve(
+    linear: Linear,
+    rates: Array,
+    torques: Complex,
+    motions: Complex,
+    mesh: tuple[Array, Array, float | None] | None,
+) -> tuple[Any, Array]:
+    """Solve (i w - J) x = b at each w, in unknowns scaled for w; J without the mesh's stiffness.
+
+    That term of rank one is added by Sherman and Morrison's formula.
+    """
     sparse, linalg = scipy_sparse()
     inertia = np.array([pulley.inertia for pulley in linear.params.pulleys])
     rows = linear.rows("omega")
@@ -179,6 +232,12 @@ def _solve(linear: Linear, rates: Array, torques: Complex, motions: Complex) -> 
         lu = linalg.splu(matrix)
         x = lu.solve(b)
         x += lu.solve(b - matrix @ x)
+        if mesh is not None and mesh[2] is not None:
+            by, on = mesh[2] * mesh[0] / size, mesh[1] * size
+            turned = lu.solve(by.astype(complex))
+            turned += lu.solve(by - matrix @ turned)
+            x += turned * (on @ x) / (1.0 - on @ turned)
+            b = b + by * (on @ x)
         left[f] = np.linalg.norm(matrix @ x - b) / np.linalg.norm(b)
         out[:, f] = size * x
     return out, left

@@ -1,4 +1,4 @@
-"""How set torques change with angles and speeds, and how far a state is from equilibrium."""
+"""How set torques change with angles and speeds, and which hold pulleys' speeds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..params import Params
 from ..state import State
 from ..torques import TorqueLike, as_terms
 
-__all__ = ["balancing", "imbalance", "torque_slopes", "torques_at"]
+__all__ = ["balancing", "torque_slopes", "torques_at"]
 
 #: Steps of the differences: of angles [rad]; of speeds [rad/s] and against the speed.
 _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
@@ -67,27 +67,3 @@ def balancing(params: Params, core: Mapping[str, Any], prescribed: tuple[int, ..
     held = -rate * np.array([pulley.inertia for pulley in params.pulleys])
     held[list(prescribed)] = 0.0
     return np.asarray(held)
-
-
-def imbalance(
-    params: Params, state: State, torque: TorqueLike | None, prescribed: tuple[int, ...]
-) -> tuple[float, str]:
-    """Give the largest torque left over on a pulley or mount against the belt's tension, and where.
-
-    Without torques those that the state itself balances are taken as constant.
-    """
-    core = state._to_core(params)
-    n_p = len(params.pulleys)
-    given = np.zeros(n_p) if torque is None else torques_at(params, core, torque)
-    rate = params._model.rate(core, given)
-    tension = max(float(state.tension(params).mean), 1e-12)
-    if torque is None:
-        return 0.0, ""
-    worst, where = 0.0, ""
-    for k, pulley in enumerate(params.pulleys):
-        if k in prescribed:
-            continue
-        off = abs(rate["omega"][k]) * pulley.inertia / (tension * pulley.radius)
-        if off > worst:
-            worst, where = float(off), params.label(k)
-    return worst, where

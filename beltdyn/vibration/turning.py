@@ -1,0 +1,122 @@
+"""The whole drive turning: belt along itself, rims with it, axes at rest.
+
+Where no torque depends on angles nothing resists that, so its frequency is 0. A belt of links makes
+of it what its polygon on the pulleys resists, which is no property of the drive.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..checks import Array
+from .linear import Complex, Linear, scipy_sparse
+from .participation import weighted
+from .search import first_rate
+
+__all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "turning_of"]
+
+#: Share of a mode's kinetic energy in the drive turning as a whole, from which on it is that.
+WHOLE = 0.9
+#: Rate at which a stiffness is taken for static, against the spans' lowest; and how much of the
+#: force may there be out of phase.
+SLOW, LOSSY = 1e-4, 0.1
+
+
+def rigid_turning(linear: Linear) -> Array:
+    """Give the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
+    core, params = linear.state, linear.params
+    dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
+    chord = np.hypot(dx, dy)
+    bend = np.roll(core["phi"], -1) - np.roll(core["phi"], 1)
+    bend = (bend + np.pi) % (2.0 * np.pi) - np.pi
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    way = {
+        "x": dx / chord,
+        "y": dy / chord,
+        "phi": bend / (2.0 * float(params.info["link_length"])),
+        "theta": params.route.senses / radii,
+    }
+    way |= {"vx": way["x"], "vy": way["y"], "vphi": way["phi"], "omega": way["theta"]}
+    out = np.zeros(linear.size)
+    for name, values in way.items():
+        rows = linear.rows(name)
+        out[rows] = values[linear.index[rows]]
+    return out
+
+
+def rigid_share(linear: Linear, vectors: Complex) -> Array:
+    """Share of the kinetic energy of modes (n,) that is the drive's turning as a whole."""
+    own = weighted(linear, rigid_turning(linear)[:, None].astype(complex))[:, 0]
+    modes = weighted(linear, vectors)
+    energy = np.sum(abs(modes) ** 2, axis=0) * np.sum(abs(own) ** 2)
+    return np.asarray(abs(own @ modes) ** 2 / np.maximum(energy, 1e-300))
+
+
+def rigid_rates(linear: Linear) -> tuple[float, float]:
+    """Give the stiffness [1/s^2] and damping [1/s] of set torques against it, over its inertia."""
+    if linear.torque_slopes is None:
+        return 0.0, 0.0
+    params = linear.params
+    one = rigid_turning(linear)[:, None].astype(complex)
+    inertia = float(np.sum(abs(weighted(linear, one)) ** 2))
+    turns = params.route.senses / np.array([pulley.radius for pulley in params.pulleys])
+    by_angle, by_speed = (-float(turns @ slope @ turns) for slope in linear.torque_slopes)
+    return by_angle / inertia, by_speed / inertia
+
+
+def turning_of(linear: Linear, values: Complex, vectors: Complex) -> int | None:
+    """Give which of modes is the mesh's resistance to turning, or None.
+
+    It is the one that has most of the turning, at least 0.9 of its energy; none where a pulley's
+    motion is prescribed, and none where set torques make more than half of its stiffness.
+    """
+    if linear.prescribed or not values.size:
+        return None
+    share = rigid_share(linear, vectors)
+    k = int(np.argmax(share))
+    if share[k] < WHOLE or rigid_rates(linear)[0] > 0.5 * abs(values[k]) ** 2:
+        return None
+    return k
+
+
+def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
+    """Give the mesh's stiffness against turning as a rank-one term to add to J.
+
+    With M the masses and t the turning, K - k (M t)(M t)^T / (t^T M t) has a free turning for the k
+    that is given, 1 over the static displacement along t by a force M t / (t^T M t), less what set
+    torques make of it: J + k ``by`` ``on``^T is the drive without.
+
+    Returns:
+        ``by`` (size,), ``on`` (size,), and k [1/s^2]; None where friction creeps under such a
+        force, so that there is no static displacement.
+    """
+    sparse, linalg = scipy_sparse()
+    turn = rigid_turning(linear)
+    fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega"])
+    by = np.where(fast, turn, 0.0)
+    on = np.where(fast, 0.0, turn * _masses(linear))
+    on /= on @ turn
+    rate = SLOW * first_rate(linear.params)
+    size = linear.norms(rate)
+    scaled = sparse.diags(1.0 / size) @ linear.matrix @ sparse.diags(size)
+    matrix = (1j * rate * sparse.identity(linear.size) - scaled).tocsc()
+    lu, force = linalg.splu(matrix), (by / size).astype(complex)
+    x = lu.solve(force)
+    for _ in range(2):
+        x += lu.solve(force - matrix @ x)
+    moved = complex((on * size) @ x)
+    if abs(moved.imag) > LOSSY * abs(moved.real):
+        return by, on, None
+    return by, on, 1.0 / moved.real + rate**2 - rigid_rates(linear)[0]
+
+
+def _masses(linear: Linear) -> Array:
+    """Inertias (size,) of places and angles of links and pulleys, 0 of all else."""
+    params, info, out = linear.params, linear.params.info, np.zeros(linear.size)
+    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    for name in ("x", "y"):
+        out[linear.rows(name)] = float(info["link_mass"])
+    out[linear.rows("phi")] = float(info["link_inertia"])
+    rows = linear.rows("theta")
+    out[rows] = inertia[linear.index[rows]]
+    return out
