@@ -10,7 +10,8 @@ import numpy as np
 
 from ..checks import Array, real
 from ..naming import index_of
-from .fourier import amplitude_spectrum, even_step, folded, scipy_module, spectrogram
+from ..optional import scipy_module
+from .fourier import amplitude_spectrum, even_step, folded, spectrogram
 from .signals import signal
 from .sources import Source, belt_rate, sources
 
@@ -89,7 +90,7 @@ class Spectrum:
         Each stands out of its surroundings by half its height at least, and is farther than a
         resolution from any larger one, so that sidelobes are no lines.
         """
-        peaks, _ = scipy_module("signal").find_peaks(
+        peaks, _ = scipy_module("signal", "spectra").find_peaks(
             self.amplitude, prominence=0.5 * self.amplitude, height=np.finfo(float).tiny
         )
         found: list[int] = []
