@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from ..checks import Array, real
+from ..optional import scipy_module
 
-__all__ = ["amplitude_spectrum", "even_step", "folded", "scipy_module", "spectrogram"]
+__all__ = ["amplitude_spectrum", "even_step", "folded", "spectrogram"]
 
 #: Fewer samples have no spectrum worth the name.
 _FEWEST = 16
 #: Spectra are computed at this many times the points that the samples have, so that the peak of a
 #: line between two of them is missed by at most 0.3 % with the window of Hann (15 % without).
 _PADDED = 8
-
-
-def scipy_module(name: str) -> Any:
-    """Import a module of SciPy.
-
-    Raises:
-        ImportError: SciPy is not there; the message says how to get it.
-    """
-    try:
-        return import_module(f"scipy.{name}")
-    except ImportError:
-        raise ImportError(
-            "spectra need SciPy: python -m pip install scipy (or beltdyn[vibration])"
-        ) from None
 
 
 def even_step(t: Array) -> float:
@@ -89,9 +75,9 @@ def amplitude_spectrum(
     step = even_step(t)
     if not np.isfinite(values).all():
         raise ValueError("a spectrum needs finite values, some are NaN or infinite")
-    signal_ = scipy_module("signal")
+    signal_ = scipy_module("signal", "spectra")
     weights = signal_.get_window(window, t.size)
-    length = int(scipy_module("fft").next_fast_len(_PADDED * t.size, real=True))
+    length = int(scipy_module("fft", "spectra").next_fast_len(_PADDED * t.size, real=True))
     without = signal_.detrend(values, type="linear")
     amplitude = np.abs(np.fft.rfft(weights * without, length)) * 2.0 / weights.sum()
     bandwidth = float(np.sum(weights**2) / np.sum(weights) ** 2)
@@ -123,7 +109,7 @@ def spectrogram(t: Array, values: Array, length: float) -> tuple[Array, Array, A
             f"window must be from {_FEWEST} samples to all of them, {_FEWEST * step:.3g} to "
             f"{t.size * step:.3g} s, got {length:.3g} s"
         )
-    signal_ = scipy_module("signal")
+    signal_ = scipy_module("signal", "spectra")
     short = signal_.ShortTimeFFT(
         signal_.get_window("hann", count),
         hop=max(1, count // 8),

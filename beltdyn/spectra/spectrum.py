@@ -10,7 +10,8 @@ import numpy as np
 
 from ..checks import Array, integer, positive, share_of_run
 from ..naming import index_of
-from .fourier import amplitude_spectrum, even_step, folded, scipy_module, spectrogram
+from ..optional import scipy_module
+from .fourier import amplitude_spectrum, even_step, folded, spectrogram
 from .signals import signal
 from .sources import HARMONICS, NEAR, Source, belt_turning, lines_at, sources
 
@@ -91,7 +92,7 @@ class Spectrum:
         """
         if integer("count", count, 0) == 0:
             return ()
-        peaks, _ = scipy_module("signal").find_peaks(
+        peaks, _ = scipy_module("signal", "spectra").find_peaks(
             self.amplitude, prominence=0.5 * self.amplitude, height=np.finfo(float).tiny
         )
         found: list[int] = []

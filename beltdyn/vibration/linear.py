@@ -21,7 +21,6 @@ these begin anew where a link arrives). Pulleys and mounts stay in their places.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any
 
 import attrs
@@ -30,7 +29,8 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..checks import Array
-from ..mounts import Path
+from ..mounts import Arm, Path, Slider, axis_direction
+from ..optional import scipy_module
 from ..params import Params
 from ..state import State
 
@@ -40,6 +40,8 @@ Complex = NDArray[np.complex128]
 
 #: |g J| of the solves that the Jacobian is read off, and powers of it that are not rounding.
 SHORT, TERMS = 4e-3, 7
+#: Most trials for g.
+TRIES = 3
 #: Entries of B, against its norm, below which they are what rounding leaves.
 NOTHING = 1e-19
 #: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
@@ -57,13 +59,8 @@ def scipy_sparse() -> tuple[Any, Any]:
     Raises:
         ImportError: SciPy is not installed; the message says what to install.
     """
-    try:
-        return import_module("scipy.sparse"), import_module("scipy.sparse.linalg")
-    except ImportError:
-        raise ImportError(
-            "modes and frequency responses need SciPy: python -m pip install scipy "
-            "(or beltdyn[vibration])"
-        ) from None
+    user = "modes and frequency responses"
+    return scipy_module("sparse", user), scipy_module("sparse.linalg", user)
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -231,9 +228,9 @@ def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: An
         unit[names == name] = 1.0 / radii
     at, levers = params.centers(), np.ones(len(params.mounted))
     for m, k in enumerate(params.mounted):
-        pivot = getattr(params.pulleys[k].mount, "pivot", None)
-        if pivot is not None:
-            levers[m] = np.hypot(*(at[k] - pivot))
+        mount = params.pulleys[k].mount
+        if isinstance(mount, (Arm, Slider)):
+            levers[m] = np.hypot(*axis_direction(mount, at[k]))
     for name in ("travel", "travel_speed"):
         unit[names == name] = 1.0 / levers
     # states of friction: what a slip of 1 m makes of them as it begins
@@ -255,14 +252,15 @@ def _jacobian(params: Params, core: Mapping[str, Any], names: Any, index: Any) -
     few = np.flatnonzero((index % 5 == 0) | ~np.isin(names, ["x", "y", "phi", "vx", "vy", "vphi"]))
     every = np.arange(len(names))
     rates = np.isin(names, list(_RATES.values()))
-    for which in (few, few, few, every):
-        b = _columns(params, core, names, index, g, which)
-        if which is few or b.shape[1] == few.size:
-            unit = _units(params, names, index, b, g, which)
-            scale = unit * np.where(rates, fastest, 1.0)
-            size = abs(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale[which])).max()
-            if size > 2.0 * SHORT:
-                g *= SHORT / size
+    for _ in range(TRIES):  # a g so short, from every fifth link
+        b = _columns(params, core, names, index, g, few)
+        unit = _units(params, names, index, b, g, few)
+        scale = unit * np.where(rates, fastest, 1.0)
+        size = abs(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale[few])).max()
+        if size <= 2.0 * SHORT:
+            break
+        g *= SHORT / size
+    b = _columns(params, core, names, index, g, every)
     unit = _units(params, names, index, b, g, every)
     scale = unit * np.where(rates, fastest, 1.0)
     b = _without_dust(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale))
