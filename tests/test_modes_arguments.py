@@ -46,3 +46,12 @@ def test_decays_are_printed_in_four_lines() -> None:
     lines = [line for line in str(many).splitlines() if "not oscillating" in line]
     assert len(lines) == 5
     assert lines[-1] == "  not oscillating: and 13 more (modes.decay)"
+
+
+def test_a_print_says_what_is_held_and_fits_80_columns() -> None:
+    scene = bd.scenes.tensioned_alternator(60)
+    state = bd.settle(scene.params)
+    held = str(bd.modes(scene.params, state, n=3, motion={"crank": 0.0}))
+    free = str(bd.modes(scene.params, state, n=3))
+    assert "prescribed motion: crank" in held and "prescribed motion: none" in free
+    assert max(len(line) for line in (held + "\n" + free).splitlines()) <= 80

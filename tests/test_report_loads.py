@@ -179,3 +179,14 @@ def test_a_slider_and_a_path() -> None:
     assert row.travel is not None and row.travel.mean == pytest.approx(5e-4, rel=1e-9)
     few = bd.simulate(two(path, preload=300.0), still, 0.01, outputs=("pulleys",)).report(1.0)
     assert any(note.startswith("mounts: mounts.travel") for note in few.notes)
+
+
+def test_hub_loads_point_where_the_spans_pull() -> None:
+    """Sizes and directions of the means are those of one vector."""
+    result = steady()
+    window = Window.last(result, 0.2)
+    statics = hub_statics(window)
+    assert statics is not None
+    for k, row in enumerate(result.report().pulleys):
+        x, y = window.mean(statics[:, k])
+        assert row.hub_direction == pytest.approx(math.atan2(y, x), abs=1e-12)

@@ -366,3 +366,67 @@ def test_dry_friction_of_mounts_gives_back_only_what_it_stores() -> None:
     for last in (0.05, 0.1, 0.2, 0.4):
         row = run.report(last).powers["dampers and friction of mounts"]
         assert row.power > -1e-6
+
+
+# --- What a second pair of strangers found --------------------------------------------------------
+
+
+@functools.cache
+def stiff_to_bending() -> bd.Result:
+    """A belt that resists being bent: 6 % of the driver's torque does not reach the load."""
+    params = drive()
+    belt = attrs.evolve(params.belt, bending_stiffness=0.005, bending_damping=1e-4)
+    load = bd.PiecewiseLinear([0.0, 0.1], [[0.0, 0.0], [0.0, 12.0]])
+    return bd.simulate(attrs.evolve(params, belt=belt), load, 0.6, turning())
+
+
+def test_what_else_takes_power_does_not_grow_with_the_loads() -> None:
+    """At full slip too the driver's torque exceeds the pull of its spans by what it does now."""
+    report = stiff_to_bending().report(0.5)
+    row = report.pulleys["pulley 0"]
+    assert row.belt_torque and row.slip_torque and row.slip_tensions and row.tight and row.slack
+    now = abs(row.belt_torque) - 0.06 * (row.tight - row.slack)
+    assert now > 0.02 * abs(row.belt_torque)
+    tight, slack = row.slip_tensions
+    in_slip = abs(row.slip_torque) - 0.06 * (tight - slack)
+    # rho v^2 of both spans cancels but for their stretch, a thousandth
+    assert in_slip == pytest.approx(now, abs=2e-3 * abs(row.slip_torque))
+
+
+@pytest.mark.parametrize("make", [pulsating, running_away, stiff_to_bending])
+def test_the_worst_margin_is_no_larger_than_that_of_means(make: Any) -> None:
+    for row in make().report().pulleys:
+        if row.margin is not None and row.least_margin is not None:
+            assert row.least_margin <= row.margin
+
+
+def test_a_speed_lost_is_given_as_it_is_printed() -> None:
+    report = stiff_to_bending().report(0.5)
+    (row,), (plain,) = report.creep, report.to_dict()["creep"]
+    assert plain["slower"] == pytest.approx(1.0 - row.ratio / row.nominal, rel=1e-9)
+    frame = report.to_frame()
+    of_frame = frame[(frame.part == "creep") & (frame.quantity == "slower")].value.item()
+    assert of_frame == plain["slower"]
+
+
+def test_a_braking_drive_has_no_percentages() -> None:
+    """Its motor takes off many times what is put in: the drive lives on what it has stored."""
+    params = drive()
+    brake = bd.PiecewiseLinear([0.0, 0.2, 0.3], [0.0, -20.0, 0.0])
+    result = bd.simulate(params, bd.PiecewiseLinear([0.0], [[0.0, -0.2]]), 0.3, {0: brake})
+    report = result.report(0.3)
+    assert max(abs(row.share or 0.0) for row in report.powers) > 1.1
+    assert "No percentages" in str(report) and "100.00" not in str(report)
+
+
+def test_tensions_of_all_of_the_run() -> None:
+    """A start is in the spans' extremes of the run, not in those of the window."""
+    result = stiff_to_bending()
+    report = result.report(0.2)
+    spans = result.span_tension
+    for k, row in enumerate(report.spans):
+        assert row.of_run is not None
+        assert (row.of_run.least, row.of_run.most) == (spans[:, k].min(), spans[:, k].max())
+    assert f"at most {spans.max():.4g} N" in " ".join(str(report).split())
+    at = report.mass_tension
+    assert at == pytest.approx(0.1 * report.belt_speed**2, rel=0.02)  # type: ignore[operator]

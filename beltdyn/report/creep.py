@@ -113,7 +113,7 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
             continue
         if abs(math.log(ratio)) > SLIPS:
             notes.append(
-                f"{params.label(k)} slips, its rim has {100.0 * ratio:.2g} % of the speed of the "
+                f"{params.label(k)} slips, its rim has {100.0 * ratio:.0f} % of the speed of the "
                 f"rim of {params.label(driver)}: no split of creep"
             )
             continue

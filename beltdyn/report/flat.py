@@ -43,6 +43,7 @@ _UNITS: dict[type, dict[str, str]] = {
     SpanRow: {
         "length": "m",
         "tension": "N",
+        "of_run": "N",
         "frequency": "Hz",
         "amplitude": "N",
         "lateral": "Hz",
@@ -58,6 +59,8 @@ _OF_RUN = {
     "driver": "",
     "belt_speed": "m/s",
     "belt_speeds": "m/s",
+    "rest_tension": "N",
+    "mass_tension": "N",
     "efficiency": "1",
     "joint": "1",
     "cycles_begin": "s",
@@ -113,4 +116,6 @@ def numbers(report: Told) -> list[Number]:
                     value = "may be"
                 if field != "name":
                     add(part, name, field, _unit(row, field), value)
+            if isinstance(row, Creep):
+                add(part, name, "slower", "1", row.slower)
     return found

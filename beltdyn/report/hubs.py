@@ -69,9 +69,12 @@ def hub_statics(window: Window) -> Array | None:
 
 
 def with_hub_loads(
-    window: Window, rows: list[PulleyRow], statics: Array | None
+    window: Window, rows: list[PulleyRow], statics: Array | None, passing: float
 ) -> tuple[list[PulleyRow], list[str]]:
-    """Take the sizes of hub loads from the spans; say where they are those of the contact still."""
+    """Take the hub loads from the spans; say where they are those of the contact still.
+
+    Ranges are of running means over ``passing``, the time in which a link passes [s].
+    """
     found, kept = [], []
     for k, row in enumerate(rows):
         if row.hub_load is None:
@@ -81,7 +84,14 @@ def with_hub_loads(
             found.append(row)
         else:
             size = np.hypot(statics[:, k, 0], statics[:, k, 1])
-            found.append(attrs.evolve(row, hub_load=spread(window, size)))
+            x, y = window.mean(statics[:, k])
+            found.append(
+                attrs.evolve(
+                    row,
+                    hub_load=spread(window, size, passing),
+                    hub_direction=float(np.arctan2(y, x)),
+                )
+            )
     if not kept:
         return found, []
     return found, [

@@ -84,12 +84,13 @@ def make_report(run: Run, last: float = LAST, joint: int = 0) -> Report:
     pulleys, said = pulley_rows(window, touched, driver)
     notes += said
     statics = hub_statics(window)
-    pulleys, said = with_hub_loads(window, pulleys, statics)
+    passing = 0.0 if touched is None else touched.passing(window)
+    pulleys, said = with_hub_loads(window, pulleys, statics, passing)
     notes += said
     notes += _bending(run, pulleys)
     spans, said = span_rows(window, touched)
     notes += said
-    mounts, said = mount_rows(window, statics)
+    mounts, said = mount_rows(window, statics, passing)
     notes += said
     creep: list[Creep] = []
     if driver is not None and touched is not None and len(run.params.pulleys) > 1:
@@ -107,6 +108,12 @@ def make_report(run: Run, last: float = LAST, joint: int = 0) -> Report:
         driver=None if driver is None else names[driver],
         belt_speed=None if touched is None else _belt_speed(window, touched),
         belt_speeds=None if touched is None else _belt_speeds(window, touched),
+        rest_tension=(
+            None
+            if run.params.belt.mesh == "paper"
+            else float(run.params.info["mean_tension"])
+        ),
+        mass_tension=None if touched is None else _mass_tension(window, touched),
         pulleys=Rows(pulleys),
         spans=Rows(spans),
         mounts=Rows(mounts),
@@ -185,6 +192,12 @@ def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
 def _belt_speed(window: Window, touched: Touching) -> float:
     """Give the mean speed of the belt, along the order of its links [m/s]."""
     return touched.speed * float(window.mean(touched.stretch.mean(axis=1)))
+
+
+def _mass_tension(window: Window, touched: Touching) -> float:
+    """Give rho v^2 of the stretched belt [N]."""
+    stretch = float(window.mean(touched.stretch.mean(axis=1)))
+    return float(window.params.belt.linear_density * touched.speed**2 * stretch)
 
 
 def _belt_speeds(window: Window, touched: Touching) -> Spread | None:

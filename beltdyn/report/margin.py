@@ -66,7 +66,11 @@ class Steady:
 
 @attrs.frozen(kw_only=True)
 class FullSlip:
-    """When a pulley slips in full: factor of all torques, its torque [N m], its tensions [N]."""
+    """When a pulley slips in full: factor of all loads, its torque [N m], its tensions [N].
+
+    What else takes power, such as a belt that resists being bent, does not grow with the loads, so
+    the torque of the driving pulley grows by less than the factor.
+    """
 
     factor: float
     torque: float
@@ -366,5 +370,6 @@ def _of_pulley(theory: _Theory, states: list[_State], k: int) -> FullSlip:
         low, high = (middle, high) if middle.used[k] < 1.0 else (low, middle)
     tension = theory.tensions(float(low.unknown[0]), low.factor)[0]
     pair = float(tension[k]), float(tension[k - 1])
-    torque = float(low.factor * theory.steady.torque[k])
+    lever = theory.radii[k] * theory.params.route.senses[k]
+    torque = float(theory.steady.torque[k] + (low.factor - 1.0) * theory.per_factor[k] * lever)
     return FullSlip(factor=low.factor, torque=torque, tensions=(max(pair), min(pair)))

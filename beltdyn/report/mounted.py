@@ -27,12 +27,15 @@ _FORCES = {
 }
 
 
-def mount_rows(window: Window, statics: Array | None) -> tuple[list[MountRow], list[str]]:
+def mount_rows(
+    window: Window, statics: Array | None, passing: float
+) -> tuple[list[MountRow], list[str]]:
     """Give the rows, and what is missing in them.
 
     Args:
         window: The part of the run.
         statics: What the belt pulls at each pulley (n_w, n_p, 2) [N], if known.
+        passing: The time in which a link passes [s], over which its pull is averaged.
     """
     params, run = window.params, window.run
     mounts = run.mounts
@@ -73,7 +76,7 @@ def mount_rows(window: Window, statics: Array | None) -> tuple[list[MountRow], l
                         for center, load in zip(window.centers[:, k], statics[:, k], strict=True)
                     ]
                 )
-                row["belt"] = _without_blows(window, row["belt"], pull)
+                row["belt"] = _without_blows(window, row["belt"], pull, passing)
         rows.append(MountRow(**row))
     return rows, notes
 
@@ -87,9 +90,9 @@ def _there(mount: Any, field: str) -> bool:
     return field == "belt" or mount.stops is not None
 
 
-def _without_blows(window: Window, of_contact: Spread, pull: Array) -> Spread:
+def _without_blows(window: Window, of_contact: Spread, pull: Array, passing: float) -> Spread:
     """Take the mean from the contact, exact, and the swing round it from what the spans pull."""
-    swing = spread(window, pull)
+    swing = spread(window, pull, passing)
     if swing is None or np.isnan(pull).any():
         return of_contact
     mean = of_contact.mean

@@ -101,7 +101,7 @@ def power_rows(
     elif abs(stored) > STORED * put_in:
         notes.append(
             f"no efficiency: what is stored changes by {abs(stored):.3g} W in this window, "
-            f"{100.0 * abs(stored) / put_in:.2g} % of what is put in"
+            f"{100.0 * abs(stored) / put_in:.3g} % of what is put in"
         )
     else:
         efficiency = 1.0 - lost / put_in

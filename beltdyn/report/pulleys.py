@@ -20,9 +20,13 @@ __all__ = ["pulley_rows", "spread"]
 FAINT = 1e-6
 
 
-def spread(window: Window, samples: Array) -> Spread | None:
-    """Give mean, least and largest of samples (n_w,); None if all are missing."""
-    there = samples[~np.isnan(samples)]
+def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | None:
+    """Give mean, least and largest of samples (n_w,); None if all are missing.
+
+    The ends are those of running means over ``passing`` [s], if it is > 0.
+    """
+    smooth = window.smoothed(samples[:, None], passing)[:, 0]
+    there = smooth[~np.isnan(smooth)]
     if there.size == 0:
         return None
     return Spread(float(window.mean(samples)), float(there.min()), float(there.max()))

@@ -47,6 +47,9 @@ class Report(Told):
         driver: Name of the pulley that drives the belt; None if the belt stands still.
         belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
         belt_speeds: The same with its range, without what links do that pass [m/s].
+        rest_tension: Mean tension of the belt at rest [N]; None with the paper's mesh, on which it
+            is higher on pulleys than in spans.
+        mass_tension: What the belt's own mass takes of every tension, rho v^2 [N].
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
         mounts: A row for each arm, slider and path.
@@ -78,12 +81,15 @@ class Report(Told):
     def to_dict(self) -> dict[str, Any]:
         """Give plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.
 
-        SI units, angles in rad, as the attributes, and two that follow from them: "steady", and
-        "first_to_slip", the name of that pulley. What is not known is None; so is a number that is
+        SI units, angles in rad, as the attributes, and what follows from them: "steady",
+        "first_to_slip", the name of that pulley, and "slower" of rows of creep, which is what is
+        printed as lost. What is not known is None; so is a number that is
         infinite (a margin without end).
         """
         plain: dict[str, Any] = _plain(attrs.asdict(self, recurse=True))
         first = self.first_to_slip
+        for row, one in zip(self.creep, plain["creep"], strict=True):
+            one["slower"] = row.slower
         plain["steady"] = not self.unsteady
         plain["first_to_slip"] = None if first is None else first.name
         return plain

@@ -95,7 +95,9 @@ class SpanRow:
     Attributes:
         name: The pulleys that it is between, as "crank to pulley 1".
         length: Of its tangent [m]; None: the places of mounts are not known.
-        tension: Mean of the free joints; least and largest sample in its middle [N].
+        tension: Mean of the free joints; least and largest in its middle, of running means over the
+            passing of a link [N].
+        of_run: Mean tension of its joints over all of the run, the least and the largest [N].
         frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
             None: none does.
         amplitude: Of that line [N].
@@ -109,6 +111,7 @@ class SpanRow:
     name: str
     length: float | None
     tension: Spread | None = None
+    of_run: Spread | None = None
     frequency: float | None = None
     amplitude: float | None = None
     link_passing: bool | None = False
@@ -268,6 +271,8 @@ class Told:
     driver: str | None
     belt_speed: float | None
     belt_speeds: Spread | None
+    rest_tension: float | None
+    mass_tension: float | None
     pulleys: Rows[PulleyRow]
     spans: Rows[SpanRow]
     mounts: Rows[MountRow]

@@ -26,6 +26,8 @@ __all__ = ["friction_limits", "slip_rows"]
 #: A pulley whose torque changes the tension by less than this share of the mean one is an idler:
 #: what the drag of its bearings takes is no torque that one would let grow.
 IDLE = 0.01
+#: Part of the friction in use at the worst instant from which on an idler in the mean is none.
+SWINGS = 0.3
 #: A pulley from which on it is as good as in full slip: ratios are right to the mesh.
 FULL = 0.98
 
@@ -189,14 +191,16 @@ class _Slipping:
         torque = window.mean(self.touching.torques)
         scale = IDLE * float(np.mean(tension))
         most = np.max(np.abs(np.nan_to_num(self.torques)), axis=0)
-        working = (most / self.radii > scale) & (self.mu > 0.0)
+        in_mean = (self.mu > 0.0) & (np.abs(torque) / self.radii > scale)
+        used = np.nanmax(np.nan_to_num(self.over_time), axis=0)
+        swings = (self.mu > 0.0) & (most / self.radii > scale) & (used > SWINGS)
+        working = in_mean | swings
         if not working.any():
             self.notes.append("no margin to slip: the belt hands on no torque in this window")
             return [self._capped(row, k) for k, row in enumerate(rows)]
         idle = [row.name for k, row in enumerate(rows) if not working[k] and self.mu[k] > 0.0]
         if idle:
             self.notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
-        in_mean = working & (np.abs(torque) / self.radii > scale)
         rows = self._of_means(tension, torque, in_mean, rows)
         rows = [self._worst(row, k) if working[k] else row for k, row in enumerate(rows)]
         return [self._capped(row, k) for k, row in enumerate(rows)]
@@ -208,9 +212,11 @@ class _Slipping:
         if not working.any():
             return rows
         if self.driver is not None and self.touching.reverses(self.window):
+            stretch = 1.0 + float(np.mean(tension)) / self.params.belt.axial_stiffness
+            low, high = (stretch * end(self.speeds) for end in (np.nanmin, np.nanmax))
             self.notes.append(
-                "no margin of mean torques: the belt's speed goes from "
-                f"{np.nanmin(self.speeds):.3g} to {np.nanmax(self.speeds):.3g} m/s in this window"
+                f"no margin of mean torques: the belt's speed goes from {low:.3g} to "
+                f"{high:.3g} m/s in this window"
             )
             return rows
         driver, speed = self.driver, self.touching.speed
@@ -290,6 +296,8 @@ class _Slipping:
                 changes[name] = min(value, most)
         if changes.get("least_margin") is None and row.margin is not None and self.slips[k]:
             changes["least_margin"] = min(row.margin, most)
+        if "least_margin" in changes and "margin" in changes:
+            changes["least_margin"] = min(changes["least_margin"], changes["margin"])
         return attrs.evolve(row, **changes)
 
 

@@ -108,6 +108,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
     found = () if not_even else sources(run, window.rows)
     if not_even:
         notes.append(f"no frequencies of spans: {not_even}")
+    passing = 0.0 if touching is None else touching.passing(window)
     rows = []
     for k in range(n_p):
         name = span_name(k, names, unnamed=f"{names[k]} to {names[(k + 1) % n_p]}")
@@ -118,17 +119,26 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
         elif spans is not None and not np.isnan(spans[:, k]).any():
             history = spans[:, k]
         if history is not None:
-            of_middle = spread(window, history)
+            of_middle = spread(window, history, passing)
             assert of_middle is not None
             mean = of_middle.mean if means is None else float(means[k])
             row["tension"] = Spread(mean, of_middle.least, of_middle.most)
         elif means is not None and not np.isnan(means[k]):
-            row["tension"] = spread(window, spans[:, k])  # type: ignore[index]
+            row["tension"] = spread(window, spans[:, k], passing)  # type: ignore[index]
+        if spans is not None:
+            whole = run.span_tension[:, k]
+            there = whole[~np.isnan(whole)]
+            if there.size:
+                mean = time_mean(run.t, whole)
+                row["of_run"] = Spread(mean, float(there.min()), float(there.max()))
         tension = row.get("tension")
         if tension is None and (spans is not None or middle is not None):
             notes.append(f"span {name}: no link of it is free of both pulleys in this window")
-        elif tension is not None and tension.least <= 0.0:
-            notes.append(f"span {name} goes slack: down to {tension.least:.3g} N in its middle")
+        least = tension.least if history is None and tension is not None else np.inf
+        if history is not None:
+            least = float(np.nanmin(history))  # of instants: a blow is none of the mesh
+        if least <= 0.0:
+            notes.append(f"span {name} goes slack: down to {least:.3g} N in its middle")
         if tension is not None and tension.mean > 0.0:
             stretch = 1.0 + tension.mean / params.belt.axial_stiffness
             speed = 0.0 if touching is None else touching.speed * stretch
@@ -142,7 +152,20 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
                 row["link_passing"] = _of_links(found, window.t, line.frequency)
         rows.append(SpanRow(**row))
+    if not not_even and any(row.tension and row.frequency is None for row in rows):
+        notes.append(
+            f"lines of the spans below {LEAST / window.lasts:.3g} Hz, of which the window does not "
+            f"hold {LEAST} periods; above, a span without a line has none that stands out"
+        )
     return rows, notes
+
+
+def time_mean(t: Array, values: Array) -> float:
+    """Give the mean over time of samples, those that are NaN left out."""
+    there = ~np.isnan(values)
+    if np.count_nonzero(there) < 2:
+        return float(values[there].mean())
+    return float(np.trapezoid(values[there], t[there]) / (t[there][-1] - t[there][0]))
 
 
 def uneven(window: Window) -> str:

@@ -22,6 +22,10 @@ _STILL, _NOTHING = 1e-6, 1e-9
 _NONE = "-"
 #: Part of the speed lost that may remain unexplained, and speeds lost that are as good as none.
 DOUBT, FAINT = 0.1, 1e-5
+#: Part of the speed lost from which on a negative share of friction is explained.
+LITTLE = 0.01
+#: A part over the whole of what is put in, beyond which parts are no shares of it.
+TURNED = 0.05
 #: Links on a wrap from which on arcs and ratios are right to some percent.
 LINKS = 3.0
 
@@ -160,6 +164,11 @@ def _loads(report: Told) -> Table:
             f"Links on the wrap: {', '.join(few)}. So few make arcs, tensions beside them and "
             "ratios coarse: take more links.",
         )
+    if any(row.slip_arc is not None for row in report.pulleys):
+        remarks += (
+            "A link slips with 95 % of full friction or more. One that creeps carries less while "
+            "its friction builds up, so the arc is smaller than the part of friction in use.",
+        )
     title = "Hub loads; wrap by the belt line; slip by the links in contact"
     return Table(title, heading, rows, remarks)
 
@@ -181,12 +190,13 @@ def _slip(report: Told) -> Table:
         for row in report.pulleys
     ]
     remarks = [
-        "Torque, ratio, used, margin are of means over time, range and worst of instants, without "
-        "what links do that pass. Margin: factor by which all torques can grow; own: its torque "
-        f"alone, {report.driver or 'what holds the belt'} making up for it.",
+        "Torque of the belt on the pulley. Torque, ratio, used, margin are of the means of the "
+        "window; range and worst are of single moments, averaged over the passing of a link. "
+        "Margin: factor by which all loads can grow before the pulley slips in full; own: its "
+        f"load alone, {report.driver or 'what holds the belt'} making up for it.",
     ]
     if any(row.margin is not None and math.isinf(row.margin) for row in report.pulleys):
-        remarks.append("later: others slip in full long before it would.")
+        remarks.append("later: others slip in full, or a span goes slack, long before it would.")
     first = report.first_to_slip
     if first is not None:
         remarks.append(f"{first.name} slips first, {_when(first)}.")
@@ -219,12 +229,12 @@ def _when(row: PulleyRow) -> str:
         )
     told = []
     if row.margin is not None:
-        told.append(f"when all torques have grown {row.margin:.2f}-fold")
+        told.append(f"when all loads have grown {row.margin:.2f}-fold")
     if row.least_margin is not None and (
         row.margin is None or row.least_margin < 0.95 * row.margin
     ):
         worst = f"{row.least_margin:.2f}-fold at the worst instant, t = {row.worst_time:.4g} s"
-        told.append(f"but {worst}" if told else f"when all torques have grown {worst}")
+        told.append(f"but {worst}" if told else f"when all loads have grown {worst}")
     return ", ".join(told)
 
 
@@ -269,6 +279,24 @@ def _spans(report: Told) -> Table:
             "? may be links that pass, an artefact of the mesh: this window cannot tell them from "
             "other lines."
         )
+    remarks.append("Ranges are of running means over the passing of a link.")
+    known = [row for row in report.spans if row.of_run is not None]
+    if known:
+        most = max(known, key=lambda row: row.of_run.most if row.of_run else 0.0)
+        least = min(known, key=lambda row: row.of_run.least if row.of_run else 0.0)
+        assert most.of_run is not None and least.of_run is not None
+        slack = "none goes slack" if least.of_run.least > 0.0 else "it goes slack"
+        remarks.append(
+            f"In all of the run: at most {_number(most.of_run.most)} N ({most.name}), at least "
+            f"{_number(least.of_run.least)} N ({least.name}; {slack}); means over the span."
+        )
+    told = []
+    if report.rest_tension is not None:
+        told.append(f"Mean tension at rest: {_number(report.rest_tension)} N.")
+    if report.mass_tension is not None:
+        told.append(f"rho v^2 in this window: {_number(report.mass_tension, 3)} N.")
+    if told:
+        remarks.append(" ".join(told))
     title = "Spans: tension in N, strongest line in it, frequency as a moving string in Hz"
     return Table(title, heading, rows, tuple(remarks))
 
@@ -356,16 +384,28 @@ def _creep(report: Told) -> Table:
             f"Do not trust the split of {', '.join(doubtful)}: the remainder, of unsteady motion, "
             "is more than a tenth of the speed lost. Take a longer or a steadier part of the run.",
         )
+    if any(row.friction < -LITTLE * abs(row.lost) for row in report.creep):
+        remarks += (
+            "friction < 0: it acts already while the belt sinks in, where the radius is larger.",
+        )
     return Table(f"Speed lost against {report.driver}, and why", heading, rows, remarks)
 
 
 def _powers(report: Told) -> Table:
     kinds = {"in": "put in by", "out": "taken off by", "lost": "lost:", "stored": "", "left": ""}
+    # Shares of what is put in say nothing where a drive lives on what it has stored.
+    shares = all(abs(row.share or 0.0) <= 1.0 + TURNED for row in report.powers)
     rows = [
-        (f"{kinds[row.kind]} {row.name}".strip(), _number(row.power), _percent(row.share, 2))
+        (
+            f"{kinds[row.kind]} {row.name}".strip(),
+            _number(row.power),
+            _percent(row.share, 2) if shares else _NONE,
+        )
         for row in report.powers
     ]
     remarks: tuple[str, ...] = ()
+    if not shares:
+        remarks = ("No percentages: more is taken off or stored than is put in.",)
     if report.efficiency is not None:
         remarks = (
             f"Efficiency {100.0 * report.efficiency:.2f} %: what is put in less what is lost.",
@@ -435,7 +475,7 @@ def lines(report: Told) -> list[str]:
         for remark in table.remarks:
             found += _wrapped(remark)
     if report.notes:
-        found += ["", "Not told"]
+        found += ["", "Not told, and to be kept in mind"]
         for note in report.notes:
             found += _wrapped(note)
     return found
@@ -484,5 +524,5 @@ def html(report: Told) -> str:
         parts += [f"<p>{escape.escape(one)}</p>" for one in table.remarks]
     if report.notes:
         items = "".join(f"<li>{escape.escape(one)}</li>" for one in report.notes)
-        parts.append(f"<p>Not told:</p><ul>{items}</ul>")
+        parts.append(f"<p>Not told, and to be kept in mind:</p><ul>{items}</ul>")
     return "\n".join(parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from collections.abc import Mapping
 
@@ -91,6 +92,7 @@ class Modes:
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
         speed: Of the belt along its numbering [m/s], 0 at rest.
+        prescribed: Names of the pulleys whose motion is prescribed.
         mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
             it falls with the length of a link. With several phases most of it is averaged out.
         phases: Phases of the mesh that were taken together, see :func:`modes`.
@@ -115,6 +117,7 @@ class Modes:
     left_out: int
     band: tuple[float, float]
     speed: float
+    prescribed: tuple[str, ...]
     mesh_error: Array
     phases: int
     by_phase: Array
@@ -126,7 +129,8 @@ class Modes:
 
     def __str__(self) -> str:
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
-        rows = [f"Modes of the drive, {running}:"]
+        held = ", ".join(self.prescribed) or "none"
+        rows = [f"Modes of the drive, {running}; pulleys of prescribed motion: {held}"]
         for value, name in zip(self.grows, self.grow_names, strict=True):
             rows.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
         rows.append("   k  frequency  damping  what moves")
@@ -152,13 +156,17 @@ class Modes:
             rows.append(f"  not oscillating: and {self.decay.size - STILL} more (modes.decay)")
         if self.turning is not None and self.turning.real > abs(self.turning.imag):
             rows.append(
-                f"  the whole drive turns away within {1.0 / self.turning.real:.3g} s, e-fold: of "
-                "the mesh alone, as links stand on the pulleys"
+                f"  the whole drive turning grows e-fold within {1.0 / self.turning.real:.3g} s: "
+                "by the mesh alone, no drive does"
             )
         if self.left_out:
             rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
         rows.append(f"  searched from {self.band[0]:.3g} Hz on")
-        return "\n".join(rows)
+        return "\n".join(
+            line
+            for row in rows
+            for line in textwrap.wrap(row, 80, subsequent_indent=" " * 6, drop_whitespace=True)
+        )
 
 
 def modes(
@@ -264,6 +272,7 @@ def modes(
         left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
         speed=linear.passing * float(params.info["link_length"]),
+        prescribed=tuple(params.pulley_names[k] for k in linear.prescribed),
         mesh_error=_mesh_error(linear, found, state),
         phases=phases,
         by_phase=by_phase,
