@@ -97,7 +97,7 @@ def cases_of(name: str, law: bd.Friction) -> dict[str, Start]:
         f"{name}, from rest": lambda: (case_1(), bd.settle(case_1().params)),
         f"{name}, running": lambda: running(case_1, 0.28),
         f"{name}, three unequal pulleys": lambda: running(
-            lambda: with_law(lambda: coarse(bd.scenes.three_pulleys), law), 0.22
+            lambda: with_law(bd.scenes.three_pulleys, law), 0.22
         ),
         f"{name}, full slip": lambda: running(
             lambda: with_law(lambda: coarse(bd.scenes.flywheel_start), weak), 0.10
