@@ -79,13 +79,6 @@ def mixed_three() -> bd.scenes.Scene:
     return mixed(bd.scenes.three_pulleys, ELASTIC, None, LUGRE)
 
 
-def coarse(make: Callable[[], bd.scenes.Scene]) -> bd.scenes.Scene:
-    """With 60 links, half of the scene's: a law acts on each alike, and runs take a third."""
-    scene = make()
-    belt = attrs.evolve(scene.params.belt, n_bodies=60)
-    return scene._replace(params=attrs.evolve(scene.params, belt=belt))
-
-
 def cases_of(name: str, law: bd.Friction) -> dict[str, Start]:
     """Every law of the table but Dahl's, which the cases below have."""
     strong, weak = scaled(law, 1.5), scaled(law, 0.5)
@@ -100,7 +93,7 @@ def cases_of(name: str, law: bd.Friction) -> dict[str, Start]:
             lambda: with_law(bd.scenes.three_pulleys, law), 0.22
         ),
         f"{name}, full slip": lambda: running(
-            lambda: with_law(lambda: coarse(bd.scenes.flywheel_start), weak), 0.10
+            lambda: with_law(bd.scenes.flywheel_start, weak), 0.10
         ),
     }
 
