@@ -70,6 +70,7 @@ from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scene import Scene
 from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
+from .sweeping import Samples, SweepInterrupted, sample, sweep
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 from .vibration import FrequencyResponse, Modes, frequency_response, modes
@@ -118,6 +119,7 @@ __all__ = [
     "Result",
     "Route",
     "RunWarning",
+    "Samples",
     "Scene",
     "SimulationError",
     "Slider",
@@ -125,6 +127,7 @@ __all__ = [
     "State",
     "Stats",
     "Step",
+    "SweepInterrupted",
     "Target",
     "Tensioning",
     "Tensions",
@@ -139,10 +142,12 @@ __all__ = [
     "identify",
     "modes",
     "route",
+    "sample",
     "scenes",
     "settle",
     "simulate",
     "spectra",
+    "sweep",
 ]
 
 globals().update({_law.__name__: _law for _law in _LAWS.values()})  # those without a class, too

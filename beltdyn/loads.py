@@ -188,6 +188,7 @@ class Load(_OnOnePulley):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _in_proportion = ("coulomb", "viscous", "quadratic")
     pulley: PulleyLike = attrs.field(converter=_pulley)
     coulomb: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     viscous: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
@@ -236,6 +237,7 @@ class SpeedTable(_OnOnePulley):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _in_proportion = ("torque",)
     pulley: PulleyLike = attrs.field(converter=_pulley)
     omega: Array = attrs.field(converter=as_row, eq=EQUAL)
     torque: Array = attrs.field(converter=as_row, eq=EQUAL)
@@ -301,6 +303,7 @@ class Harmonics(_OnOnePulley):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _in_proportion = ("amplitudes",)
     pulley: PulleyLike = attrs.field(converter=_pulley)
     orders: Array = attrs.field(converter=as_row, eq=EQUAL)
     amplitudes: Array = attrs.field(converter=as_row, eq=EQUAL)
@@ -368,6 +371,7 @@ class Step(_OverTime):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _in_proportion = ("torque",)
     pulley: PulleyLike = attrs.field(converter=_pulley)
     t: float = attrs.field(converter=_number)
     torque: float = attrs.field(converter=_number)
@@ -393,6 +397,7 @@ class Ramp(_OverTime):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _in_proportion = ("torque",)
     pulley: PulleyLike = attrs.field(converter=_pulley)
     t_begin: float = attrs.field(converter=_number)
     t_end: float = attrs.field(converter=_number)

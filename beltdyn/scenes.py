@@ -7,7 +7,9 @@ works.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
+from pathlib import Path
 
 from .friction import Dahl
 from .machines import (
@@ -224,3 +226,18 @@ def get(name: str) -> Scene:
     if key not in _SCENES:
         raise ValueError(f"no scene is called {name!r}; there are {', '.join(_SCENES)}")
     return _SCENES[key]()
+
+
+def find(scene: str | os.PathLike[str]) -> Scene:
+    """Give a scene by its name, or from a TOML file.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: There is no such scene; what is wrong in the file.
+    """
+    if os.path.isdir(scene):
+        raise ValueError(f"{os.fspath(scene)} is a folder, not a scene")
+    path = os.fspath(scene)
+    if path.endswith(".toml") or os.path.isfile(path):
+        return Scene.from_toml(Path(path))
+    return get(path)

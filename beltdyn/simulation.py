@@ -32,7 +32,7 @@ from .state import State, belt_speed
 from .stopping import stoppable
 from .torques import TorqueLike, as_terms
 
-__all__ = ["METHODS", "settle", "simulate"]
+__all__ = ["METHODS", "settle", "simulate", "speeds_at_start"]
 
 #: Integration methods, of the core's table; :func:`simulate` describes them.
 METHODS = _core.METHODS
@@ -501,6 +501,21 @@ def settle(
     if v == 0.0:
         return settled
     return attrs.evolve(settled.at_speed(params, speeds), residual=settled.residual)
+
+
+def speeds_at_start(
+    params: Params, motion: ByPulley[MotionLike] | None, t_end: float, breakpoints: ArrayLike
+) -> dict[int, float] | None:
+    """Give the speeds with which :func:`simulate` has the belt settle for motions; None: at rest.
+
+    Raises:
+        TypeError, ValueError: A motion or a breakpoint breaks its rule.
+    """
+    motions = as_motions(motion, params.pulley_names)
+    if not motions:
+        return None
+    kinks = {"breakpoints": np.sort(real_array("breakpoints", breakpoints, ndim=1))}
+    return _first_speeds(params, motions, 0.0, _first_after(0.0, kinks, t_end))
 
 
 def _first_after(start: float, options: Mapping[str, Any], end: float) -> float:

@@ -11,13 +11,14 @@ from typing import TypeVar
 from .checks import integer
 from .stopping import Stopper
 
-__all__ = ["Workers"]
+__all__ = ["Workers", "available"]
 
 _Job = TypeVar("_Job")
 _Out = TypeVar("_Out")
 
 
-def _available() -> int:
+def available() -> int:
+    """Give the number of processors that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:
@@ -28,7 +29,7 @@ class Workers:
     """A fixed number of threads, ended with the ``with`` block; one: the calling thread itself."""
 
     def __init__(self, workers: int | None) -> None:
-        self.count = _available() if workers is None else integer("workers", workers, 1)
+        self.count = available() if workers is None else integer("workers", workers, 1)
         self._pool = ThreadPoolExecutor(self.count) if self.count > 1 else None
 
     def __enter__(self) -> Workers:

@@ -6,9 +6,10 @@ All torques are the set torques M_d of (2.12), counter-clockwise positive, one p
 from __future__ import annotations
 
 import ctypes
+import numbers
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
 import attrs
 import numpy as np
@@ -37,7 +38,9 @@ _SIGNATURE = "void f(double t, double *theta, double *omega, double *torque, voi
 
 
 class Torque:
-    """Base class of the torques that the C core evaluates itself; ``+`` adds them.
+    """Base class of the torques that the C core evaluates itself.
+
+    ``+`` adds them, ``*`` multiplies them by a number.
 
     They can also be called like any torque function, and then give the numbers of the core; loads,
     whose sign turns smoothly with the speed in the core, but for speeds round 0.
@@ -87,6 +90,23 @@ class Torque:
         if not isinstance(other, Torque):
             return NotImplemented
         return TorqueSum([*_parts(self), *_parts(other)])
+
+    #: The fields in proportion to which the torque is.
+    _in_proportion: ClassVar[tuple[str, ...]] = ()
+
+    def __mul__(self, factor: object) -> Self:
+        """Give this torque times a number, where all of it is in proportion to some fields."""
+        if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
+            return NotImplemented
+        if not self._in_proportion:
+            raise TypeError(f"{type(self).__name__} cannot be multiplied by a number")
+        owner: Any = self
+        times = float(factor)
+        scaled = {name: times * getattr(self, name) for name in self._in_proportion}
+        multiplied: Self = attrs.evolve(owner, **scaled)
+        return multiplied
+
+    __rmul__ = __mul__
 
 
 def _parts(torque: Torque) -> Sequence[Torque]:
@@ -167,6 +187,7 @@ class PiecewiseLinear(Torque):
         ValueError: A rule is broken; the message names field and rule.
     """
 
+    _in_proportion = ("values",)
     t: Array = attrs.field(converter=_times, eq=_EQUAL)
     values: Array = attrs.field(converter=_values, eq=_EQUAL)
     pulley: PulleyLike | None = attrs.field(default=None, converter=_pulley_or_none)
@@ -255,6 +276,7 @@ class Viscous(Torque):
         ValueError: A rule is broken; the message names field and rule.
     """
 
+    _in_proportion = ("coefficients",)
     coefficients: Array = attrs.field(converter=_coefficients, eq=_EQUAL)
 
     @property
@@ -313,6 +335,13 @@ class TorqueSum(Torque):
     """
 
     parts: tuple[Torque, ...] = attrs.field(converter=_summands)
+
+    def __mul__(self, factor: object) -> TorqueSum:
+        if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
+            return NotImplemented
+        return TorqueSum([part * factor for part in self.parts])
+
+    __rmul__ = __mul__
 
     @property
     def n_pulleys(self) -> int | None:

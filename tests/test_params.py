@@ -16,8 +16,8 @@ from laws import EXAMPLES, STRIBECK, scaled, typical, with_laws
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn import parameters as names
 from beltdyn.friction import LAWS
-from beltdyn.identification import names
 
 CLASSES: dict[str, Any] = {
     "belt": bd.Belt,

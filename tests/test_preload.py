@@ -16,7 +16,7 @@ from scipy.sparse.linalg import spsolve
 
 import beltdyn as bd
 from beltdyn import _core, preload
-from beltdyn.identification import names
+from beltdyn import parameters as names
 
 BELT: dict[str, Any] = {"n_bodies": 60, "linear_density": 0.1, "axial_stiffness": 70e3}
 PULLEYS = (

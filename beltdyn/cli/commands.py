@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +67,7 @@ def show(scene: str, plot: Path | None) -> None:
     outputs = Outputs(None, plot, None, False)
     outputs.check()
     with reported():
-        params = _find(scene).params
+        params = scenes.find(scene).params
     click.echo(f"{params}\n\n{params.route}")
     if plot is not None:
         try:
@@ -151,7 +150,7 @@ def run(
     suggestion = None
     options: dict[str, Any] = {"method": method, "rtol": rtol, "step": step, "budget": budget}
     with reported():
-        found = _find(scene)
+        found = scenes.find(scene)
         if t_end is not None:
             found = found._replace(t_end=t_end)
         try:
@@ -247,7 +246,7 @@ def study_accuracy(
     outputs.check()
     kept = "" if store is None else f"; finished runs are in {store}"
     with reported("read or write", kept):
-        found = _find(scene)
+        found = scenes.find(scene)
         options = accuracy.quick(found.params) if quick else {}
         with interruptible(), silenced():
             study = accuracy.study(found, store=store, progress=not quiet, **options)
@@ -287,7 +286,7 @@ def explain_scene(
     out one effect at a time changes, and which may be left out at the error asked for.
     """
     with reported():
-        found = _find(scene)
+        found = scenes.find(scene)
         with interruptible():
             explanation = explain(
                 found.params,
@@ -299,14 +298,6 @@ def explain_scene(
                 method=method,
             )
     click.echo(str(explanation))
-
-
-def _find(scene: str) -> scenes.Scene:
-    if os.path.isdir(scene):
-        raise ValueError(f"{scene} is a folder, not a scene")
-    if scene.endswith(".toml") or os.path.isfile(scene):
-        return scenes.Scene.from_toml(Path(scene))
-    return scenes.get(scene)
 
 
 def _print_accuracy(report: Accuracy) -> None:

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike
 
 from ..checks import Array, close_to, positive, real_array, refuse_masked, sample_times
 from ..histories import GROUPS, EnergyLedger
+from ..parameters import assign, parse, path_in
 from ..params import Params
 from ..result import Result
 from ..simulation import settle, simulate
 from ..state import State
 from ..torques import TorqueLike
-from . import names
 
 __all__ = ["Experiment", "Read", "Target"]
 
@@ -109,7 +109,7 @@ class Experiment:
 
     def __attrs_post_init__(self) -> None:
         for name in self.changes:
-            names.parse(name)
+            parse(name)
         if not (self.initial is None or isinstance(self.initial, State) or callable(self.initial)):
             raise TypeError(
                 "Experiment.initial must be a State, a function of the parameters or None, "
@@ -133,8 +133,8 @@ class Experiment:
         Raises:
             ValueError: There is no such drive.
         """
-        drive: Params = names.assign(
-            params, [(names.parse(name), value) for name, value in self.changes.items()]
+        drive: Params = assign(
+            params, [(path_in(params, name), value) for name, value in self.changes.items()]
         )
         return drive
 

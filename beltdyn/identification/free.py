@@ -9,8 +9,8 @@ import attrs
 import numpy as np
 
 from ..checks import Array, close_to, real
+from ..parameters import assign, numbers, overlap, parse, path_in, read, rule_of
 from ..params import Params
-from . import names
 
 __all__ = ["Free", "Parameter", "place", "resolve"]
 
@@ -52,7 +52,7 @@ class Free:
         if not isinstance(self.name, str):
             raise TypeError(f"Free.name must be a str, got {self.name!r}")
         if self.set is None:
-            names.parse(self.name)
+            parse(self.name)
         elif not callable(self.set):
             raise TypeError(f"Free.set must be callable, got {self.set!r}")
         elif self.start is None:
@@ -107,7 +107,7 @@ class Parameter:
 def _start(params: Params, free: Free) -> float:
     if free.start is not None:
         return free.start
-    found = names.read(params, free.name)
+    found = read(params, free.name)
     for value in found:
         if not isinstance(value, float):
             several = isinstance(value, tuple) and all(isinstance(one, float) for one in value)
@@ -115,7 +115,7 @@ def _start(params: Params, free: Free) -> float:
             hint = (
                 f" (name one of them, such as {first!r})"
                 if several
-                else close_to(free.name, names.numbers(params))
+                else close_to(free.name, numbers(params))
             )
             raise ValueError(
                 f"{free.name} cannot be free: it is not a real number but {value!r}{hint}"
@@ -128,9 +128,9 @@ def _start(params: Params, free: Free) -> float:
 
 def _resolve(params: Params, free: Free) -> Parameter:
     if free.set is None:
-        names.read(params, free.name)
+        read(params, free.name)
     start = _start(params, free)
-    rule = names.rule_of(params, free.name) if free.set is None else None
+    rule = rule_of(params, free.name) if free.set is None else None
     kind = rule.rule if rule else ""
     bounded = kind in ("POSITIVE", "POSITIVES", "NONNEGATIVE")
     log = start > 0.0 and bounded
@@ -173,7 +173,7 @@ def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]
         if part.name in [other.name for other in found[:k]]:
             raise ValueError(f"free holds {part.name!r} twice")
         for other in found[:k]:
-            if part.set is None and other.set is None and names.overlap(part.name, other.name):
+            if part.set is None and other.set is None and overlap(params, part.name, other.name):
                 raise ValueError(f"free holds {other.name!r} and {part.name!r}, which overlap")
     return found
 
@@ -188,8 +188,8 @@ def place(params: Params, parameters: Sequence[Parameter], u: Array) -> Params:
     if not np.isfinite(values).all():
         raise ValueError("a parameter left the range of floats")
     pairs = list(zip(parameters, values, strict=True))
-    drive: Params = names.assign(
-        params, [(names.parse(part.name), value) for part, value in pairs if part.set is None]
+    drive: Params = assign(
+        params, [(path_in(params, part.name), value) for part, value in pairs if part.set is None]
     )
     for part, value in pairs:
         if part.set is not None:

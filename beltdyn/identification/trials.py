@@ -11,13 +11,13 @@ import numpy as np
 from ..checks import Array
 from ..errors import SimulationError
 from ..histories import GROUPS
+from ..parameters import read
 from ..params import Params
 from ..result import Result
 from ..run_warnings import silenced
 from ..simulation import simulate
 from ..state import State
 from ..threads import Workers
-from . import names
 from .experiment import Experiment, Target
 from .free import Parameter, place
 
@@ -173,7 +173,7 @@ def _arrange(params: Params, targets: Sequence[Target]) -> list[_Run]:
     runs: list[_Run] = []
     for k, experiment in enumerate(experiments):
         for change in experiment.changes:
-            names.read(params, change)
+            read(params, change)
         name = experiment.name or ("run" if len(experiments) == 1 else f"run {k + 1}")
         if name in [run.name for run in runs]:
             raise ValueError(f"two experiments are called {name!r}: tell them apart by name=")

@@ -9,7 +9,7 @@ import attrs
 
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, SpanRow, Spread, Told
 
-__all__ = ["Number", "numbers"]
+__all__ = ["Number", "numbers", "quantities"]
 
 
 class Number(NamedTuple):
@@ -66,6 +66,36 @@ _OF_RUN = {
     "cycles_begin": "s",
     "rounds": "1",
 }
+
+
+#: The classes of the rows of each part.
+_ROWS: dict[str, type] = {
+    "pulleys": PulleyRow,
+    "spans": SpanRow,
+    "mounts": MountRow,
+    "creep": Creep,
+    "powers": Power,
+    "cycles": Cycle,
+}
+
+
+def quantities(part: str) -> list[str] | None:
+    """List the quantities that :func:`numbers` may give of a part; None if there is no such part.
+
+    All of a quantity: its mean, and " least" and " most" of one that has a range.
+    """
+    if part == "report":
+        return [*_OF_RUN, "belt_speeds least", "belt_speeds most", "first_to_slip", "steady"]
+    if part not in _ROWS:
+        return None
+    found: list[str] = []
+    kind: Any = _ROWS[part]
+    for field in attrs.fields(kind):
+        if field.name != "name":
+            spread, two = "Spread" in str(field.type), "tuple" in str(field.type)
+            ends = (" tight", " slack") if two else ("", *((" least", " most") if spread else ()))
+            found += [f"{field.name}{end}" for end in ends]
+    return [*found, "slower"] if part == "creep" else found
 
 
 def _unit(row: Any, field: str) -> str:

@@ -43,13 +43,14 @@ _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 
 
-def make_report(run: Run, last: float = LAST, joint: int = 0) -> Report:
+def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool = True) -> Report:
     """Make the report of the last part of a run.
 
     Args:
         run: A run, finished or not.
         last: The part of it, counted from its end, as a share of it, 0 < last <= 1.
         joint: The joint whose load cycles are counted.
+        margins: Whether to look for margins to slip, which takes most of the time.
 
     Raises:
         TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has not two samples.
@@ -81,7 +82,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0) -> Report:
         notes.append("there is no friction: the belt hands on no torque")
     unsteady = window.unsteady()
     notes += _turns(window)
-    pulleys, said = pulley_rows(window, touched, driver)
+    pulleys, said = pulley_rows(window, touched, driver, margins)
     notes += said
     statics = hub_statics(window)
     passing = 0.0 if touched is None else touched.passing(window)

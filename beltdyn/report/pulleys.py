@@ -33,7 +33,7 @@ def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | Non
 
 
 def pulley_rows(
-    window: Window, touching: Touching | None, driver: int | None
+    window: Window, touching: Touching | None, driver: int | None, margins: bool = True
 ) -> tuple[list[PulleyRow], list[str]]:
     """Give the rows, and what is missing in them.
 
@@ -41,6 +41,7 @@ def pulley_rows(
         window: The part of the run.
         touching: Contact and friction in it, if known.
         driver: The driving pulley, if the belt turns.
+        margins: Whether to look for margins to slip.
     """
     params, run = window.params, window.run
     rows = [PulleyRow(name=name) for name in params.pulley_names]
@@ -56,7 +57,7 @@ def pulley_rows(
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
     if touching is not None:
         rows = [attrs.evolve(row, **_contact(window, touching, k)) for k, row in enumerate(rows)]
-        rows, notes = slip_rows(window, touching, driver, rows)
+        rows, notes = slip_rows(window, touching, driver, rows, margins)
     return rows, notes
 
 

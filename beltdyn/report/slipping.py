@@ -59,7 +59,11 @@ def friction_limits(window: Window, touching: Touching) -> Array:
 
 
 def slip_rows(
-    window: Window, touching: Touching, driver: int | None, rows: list[PulleyRow]
+    window: Window,
+    touching: Touching,
+    driver: int | None,
+    rows: list[PulleyRow],
+    margins: bool = True,
 ) -> tuple[list[PulleyRow], list[str]]:
     """Add ratios of tensions, friction in use and margins; say what is missing.
 
@@ -68,6 +72,7 @@ def slip_rows(
         touching: Contact and friction in it.
         driver: The driving pulley, if the belt turns.
         rows: Rows of the pulleys.
+        margins: Whether to look for margins as well.
     """
     spans = window.spans()
     way = window.route()
@@ -76,7 +81,7 @@ def slip_rows(
     tension = window.mean(spans)
     if np.isnan(tension).any():
         return rows, []
-    return _Slipping(window, touching, driver, spans, way.wraps).rows(tension, rows)
+    return _Slipping(window, touching, driver, spans, way.wraps).rows(tension, rows, margins)
 
 
 class _Slipping:
@@ -106,11 +111,14 @@ class _Slipping:
         travels = window.travels()
         self.travels = np.zeros((window.t.size, 0)) if travels is None else travels
 
-    def rows(self, tension: Array, rows: list[PulleyRow]) -> tuple[list[PulleyRow], list[str]]:
+    def rows(
+        self, tension: Array, rows: list[PulleyRow], margins: bool
+    ) -> tuple[list[PulleyRow], list[str]]:
         rows = self._ratios(tension, rows)
         self._curves()
         self._full_slips()
-        rows = self._margins(tension, rows)
+        if margins:
+            rows = self._margins(tension, rows)
         return rows, self.notes
 
     def _used(self, pull: Array) -> Array:

@@ -1,4 +1,8 @@
-"""Parameters by name: ``"belt.axial_stiffness"``, ``"pulleys[1].inertia"``, ``"gravity[1]"``."""
+"""Parameters by name: ``"belt.axial_stiffness"``, ``"pulleys[1].inertia"``, ``"gravity[1]"``.
+
+A pulley may be called by its name, ``"pulleys[crank].inertia"``. :mod:`beltdyn.sweeping.names`
+adds those of loads, motions and options of a run.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +12,36 @@ from typing import Any, TypeAlias
 
 import attrs
 
-from ..checks import close_to
-from ..params import Params
-from ..rules import Rule
+from .checks import close_to
+from .naming import index_of
+from .params import Params
+from .rules import Rule
 
-__all__ = ["Path", "assign", "fields", "numbers", "overlap", "parse", "read", "rule_of"]
+__all__ = [
+    "Path",
+    "PulleyName",
+    "assign",
+    "fields",
+    "numbers",
+    "overlap",
+    "parse",
+    "path_in",
+    "read",
+    "rule_of",
+    "with_indices",
+]
 
-#: A field, an index, or "*" for every index.
+
+class PulleyName(str):
+    """The name of a pulley where an index could stand."""
+
+    __slots__ = ()
+
+
+#: A field, an index, "*" for every index, or the name of a pulley.
 Path: TypeAlias = "tuple[str | int, ...]"
 
-_STEP = re.compile(r"(?:^|\.)([A-Za-z]\w*)|\[(\d+|\*)\]")
+_STEP = re.compile(r"(?:^|\.)([A-Za-z]\w*)|\[([^\[\]]+)\]")
 
 
 def parse(name: object) -> Path:
@@ -33,16 +57,42 @@ def parse(name: object) -> Path:
     at = 0
     while match := _STEP.match(name, at):
         field, index = match.groups()
-        steps.append(field or (index if index == "*" else int(index)))
+        if field:
+            steps.append(field)
+        elif index == "*":
+            steps.append(index)
+        else:
+            steps.append(int(index) if index.isdecimal() else PulleyName(index))
         at = match.end()
     if at < len(name) or not steps:
         raise ValueError(f'a parameter is named like "pulleys[1].inertia", got {name!r}')
     return tuple(steps)
 
 
-def overlap(one: str, other: str) -> bool:
+def with_indices(path: Path, pulleys: Sequence[str]) -> Path:
+    """Put the index of each pulley in the place of its name.
+
+    Raises:
+        ValueError: No pulley is called so.
+    """
+    field = next((str(step) for step in path if isinstance(step, str)), "")
+    return tuple(
+        index_of(field, step, pulleys) if isinstance(step, PulleyName) else step for step in path
+    )
+
+
+def path_in(params: Params, name: object) -> Path:
+    """Split a name into its steps, pulleys by index.
+
+    Raises:
+        TypeError, ValueError: As :func:`parse` and :func:`with_indices`.
+    """
+    return with_indices(parse(name), params.pulley_names)
+
+
+def overlap(params: Params, one: str, other: str) -> bool:
     """Tell whether two names have a number in common, as "pulleys[*].inertia" with any other."""
-    steps = zip(parse(one), parse(other), strict=False)
+    steps = zip(path_in(params, one), path_in(params, other), strict=False)
     return all(a == b or "*" in (a, b) for a, b in steps)
 
 
@@ -87,7 +137,7 @@ def read(params: Params, name: str) -> list[Any]:
     """
     nodes: list[Any] = [params]
     so_far = ""
-    for step in parse(name):
+    for step in path_in(params, name):
         try:
             if step == "*":
                 if not isinstance(nodes[0], tuple):
@@ -107,7 +157,7 @@ def read(params: Params, name: str) -> list[Any]:
 
 def rule_of(params: Params, name: str) -> Rule | None:
     """Give the rule of a named number, None if it has none of its own; of a list, that of all."""
-    path = parse(name)
+    whole = path = path_in(params, name)
     if len(path) > 1 and not (isinstance(path[-1], str) and path[-1] != "*"):
         path = path[:-1]
     field = path[-1]
@@ -117,7 +167,7 @@ def rule_of(params: Params, name: str) -> Rule | None:
     for step in path[:-1]:
         node = node[0] if step == "*" else _step(node, step, name)
     rule: Rule | None = getattr(attrs.fields(type(node)), field).metadata.get("rule")
-    return rule if path == parse(name) or (rule and rule.rule == "POSITIVES") else None
+    return rule if path == whole or (rule and rule.rule == "POSITIVES") else None
 
 
 def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:

@@ -1,0 +1,419 @@
+"""What is measured in each run of a sweep: by names, or by a function of the user's."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..checks import Array, close_to, share_of_run
+from ..histories import EnergyLedger, Stats
+from ..outputs import SPANS
+from ..params import Params
+from ..report import flat, make_report
+from ..report.window import Window
+from ..result import Result
+from .rows import Axis, Layout, Quantity, packed
+
+__all__ = ["DEFAULT", "Measure", "as_measure"]
+
+#: What is measured if nothing is asked for.
+DEFAULT = (
+    "report.pulleys.speed",
+    "report.pulleys.torque",
+    "report.pulleys.power",
+    "report.pulleys.hub_load",
+    "report.spans.tension",
+    "report.spans.tension least",
+    "report.spans.tension most",
+    "report.creep.lost",
+    "report.efficiency",
+)
+#: What a history is reduced to over the last part of a run.
+_REDUCED = {
+    "mean": "mean of",
+    "least": "least",
+    "most": "largest",
+    "rms": "root mean square of",
+    "final": "last",
+}
+#: Parts of a report and the axis of their rows; load cycles differ in number from run to run.
+_PARTS = {
+    "pulleys": "pulley",
+    "spans": "span",
+    "mounts": "mount",
+    "creep": "pulley",
+    "powers": "part",
+}
+#: Quantities of a report that looking for margins to slip gives.
+_MARGINS = ("margin", "least_margin", "own_margin", "slip_torque", "slip_tensions", "worst_time")
+_OF_MARGINS = (*_MARGINS, "own_slip_torque", "first_to_slip")
+
+Found = tuple[Quantity, Any]
+
+
+@attrs.frozen(kw_only=True)
+class Measure:
+    """What to measure.
+
+    Attributes:
+        named: Names of quantities, each with what it is called in the result.
+        function: The user's, instead; or None.
+        functions: The user's by name, beside them.
+        last: The part of a run that reports, means and extremes are of.
+        outputs: What runs have to compute and keep; None: everything.
+        in_python: Whether measuring takes Python long enough to keep other threads waiting.
+    """
+
+    named: tuple[tuple[str, str], ...] = ()
+    function: Callable[[Result], Any] | None = None
+    functions: tuple[tuple[str, Callable[[Result], Any]], ...] = ()
+    last: float = 0.2
+    outputs: tuple[str, ...] | None = None
+    in_python: bool = False
+
+    def of(self, result: Result) -> tuple[Layout, Array, tuple[str, ...]]:
+        """Measure a run: a row and its layout.
+
+        Raises:
+            Exception: What the user's function raises; ValueError for what cannot be measured.
+        """
+        found: list[Found] = []
+        wanted = [name for _, name in self.named if _is_of_report(name)]
+        report = _Report(result, self.last, wanted) if wanted else None
+        for called, name in self.named:
+            if report is not None and _is_of_report(name):
+                found += [
+                    (quantity._replace(name=called + quantity.name.removeprefix(name)), value)
+                    for quantity, value in report.find(name)
+                ]
+            else:
+                quantity, value = _of_result(result, name, self.last)
+                found.append((quantity._replace(name=called), value))
+        for called, function in self.functions:
+            found += _given(called, function(result))
+        if self.function is not None:
+            value = self.function(result)
+            if not isinstance(value, Mapping):
+                value = {getattr(self.function, "__name__", "measure").strip("<>"): value}
+            for called, one in value.items():
+                found += _given(str(called), one)
+        return packed(found)
+
+
+def as_measure(measure: object, params: Params, last: object) -> Measure:
+    """Look up what to measure.
+
+    Raises:
+        TypeError, ValueError: There is nothing of that name, or it is not a name or a function.
+    """
+    share = share_of_run("last", last)
+    if measure is None:
+        measure = DEFAULT
+    if callable(measure):
+        return Measure(function=measure, last=share)
+    if isinstance(measure, str):
+        measure = (measure,)
+    if isinstance(measure, Mapping):
+        items = list(measure.items())
+    elif isinstance(measure, Sequence):
+        items = [(one, one) for one in measure]
+    else:
+        raise TypeError(
+            "measure must be names of quantities, a mapping of names, or a function of the Result, "
+            f"got {type(measure).__name__}"
+        )
+    named: list[tuple[str, str]] = []
+    functions: list[tuple[str, Callable[[Result], Any]]] = []
+    for called, what in items:
+        if not isinstance(called, str):
+            raise TypeError(f"measure: quantities are called by texts, got {called!r}")
+        if callable(what):
+            functions.append((called, what))
+        elif isinstance(what, str):
+            _check(what, params)
+            named.append((called, what))
+        else:
+            raise TypeError(f"measure[{called!r}] must be a name or a function, got {what!r:.60}")
+    if not named and not functions:
+        raise ValueError("measure must hold at least one quantity")
+    names = [name for _, name in named]
+    outputs = None if functions or any(map(_is_of_report, names)) else _outputs(names)
+    return Measure(
+        named=tuple(named),
+        functions=tuple(functions),
+        last=share,
+        outputs=outputs,
+        in_python=any(map(_is_of_report, names)),
+    )
+
+
+# --- Reports --------------------------------------------------------------------------------------
+
+
+def _is_of_report(name: str) -> bool:
+    return name == "report" or name.startswith("report.")
+
+
+def _split_report(name: str) -> tuple[str, str | None, str]:
+    """Split "report.pulleys[crank].margin" into part, row and quantity; "" stands for all."""
+    _, _, rest = name.partition(".")
+    if not rest:
+        return "", None, ""
+    head, dot, quantity = rest.partition(".")
+    if "[" in rest:  # the name of a row may hold a dot
+        head, _, after = rest.partition("[")
+        row, bracket, quantity = after.rpartition("]")
+        if not bracket or not (quantity == "" or quantity.startswith(".")):
+            raise ValueError(f'{name!r}: rows are named like "report.pulleys[crank].margin"')
+        return head, row, quantity.removeprefix(".")
+    if head in _PARTS:
+        return head, None, quantity
+    if dot:
+        raise ValueError(
+            f"{name!r}: a report has the parts {', '.join(_PARTS)}{close_to(head, _PARTS)}"
+        )
+    return "report", None, head
+
+
+class _Report:
+    """The numbers of a report by part and quantity."""
+
+    def __init__(self, result: Result, last: float, wanted: Sequence[str]) -> None:
+        quantities = [_split_report(name)[2].split(" ")[0] for name in wanted]
+        margins = any(one == "" or one in _OF_MARGINS for one in quantities)
+        self._params = result.params
+        report = make_report(result, last, margins=margins)
+        self._numbers = [
+            one
+            for one in flat.numbers(report)
+            if one.part in _PARTS or (one.part == "report" and one.name == "")
+        ]
+        self._margins = margins
+
+    def find(self, name: str) -> list[Found]:
+        part, row, quantity = _split_report(name)
+        groups: dict[tuple[str, str], list[flat.Number]] = {}
+        for one in self._numbers:
+            if part in ("", one.part) and quantity in ("", one.quantity):
+                groups.setdefault((one.part, one.quantity), []).append(one)
+        if not groups:
+            # A drive may have it, only not this run: a margin without a load.
+            groups = {(part, quantity): []}
+        return [self._group(*group, row, found) for group, found in groups.items()]
+
+    def _group(self, part: str, quantity: str, row: str | None, found: list[flat.Number]) -> Found:
+        words = bool(found) and all(one.text is not None and one.unit == "" for one in found)
+        units = next((one.unit for one in found if one.unit), "")
+        name = f"report.{quantity}" if part == "report" else f"report.{part}.{quantity}"
+        text = f"{quantity} ({part})" if part != "report" else quantity
+
+        def value(of: flat.Number) -> Any:
+            return of.text if words else of.value
+
+        if part == "report" or row is not None:
+            if row is not None:
+                names = self._names(part, found)
+                if row.isdecimal() and int(row) < len(names):
+                    row = names[int(row)]
+                found = [one for one in found if one.name == row]
+                name = f"report.{part}[{row}].{quantity}"
+            nothing: Any = "" if words else np.nan
+            return Quantity(name, (), units, text, words), value(found[0]) if found else nothing
+        names = self._names(part, found)
+        values: Any = np.full(len(names), "" if words else np.nan, dtype=object if words else float)
+        for one in found:
+            values[names.index(one.name)] = value(one)
+        axis = Axis(_PARTS[part], tuple(names), len(names))
+        return Quantity(name, (axis,), units, text, words), values
+
+    def _names(self, part: str, found: list[flat.Number]) -> list[str]:
+        if _PARTS.get(part) == "pulley":
+            return list(self._params.pulley_names)
+        if part == "mounts":
+            return [self._params.pulley_names[k] for k in self._params.mounted]
+        rows = [one.name for one in self._numbers if one.part == part]
+        return list(dict.fromkeys(rows))
+
+
+# --- Histories ------------------------------------------------------------------------------------
+
+
+def _tables() -> dict[str, tuple[str, str, str]]:
+    """Give size, unit and text of the histories by name."""
+    found = {
+        f"{group}.{name}": (size, unit, text)
+        for name, group, size, unit, text in _core.OUTPUTS
+        if group != "energy"
+    }
+    found["contact.pulley"] = ("LINKS", "", "pulley that the link touches, -1: none")
+    found[SPANS] = ("SPANS", "N", "mean joint force of the free span after the pulley")
+    found["slip"] = ("PULLEYS", "1", "speed lost against pulley 0")
+    for name in EnergyLedger.array_names():
+        found[f"energy.{name}"] = ("", "J", f"energy ledger: {name}")
+    return found
+
+
+def _split(name: str) -> tuple[str, str | None]:
+    """Split a name into that of a history and what it is reduced to."""
+    known = _tables()
+    if name in known:
+        return name, None
+    history, _, how = name.rpartition(".")
+    if history in known and how in _REDUCED:
+        return history, how
+    stats = [f"stats.{one.name}" for one in attrs.fields(Stats)]
+    reduced = [f"{one}.{how}" for one in known for how in _REDUCED]
+    near = close_to(name, [*known, *reduced, *stats])
+    raise ValueError(
+        f"measure: nothing is called {name!r}{near}; there are report.<part>.<quantity>, histories "
+        f'such as "span_tension", alone or with .{", .".join(_REDUCED)}, and stats.<counter>'
+    )
+
+
+def _check(name: str, params: Params) -> None:
+    if _is_of_report(name):
+        _check_of_report(name, params)
+    elif name.startswith("stats."):
+        known = [one.name for one in attrs.fields(Stats)]
+        field = name.removeprefix("stats.")
+        if field not in known:
+            raise ValueError(f"measure: there is no {name!r}{close_to(field, known)}")
+    else:
+        history, _ = _split(name)
+        if history.startswith("mounts.") and not params.mounted:
+            raise ValueError(f"measure: {name}: this drive has no mounts")
+
+
+def _check_of_report(name: str, params: Params) -> None:
+    part, row, quantity = _split_report(name)
+    if part == "":
+        return
+    known = flat.quantities(part)
+    if known is None:
+        raise ValueError(
+            f"measure: {name!r}: a report has the parts {', '.join(_PARTS)}{close_to(part, _PARTS)}"
+        )
+    if quantity not in ("", *known):
+        raise ValueError(
+            f"measure: {name!r}: there is no {quantity!r}{close_to(quantity, known)} in "
+            f"{part}; there are {', '.join(known)}"
+        )
+    if part == "mounts" and not params.mounted:
+        raise ValueError(f"measure: {name}: this drive has no mounts")
+    names = list(params.pulley_names)
+    if row is None or _PARTS.get(part) != "pulley" or row in names:
+        return
+    if not row.isdecimal() or int(row) >= len(names):
+        raise ValueError(f"measure: {name!r}: no pulley is called {row!r}{close_to(row, names)}")
+
+
+def _outputs(names: Sequence[str]) -> tuple[str, ...]:
+    found: list[str] = []
+    for name in names:
+        if name.startswith("stats."):
+            continue
+        history, _ = _split(name)
+        group = history.partition(".")[0]
+        found.append(
+            "energy" if group == "energy" else "pulleys.omega" if history == "slip" else history
+        )
+    return tuple(dict.fromkeys(found)) or ("pulleys.omega",)
+
+
+def _of_result(result: Result, name: str, last: float) -> Found:
+    if name.startswith("stats."):
+        value = getattr(result.stats, name.removeprefix("stats."))
+        number = np.nan if value is None else value
+        return Quantity(name, (), "", name, isinstance(value, str)), number
+    history, how = _split(name)
+    size, unit, text = _tables()[history]
+    group, _, field = history.partition(".")
+    values = np.asarray(getattr(getattr(result, group), field) if field else getattr(result, group))
+    axes = _axes(result, group, size)
+    if how is None:
+        time = Axis("time", tuple(map(float, result.t)), result.t.size, "s", "time")
+        return Quantity(name, (time, *axes), unit, text), values
+    window = Window.last(result, last)
+    return Quantity(name, axes, unit, f"{_REDUCED[how]} {text}"), _reduced(window, values, how)
+
+
+def _axes(result: Result, group: str, size: str) -> tuple[Axis, ...]:
+    names, n_b = result.params.pulley_names, result.params.belt.n_bodies
+    if size == "SPANS":
+        spans = tuple(f"{names[k]} to {names[(k + 1) % len(names)]}" for k in range(len(names)))
+        return (Axis("span", spans, len(spans)),)
+    if size in ("LINKS", "FRICTION"):
+        return (Axis("joint" if group == "joints" else "link", (), n_b),)
+    if size == "MOUNTS":
+        mounts = tuple(names[k] for k in result.params.mounted)
+        return (Axis("mount", mounts, len(mounts)),)
+    if size in ("PULLEYS", "PLANE"):
+        pulley = Axis("pulley", tuple(names), len(names))
+        return (pulley, Axis("xy", ("x", "y"), 2)) if size == "PLANE" else (pulley,)
+    return ()
+
+
+def _reduced(window: Window, values: Array, how: str) -> Any:
+    inside = np.asarray(values[window.rows], dtype=float)
+    if how == "final":
+        return inside[-1]
+    if how == "mean":
+        return window.mean(inside)
+    if how == "rms":
+        return np.sqrt(window.mean(inside**2))
+    missing = np.isnan(inside).all(axis=0)
+    if how == "least":
+        found = np.min(np.where(np.isnan(inside), np.inf, inside), axis=0)
+    else:
+        found = np.max(np.where(np.isnan(inside), -np.inf, inside), axis=0)
+    return np.where(missing, np.nan, found)
+
+
+# --- The user's -----------------------------------------------------------------------------------
+
+
+def _given(name: str, value: Any) -> list[Found]:
+    """Take what a function gave: a number, a text, an array, a labelled array, or several."""
+    if isinstance(value, Mapping):
+        return [one for key, inner in value.items() for one in _given(f"{name}.{key}", inner)]
+    if value is None:
+        return [(Quantity(name, (), "", name), np.nan)]
+    if isinstance(value, str):
+        return [(Quantity(name, (), "", name, True), value)]
+    if isinstance(value, numbers.Real):
+        return [(Quantity(name, (), "", name), float(value))]
+    if hasattr(value, "dims") and hasattr(value, "coords"):
+        return [_labelled(name, value)]
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "fiub":
+        raise TypeError(
+            f"{name} must be a number, a text or an array of numbers, got {type(value).__name__}"
+        )
+    axes = tuple(Axis(f"{name}_{k}", (), size) for k, size in enumerate(array.shape))
+    return [(Quantity(name, axes, "", name), array)]
+
+
+def _labelled(name: str, value: Any) -> Found:
+    """Take an xarray.DataArray."""
+    axes = []
+    for dim, size in zip(value.dims, value.shape, strict=True):
+        labels: tuple[Any, ...] = ()
+        units = text = ""
+        if dim in value.coords:
+            coordinate = value.coords[dim]
+            labels = tuple(
+                str(one) if coordinate.dtype.kind in "OU" else float(one)
+                for one in coordinate.values
+            )
+            units, text = (str(coordinate.attrs.get(key, "")) for key in ("units", "long_name"))
+        axes.append(Axis(str(dim), labels, int(size), units, text))
+    units, text = (str(value.attrs.get(key, "")) for key in ("units", "long_name"))
+    return Quantity(name, tuple(axes), units, text or name), np.asarray(value.values)

@@ -1,0 +1,189 @@
+"""Where runs are done: threads, processes, the user's executors, a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from types import TracebackType
+from typing import Any
+
+from ..checks import integer
+from ..optional import optional_module
+from ..stopping import Stopper
+from ..threads import available
+
+__all__ = ["Pool", "as_pool", "has_dask_client"]
+
+#: Wall time of a batch [s]: what it takes to hand one out is then small against it.
+_IN_THREADS, _ELSEWHERE = 0.1, 0.5
+
+
+class Pool:
+    """Workers that do batches: those of an executor.
+
+    Attributes:
+        count: How many work at a time.
+        remote: Whether they share no memory with this process, so that jobs are sent to them.
+        seconds: Wall time that a batch should take [s].
+        text: What they are, in words.
+    """
+
+    remote = True
+    seconds = _ELSEWHERE
+
+    def __init__(self, executor: Any, count: int, text: str) -> None:
+        self.count, self.text = count, text
+        self._executor = executor
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        self.close(kind is not None)
+
+    def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Have a worker do something."""
+        future: Future[Any] = self._executor.submit(work, *args)
+        return future
+
+    def died(self, error: BaseException) -> bool:
+        """Whether an error says that a worker process has died."""
+        # Dask's, which need not be installed
+        return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+
+    def renew(self) -> None:
+        """Replace workers that have died.
+
+        Raises:
+            RuntimeError: This cannot be done here; the message says what to do.
+        """
+        raise RuntimeError(
+            "a worker of the executor died, and the executor takes no more work: give a new one; "
+            "with store= the runs that are done are not repeated"
+        )
+
+    def stop(self) -> None:
+        """End what runs at the moment, as far as this is possible."""
+
+    def close(self, ended: bool) -> None:
+        """Give back what belongs to this pool; ``ended``: by an error."""
+
+
+class _Threads(Pool):
+    remote = False
+    seconds = _IN_THREADS
+
+    def __init__(self, executor: Executor | None, count: int) -> None:
+        self._own = executor is None
+        super().__init__(executor or ThreadPoolExecutor(count), count, f"{count} thread(s)")
+        self._stopper = Stopper()
+
+    def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
+        def stoppable() -> Any:
+            with self._stopper.watch():
+                return work(*args)
+
+        return super().submit(stoppable)
+
+    def stop(self) -> None:
+        self._stopper.stop()
+
+    def close(self, ended: bool) -> None:
+        if ended:
+            self.stop()
+        if self._own:
+            self._executor.shutdown(cancel_futures=ended)
+
+
+def _leave_ctrl_c() -> None:
+    """Let the process that began the sweep answer Ctrl-C, which a terminal sends to all."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class _Processes(Pool):
+    def __init__(self, count: int) -> None:
+        self._loky = optional_module("loky", "a sweep in other processes", "sweep")
+        super().__init__(self._new(count), count, f"{count} process(es)")
+
+    def _new(self, count: int) -> Any:
+        # Not those of the standard library: they want scripts to guard what starts them by
+        # `if __name__ == "__main__"`, and cannot send functions of notebooks.
+        return self._loky.ProcessPoolExecutor(count, initializer=_leave_ctrl_c)
+
+    def renew(self) -> None:
+        self._executor.shutdown(wait=False, kill_workers=True)
+        self._executor = self._new(self.count)
+
+    def stop(self) -> None:
+        self._executor.shutdown(wait=False, kill_workers=True)
+
+    def close(self, ended: bool) -> None:
+        self._executor.shutdown(wait=not ended, kill_workers=ended)
+
+
+class _Dask(Pool):
+    #: Workers that may die in a run before it is given up.
+    _RETRIES = 2
+
+    def __init__(self, client: Any) -> None:
+        count = sum(client.nthreads().values())
+        if count == 0:
+            client.wait_for_workers(1)
+            count = sum(client.nthreads().values())
+        executor = client.get_executor(pure=False, retries=self._RETRIES)
+        super().__init__(executor, count, f"{count} thread(s) of a Dask cluster")
+
+    def renew(self) -> None:
+        """Do nothing: the cluster replaces its workers."""
+
+    def close(self, ended: bool) -> None:
+        self._executor.shutdown(wait=not ended)
+
+
+def has_dask_client(executor: object) -> bool:
+    """Whether something is a client of Dask (dask.distributed), which need not be installed."""
+    return type(executor).__module__.partition(".")[0] == "distributed" and hasattr(
+        executor, "get_executor"
+    )
+
+
+def as_pool(executor: object, in_python: str) -> Pool:
+    """Make the pool of an argument ``executor``.
+
+    Args:
+        executor: None, a number of workers, "threads", "processes", an Executor, a Dask client.
+        in_python: Why runs keep the interpreter busy, which other threads would wait for; "".
+
+    Raises:
+        TypeError, ValueError: It is none of these.
+        ImportError: loky is not installed, which processes need.
+    """
+    if executor is None or executor in ("threads", "processes"):
+        count = available()
+        if executor == "processes" or (executor is None and in_python):
+            return _Processes(count)
+        return _Threads(None, count)
+    if has_dask_client(executor):
+        return _Dask(executor)
+    if isinstance(executor, Executor) or hasattr(executor, "submit"):
+        count = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+        if isinstance(executor, ThreadPoolExecutor):
+            return _Threads(executor, count)
+        return Pool(executor, count, f"{count} worker(s) of {type(executor).__name__}")
+    if isinstance(executor, str):
+        raise ValueError(f'executor must be "threads" or "processes", got {executor!r}')
+    try:
+        count = integer("executor", executor, 1)
+    except TypeError:
+        raise TypeError(
+            "executor must be None, a number of workers, a concurrent.futures.Executor or a Dask "
+            f"Client, got {type(executor).__name__}"
+        ) from None
+    return _Processes(count) if in_python else _Threads(None, count)

@@ -1,0 +1,369 @@
+"""Sweeps: many runs of a scene, with parameters, loads or options changed."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+from .. import _core, scenes
+from ..checks import close_to, flag
+from ..motions import as_motions, in_core
+from ..optional import optional_module
+from ..parameters import overlap
+from ..params import Params
+from ..progress import counted
+from ..scene import Scene
+from ..torques import Torque, as_terms
+from .content import Contents, NoKeyError, token
+from .dispatch import Dispatch
+from .measure import Measure, as_measure
+from .names import OPTIONS, find, in_words
+from .points import Points, as_json, as_points
+from .pools import as_pool
+from .rows import Outcome
+from .store import Store
+from .table import Table
+from .work import Job
+
+__all__ = ["SweepInterrupted", "Swept", "run_sweep", "sweep"]
+
+
+class SweepInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a sweep.
+
+    Attributes:
+        dataset: What was done before; the other runs have the status "missing".
+    """
+
+    def __init__(self, message: str, dataset: Any) -> None:
+        super().__init__(message)
+        self.dataset = dataset
+
+
+class Swept(NamedTuple):
+    """A sweep that is done, and what it took.
+
+    Attributes:
+        dataset: The results.
+        counts: Runs by status.
+        computed: Runs that were computed.
+        stored: Runs that were found in the store.
+        settled: States that were settled for them.
+        workers: What computed them, in words.
+    """
+
+    dataset: Any
+    counts: dict[str, int]
+    computed: int
+    stored: int
+    settled: int
+    workers: str
+
+
+def sweep(
+    scene: Scene | str | os.PathLike[str] | tuple[Any, ...],
+    over: Any,
+    measure: Any = None,
+    *,
+    combine: str = "grid",
+    executor: Any = None,
+    store: str | os.PathLike[str] | None = None,
+    warm: str | None = None,
+    last: float = 0.2,
+    progress: bool = True,
+    version: str = "",
+    **options: Any,
+) -> Any:
+    """Run a scene many times, with numbers of the drive, loads or options changed.
+
+    Torque capacity over preload and friction, on all processors::
+
+        table = bd.sweep(
+            bd.scenes.kubas_case_1(),
+            over={"belt.length": [1.195, 1.2, 1.205], "torque.scale": [0.5, 0.75, 1.0]},
+            measure=["report.pulleys.margin", "span_tension.least"],
+        )
+        table["span_tension.least"].sel(span="span 0")
+
+    A run that fails stops nothing: its numbers are NaN, and ``status``, ``message`` and
+    ``warnings`` of the result tell why. States that the belt settles into are shared by the runs
+    that differ in loads, motions and options alone.
+
+    Every run gives the same bits wherever it is done, on processors of the same instruction level
+    (``kernels`` of the result); otherwise within the errors that its ``rtol`` allows.
+
+    Args:
+        scene: What to run: a scene, or ``(params, torque_fn, t_end)`` with or without ``motion``,
+            the name of a built-in scene, or a TOML file.
+        over: What to change: ``{name: values}``, of which every combination is run; a list of
+            ``{name: value}``, one for each run; or what :func:`beltdyn.sample` gives. Names are
+            those of the fields of :class:`beltdyn.Params`, "belt.preload", "friction.mu_k",
+            "pulleys[1].inertia", "pulleys[crank].inertia", "pulleys[*].inertia" (of all),
+            "pulleys[tensioner].mount.stiffness"; "torque.scale", a factor on all set torques,
+            "torque[1].scale" on one of a sum, "torque[1].quadratic", a field of it, "torque", all
+            of it; "motion.scale", "motion[crank].amplitudes[0]"; "t_end"; and arguments of
+            :func:`beltdyn.simulate` such as "rtol". Values may also be objects: friction laws,
+            torques.
+        measure: What each run gives: names, ``{name of your own: name or function}``, or a function
+            of the :class:`beltdyn.Result` that returns a number, a text, an array or a mapping of
+            these; None: speeds, torques, powers, hub loads, tensions, creep and efficiency. Names
+            are ``"report.<part>.<quantity>"`` of :meth:`beltdyn.Result.report` (of all rows, or of
+            one: "report.pulleys[crank].margin"; "report.efficiency"; "report.spans.tension least";
+            "report" for everything), of histories such as "span_tension", "pulleys.omega", whole or
+            over the last part of a run with ".mean", ".least", ".most", ".rms", ".final", and
+            "stats.steps".
+        combine: "grid": every combination of the values; "zip": the first of all, the second of
+            all, and so on.
+        executor: Where runs are done. None: in threads, one for each processor; in processes if a
+            torque, motion or measure is Python code, which would keep other threads waiting. A
+            number of workers, "threads" or "processes", any ``concurrent.futures.Executor``, or the
+            ``Client`` of a Dask cluster. A run in which worker processes die several times is given
+            up, with the status "lost".
+        store: A folder that keeps all outcomes as the sweep goes (netCDF files). A sweep that was
+            killed, or that has got more points, computes only what is missing in it. Runs are known
+            by their content and the version of this package, not by the sweep they are from. Not
+            seen: changes in functions that yours call; give another ``version`` then.
+        warm: A name that is swept, in a grid: each run starts from the end of the run with the
+            value of this name before, at t = 0, and not from rest. For steady states that change
+            slowly along it.
+        last: The part of each run, counted from its end, that reports, means and extremes are of.
+        progress: Whether to show progress on stderr (on terminals; needs ``rich``).
+        version: Anything that tells runs apart in the store that look alike.
+        **options: Arguments of :func:`beltdyn.simulate` for all runs, such as ``t_eval``,
+            ``method``, ``rtol``; not ``outputs``, which follow from ``measure``.
+
+    Returns:
+        An ``xarray.Dataset``. Of a grid each name is a dimension, otherwise they are coordinates
+        along the dimension "run". Quantities have their own dimensions after those ("pulley",
+        "span", "time"), units and descriptions. ``status`` is "finished", "refused" (there is no
+        such drive), "failed", "measure" (measuring raised an error), "lost".
+
+    Raises:
+        ImportError: xarray is not installed; or loky, which processes need.
+        TypeError, ValueError: An argument breaks its rule, before anything runs.
+        OSError: The store cannot be written.
+        RuntimeError: The executor given takes no more work.
+        SweepInterrupted: Ctrl-C; ``.dataset`` holds what was done.
+    """
+    return run_sweep(
+        scene,
+        over,
+        measure,
+        combine=combine,
+        executor=executor,
+        store=store,
+        warm=warm,
+        last=last,
+        progress=progress,
+        version=version,
+        **options,
+    ).dataset
+
+
+def run_sweep(
+    scene: Any,
+    over: Any,
+    measure: Any,
+    *,
+    combine: str,
+    executor: Any,
+    store: str | os.PathLike[str] | None,
+    warm: str | None,
+    last: float,
+    progress: bool,
+    version: str,
+    **options: Any,
+) -> Swept:
+    """Do a sweep, as :func:`sweep`, and tell what it took."""
+    optional_module("xarray", "beltdyn.sweep", "sweep")
+    base = as_scene(scene)
+    points = as_points(over, combine)
+    words_of = _check_names(base, points)
+    _check_options(options, points)
+    what = as_measure(measure, base.params, last)
+    after = _chains(points, warm)
+    if not isinstance(version, str):
+        raise TypeError(f"version must be a str, got {type(version).__name__}")
+    job = Job(
+        scene=base, options=options, names=points.names, measure=what, chained=warm is not None
+    )
+    table = Table(points, words_of)
+    known: dict[int, Outcome] = {}
+    keys: list[str] = []
+    kept = None
+    if store is not None:
+        keys = _keys(base, options, points, what, after, version)
+        kept = Store(store)
+        found = kept.find(keys)
+        known = {run: found[key] for run, key in enumerate(keys) if key in found}
+    for run, outcome in known.items():
+        table.add(run, outcome)
+    order = _order(base, points, [run for run in range(len(points.rows)) if run not in known])
+    finals = {run: outcome.final for run, outcome in known.items() if outcome.final.size}
+    text = "; ".join(f"{name} = {value}" for name, value in {"last": last, **options}.items())
+    attributes = {
+        "title": f"sweep over {', '.join(points.names)}",
+        "scene": _scene_text(base),
+        "options": text,
+        "design": as_json(points.design),
+        "beltdyn_version": _core.__version__,
+    }
+
+    why = _in_python(base, points, what)
+    workers, settled = "none", 0
+    done = len(known)
+    try:
+        with (
+            as_pool(executor, why) if order else nullcontext() as pool,
+            counted(flag("progress", progress), "sweep") as show,
+        ):
+            if pool is not None:
+                workers = pool.text
+                if progress and why and executor is None:
+                    print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
+
+                def take(run: int, outcome: Outcome) -> None:
+                    nonlocal done
+                    done += 1
+                    table.add(run, outcome)
+                    if kept is not None:
+                        kept.add(keys[run], outcome)
+                    bad = done - table.count("finished")
+                    show(done, len(points.rows), f"{bad} without result" if bad else "")
+
+                show(done, len(points.rows), "")
+                dispatch = Dispatch(pool, job, points.rows, order, after, finals, take)
+                try:
+                    dispatch.all()
+                finally:
+                    settled = dispatch.settled
+                    if kept is not None:
+                        kept.flush()
+    except KeyboardInterrupt as error:
+        message = f"interrupted after {done} of {len(points.rows)} runs"
+        raise SweepInterrupted(message, table.dataset(attributes)) from error
+    dataset = table.dataset(attributes)
+    return Swept(dataset, table.counts(), len(order), len(known), settled, workers)
+
+
+def as_scene(scene: Any) -> Scene:
+    """Give the scene of an argument.
+
+    Raises:
+        TypeError, ValueError: There is none; the scene's parts do not fit together.
+        OSError: The file cannot be read.
+    """
+    if isinstance(scene, (str, os.PathLike)):
+        return scenes.find(scene)
+    if isinstance(scene, tuple) and 3 <= len(scene) <= 4 and isinstance(scene[0], Params):
+        found = Scene(*scene)
+        found.check()
+        return found
+    raise TypeError(
+        "scene must be a Scene, (params, torque_fn, t_end) with or without motion, the name of a "
+        f"scene or a TOML file, got {type(scene).__name__}"
+    )
+
+
+def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:
+    """Check what is swept; give units and texts."""
+    of_drive = [name for name in points.names if find(scene, name).root == "params"]
+    for k, name in enumerate(of_drive):
+        for other in of_drive[:k]:
+            if overlap(scene.params, name, other):
+                raise ValueError(f"over: {other!r} and {name!r} have a number in common")
+    return {name: in_words(scene, name) for name in points.names}
+
+
+def _check_options(options: Mapping[str, Any], points: Points) -> None:
+    for name in options:
+        if name not in OPTIONS:
+            hint = close_to(name, OPTIONS)
+            why = ": what is kept follows from measure" if name == "outputs" else ""
+            raise TypeError(f"sweep takes no argument {name!r}{hint}{why}")
+        if name in points.names:
+            raise ValueError(f"{name} is given and swept over: leave one of them out")
+
+
+def _chains(points: Points, warm: object) -> list[int]:
+    """Give the run from whose end each starts; -1: none."""
+    if warm is None:
+        return [-1] * len(points.rows)
+    if not points.axes:
+        raise ValueError("warm needs a grid of values: it is for runs along one of the names swept")
+    if warm not in points.names:
+        raise ValueError(f"warm must be one of {', '.join(points.names)}, got {warm!r}")
+    k = points.names.index(str(warm))
+    stride = 1
+    for length in points.shape[k + 1 :]:
+        stride *= length
+    return [
+        run - stride if (run // stride) % points.shape[k] else -1 for run in range(len(points.rows))
+    ]
+
+
+def _keys(
+    scene: Scene,
+    options: Mapping[str, Any],
+    points: Points,
+    measure: Measure,
+    after: Sequence[int],
+    version: str,
+) -> list[str]:
+    try:
+        contents = Contents(scene, options, points.names, token(measure), version)
+        keys: list[str] = []
+        for run, row in enumerate(points.rows):
+            before = keys[after[run]] if after[run] >= 0 else ""
+            keys.append(contents.key(row, before))
+    except NoKeyError as error:
+        raise ValueError(
+            f"store: runs are known by their content, and {error}; leave store out, or use torque "
+            "objects or Python functions"
+        ) from None
+    return keys
+
+
+def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
+    """Put runs of the same drive one after the other: they share the state it settles into."""
+    of_drive = [k for k, name in enumerate(points.names) if find(scene, name).root == "params"]
+    groups: dict[str, list[int]] = {}
+    for run in runs:
+        groups.setdefault(repr([points.rows[run][k] for k in of_drive]), []).append(run)
+    return [run for group in groups.values() for run in group]
+
+
+def _in_python(scene: Scene, points: Points, measure: Measure) -> str:
+    """Tell why runs would keep the interpreter busy; "": they do not."""
+
+    def slow(torque: Any) -> bool:
+        if isinstance(torque, Torque):
+            return False
+        try:
+            return any(term[0] == "call" for term in as_terms(torque, scene.params.pulley_names))
+        except (TypeError, ValueError):
+            return False
+
+    torques = (
+        [row[points.names.index("torque")] for row in points.rows]
+        if ("torque" in points.names)
+        else [scene.torque_fn]
+    )
+    if any(map(slow, torques)):
+        return "the torque is a Python function"
+    motions = as_motions(scene.motion, scene.params.pulley_names)
+    if not all(map(in_core, motions.values())):
+        return "a motion is a Python function"
+    if measure.in_python:
+        return "reports take much Python"
+    return ""
+
+
+def _scene_text(scene: Scene) -> str:
+    try:
+        return scene.to_toml()
+    except TypeError:
+        return str(scene)

@@ -1,0 +1,292 @@
+"""The runs of a sweep, one or a batch of them: what a worker does, in a thread or a process."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from functools import lru_cache
+from importlib import import_module
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..checks import Array
+from ..errors import SimulationError
+from ..params import Params
+from ..result import Result
+from ..run_warnings import RunWarning, silenced
+from ..scene import Scene
+from ..simulation import settle, simulate, speeds_at_start
+from ..state import State
+from .measure import Measure
+from .names import changed, find
+from .rows import Outcome
+
+__all__ = ["Batch", "Job", "Work", "as_bytes", "run_batch"]
+
+_Key = TypeVar("_Key", bound=Hashable)
+_Value = TypeVar("_Value")
+#: Drives, and states that they settle into, that a worker keeps for runs to come.
+_KEPT = 16
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Job:
+    """What all runs of a sweep have in common.
+
+    Attributes:
+        scene: The scene before anything is changed.
+        options: Arguments of simulate.
+        names: What is changed.
+        measure: What is measured.
+        chained: Whether runs may start from the end of others, so that final states are kept.
+    """
+
+    scene: Scene
+    options: dict[str, Any]
+    names: tuple[str, ...]
+    measure: Measure
+    chained: bool = False
+
+
+class Batch(NamedTuple):
+    """What a worker gives back.
+
+    Attributes:
+        outcomes: Of its runs, in their order; fewer if it was interrupted.
+        seconds: Wall time of each of them [s].
+        settled: States it settled, which later runs may share.
+        interrupted: Whether it was.
+    """
+
+    outcomes: list[Outcome]
+    seconds: list[float]
+    settled: int
+    interrupted: bool
+
+
+class _Shared(Generic[_Key, _Value]):
+    """Values by key, each made once, the last ones kept; a thread waits for what another makes."""
+
+    def __init__(self, make: Callable[[_Key, Any], _Value]) -> None:
+        self._make = make
+        self._lock = threading.Lock()
+        self._found: OrderedDict[_Key, tuple[threading.Lock, list[_Value]]] = OrderedDict()
+        self.made = 0
+
+    def get(self, key: _Key, of: Any) -> _Value:
+        with self._lock:
+            one, held = self._found.setdefault(key, (threading.Lock(), []))
+            self._found.move_to_end(key)
+            while len(self._found) > _KEPT:
+                self._found.popitem(last=False)
+        with one:
+            if not held:
+                held.append(self._make(key, of))
+                with self._lock:
+                    self.made += 1
+            return held[0]
+
+
+class Work:
+    """Does runs of a job; several threads may share it."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        roots = [find(job.scene, name).root for name in job.names]
+        self._of_drive = [k for k, root in enumerate(roots) if root == "params"]
+        self._drives: _Shared[tuple[Any, ...], Params] = _Shared(self._drive)
+        self._states: _Shared[tuple[Any, ...], State] = _Shared(self._settled)
+
+    @property
+    def settled(self) -> int:
+        """How many states were settled so far."""
+        return self._states.made
+
+    def run(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
+        """Do a run.
+
+        Args:
+            values: Of what is changed.
+            before: Final state, as numbers, of the run whose end this one starts from.
+
+        Raises:
+            KeyboardInterrupt: It was interrupted.
+        """
+        kernels = _core.kernel_level()
+        try:
+            drive, scene, options = self._scene(values)
+        except (TypeError, ValueError) as error:
+            return Outcome(status="refused", message=_line(error), kernels=kernels)
+        try:
+            result = self._simulate(values, drive, scene, options, before)
+        except (SimulationError, ValueError, TypeError) as error:
+            return _failed(error, scene, kernels)
+        except Exception as error:  # whatever a torque function raises
+            return _failed(error, scene, kernels, f"{type(error).__name__}: ")
+        lines = "\n".join(map(str, result.warnings))
+        final = _numbers_of(result.final_state) if self.job.chained else np.zeros(0)
+        try:
+            layout, row, words = self.job.measure.of(result)
+        except Exception as error:
+            return Outcome(
+                status="measure",
+                message=f"{type(error).__name__}: {_line(error)}",
+                warnings=lines,
+                kernels=kernels,
+                final=final,
+            )
+        return Outcome(
+            status="finished",
+            warnings=lines,
+            layout=layout,
+            numbers=row,
+            words=words,
+            kernels=kernels,
+            final=final,
+        )
+
+    def _scene(self, values: Sequence[Any]) -> tuple[tuple[Any, ...], Scene, dict[str, Any]]:
+        """Give the scene of a run; drives with the same numbers are the same object."""
+        job = self.job
+        drive = tuple(_hashable(values[k]) for k in self._of_drive)
+        changes = dict(zip(job.names, values, strict=True))
+        of_drive = {job.names[k]: changes.pop(job.names[k]) for k in self._of_drive}
+        params = self._drives.get(drive, of_drive)
+        scene, options = changed(job.scene._replace(params=params), job.options, changes)
+        scene.check()
+        return drive, scene, options
+
+    def _drive(self, _key: tuple[Any, ...], changes: dict[str, Any]) -> Params:
+        return changed(self.job.scene, {}, changes)[0].params
+
+    def _settled(self, _key: tuple[Any, ...], of: tuple[Params, dict[int, float] | None]) -> State:
+        return settle(of[0], speed=of[1])
+
+    def _simulate(
+        self,
+        values: Sequence[Any],
+        drive: tuple[Any, ...],
+        scene: Scene,
+        options: dict[str, Any],
+        before: Array | None,
+    ) -> Result:
+        with silenced():
+            if before is not None:
+                options = {**options, "initial": _state_of(before)}
+            elif options.get("initial") is None:
+                speeds = speeds_at_start(
+                    scene.params, scene.motion, scene.t_end, options.get("breakpoints", ())
+                )
+                key = (*drive, tuple((speeds or {}).items()))
+                state = self._states.get(key, (scene.params, speeds))
+                options = {**options, "initial": state}
+            return simulate(
+                scene.params,
+                scene.torque_fn,
+                scene.t_end,
+                scene.motion,
+                outputs=self.job.measure.outputs,
+                **options,
+            )
+
+
+def _hashable(value: Any) -> Hashable:
+    """Give something that differs where values differ, for looking up what was made of them."""
+    try:
+        hash(value)
+    except TypeError:
+        return repr(value) if isinstance(value, (list, tuple, dict)) else id(value)
+    return (type(value), value)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _failed(error: Exception, scene: Scene, kernels: str, prefix: str = "") -> Outcome:
+    known: tuple[RunWarning, ...] = getattr(getattr(error, "result", None), "warnings", ())
+    status = "failed" if prefix or isinstance(error, SimulationError) else "refused"
+    return Outcome(
+        status=status,
+        message=prefix + _line(error),
+        warnings="\n".join(map(str, known)),
+        kernels=kernels,
+    )
+
+
+# --- Final states, from which other runs start ---------------------------------------------------
+
+
+def _numbers_of(state: State) -> Array:
+    """Put a state into one row: of each field its rows and columns, then its numbers."""
+    parts: list[Array] = []
+    for name, *_ in _core.STATE_FIELDS:
+        values = np.atleast_2d(getattr(state, name))
+        parts += [np.array(values.shape, dtype=float), np.ravel(values)]
+    return np.concatenate(parts)
+
+
+def _state_of(row: Array) -> State:
+    """Put a state together again, at the time 0."""
+    found: dict[str, Any] = {}
+    at = 0
+    for name, *_ in _core.STATE_FIELDS:
+        rows, columns = (int(one) for one in row[at : at + 2])
+        values = row[at + 2 : at + 2 + rows * columns]
+        found[name] = values.reshape(rows, columns) if rows > 1 else values
+        at += 2 + rows * columns
+    return State(t=0.0, **found)
+
+
+# --- Batches --------------------------------------------------------------------------------------
+
+
+def as_bytes(job: Job) -> bytes:
+    """Write a job for another process.
+
+    Raises:
+        TypeError: Something in it cannot be sent to another process.
+    """
+    try:
+        return _pickler().dumps(job, 5)  # type: ignore[no-any-return]
+    except Exception as error:
+        raise TypeError(
+            f"the sweep cannot be sent to other processes ({_line(error)}): give executor a number "
+            "of threads; compiled functions have addresses, which other processes do not know"
+        ) from None
+
+
+def _pickler() -> Any:
+    """Give cloudpickle, which knows functions of notebooks and scripts, or what Python has."""
+    try:
+        return import_module("cloudpickle")
+    except ImportError:
+        return pickle
+
+
+@lru_cache(maxsize=2)
+def _work_of(job: bytes) -> Work:
+    return Work(pickle.loads(job))
+
+
+def run_batch(work: Work | bytes, runs: Sequence[tuple[Sequence[Any], Array | None]]) -> Batch:
+    """Do several runs, one after the other."""
+    if isinstance(work, bytes):
+        work = _work_of(work)
+    outcomes: list[Outcome] = []
+    seconds: list[float] = []
+    before = work.settled
+    for values, start in runs:
+        begun = time.perf_counter()
+        try:
+            outcomes.append(work.run(values, start))
+        except KeyboardInterrupt:
+            return Batch(outcomes, seconds, work.settled - before, True)
+        seconds.append(time.perf_counter() - begun)
+    return Batch(outcomes, seconds, work.settled - before, False)
