@@ -70,6 +70,7 @@ from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scene import Scene
 from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
+from .sweeping import Samples, Sensitivity, sample, sensitivity
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 from .vibration import FrequencyResponse, Modes, frequency_response, modes
@@ -118,7 +119,9 @@ __all__ = [
     "Result",
     "Route",
     "RunWarning",
+    "Samples",
     "Scene",
+    "Sensitivity",
     "SimulationError",
     "Slider",
     "SpeedTable",
@@ -139,7 +142,9 @@ __all__ = [
     "identify",
     "modes",
     "route",
+    "sample",
     "scenes",
+    "sensitivity",
     "settle",
     "simulate",
     "spectra",
