@@ -99,13 +99,16 @@ def test_no_share_is_0_or_1() -> None:
 
     class Asked:
         def ppf(self, share: np.ndarray) -> np.ndarray:
-            assert 0.0 < share.min() and share.max() < 1.0
+            assert share.min() > 0.0 and share.max() < 1.0
             return stats.norm.ppf(share)
 
     for method in SINGLE:
         samples = bd.sample({"a": Asked()}, 4096, method)
         assert np.isfinite(samples.values).all()
         assert samples.design["distributions"] == {"a": "Asked"}
+
+
+INFINITE = np.full(8, np.inf)
 
 
 class Wrong:
@@ -122,17 +125,17 @@ class Wrong:
         (TypeError, r"ranges must be a dict", {"ranges": [("a", (0, 1))]}),
         (ValueError, r"ranges must have at least one", {"ranges": {}}),
         (TypeError, r"ranges must have names", {"ranges": {1: (0, 1)}}),
-        (TypeError, r"ranges\['a'\] must be a pair \(low, high\) or a dist", {"ranges": {"a": 1.0}}),
+        (TypeError, r"ranges\['a'\] must be a pair \(low, high\) or", {"ranges": {"a": 1.0}}),
         (TypeError, r"ranges\['a'\] must be a pair \(low, high\)", {"ranges": {"a": "ab"}}),
         (TypeError, r"ranges\['a'\] must be a pair of real", {"ranges": {"a": (1, 2, 3)}}),
         (ValueError, r"ranges\['a'\] must have low < high, got 2 and 1", {"ranges": {"a": (2, 1)}}),
         (ValueError, r"ranges\['a'\]\[1\] must be finite", {"ranges": {"a": (0, np.inf)}}),
-        (ValueError, r"ranges\['a'\]\.ppf must give finite", {"ranges": {"a": Wrong(np.full(8, np.inf))}}),
+        (ValueError, r"ranges\['a'\]\.ppf must give finite", {"ranges": {"a": Wrong(INFINITE)}}),
         (ValueError, r"ranges\['a'\]\.ppf must give a real", {"ranges": {"a": Wrong("x")}}),
         (ValueError, r"method must be one of sobol, ", {"method": "grid"}),
-        (ValueError, r"n must be an integer >= 1|n must be an integer from 1", {"n": 0}),
+        (ValueError, r"n must be an integer from 1 to", {"n": 0}),
         (TypeError, r"n must be an integer", {"n": 8.0}),
-        (ValueError, r"n must be a power of two .* such as 8 or 16, got 12", {"n": 12, "method": "saltelli"}),
+        (ValueError, r"n must be a power of two .* 8 or 16", {"n": 12, "method": "saltelli"}),
         (ValueError, r"seed must be an integer >= 0", {"seed": -1}),
         (TypeError, r"seed must be an integer", {"seed": None}),
         (TypeError, r"second_order must be a bool", {"second_order": 1}),
@@ -140,7 +143,7 @@ class Wrong:
     ],
 )  # fmt: skip
 def test_what_is_refused(error: type[Exception], words: str, arguments: dict[str, Any]) -> None:
-    with pytest.raises(error, match=f"^{words}" if "|" not in words else words):
+    with pytest.raises(error, match=f"^{words}"):
         bd.sample(**{"ranges": {"a": (0.0, 1.0)}, "n": 8, **arguments})
 
 

@@ -1,8 +1,8 @@
 """Sensitivities against closed forms: Ishigami's function and Sobol's g function; runs that failed.
 
-Saltelli's estimators are means over N independent groups, so errors fall as 1/sqrt(N), with scrambled
-Sobol' points faster; the confidence is 1.96 standard deviations of resampled groups, which does not
-know of the faster fall. Indices are held to twice that, 3.9 deviations.
+Saltelli's estimators are means over N independent groups, so errors fall as 1/sqrt(N), with
+scrambled Sobol' points faster; the confidence is 1.96 standard deviations of resampled groups,
+which does not know of the faster fall. Indices are held to twice that, 3.9 deviations.
 """
 
 from __future__ import annotations
@@ -297,7 +297,7 @@ def without_inputs() -> xr.Dataset:
         (ValueError, "dataset must have the coordinates of its samples, b is", without_inputs, {}),
         (ValueError, "dataset must have the runs of its design", with_run_twice, {}),
         (ValueError, "quantity must be named, there are y, z", with_two, {}),
-        (ValueError, "quantity must be one of .* y, got 'yy' .did you mean 'y'", good, {"quantity": "yy"}),
+        (ValueError, "quantity must be one .* 'yy' .did you mean 'y'", good, {"quantity": "yy"}),
         (ValueError, "quantity must be one of .* y, got 'status'", good, {"quantity": "status"}),
         (TypeError, "quantity must be a name", good, {"quantity": 3}),
         (ValueError, "confidence must be > 0 and < 1, got 95", good, {"confidence": 95}),

@@ -180,7 +180,7 @@ def _quantiles(ranges: object) -> tuple[dict[str, Callable[[Array], Any]], dict[
             raise TypeError(f"ranges must have names as its keys, got {shown(name)}")
         label = f"ranges[{name!r}]"
         if callable(getattr(given, "ppf", None)):
-            found[name], texts[name] = given.ppf, _described(given)  # type: ignore[attr-defined]
+            found[name], texts[name] = given.ppf, _described(given)
             continue
         if isinstance(given, str) or not hasattr(given, "__len__"):
             raise TypeError(

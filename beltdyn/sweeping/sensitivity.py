@@ -282,7 +282,7 @@ def _by_run(dataset: Any, array: Any, design: Design) -> Array:
     """Give the values by the number of the run (runs, ...), NaN where there is no such run."""
     runs = np.asarray(dataset["run"].values)
     count = design.runs
-    good = runs.dtype.kind in "iu" and runs.size and 0 <= runs.min() and runs.max() < count
+    good = runs.dtype.kind in "iu" and runs.size and runs.min() >= 0 and runs.max() < count
     if not good or np.unique(runs).size != runs.size:
         raise ValueError(
             f"dataset must have the runs of its design, numbers from 0 to {count - 1} along "
