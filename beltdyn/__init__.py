@@ -70,7 +70,7 @@ from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scene import Scene
 from .simulation import METHODS, settle, simulate
 from .state import State, Tensions
-from .sweeping import Samples, SweepInterrupted, sample, sweep
+from .sweeping import Samples, Sensitivity, SweepInterrupted, sample, sensitivity, sweep
 from .tensioning import Tensioning
 from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 from .vibration import FrequencyResponse, Modes, frequency_response, modes
@@ -121,6 +121,7 @@ __all__ = [
     "RunWarning",
     "Samples",
     "Scene",
+    "Sensitivity",
     "SimulationError",
     "Slider",
     "SpeedTable",
@@ -144,6 +145,7 @@ __all__ = [
     "route",
     "sample",
     "scenes",
+    "sensitivity",
     "settle",
     "simulate",
     "spectra",

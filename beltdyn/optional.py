@@ -5,7 +5,29 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-__all__ = ["scipy_module"]
+__all__ = ["optional_module", "scipy_module"]
+
+
+def optional_module(name: str, user: str, extra: str) -> Any:
+    """Import a module of a package that an extra of this one brings.
+
+    Args:
+        name: Of the module, such as "SALib.analyze.sobol".
+        user: What needs it, as the message begins.
+        extra: That brings it.
+
+    Raises:
+        ImportError: The package is not there; the message says how to get it.
+    """
+    package = name.partition(".")[0]
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != package:  # the package is there, and itself lacks something
+            raise
+        raise ImportError(
+            f'{user} needs the package {package}: python -m pip install "beltdyn[{extra}]"'
+        ) from None
 
 
 def scipy_module(name: str, user: str) -> Any:

@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import saved
+from . import _core, labelled, saved
 from .accuracy_report import Accuracy, known
 from .arcs import Arcs, arcs_of
 from .checks import Array, close_to, flag, real_array
@@ -416,6 +416,35 @@ class Result:
             ("settling", f"{stats.settle_time:.3g} s"),
             ("instruction level", stats.kernels),
         ]
+
+    def to_xarray(self) -> Any:
+        """Give an ``xarray.Dataset`` with every array that there is, its unit and its text.
+
+        Variables have the names of outputs, "joints.force", "energy.kinetic", "span_tension", over
+        "time" and "pulley", "span", "link", "joint", "mount" or "xy", whose coordinates are names
+        and numbers: ``data["pulleys.omega"].sel(pulley="crank")``. ``data.attrs`` has the drive as
+        TOML ("scene"), "beltdyn_version", "kernels", "method", "status", "message" and "warnings",
+        one a line. ``data.to_netcdf(path)`` writes it, and all comes back equal.
+
+        Returns:
+            A dataset that shares its arrays with the result.
+
+        Raises:
+            ImportError: xarray is not installed.
+        """
+        attributes = {
+            "title": f"Run of {bodies(self.params)} on {len(self.params.pulleys)} pulley(s)",
+            "scene": self.params.to_toml(),
+            "beltdyn_version": _core.__version__,
+            "kernels": self.stats.kernels,
+            "method": self.stats.method,
+            "status": self.status,
+            "message": self.message,
+            "warnings": "\n".join(map(str, self.warnings)),
+        }
+        groups = {group: getattr(self, group) for group in GROUPS}
+        spans = self.span_tension if self._has("span_tension") else None
+        return labelled.dataset(self.t, groups, spans, self.params, attributes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x".

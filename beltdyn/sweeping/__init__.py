@@ -1,6 +1,9 @@
-"""Many runs of a scene: sweeps over parameters, loads and options."""
+"""Many runs of a scene: sweeps over parameters, loads and options, samples, sensitivities."""
+
+from __future__ import annotations
 
 from .sampling import Samples, sample
+from .sensitivity import Sensitivity, sensitivity
 from .sweep import SweepInterrupted, sweep
 
-__all__ = ["Samples", "SweepInterrupted", "sample", "sweep"]
+__all__ = ["Samples", "Sensitivity", "SweepInterrupted", "sample", "sensitivity", "sweep"]

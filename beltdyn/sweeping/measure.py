@@ -9,10 +9,8 @@ from typing import Any
 import attrs
 import numpy as np
 
-from .. import _core
 from ..checks import Array, close_to, share_of_run
-from ..histories import EnergyLedger, Stats
-from ..outputs import SPANS
+from ..histories import Stats
 from ..params import Params
 from ..report import flat, make_report
 from ..report.window import Window
@@ -245,17 +243,7 @@ class _Report:
 
 def _tables() -> dict[str, tuple[str, str, str]]:
     """Give size, unit and text of the histories by name."""
-    found = {
-        f"{group}.{name}": (size, unit, text)
-        for name, group, size, unit, text in _core.OUTPUTS
-        if group != "energy"
-    }
-    found["contact.pulley"] = ("LINKS", "", "pulley that the link touches, -1: none")
-    found[SPANS] = ("SPANS", "N", "mean joint force of the free span after the pulley")
-    found["slip"] = ("PULLEYS", "1", "speed lost against pulley 0")
-    for name in EnergyLedger.array_names():
-        found[f"energy.{name}"] = ("", "J", f"energy ledger: {name}")
-    return found
+    return {**described(), "slip": ("PULLEYS", "1", "speed lost against pulley 0")}
 
 
 def _split(name: str) -> tuple[str, str | None]:
@@ -345,7 +333,7 @@ def _of_result(result: Result, name: str, last: float) -> Found:
 def _axes(result: Result, group: str, size: str) -> tuple[Axis, ...]:
     names, n_b = result.params.pulley_names, result.params.belt.n_bodies
     if size == "SPANS":
-        spans = tuple(f"{names[k]} to {names[(k + 1) % len(names)]}" for k in range(len(names)))
+        spans = tuple(span_names(result.params))
         return (Axis("span", spans, len(spans)),)
     if size in ("LINKS", "FRICTION"):
         return (Axis("joint" if group == "joints" else "link", (), n_b),)

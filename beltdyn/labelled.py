@@ -1,0 +1,136 @@
+"""A run as an ``xarray.Dataset``: every array with its dimensions, unit and text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from . import _core
+from .checks import Array
+from .histories import EnergyLedger, Group
+from .naming import span_name
+from .optional import optional_module
+from .outputs import LEDGER, SPANS
+from .params import Params
+
+__all__ = ["dataset", "described", "mount_kinds", "span_names"]
+
+#: Dimensions after time, by the sizes of the core's table.
+_DIMENSIONS = {
+    "PULLEYS": ("pulley",),
+    "PLANE": ("pulley", "xy"),
+    "LINKS": ("link",),
+    "FRICTION": ("link",),
+    "MOUNTS": ("mount",),
+}
+#: What is not in the tables of the core.
+_TEXTS = {
+    "contact.pulley": "index of the pulley that a link touches, -1: none",
+    "energy.passed": "energy transmitted so far, the scale of the residual",
+    SPANS: "mean joint force of the free span that follows each pulley",
+    "time": "time",
+    "pulley": "pulley",
+    "span": "free span, from a pulley to the next along the belt",
+    "link": "link",
+    "joint": "joint, on the left of the link of the same number",
+    "mount": "pulley that stands on the mount",
+    "mount_kind": "kind of mount: travels of arms are angles, of sliders lengths",
+    "xy": "component",
+}
+_UNITS = {"contact.pulley": "1", SPANS: "N", "time": "s"}
+
+
+def span_names(params: Params) -> list[str]:
+    """Give what the free spans are called, after each pulley (n_p,), as reports call them."""
+    names = params.pulley_names
+    after = [*names[1:], names[0]]
+    return [span_name(k, names, unnamed=f"{names[k]} to {after[k]}") for k in range(len(names))]
+
+
+def mount_kinds(params: Params) -> list[str]:
+    """Give the kinds of the mounts (n_m,): "arm", "slider" or "path"."""
+    return [type(params.pulleys[k].mount).__name__.lower() for k in params.mounted]
+
+
+def described() -> dict[str, tuple[str, str, str]]:
+    """Give size, unit and text of every history by name; sizes are those of the core's tables."""
+    found = {
+        f"{group}.{name}": (size, unit, text) for name, group, size, unit, text in _core.OUTPUTS
+    }
+    del found[f"{LEDGER}.{LEDGER}"]
+    found |= {f"{LEDGER}.{name}": ("", "J", text) for name, _, text in _core.ENERGY_TERMS}
+    for name in EnergyLedger.array_names():
+        found.setdefault(f"{LEDGER}.{name}", ("", "J", _TEXTS.get(f"{LEDGER}.{name}", name)))
+    found["contact.pulley"] = ("LINKS", _UNITS["contact.pulley"], _TEXTS["contact.pulley"])
+    found[SPANS] = ("SPANS", _UNITS[SPANS], _TEXTS[SPANS])
+    return found
+
+
+def dataset(
+    t: Array,
+    groups: Mapping[str, Group | None],
+    spans: Array | None,
+    params: Params,
+    attributes: Mapping[str, str],
+) -> Any:
+    """Give an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`.
+
+    Args:
+        t: Sample times (n_t,) [s].
+        groups: Histories by the name of the group; None: the drive has none.
+        spans: Tensions of the free spans (n_t, n_p) [N], or None.
+        params: The drive, for names.
+        attributes: Texts of the whole.
+
+    Raises:
+        ImportError: xarray is not installed.
+    """
+    xarray = optional_module("xarray", "to_xarray", "sweep")
+    arrays = {
+        f"{name}.{field}": array
+        for name, group in groups.items()
+        if group is not None
+        for field, array in group.arrays().items()
+    }
+    rows = described()
+    variables: dict[str, Any] = {}
+    for name, array in arrays.items():
+        size, unit, text = rows[name]
+        own: Sequence[str] = _DIMENSIONS.get(size, ()) if array.ndim > 1 else ()
+        if name.startswith("joints."):
+            own = ("joint",)
+        if size == "MOUNTS":
+            unit = _unit_of_mounts(unit, params)
+        variables[name] = (("time", *own), array, {"units": unit, "long_name": text})
+    if spans is not None:
+        variables[SPANS] = (("time", "span"), spans, _labels(SPANS))
+    names = params.pulley_names
+    coordinates: dict[str, Any] = {
+        "time": t,
+        "pulley": list(names),
+        "span": span_names(params),
+        "link": range(params.belt.n_bodies),
+        "joint": range(params.belt.n_bodies),
+        "mount": [names[k] for k in params.mounted],
+        "xy": ["x", "y"],
+    }
+    used = {dim for dims, *_ in variables.values() for dim in dims} | {"time"}
+    found = {
+        dim: (dim, list(values) if isinstance(values, range) else values, _labels(dim))
+        for dim, values in coordinates.items()
+        if dim in used
+    }
+    if "mount" in used:
+        found["mount_kind"] = ("mount", mount_kinds(params), _labels("mount_kind"))
+    return xarray.Dataset(variables, found, dict(attributes))
+
+
+def _unit_of_mounts(unit: str, params: Params) -> str:
+    """Give the one of "rad or m" that all mounts have, both if they differ."""
+    kinds, units = set(mount_kinds(params)), unit.split(" or ")
+    return {"arm": units[0], "slider": units[-1]}.get(min(kinds), unit) if len(kinds) == 1 else unit
+
+
+def _labels(name: str) -> dict[str, str]:
+    unit = _UNITS.get(name)
+    return ({} if unit is None else {"units": unit}) | {"long_name": _TEXTS[name]}

@@ -1,0 +1,351 @@
+"""Which parameters a quantity of a sweep depends on: Sobol' indices, by SALib."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..checks import Array, close_to, integer, real, shown
+from ..optional import optional_module
+from .estimators import CONSTANT, Design, Indices, by_groups, by_runs
+from .sampling import METHODS
+
+__all__ = ["Sensitivity", "sensitivity"]
+
+#: Entries of a quantity that are printed.
+_SHOWN = 12
+
+
+@attrs.frozen(eq=False, repr=False, kw_only=True)
+class Sensitivity:
+    """First and total Sobol' indices of a quantity.
+
+    The first index of a parameter is the share of the quantity's variance that it makes alone; the
+    total index adds all that it makes together with others. ``print`` shows them in a table.
+    All are ``xarray.DataArray`` over "parameter" and the quantity's own dimensions.
+
+    Attributes:
+        quantity: Name of what was looked at.
+        first: First indices [1]; NaN where there are none, ``notes`` says why.
+        first_conf: Half width of their confidence interval [1].
+        confidence: Of the interval, such as 0.95.
+        used: Groups of runs, or runs, that the indices are of, by the quantity's own dimensions.
+        method: The estimator.
+        notes: What was left out, and what has no index.
+    """
+
+    quantity: str
+    first: Any
+    first_conf: Any
+    confidence: float
+    used: Any
+    method: str
+    notes: tuple[str, ...]
+    _more: dict[str, Any]
+
+    @property
+    def total(self) -> Any:
+        """Total indices [1].
+
+        Raises:
+            AttributeError: The samples do not give them.
+        """
+        return self._of_groups("total")
+
+    @property
+    def total_conf(self) -> Any:
+        """Half width of their confidence interval [1]; as ``total``."""
+        return self._of_groups("total_conf")
+
+    @property
+    def second(self) -> Any:
+        """Second indices [1] over "parameter" and "other": what two make together; as ``total``.
+
+        The smaller of the two comes first; NaN elsewhere.
+        """
+        return self._of_groups("second")
+
+    @property
+    def second_conf(self) -> Any:
+        """Half width of their confidence interval [1]; as ``total``."""
+        return self._of_groups("second_conf")
+
+    def _of_groups(self, name: str) -> Any:
+        if name in self._more:
+            return self._more[name]
+        what = name.removesuffix("_conf")
+        order = ", second_order=True" if what == "second" else ""
+        raise AttributeError(
+            f"these samples give no {what} indices: make them by "
+            f'bd.sample(ranges, n, method="saltelli"{order})'
+        )
+
+    def to_dataset(self) -> Any:
+        """Give all indices as one ``xarray.Dataset``, which can be written to a file."""
+        xarray = optional_module("xarray", "to_dataset", "sweep")
+        arrays = {"first": self.first, "first_conf": self.first_conf, **self._more}
+        attributes = {
+            "quantity": self.quantity,
+            "method": self.method,
+            "confidence": self.confidence,
+            "notes": "\n".join(self.notes),
+        }
+        return xarray.Dataset({**arrays, "used": self.used}, attrs=attributes)
+
+    def to_frame(self) -> Any:
+        """Give a ``pandas.DataFrame``: a row for each parameter and entry, a column for each index.
+
+        Second indices, which are of two parameters, are in ``second`` alone.
+        """
+        pairs = ["second", "second_conf", "other", "used"]
+        return self.to_dataset().drop_vars(pairs, errors="ignore").to_dataframe()
+
+    def __repr__(self) -> str:
+        names = ", ".join(str(name) for name in self.first["parameter"].values)
+        return f"Sensitivity of {self.quantity} to {names}"
+
+    def __str__(self) -> str:
+        own = [str(dim) for dim in self.first.dims if dim != "parameter"]
+        columns = {"first": (self.first, self.first_conf)}
+        if "total" in self._more:
+            columns["total"] = (self.total, self.total_conf)
+        rows = [[*own, "parameter", *(f"{name} index" for name in columns)]]
+        entries = list(np.ndindex(*(self.first.sizes[dim] for dim in own)))
+        for entry in entries[:_SHOWN]:
+            at = dict(zip(own, entry, strict=True))
+            where = [_entry(self.first, dim, k) for dim, k in at.items()]
+            for j, name in enumerate(self.first["parameter"].values):
+                one = at | {"parameter": j}
+                rows.append([*where, str(name), *(_cell(*pair, one) for pair in columns.values())])
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines = [
+            "  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        if len(entries) > _SHOWN:
+            lines.append(f"... and {len(entries) - _SHOWN} more entries: see to_frame()")
+        percent = f"+-: confidence of {100 * self.confidence:g} %"
+        head = f"Sensitivity of {self.quantity}: {self.method}; {percent}"
+        return "\n".join([head, *(f"  {line}" for line in [*lines, *self.notes])])
+
+
+def sensitivity(
+    dataset: Any,
+    quantity: str | None = None,
+    *,
+    confidence: float = 0.95,
+    resamples: int = 200,
+    seed: int = 0,
+) -> Sensitivity:
+    """Find how much each parameter of a sweep contributes to the variance of a quantity.
+
+    For ``bd.sample(..., method="saltelli")`` by the estimators of Saltelli et al. (2010,
+    doi:10.1016/j.cpc.2009.09.018): first and total indices, and second ones if the samples are for
+    them. For other samples by RBD-FAST with the correction of Tissot and Prieur (2012,
+    doi:10.1016/j.ress.2012.06.010): first indices alone.
+
+    Runs without a number, because they failed, are left out, of Saltelli's samples with their whole
+    group; the indices are then those of the drives that run, and the notes say how many.
+
+    Args:
+        dataset: What ``bd.sweep`` gives for ``bd.sample``, or a part of its runs.
+        quantity: Name of a variable of numbers; None: the only one there is. Each entry of its own
+            dimensions, such as "pulley", has its own indices.
+        confidence: Of the intervals, between 0 and 1.
+        resamples: Resampled sets that the intervals are estimated by.
+        seed: Integer >= 0 that these follow from.
+
+    Returns:
+        The indices. Errors of estimation make some slightly negative, or more than 1. They are NaN
+        where the quantity is constant; the notes say so.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule; the sweep is not of samples; too few of
+            its runs have a number.
+        ImportError: xarray or SALib is not installed.
+    """
+    xarray = optional_module("xarray", "sensitivity", "sensitivity")
+    if not isinstance(dataset, xarray.Dataset):
+        raise TypeError(f"dataset must be the xarray.Dataset of bd.sweep, got {shown(dataset)}")
+    confidence = real("confidence", confidence)
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be > 0 and < 1, got {confidence:g}")
+    options = {
+        "conf_level": confidence,
+        "num_resamples": integer("resamples", resamples, 2),
+        # SALib takes a seed of 0 for none.
+        "seed": 1 + integer("seed", seed, 0),
+    }
+    design = _design(dataset)
+    array = _quantity(dataset, quantity)
+    own = [dim for dim in array.dims if dim != "run"]
+    values = _by_run(dataset, array.transpose("run", *own), design)
+    shape = values.shape[1:]
+    flat = values.reshape(design.groups, design.size, math.prod(shape))
+    if design.size > 1:
+        analysed = by_groups(design, options)
+        method = f"Saltelli's estimators, {design.groups} groups of {design.size} runs"
+    else:
+        inputs = [_by_run(dataset, dataset[name], design) for name in design.names]
+        analysed = by_runs(design, np.stack(inputs, axis=1), options)
+        method = f"RBD-FAST, {design.groups} runs"
+    found = [analysed(flat[:, :, entry]) for entry in range(flat.shape[2])]
+    _check_enough(dataset, found, design, str(array.name))
+    coords = {dim: array.coords[dim] for dim in own if dim in array.coords}
+    labels = {"parameter": design.names, "other": design.names}
+
+    def joined(name: str) -> Any:
+        stacked = np.stack([one.arrays[name] for one in found], axis=-1)
+        dims = list(labels)[: stacked.ndim - 1]
+        return xarray.DataArray(
+            stacked.reshape(*stacked.shape[:-1], *shape),
+            dims=[*dims, *own],
+            coords={dim: labels[dim] for dim in dims} | coords,
+            attrs={"units": "1", "long_name": f"{_WORDS[name]} of {array.name}"},
+        )
+
+    indices = {name: joined(name) for name in found[0].arrays}
+    used = np.reshape([one.used for one in found], shape)
+    return Sensitivity(
+        quantity=str(array.name),
+        first=indices.pop("first"),
+        first_conf=indices.pop("first_conf"),
+        confidence=confidence,
+        used=xarray.DataArray(used, dims=own, coords=coords, attrs={"long_name": design.unit}),
+        method=method,
+        notes=_notes(dataset, found, design),
+        more=indices,
+    )
+
+
+_ORDERS = ("first", "total", "second")
+_WORDS = {one: f"{one} Sobol' index" for one in _ORDERS} | {
+    f"{one}_conf": f"half width of the confidence interval of the {one} Sobol' index"
+    for one in _ORDERS
+}
+
+
+# --- what is analysed ----------------------------------------------------------------------------
+
+
+def _design(dataset: Any) -> Design:
+    what = (
+        "dataset must be a sweep of samples, bd.sweep(scene, over=bd.sample(...)): in a grid or a "
+        "list parameters do not vary as they do in use"
+    )
+    try:
+        design = json.loads(dataset.attrs["design"])
+        if design["kind"] != "sample":
+            raise ValueError(f"{what}; its design is {design['kind']!r}")
+        names, n = [str(name) for name in design["names"]], int(design["n"])
+        saltelli, second = design["method"] == "saltelli", bool(design["second_order"])
+        known = design["method"] in METHODS
+    except (KeyError, TypeError, json.JSONDecodeError):
+        raise ValueError(f"{what}; it has no such attribute 'design'") from None
+    if not known or n < 1:
+        raise ValueError(f"{what}; its attribute 'design' is {shown(design)}")
+    missing = [name for name in names if name not in dataset.coords]
+    if missing or "run" not in dataset.coords:
+        absent = ", ".join([*missing, *([] if "run" in dataset.coords else ["run"])])
+        raise ValueError(f"dataset must have the coordinates of its samples, {absent} is missing")
+    size = (2 * len(names) + 2 if second else len(names) + 2) if saltelli else 1
+    return Design(names, n, size, second)
+
+
+def _quantity(dataset: Any, quantity: object) -> Any:
+    known = [
+        str(name)
+        for name, array in dataset.data_vars.items()
+        if "run" in array.dims and array.dtype.kind in "iufb"
+    ]
+    if quantity is None and len(known) == 1:
+        return dataset[known[0]]
+    listed = ", ".join(known) or "none"
+    if quantity is None:
+        raise ValueError(f"quantity must be named, there are {listed}")
+    if not isinstance(quantity, str):
+        raise TypeError(f"quantity must be a name, got {shown(quantity)}")
+    if quantity not in known:
+        raise ValueError(
+            f"quantity must be one of the numbers of the dataset, {listed}, got {quantity!r}"
+            f"{close_to(quantity, known)}"
+        )
+    return dataset[quantity]
+
+
+def _by_run(dataset: Any, array: Any, design: Design) -> Array:
+    """Give the values by the number of the run (runs, ...), NaN where there is no such run."""
+    runs = np.asarray(dataset["run"].values)
+    count = design.runs
+    good = runs.dtype.kind in "iu" and runs.size and runs.min() >= 0 and runs.max() < count
+    if not good or np.unique(runs).size != runs.size:
+        raise ValueError(
+            f"dataset must have the runs of its design, numbers from 0 to {count - 1} along "
+            f"'run', each once at most, got {shown(runs)}"
+        )
+    values = np.full((count, *array.shape[1:]), np.nan)
+    values[runs] = array.values
+    return values
+
+
+def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: str) -> None:
+    """Raise ValueError unless one entry of the quantity has runs enough."""
+    most = max((one.used for one in found), default=0)
+    if most < design.least:
+        raise ValueError(
+            f"{name} has a number in {most} of {design.groups} {design.unit}, at least "
+            f"{design.least} are needed{_failures(dataset)}: draw more samples, or narrow the "
+            "ranges to what the drive can do"
+        )
+
+
+def _failures(dataset: Any) -> str:
+    """Give " (3 runs failed, 2 were refused)" from the states of the runs, or nothing."""
+    if "status" not in dataset:
+        return ""
+    states, counts = np.unique(dataset["status"].values.astype(str), return_counts=True)
+    words = [
+        f"{count} {state}"
+        for state, count in zip(states, counts, strict=True)
+        if state != "finished"
+    ]
+    return f" (runs: {', '.join(words)})" if words else ""
+
+
+def _notes(dataset: Any, found: Sequence[Indices], design: Design) -> tuple[str, ...]:
+    notes = []
+    used = [one.used for one in found]
+    left = [design.groups - count for count in (max(used), min(used))]
+    if left[1]:
+        many = f"{'' if left[0] == left[1] else 'up to '}{left[1]}"
+        notes.append(
+            f"left out for want of a number: {many} of {design.groups} {design.unit}"
+            f"{_failures(dataset)}; the indices are those of the rest"
+        )
+    constant = sum(one.reason == CONSTANT for one in found)
+    few = sum(one.reason not in ("", CONSTANT) for one in found)
+    entries = "" if len(found) == 1 else " of {} of " + f"{len(found)} entries"
+    if constant:
+        notes.append(f"no indices{entries.format(constant)}: the quantity is constant")
+    if few:
+        notes.append(
+            f"no indices{entries.format(few)}: less than {design.least} {design.unit} with a number"
+        )
+    return tuple(notes)
+
+
+def _cell(values: Any, conf: Any, at: dict[str, int]) -> str:
+    value, half = float(values.isel(at)), float(conf.isel(at))
+    return "-" if math.isnan(value) else f"{value:6.3f} +- {half:.3f}"
+
+
+def _entry(array: Any, dim: str, k: int) -> str:
+    if dim not in array.coords:
+        return str(k)
+    value = array.coords[dim].values[k]
+    return f"{value:.5g}" if array.coords[dim].dtype.kind == "f" else str(value)
