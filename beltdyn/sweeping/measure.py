@@ -11,6 +11,7 @@ import numpy as np
 
 from ..checks import Array, close_to, share_of_run
 from ..histories import Stats
+from ..labelled import described, span_names
 from ..params import Params
 from ..report import flat, make_report
 from ..report.window import Window
