@@ -10,15 +10,17 @@ Each function draws one panel::
     at one time  force_along_belt; drive: to scale, coloured by tension or friction, with the stick
                  and slip arcs
     before a run layout: the way of the belt round its pulleys
+    of a sweep   map, over two of the swept names; lines, over one of them or over time
     vibration    mode, frequency_response; animate_mode (of bd.modes, bd.frequency_response)
     several      overview (a figure of four panels), animate (GIF, MP4, HTML or in a notebook)
 
-It takes a :class:`beltdyn.Result`, finished or not, and ``ax=``, the axes to draw into (make them
-with ``plt.subplots(..., layout="constrained")``), and returns these axes. Without ``ax`` it makes a
-figure of its own, ``.figure`` of the returned axes, without pyplot and without a window. Further
-keywords of the functions that draw lines go to matplotlib's ``plot``: a ``label``, a ``color``. In
-axes that already hold lines, new ones take the next style, so two runs can be compared in one
-picture. Colours are those of Okabe and Ito; lines also differ by their dashes.
+It takes a :class:`beltdyn.Result`, finished or not, or the Dataset of a sweep, and ``ax=``, the
+axes to draw into (make them with ``plt.subplots(..., layout="constrained")``), and returns these
+axes. Without ``ax`` it makes a figure of its own, ``.figure`` of the returned axes, without pyplot
+and without a window. Further keywords of the functions that draw lines go to matplotlib's ``plot``:
+a ``label``, a ``color``. In axes that already hold lines, new ones take the next style, so two runs
+can be compared in one picture. Colours are those of Okabe and Ito; lines also differ by their
+dashes.
 
 What changes fast, such as friction over slip, needs more samples than the default of 1001:
 ``t_eval=np.linspace(0, 1, 5001)``.
@@ -44,6 +46,8 @@ from .modes import animate_mode, frequency_response, mode
 from .mounting import travel
 from .places import arcs, tension_along
 from .spectrum import campbell, spectrum
+from .sweep_lines import lines
+from .sweep_map import map
 
 __all__ = [
     "Animation",
@@ -60,6 +64,8 @@ __all__ = [
     "joint_deformation",
     "joint_force",
     "layout",
+    "lines",
+    "map",
     "mode",
     "overview",
     "relative_velocity",

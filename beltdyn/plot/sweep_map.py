@@ -1,0 +1,222 @@
+"""A quantity of a sweep as a map over two of the swept names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator
+
+from ..checks import close_to, integer, real_array, shown
+from . import style, swept
+
+__all__ = ["map"]
+
+_FAILED_FACE, _FAILED_EDGE = "0.93", "0.45"
+
+
+def map(
+    dataset: Any,
+    quantity: str,
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    at: Mapping[str, Any] | None = None,
+    contours: int | Sequence[float] = 6,
+    ax: Axes | None = None,
+    **mesh: Any,
+) -> Axes:
+    """Draw a quantity of a sweep by colour over two swept names.
+
+    A grid is drawn in cells round its values with contours, runs at random or in a list as points.
+    Runs without a value are hatched cells or crosses, counted by what became of them. Axes are
+    logarithmic where the values are geometric. A text as a value, such as a friction law, has a
+    row or column.
+
+    Args:
+        dataset: What ``bd.sweep`` gives.
+        quantity: Name of a variable of numbers in it.
+        x: Name along the x axis; None: the first that is left, of two.
+        y: Along the y axis; None: the other.
+        at: The values of all other dimensions, such as ``{"pulley": "alternator"}``.
+        contours: How many lines at most, at round values; or these values; 0: none. Points have
+            none.
+        ax: Axes to draw into; None: those of a new figure.
+        **mesh: For matplotlib's ``pcolormesh``, of points for ``scatter``: ``cmap``, ``norm``.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule; more than two dimensions are left.
+        ImportError: xarray is not installed.
+    """
+    swept.check(dataset, quantity)
+    levels = _levels_asked(contours)
+    part, where = swept.choose(dataset, quantity, at)
+    part = part.squeeze([dim for dim in part.dims if part.sizes[dim] == 1 and dim not in (x, y)])
+    points = "run" in part.dims
+    along, up = _two(part, quantity, x, y, points)
+    ax = style.axes(ax, 4.4)
+    scales = [swept.scale_of(part, name) for name in (along, up)]
+    for which, scale in zip("xy", scales, strict=True):
+        scale.apply(ax, which)
+    draw = _points if points else _cells
+    handles = draw(ax, part, quantity, scales, mesh)
+    style.dress(ax, scales[0].label, scales[1].label)
+    ax.grid(points)
+    if handles:
+        style.legend_below(ax, handles)
+    if where:
+        style.set_title_within(ax, where)
+    if not points:
+        _contours(ax, part[quantity], scales, levels)
+    return ax
+
+
+def _levels_asked(contours: object) -> int | list[float]:
+    if isinstance(contours, (Sequence, np.ndarray)) and not isinstance(contours, str):
+        return [float(level) for level in np.unique(real_array("contours", contours, ndim=1))]
+    return integer("contours", contours, 0)
+
+
+def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[str, str]:
+    """Find the names along the axes."""
+    dims = [str(dim) for dim in part[quantity].dims]
+    known = swept.swept_names(part) if points else dims
+    for field, name in (("x", x), ("y", y)):
+        if name is not None and name not in known:
+            raise ValueError(
+                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
+                f"{close_to(name, known) if isinstance(name, str) else ''}"
+            )
+    if x is not None and x == y:
+        raise ValueError(f"x and y must differ, both are {x!r}")
+    rest = [name for name in known if name not in (x, y)]
+    named = [str(name) for name in (x, y) if name is not None]
+    needed = 2 - len(named)
+    if points:
+        left = [dim for dim in dims if dim != "run"]
+        if len(rest) != needed and needed:
+            raise ValueError(f"x and y must be two of {', '.join(known)}: name them")
+    else:
+        left = rest if len(rest) > needed else []
+    if left:
+        raise ValueError(
+            f"{quantity} has the dimensions {', '.join(dims)}: choose a value of all but two by at="
+            f"{{{left[-1]!r}: {_example(part, left[-1])}}}"
+        )
+    if len(rest) < needed:
+        raise ValueError(
+            f"{quantity} varies along {', '.join(dims) or 'nothing'} alone, a map needs two: see "
+            "bd.plot.lines"
+        )
+    first = str(x) if x is not None else rest.pop(0)
+    return first, str(y) if y is not None else rest.pop(0)
+
+
+def _example(part: Any, name: str) -> str:
+    return repr(part[name].values[0].item()) if name in part.coords else "0"
+
+
+def _cells(
+    ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
+) -> list[Artist]:
+    """Draw a grid; give the handles of the legend."""
+    x, y = scales
+    values = _sorted(part[quantity], scales)
+    edges = x.edges(), y.edges()
+    look: dict[str, Any] = {"cmap": "viridis", "rasterized": values.size > 2000} | given
+    mesh = ax.pcolormesh(*edges, np.ma.masked_invalid(values), **look)
+    if np.isfinite(values).any():
+        ax.figure.colorbar(mesh, ax=ax, label=swept.label(part[quantity]))
+    handles: list[Artist] = []
+    for name, (found, text) in swept.failures(part, quantity).items():
+        face: dict[str, Any] = {
+            "facecolor": _FAILED_FACE,
+            "edgecolor": _FAILED_EDGE,
+            "hatch": swept.FAILED_LOOKS[name][0] or None,
+            "linewidth": 0.4,
+        }
+        cells = [
+            Rectangle(
+                (edges[0][i], edges[1][j]),
+                edges[0][i + 1] - edges[0][i],
+                edges[1][j + 1] - edges[1][j],
+            )
+            for j, i in np.argwhere(_sorted(found, scales))
+        ]
+        ax.add_collection(PatchCollection(cells, **face), autolim=False)
+        handles.append(Patch(label=text, **face))
+    return handles
+
+
+def _sorted(array: Any, scales: list[swept.Scale]) -> Any:
+    """Give values as rows of y, columns of x, both rising."""
+    x, y = scales
+    return array.transpose(y.name, x.name).values[np.ix_(y.order, x.order)]
+
+
+def _points(
+    ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
+) -> list[Artist]:
+    """Draw runs as points; give the handles of the legend."""
+    at = [np.empty(scale.values.size) for scale in scales]
+    for places, scale in zip(at, scales, strict=True):
+        places[scale.order] = scale.values
+    values = part[quantity].values
+    good = np.isfinite(values)
+    size = float(np.clip(4000.0 / max(values.size, 1), 6.0, 36.0))
+    look: dict[str, Any] = {"cmap": "viridis", "s": size, "linewidths": 0.0, "zorder": 2} | given
+    drawn = ax.scatter(at[0][good], at[1][good], c=values[good], **look)
+    if good.any():
+        ax.figure.colorbar(drawn, ax=ax, label=swept.label(part[quantity]))
+    handles: list[Artist] = []
+    for name, (found, text) in swept.failures(part, quantity).items():
+        where = found.values
+        cross: dict[str, Any] = {
+            "linestyle": "none",
+            "marker": swept.FAILED_LOOKS[name][1],
+            "color": style.COLOURS[1],
+            "markersize": 5.0,
+        }
+        ax.plot(at[0][where], at[1][where], **cross)
+        handles.append(Line2D([], [], label=text, **cross))
+    return handles
+
+
+def _contours(ax: Axes, array: Any, scales: list[swept.Scale], asked: int | list[float]) -> None:
+    values = _sorted(array, scales)
+    there = values[np.isfinite(values)]
+    if asked == 0 or min(values.shape) < 2 or not there.size or any(one.texts for one in scales):
+        return
+    low, high = float(there.min()), float(there.max())
+    levels: Any = MaxNLocator(asked).tick_values(low, high) if isinstance(asked, int) else asked
+    inside = [float(level) for level in levels if low < level < high]
+    if not inside:
+        return
+    x, y = (scale.values for scale in scales)
+    lines = ax.contour(
+        x, y, np.ma.masked_invalid(values), inside, colors="black", linewidths=0.8, zorder=2
+    )
+    lines.set_path_effects([withStroke(linewidth=1.8, foreground="white", alpha=0.5)])
+    style.settle_layout(ax)
+    names = ax.clabel(lines, fmt=lambda level: f"{level:g}", fontsize="small", zorder=3)
+    _thin(names)
+
+
+def _thin(names: Sequence[Text]) -> None:
+    """Take away labels that lie over another, and outline those that stay."""
+    kept: list[Any] = []
+    for text in names:
+        box = text.get_window_extent()
+        if any(box.overlaps(other) for other in kept):
+            text.set_visible(False)
+            continue
+        kept.append(box)
+        text.set_path_effects([withStroke(linewidth=2.0, foreground="white", alpha=0.8)])

@@ -1,0 +1,279 @@
+"""What pictures of sweeps share: checks, choice of a part, axes of swept values, failed runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..checks import Array, close_to, shown
+from ..optional import optional_module
+from . import style
+
+__all__ = [
+    "FAILED_LOOKS",
+    "Scale",
+    "check",
+    "choose",
+    "failures",
+    "label",
+    "own_names",
+    "scale_of",
+    "swept_names",
+    "value_text",
+]
+
+#: How runs that gave no value are shown, by their status: hatch, marker, word.
+FAILED_LOOKS = {
+    "refused": ("////", "x", "refused"),
+    "failed": ("xxxx", "+", "failed"),
+    "measure": ("....", "1", "no measure"),
+    "lost": ("\\\\\\\\", "2", "worker lost"),
+    "missing": ("", "|", "not computed"),
+    "finished": ("----", "_", "no value"),
+}
+#: Texts longer than this do not fit along an axis; the name is there instead.
+_LONGEST = 48
+#: Values are geometric that span this ratio, with logarithms so many times as even as they are.
+_RATIO, _EVENER = 4.0, 2.0
+#: A value chosen is one of the coordinate up to this part of it.
+_SAME = 1e-9
+_OF_RUNS = ("status", "message", "warnings")
+
+
+def check(dataset: object, quantity: object) -> Any:
+    """Check a sweep and the name of a quantity in it; give the quantity's array.
+
+    Raises:
+        TypeError: No Dataset, no name.
+        ValueError: No sweep; there is no such quantity of numbers.
+        ImportError: xarray is not installed.
+    """
+    xarray = optional_module("xarray", "pictures of sweeps", "sweep")
+    if not isinstance(dataset, xarray.Dataset):
+        raise TypeError(f"dataset must be the xarray.Dataset of bd.sweep, got {shown(dataset)}")
+    if "status" not in dataset.data_vars:
+        raise ValueError("dataset must be that of bd.sweep, it has no variable 'status'")
+    known = [
+        str(name)
+        for name, array in dataset.data_vars.items()
+        if array.dtype.kind in "iufb" and name not in _OF_RUNS
+    ]
+    if not isinstance(quantity, str):
+        raise TypeError(f"quantity must be a name, got {shown(quantity)}")
+    if quantity not in known:
+        raise ValueError(
+            f"quantity must be one of {', '.join(known) or '(none)'}, got {quantity!r}"
+            f"{close_to(quantity, known)}"
+        )
+    return dataset[quantity]
+
+
+def swept_names(dataset: Any) -> list[str]:
+    """Give the names that were swept: dimensions of a grid, of others coordinates of the runs."""
+    dims = [str(dim) for dim in dataset["status"].dims]
+    if dims == ["run"]:
+        along = [name for name, one in dataset.coords.items() if one.dims == ("run",)]
+        return [str(name) for name in along if name != "run"]
+    return dims
+
+
+def own_names(dataset: Any, array: Any) -> list[str]:
+    """Give the dimensions that a quantity has of its own, such as "pulley"."""
+    return [str(dim) for dim in array.dims if dim not in dataset["status"].dims]
+
+
+def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
+    """Give the part of a sweep at some values, with this quantity alone, and these as a text.
+
+    Args:
+        dataset: That has been checked.
+        quantity: The quantity to keep.
+        at: Values by the name of a dimension, or None. Of "time" the nearest sample is taken.
+
+    Raises:
+        TypeError: Not a dict.
+        ValueError: There is no such dimension or value.
+    """
+    part = dataset[[quantity, "status"]]
+    if at is None:
+        return part, ""
+    if not isinstance(at, Mapping):
+        raise TypeError(f"at must be a dict of values by name, got {shown(at)}")
+    texts = []
+    for name, value in at.items():
+        if name not in part.dims:
+            known = [str(dim) for dim in part.dims]
+            raise ValueError(
+                f"at: there is no dimension {shown(name)}, there are {', '.join(known)}"
+            )
+        k = _index(part, str(name), value)
+        if name in part.coords:
+            texts.append(f"{_word(part[name])} {value_text(part[name], k)}")
+        else:
+            texts.append(f"{name} {k}")
+        part = part.isel({name: k})
+    return part, "; ".join(texts)
+
+
+def _index(part: Any, name: str, value: Any) -> int:
+    values = part[name].values if name in part.coords else np.arange(part.sizes[name])
+    if values.dtype.kind not in "iuf":
+        found = np.flatnonzero(values.astype(str) == str(value))
+    elif isinstance(value, str) or not np.isscalar(value):
+        found = np.array([], dtype=int)
+    elif name == "time":
+        nearest = int(np.argmin(np.abs(values - value)))
+        within = values.min() <= value <= values.max()
+        found = np.array([nearest] if within else [], dtype=int)
+    else:
+        found = np.flatnonzero(np.isclose(values, value, rtol=_SAME, atol=0.0))
+    if not found.size:
+        some = ", ".join(str(one) for one in values[:8]) + (", ..." if values.size > 8 else "")
+        raise ValueError(f"at[{name!r}] must be one of {some}, got {shown(value)}")
+    return int(found[0])
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+def label(array: Any) -> str:
+    """Give what stands at an axis: the text of the array, or its name, and the unit."""
+    unit = str(array.attrs.get("units", ""))
+    return _word(array) + (f" [{style.plain(unit)}]" if unit else "")
+
+
+def _word(array: Any) -> str:
+    text = str(array.attrs.get("long_name", ""))
+    return style.plain(text if 0 < len(text) <= _LONGEST else str(array.name))
+
+
+def value_text(array: Any, k: int) -> str:
+    """Give the k-th value of a coordinate with its unit."""
+    value = array.values[k]
+    if array.dtype.kind not in "iuf":
+        return style.plain(str(value))
+    unit = str(array.attrs.get("units", ""))
+    return f"{value:.5g}" + (f" {style.plain(unit)}" if unit not in ("", "1") else "")
+
+
+# --- axes ----------------------------------------------------------------------------------------
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Scale:
+    """Values along an axis, in rising order.
+
+    Attributes:
+        name: Of the coordinate.
+        label: What stands at the axis.
+        values: Places (n,); of texts their numbers.
+        order: Indices that bring the coordinate into this order (n,).
+        texts: What stands at the places, of texts alone.
+        log: Whether the axis is logarithmic.
+    """
+
+    name: str
+    label: str
+    values: Array
+    order: NDArray[np.intp]
+    texts: tuple[str, ...] | None
+    log: bool
+
+    def edges(self) -> Array:
+        """Give the edges of cells round the places (n + 1,), half way between them."""
+        at = np.log(self.values) if self.log else self.values
+        if at.size == 1:
+            half = 0.5 if self.texts or at[0] == 0.0 else 0.05 * abs(at[0])
+            edges = np.array([at[0] - half, at[0] + half])
+        else:
+            middle = 0.5 * (at[1:] + at[:-1])
+            edges = np.concatenate([[2.0 * at[0] - middle[0]], middle, [2.0 * at[-1] - middle[-1]]])
+        return np.exp(edges) if self.log else edges
+
+    def apply(self, ax: Axes, which: str) -> None:
+        """Set the scale of the "x" or "y" axis, and texts as its ticks."""
+        if self.log:
+            ax.set(**{f"{which}scale": "log"})
+        if self.texts is not None:
+            axis = ax.xaxis if which == "x" else ax.yaxis
+            axis.set_ticks(self.values, labels=list(self.texts))
+
+
+def scale_of(dataset: Any, name: str) -> Scale:
+    """Give the scale of a coordinate, or of the numbers along a dimension without one."""
+    if name not in dataset.coords:
+        values = np.arange(dataset.sizes[name], dtype=np.float64)
+        order = np.arange(values.size)
+        return Scale(name=name, label=name, values=values, order=order, texts=None, log=False)
+    array = dataset[name]
+    if array.dtype.kind not in "iuf":
+        texts = tuple(style.plain(str(one)) for one in array.values)
+        order = np.arange(len(texts))
+        return Scale(
+            name=name,
+            label=label(array),
+            values=order.astype(np.float64),
+            order=order,
+            texts=texts,
+            log=False,
+        )
+    values = np.asarray(array.values, dtype=np.float64)
+    order = np.argsort(values, kind="stable")
+    return Scale(
+        name=name,
+        label=label(array),
+        values=values[order],
+        order=order,
+        texts=None,
+        log=_geometric(values[order]),
+    )
+
+
+def _geometric(values: Array) -> bool:
+    """Whether rising values are more evenly spread on a logarithmic scale than on a linear one.
+
+    A few by their steps; many, which may be random, by where their middle is.
+    """
+    distinct = np.unique(values)
+    if distinct.size < 3 or distinct[0] <= 0.0 or distinct[-1] < _RATIO * distinct[0]:
+        return False
+
+    def unevenness(at: Array) -> float:
+        if at.size <= 20:
+            steps = np.diff(at)
+            return float(steps.std() / steps.mean())
+        return abs(float((np.median(at) - at[0]) / (at[-1] - at[0])) - 0.5)
+
+    return _EVENER * unevenness(np.log(distinct)) <= unevenness(distinct) + 1e-12
+
+
+# --- failures ------------------------------------------------------------------------------------
+
+
+def failures(part: Any, quantity: str) -> dict[str, tuple[Any, str]]:
+    """Find the runs without a value: by status where they are, and a text that counts them.
+
+    Returns:
+        DataArrays of bool over the dimensions of the quantity. "finished" are those that have no
+        value although they finished, such as the tension of a span that has no joint.
+    """
+    status, array = part["status"], part[quantity]
+    found = {}
+    absent = array.isnull()
+    for name, (_, _, word) in FAILED_LOOKS.items():
+        of_name = status == name
+        if name == "finished":
+            where = absent & of_name
+            count, unit = int(where.sum()), "value" if own_names(part, array) else "run"
+        else:
+            where = absent.where(of_name, False).astype(bool)
+            count, unit = int(of_name.sum()), "run"
+        if count:
+            plural = "" if count == 1 else "s"
+            found[name] = (where.transpose(*array.dims), f"{word}: {count} {unit}{plural}")
+    return found
