@@ -13,7 +13,7 @@ from .optional import optional_module
 from .outputs import LEDGER, SPANS
 from .params import Params
 
-__all__ = ["dataset", "described", "mount_kinds", "span_names"]
+__all__ = ["dataset", "described", "mount_kinds", "span_names", "unit_of_mounts"]
 
 #: Dimensions after time, by the sizes of the core's table.
 _DIMENSIONS = {
@@ -100,7 +100,7 @@ def dataset(
         if name.startswith("joints."):
             own = ("joint",)
         if size == "MOUNTS":
-            unit = _unit_of_mounts(unit, params)
+            unit = unit_of_mounts(unit, params)
         variables[name] = (("time", *own), array, {"units": unit, "long_name": text})
     if spans is not None:
         variables[SPANS] = (("time", "span"), spans, _labels(SPANS))
@@ -125,7 +125,7 @@ def dataset(
     return xarray.Dataset(variables, found, dict(attributes))
 
 
-def _unit_of_mounts(unit: str, params: Params) -> str:
+def unit_of_mounts(unit: str, params: Params) -> str:
     """Give the one of "rad or m" that all mounts have, both if they differ."""
     kinds, units = set(mount_kinds(params)), unit.split(" or ")
     return {"arm": units[0], "slider": units[-1]}.get(min(kinds), unit) if len(kinds) == 1 else unit

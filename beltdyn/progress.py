@@ -48,7 +48,7 @@ def over_time(
 
 @contextmanager
 def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int, str], None]]:
-    """Show runs done of all, and which is next.
+    """Show runs done of all, the time left, and which is next.
 
     Gives a function of the number done, the number of all and a text; safe in several threads.
     """
@@ -56,12 +56,19 @@ def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int, str], Non
     if console is None:
         yield lambda _done, _all, _text: None
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     bar = Progress(
         TextColumn(label),
         BarColumn(),
         MofNCompleteColumn(),
+        TimeRemainingColumn(),
         TextColumn("{task.fields[text]}"),
         console=console,
         transient=True,

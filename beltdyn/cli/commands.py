@@ -36,6 +36,7 @@ def main() -> None:
     beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
     beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
     beltdyn explain serpentine                       what does it simulate, why, at what price?
+    beltdyn sweep sweep.toml --out sweep.nc          run one with parameters changed, many times
     beltdyn figures --out figures                    draw the paper's figures
 
     Write a scene file to start from with

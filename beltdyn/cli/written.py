@@ -17,10 +17,17 @@ from .ending import BAD_INPUT, FAILED, stop
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Outputs", "draw_layout", "figure_kinds", "need_matplotlib", "save_figure"]
+__all__ = [
+    "Outputs",
+    "check_writable",
+    "draw_layout",
+    "figure_kinds",
+    "need_matplotlib",
+    "save_figure",
+]
 
 
-def _check_writable(path: Path) -> None:
+def check_writable(path: Path) -> None:
     """Check before the run, which may take long, that the file can be written after it."""
     folder = path.parent
     if not folder.is_dir():
@@ -88,7 +95,7 @@ class Outputs(NamedTuple):
         }
         for path in named.values():
             try:
-                _check_writable(path)
+                check_writable(path)
             except OSError as error:
                 stop(f"cannot write {path}: {error.strerror}", BAD_INPUT)
         for (one, path), (other, same) in combinations(named.items(), 2):

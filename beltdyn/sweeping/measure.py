@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import Array, close_to, share_of_run
 from ..histories import Stats
-from ..labelled import described, span_names
+from ..labelled import described, span_names, unit_of_mounts
 from ..params import Params
 from ..report import flat, make_report
 from ..report.window import Window
@@ -86,10 +86,12 @@ class Measure:
         report = _Report(result, self.last, wanted) if wanted else None
         for called, name in self.named:
             if report is not None and _is_of_report(name):
-                found += [
-                    (quantity._replace(name=called + quantity.name.removeprefix(name)), value)
-                    for quantity, value in report.find(name)
-                ]
+                whole = _split_report(name)[2] == ""
+                for quantity, value in report.find(name):
+                    own = f"{called}.{quantity.name.rpartition('.')[2]}" if whole else called
+                    if name == "report":
+                        own = called + quantity.name.removeprefix("report")
+                    found.append((quantity._replace(name=own), value))
             else:
                 quantity, value = _of_result(result, name, self.last)
                 found.append((quantity._replace(name=called), value))
@@ -321,6 +323,8 @@ def _of_result(result: Result, name: str, last: float) -> Found:
         return Quantity(name, (), "", name, isinstance(value, str)), number
     history, how = _split(name)
     size, unit, text = _tables()[history]
+    if size == "MOUNTS":
+        unit = unit_of_mounts(unit, result.params)
     group, _, field = history.partition(".")
     values = np.asarray(getattr(getattr(result, group), field) if field else getattr(result, group))
     axes = _axes(result, group, size)

@@ -166,15 +166,15 @@ def sweep(
 def run_sweep(
     scene: Any,
     over: Any,
-    measure: Any,
+    measure: Any = None,
     *,
-    combine: str,
-    executor: Any,
-    store: str | os.PathLike[str] | None,
-    warm: str | None,
-    last: float,
-    progress: bool,
-    version: str,
+    combine: str = "grid",
+    executor: Any = None,
+    store: str | os.PathLike[str] | None = None,
+    warm: str | None = None,
+    last: float = 0.2,
+    progress: bool = True,
+    version: str = "",
     **options: Any,
 ) -> Swept:
     """Do a sweep, as :func:`sweep`, and tell what it took."""

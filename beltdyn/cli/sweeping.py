@@ -1,0 +1,134 @@
+"""The command ``beltdyn sweep``."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import files
+from ..optional import optional_module
+from ..run_warnings import silenced
+from ..sweeping import file as sweep_file
+from ..sweeping.rows import STATUSES
+from ..sweeping.sweep import SweepInterrupted, Swept, run_sweep
+from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
+from .written import check_writable
+
+__all__ = ["sweep_scene"]
+
+#: Messages of runs without result that are printed.
+_SHOWN = 3
+
+
+@click.command("sweep")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Results (.nc).")
+@click.option("--workers", type=int, help="How many runs at a time; one for each processor.")
+@click.option("--scheduler", help="Address of a Dask scheduler that has the workers.")
+@click.option(
+    "--store",
+    type=click.Path(path_type=Path),
+    help="Folder that keeps finished runs; else OUT.runs, until all are done.",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def sweep_scene(
+    file: Path,
+    out: Path,
+    workers: int | None,
+    scheduler: str | None,
+    store: Path | None,
+    quiet: bool,
+) -> None:
+    """Run a scene many times with parameters, loads or options changed, as FILE says.
+
+    FILE is TOML: `scene`, a name from `beltdyn scenes`, a file, or a table; `measure`, names of
+    quantities; and [over], or [sample] (help(beltdyn.sweeping.file) has an example of each).
+
+    Writes a netCDF file; Python reads it by xarray.open_dataset. Finished runs are kept as they
+    come: after Ctrl-C or a kill the same command goes on where it was.
+    """
+    if workers is not None and scheduler is not None:
+        stop("--workers and --scheduler must not be given together", BAD_INPUT)
+    if workers is not None and workers < 1:
+        stop(f"--workers must be at least 1, got {workers}", BAD_INPUT)
+    check_writable(out)
+    folder = store or out.with_name(f"{out.name}.runs")
+    begun = time.monotonic()
+    try:
+        with reported("read or write"):
+            given = sweep_file.read(file)
+            with interruptible(), silenced():
+                executor = _executor(workers, scheduler)
+                swept = run_sweep(
+                    given.scene,
+                    given.over,
+                    given.measure,
+                    executor=executor,
+                    store=folder,
+                    progress=not quiet,
+                    **given.arguments,
+                )
+    except SweepInterrupted as error:
+        _write(error.dataset, out)
+        stop(f"{error}; written: {out}; go on with the same command", INTERRUPTED)
+    except (ImportError, RuntimeError) as error:
+        stop(f"{error}", FAILED)
+    _write(swept.dataset, out)
+    if store is None:
+        shutil.rmtree(folder, ignore_errors=True)
+    if not quiet:
+        _print(swept, time.monotonic() - begun)
+        click.echo(f"written: {out}")
+    if not swept.counts.get("finished", 0):
+        stop("no run finished; message in the file tells why of each", FAILED)
+
+
+def _executor(workers: int | None, scheduler: str | None) -> Any:
+    if scheduler is None:
+        return workers
+    distributed = optional_module("distributed", "--scheduler", "cluster")
+    try:
+        return distributed.Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        stop(f"--scheduler {scheduler}: {error}", FAILED)
+
+
+def _write(dataset: Any, out: Path) -> None:
+    try:
+        with files.replacing(out) as temporary:
+            dataset.to_netcdf(temporary, engine="netcdf4")
+    except (OSError, ValueError) as error:
+        stop(f"cannot write {out}: {getattr(error, 'strerror', None) or error}", FAILED)
+
+
+def _print(swept: Swept, seconds: float) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    data = swept.dataset
+    numbers = [name for name in data.data_vars if data[name].dtype.kind == "f"]
+    table = Table(title="over all runs", title_justify="left")
+    for label in ("quantity", "unit", "least", "mean", "most"):
+        table.add_column(label, justify="left" if label in ("quantity", "unit") else "right")
+    for name in numbers:
+        values = data[name]
+        ends = (values.min(), values.mean(), values.max())
+        table.add_row(name, values.attrs.get("units", ""), *(f"{float(one):.5g}" for one in ends))
+    Console().print(table)
+    total = sum(swept.counts.values())
+    parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())
+    click.echo(
+        f"{total} runs: {parts}; {swept.computed} computed by {swept.workers} in {seconds:.3g} s, "
+        f"{swept.stored} found in the store"
+    )
+    status = data["status"].values.ravel()
+    for bad in STATUSES:
+        texts = data["message"].values.ravel()[status == bad]
+        if bad == "finished" or not texts.size:
+            continue
+        for text in list(dict.fromkeys(texts))[:_SHOWN]:
+            click.echo(f"  {bad}: {text}")

@@ -1,0 +1,196 @@
+"""Sweeps as TOML files, which ``beltdyn sweep`` runs.
+
+A scene, what is changed in it, and what is measured::
+
+    scene = "serpentine"            # a name, a file (seen from this one), or the tables of a scene
+    measure = ["report.pulleys.margin", "span_tension.least"]
+    last = 0.2
+
+    [over]
+    "torque.scale" = { from = 0.5, to = 1.5, count = 5 }
+    "friction.mu_k" = [0.6, 0.8]
+
+    [options]                       # of simulate
+    rtol = 1e-3
+
+In the place of [over], samples of parameters that scatter::
+
+    [sample]
+    n = 256
+    method = "saltelli"
+    ranges = { "friction.mu_k" = [0.6, 0.9], "belt.axial_stiffness" = { normal = [90e3, 4e3] } }
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import scenes, toml
+from ..checks import close_to, integer, one_of, real, shown
+from ..friction import Friction
+from ..mounts import Mount
+from ..optional import scipy_module
+from ..scene import Scene
+from ..torques import Torque, TorqueSum
+from .sampling import sample
+
+__all__ = ["SweepFile", "read"]
+
+_FIELDS = ("scene", "measure", "last", "combine", "warm", "over", "sample", "options", "version")
+#: Distributions by name, and their classes in scipy.stats with what their two numbers are.
+_DISTRIBUTIONS = {
+    "uniform": "low and high",
+    "normal": "mean and standard deviation",
+    "lognormal": "median and standard deviation of the logarithm",
+}
+
+
+@attrs.frozen(kw_only=True)
+class SweepFile:
+    """A sweep from a file.
+
+    Attributes:
+        scene: The scene.
+        over: What is changed, as :func:`beltdyn.sweep` takes it.
+        measure: What is measured.
+        arguments: Others of :func:`beltdyn.sweep`.
+    """
+
+    scene: Scene
+    over: Any
+    measure: Any
+    arguments: dict[str, Any]
+
+
+def read(path: str | os.PathLike[str]) -> SweepFile:
+    """Read a sweep.
+
+    Raises:
+        OSError: The file, or that of its scene, cannot be read.
+        ValueError: What is wrong, in one line that names the field.
+        ImportError: Distributions and samples need SciPy and SALib.
+    """
+    folder = Path(path).parent
+    found: SweepFile = toml.read(path, lambda document: _built(document, folder))
+    return found
+
+
+def _built(document: dict[str, Any], folder: Path) -> SweepFile:
+    for field in document:
+        if field not in _FIELDS:
+            raise ValueError(f"{field}: unknown field{close_to(field, _FIELDS)}")
+    if "scene" not in document:
+        raise ValueError("scene: missing")
+    if ("over" in document) == ("sample" in document):
+        raise ValueError("either over or sample must be given")
+    scene = _scene(document["scene"], folder)
+    if "over" in document:
+        over = {name: _values(name, one) for name, one in _table("over", document["over"]).items()}
+    else:
+        over = _samples(_table("sample", document["sample"]))
+    measure = document.get("measure")
+    if measure is not None and not isinstance(measure, (str, list, dict)):
+        raise ValueError(f"measure: must be names or a table of names, got {shown(measure)}")
+    options = dict(_table("options", document.get("options", {})))
+    arguments: dict[str, Any] = {
+        name: document[name] for name in ("last", "combine", "warm", "version") if name in document
+    }
+    clash = set(options) & (set(_FIELDS) | {"executor", "store", "progress"})
+    if clash:
+        raise ValueError(f"options.{min(clash)}: is no option of simulate")
+    return SweepFile(scene=scene, over=over, measure=measure, arguments={**options, **arguments})
+
+
+def _table(name: str, value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name}: must be a table, got {shown(value)}")
+    return value
+
+
+def _scene(value: object, folder: Path) -> Scene:
+    if isinstance(value, str):
+        beside = folder / value
+        return scenes.find(beside if value.endswith(".toml") or beside.is_file() else value)
+    document = dict(_table("scene", value))
+    try:
+        return Scene._from_document(document)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"scene.{error}") from None
+
+
+def _values(name: str, value: Any) -> Any:
+    """Give the values of a name: those listed, where tables are laws, mounts, loads; or a range."""
+    if isinstance(value, list):
+        return [_value(f"over.{name}[{k}]", name, one) for k, one in enumerate(value)]
+    fields = _table(f"over.{name}", value)
+    known = ("from", "to", "count", "spacing")
+    for field in fields:
+        if field not in known:
+            raise ValueError(f"over.{name}.{field}: unknown field{close_to(field, known)}")
+    for field in known[:3]:
+        if field not in fields:
+            raise ValueError(f"over.{name}.{field}: missing")
+    low, high = (real(f"over.{name}.{field}", fields[field]) for field in known[:2])
+    count = integer(f"over.{name}.count", fields["count"], 1)
+    spacing = one_of(f"over.{name}.spacing", fields.get("spacing", "even"), ("even", "geometric"))
+    if spacing == "geometric":
+        if not low * high > 0.0:
+            raise ValueError(f"over.{name}: a geometric range must not reach or pass 0")
+        return np.geomspace(low, high, count)
+    return np.linspace(low, high, count)
+
+
+def _value(path: str, name: str, value: Any) -> Any:
+    last = name.rpartition(".")[2]
+    if isinstance(value, dict):
+        kinds: dict[str, Any] = {"friction": Friction | None, "mount": Mount | None}
+        if last not in kinds:
+            raise ValueError(f"{path}: must be a number or a text, got a table")
+        return toml.structure(value, kinds[last], path)
+    if isinstance(value, list) and name == "torque":
+        parts = toml.structure(value, tuple[Torque, ...], path)
+        return parts[0] if len(parts) == 1 else TorqueSum(parts)
+    return value
+
+
+def _samples(fields: dict[str, Any]) -> Any:
+    known = ("ranges", "n", "method", "seed", "second_order")
+    for field in fields:
+        if field not in known:
+            raise ValueError(f"sample.{field}: unknown field{close_to(field, known)}")
+    for field in known[:2]:
+        if field not in fields:
+            raise ValueError(f"sample.{field}: missing")
+    ranges = {
+        name: _distribution(f"sample.ranges.{name}", value)
+        for name, value in _table("sample.ranges", fields["ranges"]).items()
+    }
+    return sample(ranges, **{name: fields[name] for name in fields if name != "ranges"})
+
+
+def _distribution(path: str, value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    if len(value) != 1 or next(iter(value)) not in _DISTRIBUTIONS:
+        known = ", ".join(f"{name} ({text})" for name, text in _DISTRIBUTIONS.items())
+        raise ValueError(f"{path}: must be [low, high] or a table of one of {known}")
+    kind, numbers = next(iter(value.items()))
+    if not isinstance(numbers, list) or len(numbers) != 2:
+        raise ValueError(f"{path}.{kind}: must be {_DISTRIBUTIONS[kind]}, got {shown(numbers)}")
+    first, second = (real(f"{path}.{kind}[{k}]", one) for k, one in enumerate(numbers))
+    if kind == "uniform":
+        return [first, second]
+    if second <= 0.0:
+        raise ValueError(f"{path}.{kind}[1]: must be > 0, got {second:g}")
+    stats = scipy_module("stats", "distributions of samples")
+    if kind == "normal":
+        return stats.norm(first, second)
+    if first <= 0.0:
+        raise ValueError(f"{path}.{kind}[0]: must be > 0, got {first:g}")
+    return stats.lognorm(second, scale=first)
