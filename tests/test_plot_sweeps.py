@@ -327,6 +327,45 @@ def test_runs_at_random_are_points_without_lines() -> None:
     assert plain.get_linestyle() == "None"
 
 
+def test_entries_of_runs_at_random() -> None:
+    """By pulley in its style, over time a line for each run, coloured by what was sampled."""
+    samples = bd.sample({"belt.preload": (300.0, 500.0), "friction.mu_k": (0.3, 0.8)}, 16)
+    preload, mu = samples.values.T
+    data = swept.of_samples(samples, np.stack([preload, 2.0 * preload], axis=1))
+    ax = bd.plot.lines(data, "y", "belt.preload", "pulley")
+    assert legend(ax) == ["pulley 0", "pulley 1"]
+    for k, line in enumerate(ax.lines):
+        np.testing.assert_array_equal(line.get_xdata(), np.sort(preload))
+        np.testing.assert_array_equal(line.get_ydata(), (k + 1.0) * np.sort(preload))
+        assert line.get_linestyle() == "None"
+    t = np.linspace(0.0, 1.0, 5)
+    data["curve"] = (("run", "time"), mu[:, None] * t, {"units": "N"})
+    data = data.assign_coords(time=t)
+    lines = bd.plot.lines(data, "curve", by="friction.mu_k").lines
+    for line, slope in zip(lines, mu, strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), slope * t)
+    light = np.array([line.get_color()[:3] for line in lines]) @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(light[np.argsort(mu)]) >= 0.0).all() and np.ptp(light) > 0.3
+    one_colour = {line.get_color() for line in bd.plot.lines(data, "curve").lines}
+    assert len(one_colour) == 1
+
+
+def test_texts_of_runs_in_a_list_are_categories() -> None:
+    """Each law has one place along an axis and one entry in a legend, however often it was run."""
+    laws = ["dahl", "lugre", "dahl", "coulomb", "lugre", "dahl"]
+    preload = np.array([300.0, 500.0, 400.0, 350.0, 300.0, 500.0])
+    coords = {"run": np.arange(6), "friction.kind": ("run", laws), "belt.preload": ("run", preload)}
+    given = xr.Dataset({"q": ("run", np.arange(6.0))}, coords, {"design": '{"kind": "list"}'})
+    data = swept.finished(given, ("run",))
+    ax = bd.plot.map(data, "q", "belt.preload", "friction.kind")
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["dahl", "lugre", "coulomb"]
+    expected = np.stack([preload, [0, 1, 0, 2, 1, 0]], axis=1)
+    np.testing.assert_array_equal(one(ax, PathCollection).get_offsets(), expected)
+    ax = bd.plot.lines(data, "q", "belt.preload", "friction.kind")
+    assert legend(ax) == ["dahl", "lugre", "coulomb"]
+    assert [list(line.get_ydata()) for line in ax.lines] == [[0.0, 2.0, 5.0], [4.0, 1.0], [3.0]]
+
+
 def test_runs_zipped_are_joined() -> None:
     data = sampled(16)
     data.attrs["design"] = '{"kind": "zip"}'
@@ -383,7 +422,7 @@ def test_a_sweep_from_a_file_looks_the_same(tmp_path: Any) -> None:
         (ValueError, "x and (y|by) must differ", "q", {"x": "belt.preload", "2": "belt.preload"}),
         (ValueError, r"q has the dimensions .* by at=\{'.*': \d", "q", {}),
         (ValueError, r"at: there is no dimension 'mu', there are belt", "q", {"at": {"mu": 1}}),
-        (ValueError, r"at\['friction.mu_k'\] must be one of 0.3, .* got 0.35", "q", {"at": BETWEEN}),
+        (ValueError, r"at\['friction.mu_k'\] must be one of 0.3, .* 0.35", "q", {"at": BETWEEN}),
         (ValueError, r"at\['friction.mu_k'\] must be one of .*, got 'a'", "q", {"at": NO_NUMBER}),
         (TypeError, "at must be a dict", "q", {"at": 3}),
         (TypeError, "ax must be matplotlib axes", "q", {"ax": 3, "at": {"friction.mu_k": 0.5}}),

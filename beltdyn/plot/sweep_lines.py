@@ -96,7 +96,7 @@ def lines(
     marked = points or np.unique(scale.values).size <= _MARKED
     for one in drawn:
         look: dict[str, Any] = {"linewidth": 1.2}
-        look |= {"marker": "o", "markersize": 3.0} if marked else {}
+        look |= {"marker": "o", "markersize": 4.0 if points else 3.0} if marked else {}
         if told.scale is not None and told.scale.texts is not None:
             look["linestyle"] = style.line_style(int(one.rank))["linestyle"]
         look |= {"linestyle": "none"} if points else {}
@@ -189,13 +189,7 @@ def _told(part: Any, by: str | None) -> _By:
     if by is None:
         return _By(None, None)
     scale = swept.scale_of(part, by)
-    if scale.texts is not None:
-        names = list(dict.fromkeys(scale.texts))
-        ranks = np.array([names.index(text) for text in scale.texts])
-        return _By(scale, ranks)
-    ranks = np.empty(scale.values.size, dtype=int)
-    ranks[scale.order] = np.unique(scale.values, return_inverse=True)[1]
-    return _By(scale, ranks)
+    return _By(scale, np.unique(scale.places(), return_inverse=True)[1])
 
 
 def _lines(part: Any, quantity: str, along: str, scale: swept.Scale, told: _By) -> Iterator[_Line]:
@@ -269,10 +263,9 @@ def _of_texts(told: _By, colour_of: Any) -> list[Artist]:
     """Give the handles of lines that are told apart by texts."""
     if told.scale is None or told.scale.texts is None:
         return []
-    names = dict.fromkeys(told.scale.texts)
     return [
         Line2D([], [], label=name, **(style.line_style(k) | {"color": colour_of(k)}))
-        for k, name in enumerate(names)
+        for k, name in enumerate(told.scale.texts)
     ]
 
 
