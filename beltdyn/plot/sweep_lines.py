@@ -25,8 +25,8 @@ _STEPS = 10
 _MARKED = 40
 #: Light yellow at the end of viridis is hardly seen on white.
 _DARK_ENOUGH = 0.88
-#: Lines that failed have crosses at heights of their own, up to so many.
-_ROWS, _ROW = 6, 0.035
+#: Lines with failed runs have their marks in rows of their own, up to so many, of this height [pt].
+_ROWS, _ROW = 6, 7.0
 
 
 class _Line(NamedTuple):
@@ -96,7 +96,7 @@ def lines(
     marked = points or np.unique(scale.values).size <= _MARKED
     for one in drawn:
         look: dict[str, Any] = {"linewidth": 1.2}
-        look |= {"marker": "o", "markersize": 3.0} if marked else {}
+        look |= {"marker": "o", "markersize": 4.0 if points else 3.0} if marked else {}
         if told.scale is not None and told.scale.texts is not None:
             look["linestyle"] = style.line_style(int(one.rank))["linestyle"]
         look |= {"linestyle": "none"} if points else {}
@@ -105,13 +105,18 @@ def lines(
     handles = _of_texts(told, colour_of)
     if not handles and told.scale is not None:
         _colour_bar(ax, told.scale)
-    marks = _marks(ax, part, quantity, drawn if along != "time" else [], colour_of)
-    if handles:
-        style.legend(ax, handles=[*handles, *marks])
-    elif marks:
+    found = swept.failures(part, quantity)
+    marks = [
+        Line2D([], [], color="0.3", label=text, **_mark(name)) for name, (_, text) in found.items()
+    ]
+    if marks and not handles:
         style.legend_below(ax, marks)
     if where:
         style.set_title_within(ax, where)
+    if found and along != "time":
+        _marks(ax, {name: absent for name, (absent, _) in found.items()}, drawn, colour_of)
+    if handles:
+        style.legend(ax, handles=[*handles, *marks])
     return ax
 
 
@@ -189,13 +194,7 @@ def _told(part: Any, by: str | None) -> _By:
     if by is None:
         return _By(None, None)
     scale = swept.scale_of(part, by)
-    if scale.texts is not None:
-        names = list(dict.fromkeys(scale.texts))
-        ranks = np.array([names.index(text) for text in scale.texts])
-        return _By(scale, ranks)
-    ranks = np.empty(scale.values.size, dtype=int)
-    ranks[scale.order] = np.unique(scale.values, return_inverse=True)[1]
-    return _By(scale, ranks)
+    return _By(scale, np.unique(scale.places(), return_inverse=True)[1])
 
 
 def _lines(part: Any, quantity: str, along: str, scale: swept.Scale, told: _By) -> Iterator[_Line]:
@@ -269,42 +268,37 @@ def _of_texts(told: _By, colour_of: Any) -> list[Artist]:
     """Give the handles of lines that are told apart by texts."""
     if told.scale is None or told.scale.texts is None:
         return []
-    names = dict.fromkeys(told.scale.texts)
     return [
         Line2D([], [], label=name, **(style.line_style(k) | {"color": colour_of(k)}))
-        for k, name in enumerate(names)
+        for k, name in enumerate(told.scale.texts)
     ]
 
 
 # --- runs without a value ------------------------------------------------------------------------
 
 
-def _marks(ax: Axes, part: Any, quantity: str, drawn: list[_Line], colour_of: Any) -> list[Artist]:
-    """Mark them at the foot of the axes, in a row for each line; give the legend's handles."""
-    found = swept.failures(part, quantity)
-    looks: dict[str, dict[str, Any]] = {
-        name: {
-            "linestyle": "none",
-            "marker": swept.FAILED_LOOKS[name][1],
-            "markersize": 5.0,
-        }
-        for name in found
-    }
-    absent = [line for line in drawn if any(line.of(where).any() for where, _ in found.values())]
-    rows = len(absent) if len(absent) <= _ROWS else 1
-    for k, line in enumerate(absent):
-        for name, (where, _) in found.items():
+def _mark(status: str) -> dict[str, Any]:
+    return {"linestyle": "none", "marker": swept.FAILED_LOOKS[status][1], "markersize": 5.0}
+
+
+def _marks(ax: Axes, absent: Mapping[str, Any], drawn: list[_Line], colour_of: Any) -> None:
+    """Mark runs without a value, by status, at the foot of the axes in a row for each line."""
+    lacking = [line for line in drawn if any(line.of(where).any() for where in absent.values())]
+    if not lacking:
+        return
+    rows = len(lacking) if len(lacking) <= _ROWS else 1
+    style.settle_layout(ax)  # the height of the axes is known after it
+    row = _ROW / (ax.get_window_extent().height * 72.0 / ax.figure.figure.dpi)
+    row = min(row, 0.5 / (rows + 1))
+    for k, line in enumerate(lacking):
+        for name, where in absent.items():
             there = line.of(where)
-            height = np.full(np.count_nonzero(there), _ROW * (k % rows + 0.6))
+            height = np.full(np.count_nonzero(there), row * (k % rows + 0.6))
             colour = colour_of(line.rank)
             colour = colour[there] if np.ndim(colour) == 2 else colour
-            at = {"transform": ax.get_xaxis_transform()}
-            _plot(ax, line.x[there], height, colour, looks[name] | at, {})
-    if absent:
-        _add_foot(ax, _ROW * (rows + 1))
-    return [
-        Line2D([], [], color="0.3", label=text, **looks[name]) for name, (_, text) in found.items()
-    ]
+            look = _mark(name) | {"transform": ax.get_xaxis_transform()}
+            _plot(ax, line.x[there], height, colour, look, {})
+    _add_foot(ax, row * (rows + 1))
 
 
 def _add_foot(ax: Axes, share: float) -> None:

@@ -166,9 +166,7 @@ def _points(
     ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
 ) -> list[Artist]:
     """Draw runs as points; give the handles of the legend."""
-    at = [np.empty(scale.values.size) for scale in scales]
-    for places, scale in zip(at, scales, strict=True):
-        places[scale.order] = scale.values
+    at = [scale.places() for scale in scales]
     values = part[quantity].values
     good = np.isfinite(values)
     size = float(np.clip(4000.0 / max(values.size, 1), 6.0, 36.0))

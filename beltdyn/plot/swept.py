@@ -101,7 +101,7 @@ def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
     """
     part = dataset[[quantity, "status"]]
     if at is None:
-        return part, ""
+        return part.compute(), ""
     if not isinstance(at, Mapping):
         raise TypeError(f"at must be a dict of values by name, got {shown(at)}")
     texts = []
@@ -117,7 +117,7 @@ def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
         else:
             texts.append(f"{name} {k}")
         part = part.isel({name: k})
-    return part, "; ".join(texts)
+    return part.compute(), "; ".join(texts)
 
 
 def _index(part: Any, name: str, value: Any) -> int:
@@ -173,7 +173,7 @@ class Scale:
         label: What stands at the axis.
         values: Places (n,); of texts their numbers.
         order: Indices that bring the coordinate into this order (n,).
-        texts: What stands at the places, of texts alone.
+        texts: The distinct texts, of texts alone.
         log: Whether the axis is logarithmic.
     """
 
@@ -183,6 +183,12 @@ class Scale:
     order: NDArray[np.intp]
     texts: tuple[str, ...] | None
     log: bool
+
+    def places(self) -> Array:
+        """Give the places in the order of the coordinate (n,)."""
+        places = np.empty(self.values.size)
+        places[self.order] = self.values
+        return places
 
     def edges(self) -> Array:
         """Give the edges of cells round the places (n + 1,), half way between them."""
@@ -201,7 +207,7 @@ class Scale:
             ax.set(**{f"{which}scale": "log"})
         if self.texts is not None:
             axis = ax.xaxis if which == "x" else ax.yaxis
-            axis.set_ticks(self.values, labels=list(self.texts))
+            axis.set_ticks(list(range(len(self.texts))), labels=list(self.texts))
 
 
 def scale_of(dataset: Any, name: str) -> Scale:
@@ -212,12 +218,14 @@ def scale_of(dataset: Any, name: str) -> Scale:
         return Scale(name=name, label=name, values=values, order=order, texts=None, log=False)
     array = dataset[name]
     if array.dtype.kind not in "iuf":
-        texts = tuple(style.plain(str(one)) for one in array.values)
-        order = np.arange(len(texts))
+        names = [style.plain(str(one)) for one in array.values]
+        texts = tuple(dict.fromkeys(names))
+        values = np.array([texts.index(one) for one in names], dtype=np.float64)
+        order = np.argsort(values, kind="stable")
         return Scale(
             name=name,
             label=label(array),
-            values=order.astype(np.float64),
+            values=values[order],
             order=order,
             texts=texts,
             log=False,

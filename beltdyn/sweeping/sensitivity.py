@@ -139,7 +139,7 @@ def sensitivity(
     quantity: str | None = None,
     *,
     confidence: float = 0.95,
-    resamples: int = 200,
+    resamples: int = 100,
     seed: int = 0,
 ) -> Sensitivity:
     """Find how much each parameter of a sweep contributes to the variance of a quantity.
