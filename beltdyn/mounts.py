@@ -17,7 +17,22 @@ import numpy as np
 from .checks import Array, pair, real, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
-__all__ = ["Arm", "Mount", "Path", "Slider", "axis_direction", "mount_or_none", "travel_text"]
+__all__ = [
+    "Arm",
+    "Mount",
+    "Path",
+    "Slider",
+    "axis_direction",
+    "friction_stiffness",
+    "mount_or_none",
+    "stop_stiffness",
+    "travel_text",
+]
+
+#: What ``csrc/model/mount.c`` chooses where it is not given: stops, over what the belt holds the
+#: mount with; the travel in which friction develops, of an arm [rad], of a slider over the radius
+#: of its pulley. tests/test_mounts.py compares them.
+_STOP, _PRESLIDING = 50.0, 0.01
 
 Stops: TypeAlias = tuple[float, float] | None
 
@@ -317,6 +332,39 @@ def axis_direction(mount: Arm | Slider, center: Array) -> Array:
         return np.array([-y, x])
     along = np.array(mount.direction)
     return np.asarray(along / np.hypot(*along))
+
+
+def friction_stiffness(mount: Arm | Slider, radius: float) -> float:
+    """Give the stiffness of a mount's friction before it slides, chosen unless given.
+
+    Args:
+        mount: The mount.
+        radius: Of its pulley [m].
+
+    Returns:
+        Of an arm [N m/rad], of a slider [N/m].
+    """
+    travel = _PRESLIDING if isinstance(mount, Arm) else _PRESLIDING * radius
+    return mount.friction_stiffness or mount.friction / travel
+
+
+def stop_stiffness(
+    mount: Arm | Slider, center: Array, axial_stiffness: float, length: float
+) -> float:
+    """Give the stiffness of a mount's stops, chosen unless given.
+
+    Args:
+        mount: The mount.
+        center: Of its pulley as it is drawn (2,) [m].
+        axial_stiffness: EA of the belt [N].
+        length: Stress-free, of the belt [m].
+
+    Returns:
+        Of an arm [N m/rad], of a slider [N/m].
+    """
+    along = axis_direction(mount, center)
+    held = 4.0 * axial_stiffness / length * float(along @ along)
+    return mount.stop_stiffness or _STOP * held
 
 
 def mount_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:

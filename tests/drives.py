@@ -127,6 +127,65 @@ def idler_scene() -> bd.Scene:
     return bd.Scene(params, ramp + bd.Viscous([0.0, 0.0, 0.5]), 0.6)
 
 
+def reduction(n_bodies: int = 60, **belt: Any) -> bd.Params:
+    """Two unequal pulleys and a belt of 400 N, whose friction is small enough to slip."""
+    return bd.Params(
+        belt=bd.Belt(
+            preload=400.0,
+            n_bodies=n_bodies,
+            linear_density=0.1,
+            axial_stiffness=80e3,
+            **{"axial_damping": 1.5, **belt},
+        ),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
+            bd.Pulley(center=(0.35, 0.05), radius=0.1, inertia=0.02),
+        ],
+        contact=bd.Contact(linear=2e8, damping=4e3),
+        friction=bd.Dahl(mu_k=0.6, sigma=1e4),
+    )
+
+
+def cranked(n_bodies: int = 60) -> bd.Params:
+    """A crank and an alternator, of a belt without bending stiffness."""
+    return bd.Params(
+        belt=bd.Belt(
+            preload=300.0,
+            n_bodies=n_bodies,
+            linear_density=0.1,
+            axial_stiffness=60e3,
+            axial_damping=5.0,
+            bending_stiffness=0.0,
+        ),
+        pulleys=[
+            bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=0.03),
+            bd.Pulley(name="alternator", center=(0.3, 0.0), radius=0.05, inertia=0.01),
+        ],
+        friction=bd.Dahl(mu_k=0.9, sigma=1e4),
+    )
+
+
+def sprung_alternator(damping: float) -> bd.Params:
+    """The alternator drive without what is not linear: its arm damped, without dry friction;
+    friction of the belt a spring with a damper until it slips.
+    """
+    params = bd.scenes.tensioned_alternator(60).params
+    pulleys = list(params.pulleys)
+    mount = attrs.evolve(pulleys[2].mount, friction=0.0, damping=damping)
+    pulleys[2] = attrs.evolve(pulleys[2], mount=mount)
+    law = bd.ElasticPlastic(mu=1.0, stiffness=1e9, damping=1e4)
+    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
+    return attrs.evolve(params, pulleys=pulleys, friction=law, belt=belt)
+
+
+def pressing(center: tuple[float, float], **arm: Any) -> bd.Pulley:
+    """A tensioner whose arm presses it on the back of the belt."""
+    mount = bd.Arm(**{"inertia": 2e-3, "damping": 1.0, **arm})
+    return bd.Pulley(
+        name="tensioner", center=center, radius=0.03, inertia=2e-4, side="outside", mount=mount
+    )
+
+
 #: Layouts that no scene of the library has.
 LAYOUTS = {"crossed": crossed_scene, "outside idler": idler_scene}
 

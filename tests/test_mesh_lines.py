@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from drives import reduction
 
 import beltdyn as bd
 from beltdyn.report.spans import _of_links
@@ -20,28 +21,10 @@ from beltdyn.spectra.sources import Source, lines_at, sources
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 
-def drive() -> bd.Params:
-    return bd.Params(
-        belt=bd.Belt(
-            preload=400.0,
-            n_bodies=60,
-            linear_density=0.1,
-            axial_stiffness=80e3,
-            axial_damping=1.5,
-        ),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
-            bd.Pulley(center=(0.35, 0.05), radius=0.1, inertia=0.02),
-        ],
-        contact=bd.Contact(linear=2e8, damping=4e3),
-        friction=bd.Dahl(mu_k=0.6, sigma=1e4),
-    )
-
-
 def run(speed: Callable[[np.ndarray], np.ndarray], load: Callable[[float], float]) -> bd.Result:
     t = np.linspace(0.0, 1.0, 4001)
     return bd.simulate(
-        drive(),
+        reduction(),
         lambda t, _theta, _omega: [0.0, load(t) * min(t / 0.05, 1.0)],
         1.0,
         motion={0: bd.PiecewiseLinear(t, speed(t))},
@@ -49,7 +32,7 @@ def run(speed: Callable[[np.ndarray], np.ndarray], load: Callable[[float], float
     )
 
 
-PASSING = 20.0 * 0.06 / drive().info["link_length"]
+PASSING = 20.0 * 0.06 / reduction().info["link_length"]
 
 
 @functools.cache
@@ -156,7 +139,7 @@ def test_a_chirp_is_named_as_long_as_it_is_a_line(swept: float) -> None:
     turns = 30.0 * t + 0.5 * rise * (t - 1.0) ** 2 / 2.0
 
     class Run:
-        params = drive()
+        params = reduction()
 
         class Pulleys:
             omega = 2.0 * np.pi * np.gradient(turns, t)[:, None] * np.ones((1, 2))

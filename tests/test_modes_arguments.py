@@ -7,11 +7,11 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from test_modes_turning import drive
+from drives import reduction
 
 import beltdyn as bd
 
-PARAMS = drive(40)
+PARAMS = reduction(40)
 STATE = bd.settle(PARAMS)
 
 
@@ -23,7 +23,7 @@ STATE = bd.settle(PARAMS)
         ({"torque": {0: "a"}}, TypeError, r"torque\[0\] must be a real or complex number"),
         ({"torque": 0, "params": None}, TypeError, "params must be a Params"),
         ({"torque": 0, "state": None}, TypeError, "state must be a State"),
-        ({"torque": 0, "params": drive(42)}, ValueError, r"state\.x must have shape \(42,\)"),
+        ({"torque": 0, "params": reduction(42)}, ValueError, r"state\.x must have shape \(42,\)"),
     ],
 )
 @pytest.mark.filterwarnings("error")
@@ -37,7 +37,7 @@ def test_modes_beyond_the_mesh() -> None:
     with pytest.raises(ValueError, match="n must be at most 40, the number of links"):
         bd.modes(PARAMS, STATE, n=1000)
     with pytest.raises(ValueError, match=r"state\.x must have shape \(42,\)"):
-        bd.modes(drive(42), STATE)
+        bd.modes(reduction(42), STATE)
 
 
 def test_decays_are_printed_in_four_lines() -> None:

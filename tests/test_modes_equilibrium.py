@@ -12,7 +12,9 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from test_modes_turning import drive, fan_drive, take_up
+from drives import reduction
+from mounted_drives import take_up
+from test_modes_turning import fan_drive
 
 import beltdyn as bd
 from beltdyn.vibration.equilibrium import imbalance
@@ -40,7 +42,7 @@ def test_a_displaced_state_is_told(name: str) -> None:
         bd.frequency_response(params, state, [20.0], torque=0)
 
 
-@pytest.mark.parametrize("make", [drive, take_up, lambda: bd.scenes.conveyor(60).params])
+@pytest.mark.parametrize("make", [reduction, take_up, lambda: bd.scenes.conveyor(60).params])
 def test_a_settled_state_is_in_equilibrium(make: Any) -> None:
     """To the tolerance of settling, of which the threshold, 1 %, is far."""
     params = make()
@@ -54,7 +56,7 @@ def test_a_steady_run_is_steady() -> None:
 
     Before it is steady, and shaken, it is told.
     """
-    params, load = drive(120), bd.Viscous([0.0, 0.3])
+    params, load = reduction(120), bd.Viscous([0.0, 0.3])
     motion = {0: bd.PiecewiseLinear([0.0], [-100.0])}
     start = bd.settle(params, speed={0: -100.0})
     state = bd.simulate(params, load, 0.5, motion=motion, initial=start).final_state

@@ -7,7 +7,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from test_modes_turning import drive
+from drives import reduction
 
 import beltdyn as bd
 from beltdyn.vibration.linear import linearise
@@ -23,7 +23,7 @@ def feeding(t: float, theta: Array, omega: Array) -> list[float]:
 
 def test_a_torque_that_feeds() -> None:
     """All with a real part > 0 and no oscillation that LAPACK finds; the run grows as the first."""
-    params = drive(axial_damping=50.0)
+    params = reduction(axial_damping=50.0)
     state = bd.settle(params)
     with pytest.warns(bd.BeltdynWarning, match="unstable: rotation of pulley 1"):
         modes = bd.modes(params, state, feeding, n=4)
@@ -43,7 +43,7 @@ def test_a_torque_that_feeds() -> None:
 def test_a_stable_drive_grows_nowhere() -> None:
     """And what a mesh alone turns away is no growth of the drive: turning has it."""
     for n in (60, 120):
-        params = drive(n)
+        params = reduction(n)
         state = bd.settle(params)
         modes = bd.modes(params, state, n=2)
         assert not modes.grows.size

@@ -5,6 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
+from drives import sprung_alternator
 from numpy.typing import NDArray
 from test_modes_serpentine import settled
 
@@ -67,13 +68,7 @@ def test_frequency_response(excited: str) -> None:
 
     The arm is damped so strongly that this takes 0.25 s; a span's tension and the pulleys' angles.
     """
-    params = bd.scenes.tensioned_alternator(60).params
-    pulleys = list(params.pulleys)
-    mount = attrs.evolve(pulleys[2].mount, friction=0.0, damping=0.6)
-    pulleys[2] = attrs.evolve(pulleys[2], mount=mount)
-    law = bd.ElasticPlastic(mu=1.0, stiffness=1e9, damping=1e4)
-    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
-    params = attrs.evolve(params, pulleys=pulleys, friction=law, belt=belt)
+    params = sprung_alternator(0.6)
     state = bd.settle(params)
     loads = bd.Viscous([0.0, 0.02, 0.0])
     for frequency in (20.0, 60.0):

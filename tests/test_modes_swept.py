@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from functools import cache
 
-import attrs
 import numpy as np
 import pytest
+from drives import sprung_alternator
 from numpy.typing import NDArray
+from test_modes import two_pulleys
 
 import beltdyn as bd
 
@@ -27,17 +28,6 @@ BAND = (10.0, 98.0)
 RESIST = 0.02
 
 
-def drive() -> bd.Params:
-    """The alternator drive, its arm damped, friction a spring with a damper until it slips."""
-    params = bd.scenes.tensioned_alternator(60).params
-    pulleys = list(params.pulleys)
-    mount = attrs.evolve(pulleys[2].mount, friction=0.0, damping=0.1)
-    pulleys[2] = attrs.evolve(pulleys[2], mount=mount)
-    law = bd.ElasticPlastic(mu=1.0, stiffness=1e9, damping=1e4)
-    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
-    return attrs.evolve(params, pulleys=pulleys, friction=law, belt=belt)
-
-
 def sweep(t: Array) -> Array:
     """A sine whose frequency rises linearly, faded in and out over 0.1 s; 0 after it."""
     size = np.clip(np.minimum(t, SWEEP - t) / 0.1, 0.0, 1.0)
@@ -48,7 +38,7 @@ def sweep(t: Array) -> Array:
 @cache
 def swept() -> tuple[Array, dict[str, Complex], bd.FrequencyResponse]:
     """Frequencies, the responses of the run, and those of the linearised drive."""
-    params, amplitude = drive(), 0.01
+    params, amplitude = sprung_alternator(0.1), 0.01
     state = bd.settle(params)
     t = np.arange(round(END * SAMPLES) + 1) / SAMPLES
 
@@ -134,14 +124,9 @@ def test_picture_of_the_sweep() -> None:
 
 def running_drive() -> bd.Params:
     """Two pulleys, friction a spring with a damper until it slips; a rotation and no arm."""
-    return bd.Params(
-        belt=bd.Belt(
-            preload=300.0, n_bodies=160, linear_density=0.1, axial_stiffness=6e4, axial_damping=1.0
-        ),
-        pulleys=[
-            bd.Pulley(name="motor", center=(0.0, 0.0), radius=0.05, inertia=2e-3),
-            bd.Pulley(name="fan", center=(0.35, 0.02), radius=0.08, inertia=2e-2),
-        ],
+    return two_pulleys(
+        n=160,
+        belt={"bending_stiffness": 0.0},
         friction=bd.ElasticPlastic(mu=0.8, stiffness=1e8, damping=1e3),
         contact=bd.Contact(linear=1e9, damping=5e3),
     )

@@ -6,53 +6,14 @@ held by a spring on one pulley.
 
 from __future__ import annotations
 
-from typing import Any
-
 import attrs
 import numpy as np
 import pytest
+from drives import reduction
+from mounted_drives import take_up
 from test_modes import dense_jacobian
 
 import beltdyn as bd
-
-
-def drive(n: int = 60, **belt: Any) -> bd.Params:
-    return bd.Params(
-        belt=bd.Belt(
-            preload=400.0,
-            n_bodies=n,
-            linear_density=0.1,
-            axial_stiffness=80e3,
-            **{"axial_damping": 1.5, **belt},
-        ),
-        pulleys=[
-            bd.Pulley(center=(0, 0), radius=0.06, inertia=0.004),
-            bd.Pulley(center=(0.35, 0.05), radius=0.1, inertia=0.02),
-        ],
-        contact=bd.Contact(linear=2e8, damping=4e3),
-        friction=bd.Dahl(mu_k=0.6, sigma=1e4),
-    )
-
-
-def take_up() -> bd.Params:
-    carriage = bd.Slider(direction=(1, 0), mass=1.0, weight=24.0, damping=60.0)
-    pulleys = [
-        bd.Pulley(center=(0, 0), radius=0.08, inertia=0.01),
-        bd.Pulley(center=(0.3, 0), radius=0.08, inertia=0.005, mount=carriage),
-    ]
-    return bd.Params(
-        belt=bd.Belt(
-            length=bd.route(pulleys).length / 1.006,
-            n_bodies=36,
-            linear_density=0.1,
-            axial_stiffness=20e3,
-            axial_damping=1.0,
-            bending_stiffness=0.005,
-        ),
-        pulleys=pulleys,
-        contact=bd.Contact(linear=5e7, damping=2e3, compensate=True),
-        friction=bd.Dahl(mu_k=0.8, sigma=5e3),
-    )
 
 
 def fan_drive(n: int) -> bd.Params:
@@ -118,7 +79,7 @@ def test_turning_is_no_mode(name: str) -> None:
 
 def test_a_spring_on_a_pulley_makes_it_a_mode() -> None:
     """w^2 = k / J, both for the belt's motion; the mesh adds its w^2, met without the spring."""
-    params = drive()
+    params = reduction()
     state = bd.settle(params)
     mesh = bd.modes(params, state, n=1).turning
     assert mesh is not None
@@ -137,7 +98,7 @@ def test_a_free_drive_turns_as_a_rigid_one(n: int) -> None:
 
     Left is how far the turning on the mesh is not the rigid one: rims differ by 1 to 2 %.
     """
-    params = drive(n)
+    params = reduction(n)
     state = bd.settle(params)
     at = np.array([0.05, 0.2, 1.0, 3.0])
     response = bd.frequency_response(params, state, at, torque=0)
@@ -151,7 +112,7 @@ def test_a_free_drive_turns_as_a_rigid_one(n: int) -> None:
 
 
 def test_where_friction_creeps_the_mesh_is_told() -> None:
-    params = attrs.evolve(drive(), friction=bd.Coulomb(mu=0.5, v_reg=0.05))
+    params = attrs.evolve(reduction(), friction=bd.Coulomb(mu=0.5, v_reg=0.05))
     with pytest.warns(bd.BeltdynWarning, match="mesh_turning"):
         response = bd.frequency_response(params, bd.settle(params), [1.0], torque=0)
     assert np.isnan(response.mesh_turning)

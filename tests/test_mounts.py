@@ -21,6 +21,7 @@ from mounted_drives import METHODS
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn.mounts import friction_stiffness, stop_stiffness
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 G = 9.80665
@@ -226,6 +227,37 @@ def test_a_free_travel_is_a_preload() -> None:
     states = [bd.settle(params) for params in (one, other)]
     assert states[0].travel == pytest.approx(states[1].travel, rel=1e-12)
     assert states[0].x == pytest.approx(states[1].x, abs=1e-14)
+
+
+def test_stiffnesses_that_are_chosen_are_those_of_the_core() -> None:
+    """Python's copy of the rules: given as numbers they give the core's rates of what is chosen."""
+    for params in (
+        drives.tensioner(drives.arm(stops=(-0.1, 0.1), stop_damping=1.0)),
+        drives.take_up(drives.slider(friction=20.0, stops=(-0.01, 0.01), stop_damping=1.0)),
+    ):
+        (k,) = params.mounted
+        pulley = params.pulleys[k]
+        assert isinstance(pulley.mount, (bd.Arm, bd.Slider))
+        given = attrs.evolve(
+            pulley.mount,
+            friction_stiffness=friction_stiffness(pulley.mount, pulley.radius),
+            stop_stiffness=stop_stiffness(
+                pulley.mount,
+                np.array(pulley.center),
+                params.belt.axial_stiffness,
+                float(params.info["length"]),
+            ),
+        )
+        pulleys = [*params.pulleys[:k], attrs.evolve(pulley, mount=given), *params.pulleys[k + 1 :]]
+        state = bd.settle(params)
+        pressed = attrs.evolve(state, travel=state.travel + 0.2, travel_speed=np.array([0.3]))
+        rates = [
+            one._model.rate(pressed._to_core(one), np.zeros(len(pulleys)))
+            for one in (params, attrs.evolve(params, pulleys=pulleys))
+        ]
+        for name in ("travel_speed", "mount_friction"):
+            assert rates[0][name] != 0.0
+            assert rates[1][name] == pytest.approx(rates[0][name], rel=1e-14)
 
 
 # -------------------------------------------------------------------- running

@@ -9,6 +9,7 @@ import attrs
 import matplotlib
 import numpy as np
 import pytest
+from drives import cranked
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
@@ -25,23 +26,8 @@ CRANK = {
 
 
 def run(kind: str) -> bd.Result:
-    params = bd.Params(
-        belt=bd.Belt(
-            preload=300.0,
-            n_bodies=60,
-            linear_density=0.1,
-            axial_stiffness=60e3,
-            axial_damping=5.0,
-            bending_stiffness=0.0,
-        ),
-        pulleys=[
-            bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=0.03),
-            bd.Pulley(name="alternator", center=(0.3, 0.0), radius=0.05, inertia=0.01),
-        ],
-        friction=bd.Dahl(mu_k=0.9, sigma=1e4),
-    )
     return bd.simulate(
-        params,
+        cranked(),
         bd.Load("alternator", viscous=0.03),
         0.3,
         motion={"crank": CRANK[kind]},

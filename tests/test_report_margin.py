@@ -13,6 +13,7 @@ import attrs
 import creep_theory
 import numpy as np
 import pytest
+from drives import pressing
 from slow import slow_if
 from test_creep_theory import DENSITY, DRIVE, EA, FULL, MU, OMEGA, RADII, unequal
 
@@ -85,18 +86,7 @@ def drive(kind: str) -> bd.Params:
         pulleys.append(bd.Pulley(name="pump", center=(0.15, -0.20), radius=0.06, inertia=2e-3))
     if kind == "arm":
         # It presses on the tight span from outside.
-        pulleys.append(
-            bd.Pulley(
-                name="tensioner",
-                center=(0.15, -0.030),
-                radius=0.03,
-                inertia=2e-4,
-                side="outside",
-                mount=bd.Arm(
-                    pivot=(0.21, -0.09), inertia=2e-3, stiffness=60.0, preload=-12.0, damping=1.0
-                ),
-            )
-        )
+        pulleys.append(pressing((0.15, -0.030), pivot=(0.21, -0.09), stiffness=60.0, preload=-12.0))
     preload = {} if kind == "arm" else {"preload": 300.0}
     return bd.Params(
         belt=bd.Belt(

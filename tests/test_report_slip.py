@@ -14,6 +14,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
+from drives import pressing, reduction
 
 import beltdyn as bd
 from beltdyn.report.margin import Steady, full_slip
@@ -27,22 +28,8 @@ MU = 0.6
 
 
 def drive(**changes: Any) -> bd.Params:
-    params = bd.Params(
-        belt=bd.Belt(
-            preload=400.0,
-            n_bodies=80,
-            linear_density=0.1,
-            axial_stiffness=80e3,
-            axial_damping=1.5,
-        ),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
-            bd.Pulley(center=(0.35, 0.05), radius=0.1, inertia=0.02),
-        ],
-        contact=bd.Contact(linear=2e8, damping=4e3),
-        friction=bd.Dahl(mu_k=MU, sigma=1e4),
-    )
-    return attrs.evolve(params, **changes)
+    law = bd.Dahl(mu_k=MU, sigma=1e4)
+    return attrs.evolve(reduction(80), **{"friction": law, **changes})
 
 
 def turning(speed: float = -20.0) -> dict[int | str, bd.PiecewiseLinear]:
@@ -267,19 +254,8 @@ def test_the_speed_of_a_belt_is_along_it() -> None:
 
 
 def tensioned(**options: Any) -> bd.Result:
-    pulleys = [
-        *drive().pulleys,
-        bd.Pulley(
-            name="tensioner",
-            center=(0.17, -0.055),
-            radius=0.03,
-            inertia=2e-4,
-            side="outside",
-            mount=bd.Arm(
-                pivot=(0.24, -0.12), inertia=2e-3, stiffness=40.0, preload=-10.0, damping=1.0
-            ),
-        ),
-    ]
+    tensioner = pressing((0.17, -0.055), pivot=(0.24, -0.12), stiffness=40.0, preload=-10.0)
+    pulleys = [*drive().pulleys, tensioner]
     belt = attrs.evolve(drive().belt, preload=None)
     load = bd.PiecewiseLinear([0.1, 0.2], [0.0, 8.0], 1)
     return bd.simulate(drive(pulleys=pulleys, belt=belt), load, 0.5, turning(), **options)

@@ -7,6 +7,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
+from drives import cranked
 
 import beltdyn as bd
 from beltdyn import spectra
@@ -74,28 +75,10 @@ def test_a_chirp_in_a_spectrogram() -> None:
 SPEED = 100.0
 
 
-def drive(n_bodies: int) -> bd.Params:
-    return bd.Params(
-        belt=bd.Belt(
-            preload=300.0,
-            n_bodies=n_bodies,
-            linear_density=0.1,
-            axial_stiffness=60e3,
-            axial_damping=5.0,
-            bending_stiffness=0.0,
-        ),
-        pulleys=[
-            bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=0.03),
-            bd.Pulley(name="alternator", center=(0.3, 0.0), radius=0.05, inertia=0.01),
-        ],
-        friction=bd.Dahl(mu_k=0.9, sigma=1e4),
-    )
-
-
 def run(n_bodies: int, samples: int = 3601, t_end: float = 0.6) -> bd.Result:
     crank = bd.CrankMotion(SPEED, orders=[2, 4], amplitudes=[4e-3, 1e-3], fade=(0.0, 0.05))
     return bd.simulate(
-        drive(n_bodies),
+        cranked(n_bodies),
         bd.Load("alternator", viscous=0.05),
         t_end,
         motion={"crank": crank},
@@ -193,7 +176,7 @@ def test_a_run_up_shows_orders_at_the_speed_they_have() -> None:
     speed = bd.PiecewiseLinear([0.0, 0.05, 1.0], [40.0, 40.0, 130.0])
     crank = bd.CrankMotion(speed, orders=[2], amplitudes=[2e-3])
     result = bd.simulate(
-        drive(60),
+        cranked(60),
         bd.Load("alternator", viscous=0.02),
         1.0,
         motion={"crank": crank},

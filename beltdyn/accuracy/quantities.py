@@ -11,6 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
+from ..averages import time_weights
 from ..checks import Array, integer, share_of_run
 from ..params import Params
 from ..result import Result
@@ -23,7 +24,6 @@ __all__ = [
     "Observed",
     "differences",
     "observe",
-    "time_weights",
     "with_links",
 ]
 
@@ -178,22 +178,6 @@ def differences(a: Observed, b: Observed, until: float | None = None) -> dict[st
         scale = b.scales[name] or a.scales[name]
         found[name] = size / scale if scale > 0.0 else 0.0
     return found
-
-
-def time_weights(t: Array, begin: float, end: float = math.inf) -> Array:
-    """Give the weights (n_t,) of the trapezoidal rule from ``begin`` to ``end``, of sum 1.
-
-    At least the last interval before ``end`` counts; equal weights if no time passes there.
-    """
-    inside = np.minimum(t[1:], end) - np.maximum(t[:-1], begin)
-    inside = np.maximum(inside, 0.0)
-    weights = np.zeros(t.size)
-    weights[1:] += 0.5 * inside
-    weights[:-1] += 0.5 * inside
-    total = weights.sum()
-    if total > 0.0:
-        return np.asarray(weights / total)
-    return np.full(t.size, 1.0 / t.size)
 
 
 def _time_mean(values: Array, weights: Array) -> Array:

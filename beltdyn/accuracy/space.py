@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from ..averages import time_weights
 from ..checks import Array
-from .quantities import HISTORIES, Observed, time_weights
+from .quantities import HISTORIES, Observed
 
 __all__ = ["space_error"]
 

@@ -24,7 +24,8 @@ from itertools import pairwise
 import attrs
 import numpy as np
 
-from ..accuracy.quantities import observe, time_weights
+from ..accuracy.quantities import observe
+from ..averages import time_weights
 from ..checks import Array
 from ..errors import SimulationError
 from ..result import Result

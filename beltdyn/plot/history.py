@@ -13,7 +13,15 @@ from ..result import Result
 from . import style
 from .select import Indices, Pulleys, indices, pulley_indices, with_samples
 
-__all__ = ["joint_deformation", "joint_force", "lines", "span_tensions", "speeds", "torques"]
+__all__ = [
+    "joint_deformation",
+    "joint_force",
+    "lines",
+    "pulley_lines",
+    "span_tensions",
+    "speeds",
+    "torques",
+]
 
 _TIME = "time [s]"
 
@@ -61,6 +69,28 @@ def _over_time(
     return ax
 
 
+def pulley_lines(
+    result: Result,
+    pulleys: Pulleys | None,
+    values: Array,
+    ax: Axes | None,
+    given: dict[str, Any],
+) -> tuple[Axes, list[int]]:
+    """Draw a line for each pulley asked for, of values (n_t, n_p) over time; give which these are.
+
+    Labels and the legend are left to the caller.
+    """
+    which = pulley_indices(pulleys, result.pulleys.names)
+    names = [style.plain(result.pulleys.names[k]) for k in which]
+    ax = style.axes(ax)
+    lines(
+        ax,
+        [(k, name, result.t, values[:, k]) for k, name in zip(which, names, strict=True)],
+        given,
+    )
+    return ax, which
+
+
 def _pulleys(
     result: Result,
     pulleys: Pulleys | None,
@@ -69,9 +99,10 @@ def _pulleys(
     ax: Axes | None,
     given: dict[str, Any],
 ) -> Axes:
-    which = pulley_indices(pulleys, result.pulleys.names)
-    names = [style.plain(result.pulleys.names[k]) for k in which]
-    return _over_time(result, which, values, names, ylabel, ax, given)
+    ax, _ = pulley_lines(result, pulleys, values, ax, given)
+    style.dress(ax, _TIME, ylabel)
+    style.legend(ax)
+    return ax
 
 
 def speeds(

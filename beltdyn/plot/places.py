@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 from ..places import AlongBelt
 from ..result import Result
 from . import style
-from .history import lines
+from .history import lines, pulley_lines
 from .labels import rows_of_names
-from .select import Pulleys, pulley_indices, sample, with_samples
+from .select import Pulleys, sample, with_samples
 
 __all__ = ["arcs", "tension_along"]
 
@@ -97,14 +97,8 @@ def arcs(
         AttributeError: An output that :attr:`beltdyn.Result.arcs` needs was not asked for.
     """
     result = with_samples(result)
-    which = pulley_indices(pulleys, result.pulleys.names)
     found = result.arcs
-    ax = style.axes(ax)
-    names = [style.plain(result.pulleys.names[k]) for k in which]
-    wraps = np.degrees(found.wrap)
-    lines(
-        ax, [(k, name, result.t, wraps[:, k]) for k, name in zip(which, names, strict=True)], line
-    )
+    ax, which = pulley_lines(result, pulleys, np.degrees(found.wrap), ax, line)
     for k, drawn in zip(which, ax.lines[-len(which) :], strict=True):
         slip = np.degrees(found.slip[:, k])
         ax.fill_between(result.t, slip, color=drawn.get_color(), alpha=0.25, lw=0.0)

@@ -84,14 +84,9 @@ def spectrum(
     result = with_samples(result)
     integer("count", count, 0)
     high = None if up_to is None else positive("up_to", up_to, "Hz")
-    where: dict[str, Any] = {
-        "span": span,
-        "pulley": pulley,
-        "joint": joint,
-        "link": link,
-        "mount": mount,
-    }
-    found = spectrum_of(result, output, last=last, **where)
+    found = spectrum_of(
+        result, output, last=last, span=span, pulley=pulley, joint=joint, link=link, mount=mount
+    )
     ax = style.axes(ax)
     lines(ax, [(0, style.plain(found.label), found.frequency, found.amplitude)], line)
     named = found.lines(count)
@@ -219,17 +214,20 @@ def campbell(
         AttributeError: The run was not asked for this output, or not for "pulleys.omega".
     """
     result = with_samples(result)
-    where: dict[str, Any] = {
-        "span": span,
-        "pulley": pulley,
-        "joint": joint,
-        "link": link,
-        "mount": mount,
-    }
     multiples = [positive(f"orders[{k}]", order) for k, order in enumerate(orders)]
     ends = None if limits is None else _ends(limits)
     frequencies = _entries(modes)
-    found = speed_spectra(result, output, over=over, window=window, **where)
+    found = speed_spectra(
+        result,
+        output,
+        over=over,
+        window=window,
+        span=span,
+        pulley=pulley,
+        joint=joint,
+        link=link,
+        mount=mount,
+    )
     index = index_of("over", over, result.params.pulley_names)
     name = result.params.pulley_names[index]
     _check_speeds(result, found, index)

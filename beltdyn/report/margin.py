@@ -25,7 +25,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
-from ..mounts import Arm, Path, Slider, axis_direction
+from ..mounts import Arm, Path, Slider, axis_direction, stop_stiffness
 from ..params import Params
 from ..route import Route, route_at
 
@@ -193,15 +193,11 @@ class _Theory:
         force = mount.spring_force - mount.stiffness * travel
         if mount.stops is not None:
             lowest, highest = mount.stops
-            stiffness = mount.stop_stiffness or self._stop_stiffness(k, mount)
+            drawn = np.array(self.params.pulleys[k].center)
+            stiffness = stop_stiffness(mount, drawn, self.stiffness, self.length)
             force += stiffness * max(0.0, lowest - travel)
             force -= stiffness * max(0.0, travel - highest)
         return force
-
-    def _stop_stiffness(self, k: int, mount: Arm | Slider) -> float:
-        """Give the stiffness chosen for stops, 50 times what the belt holds the mount with."""
-        along = axis_direction(mount, np.array(self.params.pulleys[k].center))
-        return 200.0 * self.stiffness * float(along @ along) / self.length
 
     def slip_angles(self, pull: Array) -> Array:
         """Give the angle of slip that each pulley needs; infinite where it has no friction."""

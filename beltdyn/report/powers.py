@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import _core
-from ..mounts import Arm, Slider
+from ..mounts import Arm, Slider, friction_stiffness
 from .rows import Power
 from .touching import Touching
 from .window import Window
@@ -25,9 +25,6 @@ _LOSSES = {
 _PATH = "path_work"
 #: Share of what is put in by which what is stored may change for an efficiency to mean something.
 STORED = 0.01
-#: Presliding travel where mounts are given no friction stiffness: of an arm [rad], of a slider over
-#: the radius of its pulley (``PRESLIDING`` of csrc/model/mount.c).
-PRESLIDING = 0.01
 
 
 def power_rows(
@@ -125,8 +122,7 @@ def _bristles(window: Window) -> np.ndarray | None:
             continue
         if run.mounts is None or not run._has("mounts.friction_force"):
             return None
-        travel = PRESLIDING if isinstance(mount, Arm) else PRESLIDING * params.pulleys[k].radius
-        stiffness = mount.friction_stiffness or mount.friction / travel
+        stiffness = friction_stiffness(mount, params.pulleys[k].radius)
         stored = stored + run.mounts.friction_force[:, m] ** 2 / (2.0 * stiffness)
     return stored
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..averages import mean_over, time_weights
 from ..checks import Array
 from ..naming import span_name
 from ..spectra.sources import Source, lines_at, sources
@@ -129,7 +130,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             whole = run.span_tension[:, k]
             there = whole[~np.isnan(whole)]
             if there.size:
-                mean = time_mean(run.t, whole)
+                mean = float(mean_over(time_weights(run.t), whole))
                 row["of_run"] = Spread(mean, float(there.min()), float(there.max()))
         tension = row.get("tension")
         if tension is None and (spans is not None or middle is not None):
@@ -158,14 +159,6 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             f"hold {LEAST} periods; above, a span without a line has none that stands out"
         )
     return rows, notes
-
-
-def time_mean(t: Array, values: Array) -> float:
-    """Give the mean over time of samples, those that are NaN left out."""
-    there = ~np.isnan(values)
-    if np.count_nonzero(there) < 2:
-        return float(values[there].mean())
-    return float(np.trapezoid(values[there], t[there]) / (t[there][-1] - t[there][0]))
 
 
 def uneven(window: Window) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arcs import Arcs, arcs_of
+from ..averages import mean_over, time_weights
 from ..checks import Array
 from ..histories import (
     BeltHistory,
@@ -18,10 +19,10 @@ from ..histories import (
     EnergyLedger,
     JointHistory,
     MountHistory,
-    PulleyHistory,
 )
 from ..params import Params
 from ..route import Route, route_at
+from ..spectra.sources import Sampled
 
 __all__ = ["OF_ARCS", "Run", "Window", "missing"]
 
@@ -44,24 +45,8 @@ STEADY = 0.01
 _HALVES = " from the first half of the window to the second"
 
 
-class Run(Protocol):
+class Run(Sampled, Protocol):
     """The part of :class:`beltdyn.Result` that is needed here; it imports this package."""
-
-    @property
-    def t(self) -> Array:
-        """Sample times [s]."""
-
-    @property
-    def params(self) -> Params:
-        """The drive."""
-
-    @property
-    def pulleys(self) -> PulleyHistory:
-        """Histories of the pulleys."""
-
-    @property
-    def belt(self) -> BeltHistory:
-        """Histories of the links."""
 
     @property
     def joints(self) -> JointHistory:
@@ -82,8 +67,6 @@ class Run(Protocol):
     @property
     def span_tension(self) -> Array:
         """Mean tension of the free spans (n_t, n_p) [N]."""
-
-    def _has(self, name: str) -> bool: ...
 
 
 def missing(run: Run, names: Collection[str]) -> list[str]:
@@ -122,12 +105,7 @@ class Window:
         first = min(int(np.searchsorted(t, begin)), t.size - 2)
         while not t[-1] > t[first]:
             first -= 1
-        inside = t[first:]
-        lasts = np.diff(inside)
-        weights = np.zeros(inside.size)
-        weights[1:] += 0.5 * lasts
-        weights[:-1] += 0.5 * lasts
-        return cls(run=run, rows=slice(first, t.size), weights=weights / weights.sum())
+        return cls(run=run, rows=slice(first, t.size), weights=time_weights(t[first:]))
 
     @property
     def params(self) -> Params:
@@ -150,13 +128,7 @@ class Window:
 
     def mean(self, samples: Array) -> Array:
         """Give the mean over time of samples in the window (n_w, ...), NaN left out."""
-        there = ~np.isnan(samples)
-        weights = np.where(there, self.weights.reshape((-1,) + (1,) * (samples.ndim - 1)), 0.0)
-        total = weights.sum(axis=0)
-        summed = np.sum(weights * np.where(there, samples, 0.0), axis=0)
-        return np.asarray(
-            np.divide(summed, total, out=np.full(np.shape(summed), np.nan), where=total > 0.0)
-        )
+        return mean_over(self.weights, samples)
 
     def smoothed(self, samples: Array, width: float) -> Array:
         """Give the running mean over a time [s] of samples (n_w, n), NaN left out.
@@ -275,13 +247,11 @@ class Window:
 
     def _halves(self, samples: Array) -> tuple[float, float]:
         middle = 0.5 * (self.t[0] + self.t[-1])
-        means = []
-        for part in (self.t <= middle, self.t >= middle):
-            weights = np.where(part & ~np.isnan(samples), self.weights, 0.0)
-            total = weights.sum()
-            value = np.sum(weights * np.nan_to_num(samples)) / total if total > 0.0 else np.nan
-            means.append(float(value))
-        return means[0], means[1]
+        before, after = (
+            float(mean_over(np.where(part, self.weights, 0.0), samples))
+            for part in (self.t <= middle, self.t >= middle)
+        )
+        return before, after
 
 
 def _integral(t: Array, values: Array) -> Array:

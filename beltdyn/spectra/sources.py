@@ -13,7 +13,16 @@ from ..histories import BeltHistory, PulleyHistory
 from ..params import Params
 from .fourier import folded
 
-__all__ = ["HARMONICS", "NEAR", "Source", "belt_rate", "belt_turning", "lines_at", "sources"]
+__all__ = [
+    "HARMONICS",
+    "NEAR",
+    "Sampled",
+    "Source",
+    "belt_rate",
+    "belt_turning",
+    "lines_at",
+    "sources",
+]
 
 #: Harmonics by which a line is recognised: of links; of pulleys; of the belt.
 HARMONICS = {"link": 4, "pulley": 12, "belt": 3}

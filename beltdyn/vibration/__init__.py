@@ -1,6 +1,7 @@
 """Small vibrations of a drive about a state: modes, frequency responses. Needs SciPy."""
 
-from .modes import Modes, Shapes, modes
+from .mode_set import Modes, Shapes
+from .modes import modes
 from .participation import Participation
 from .response import FrequencyResponse, frequency_response
 

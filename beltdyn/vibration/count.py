@@ -73,8 +73,7 @@ def count(linear: Linear, low: float, high: float, damping: float, steps: int) -
 def _argument(linear: Linear, rate: float) -> Callable[[complex], float]:
     """Give the argument of det(z - J) / z^m as a function of z."""
     sparse, linalg = scipy_sparse()
-    size = linear.norms(rate)
-    matrix = (sparse.diags(1.0 / size) @ linear.matrix @ sparse.diags(size)).tocsc()
+    matrix = linear.scaled(rate)[1]
     one = sparse.identity(linear.size, format="csc")
     m = int(np.count_nonzero(linear.names == "mu"))
 

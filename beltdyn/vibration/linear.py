@@ -126,6 +126,12 @@ class Linear:
         fast = np.isin(self.names, list(_RATES.values()))
         return np.where(fast, rate, 1.0) * self.unit
 
+    def scaled(self, rate: float) -> tuple[Array, Any]:
+        """Give these sizes (n,) and the matrix (n, n) in them as units."""
+        sparse, _ = scipy_sparse()
+        size = self.norms(rate)
+        return size, (sparse.diags(1.0 / size) @ self.matrix @ sparse.diags(size)).tocsc()
+
     def displaced(self, eta: Array) -> dict[str, Any]:
         """Give the state moved by a small eta (n,), as the core takes it; friction as it was.
 

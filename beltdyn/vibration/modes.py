@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
 import warnings
 from collections.abc import Mapping
 
-import attrs
 import numpy as np
 
 from ..checks import Array, flag, integer, positive
@@ -21,17 +19,18 @@ from .equilibrium import imbalance
 from .growth import growing
 from .linear import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
+from .mode_set import Modes, Shapes
 from .search import Found, residuals, search
 from .torque_slopes import torque_slopes
 from .turning import turning_of
 
-__all__ = ["Modes", "Shapes", "check_drive", "linear_drive", "modes"]
+__all__ = ["check_drive", "linear_drive", "modes"]
 
 #: Force left over against the tension above which a state is no equilibrium: settled ones leave
 #: 1e-9, steady runs at their tolerance up to 5e-3. Residual above which an eigenvector is no mode.
 UNBALANCED, LEFT_OVER = 1e-2, 1e-5
-#: Share of pulleys and mounts in a decay that is reported; how many of these are printed.
-BODIES, STILL = 0.3, 4
+#: Share of pulleys and mounts in a decay that is reported.
+BODIES = 0.3
 #: Damping ratio below which, negative, a mode is said to grow.
 UNSTABLE = 1e-3
 #: Damping ratio above which modes of a running belt are left out.
@@ -42,131 +41,6 @@ DAMPED = 0.25
 STEADY, MORE, ALIKE = 0.5, 3, 0.3
 #: Modes more that are sought where they are counted, for a gap between them.
 SPARE = 4
-#: Estimated error of a frequency by the mesh that is told.
-MESHED = 0.01
-
-
-@attrs.frozen(kw_only=True, eq=False)
-class Shapes:
-    """Shapes of modes, complex: the motion is the real part of shape * exp(eigenvalue t).
-
-    The largest displacement of the belt, of a rim or of an axis is 1 m, and real.
-
-    Attributes:
-        x: Of the links (n, n_b) [m].
-        y: The same.
-        phi: Turning of the links (n, n_b) [rad]; 0 of a string.
-        theta: Turning of the pulleys (n, n_p) [rad].
-        travel: Travels of the mounts (n, n_m) [rad or m].
-    """
-
-    x: Complex
-    y: Complex
-    phi: Complex
-    theta: Complex
-    travel: Complex
-
-
-@attrs.frozen(kw_only=True, eq=False)
-class Modes:
-    """The lowest modes of a drive that oscillate, by their angular frequency |lambda|.
-
-    Attributes:
-        frequency: Frequencies of the damped oscillations (n,) [Hz].
-        damping: Damping ratios (n,) [1]: 1 is critical; below 0 the mode grows.
-        eigenvalue: lambda (n,) [1/s], complex.
-        shapes: What moves, see :class:`Shapes`.
-        names: What moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
-        participation: Shares of the kinetic energy, see :class:`Participation`.
-        residual: |J x - lambda x| / |lambda x| (n,), what is left over of the eigenvalue problem.
-        grows: Eigenvalues (m,) [1/s], of a real part > 0, of motions that grow without oscillating,
-            or so fast that an oscillation is hardly one; none of a stable drive.
-        grow_names: What moves most in these.
-        decay: Rates of motions of pulleys and mounts that decay without oscillating, more slowly
-            than the spans' lowest frequency (m,) [1/s].
-        decay_names: What moves most in these.
-        turning: Eigenvalue of the whole drive turning, belt along itself and rims with it, which is
-            none of the modes [1/s]: it would be 0 but for what the polygon of links resists; None
-            if it was not met, a pulley is prescribed, or torques make its stiffness.
-        left_out: Number of modes left out for their damping, below the highest given.
-        band: Frequencies between which no mode of less than a quarter of critical damping is
-            missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
-        speed: Of the belt along its numbering [m/s], 0 at rest.
-        prescribed: Names of the pulleys whose motion is prescribed.
-        mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
-            it falls with the length of a link. With several phases most of it is averaged out.
-        phases: Phases of the mesh that were taken together, see :func:`modes`.
-        by_phase: Frequencies at each of them (phases, n) [Hz], of which ``frequency`` is the mean;
-            none (0, n) of one phase, and of a running belt.
-        params: The drive.
-        state: The state about which it is linearised.
-    """
-
-    frequency: Array
-    damping: Array
-    eigenvalue: Complex
-    shapes: Shapes
-    names: tuple[str, ...]
-    participation: parts.Participation
-    residual: Array
-    grows: Complex
-    grow_names: tuple[str, ...]
-    decay: Array
-    decay_names: tuple[str, ...]
-    turning: complex | None
-    left_out: int
-    band: tuple[float, float]
-    speed: float
-    prescribed: tuple[str, ...]
-    mesh_error: Array
-    phases: int
-    by_phase: Array
-    params: Params
-    state: State
-
-    def __len__(self) -> int:
-        return self.frequency.size
-
-    def __str__(self) -> str:
-        running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
-        held = ", ".join(self.prescribed) or "none"
-        rows = [f"Modes of the drive, {running}; pulleys of prescribed motion: {held}"]
-        for value, name in zip(self.grows, self.grow_names, strict=True):
-            rows.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
-        rows.append("   k  frequency  damping  what moves")
-        for k, name in enumerate(self.names):
-            frequency, damping = self.frequency[k], 100.0 * self.damping[k]
-            rows.append(f"  {k:2d}  {frequency:6.4g} Hz  {damping:5.2f} %  {name}")
-            if self.by_phase.size:
-                low, high = self.by_phase[:, k].min(), self.by_phase[:, k].max()
-                rows[-1] += f"; {low:.4g} to {high:.4g} Hz over the mesh"
-        if (self.damping < -1e-6).any():
-            grow = ", ".join(str(k) for k in np.flatnonzero(self.damping < -1e-6))
-            rows.append(f"  negative damping: mode(s) {grow} grow")
-        off = np.flatnonzero(self.mesh_error > MESHED)
-        if self.phases == 1 and off.size:
-            rows.append(
-                f"  mode(s) {', '.join(map(str, off))}: off by some "
-                f"{100.0 * self.mesh_error.max():.2g} % for the phase of the mesh, which "
-                "phases=12 averages out"
-            )
-        for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:
-            rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
-        if self.decay.size > STILL:
-            rows.append(f"  not oscillating: and {self.decay.size - STILL} more (modes.decay)")
-        if self.turning is not None and self.turning.real > abs(self.turning.imag):
-            rows.append(
-                f"  the whole drive turning grows e-fold within {1.0 / self.turning.real:.3g} s: "
-                "by the mesh alone, no drive does"
-            )
-        if self.left_out:
-            rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
-        rows.append(f"  searched from {self.band[0]:.3g} Hz on")
-        return "\n".join(
-            line
-            for row in rows
-            for line in textwrap.wrap(row, 80, subsequent_indent=" " * 6, drop_whitespace=True)
-        )
 
 
 def modes(

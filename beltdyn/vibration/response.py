@@ -223,8 +223,7 @@ def _solve(
     rows = linear.rows("omega")
     out, left = np.empty((linear.size, rates.size), complex), np.empty(rates.size)
     for f, w in enumerate(rates):
-        size = linear.norms(w)
-        scaled = sparse.diags(1.0 / size) @ linear.matrix @ sparse.diags(size)
+        size, scaled = linear.scaled(w)
         b = linear.given[0] @ motions + linear.given[1] @ (1j * w * motions)
         b[rows] += (torques / inertia)[linear.index[rows]]
         b /= size

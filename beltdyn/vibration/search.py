@@ -49,10 +49,8 @@ class _Krylov:
 
     def __init__(self, linear: Linear, shift: complex) -> None:
         sparse, linalg = scipy_sparse()
-        self.shift, self.size = shift, linear.norms(abs(shift))
-        self.matrix = (
-            sparse.diags(1.0 / self.size) @ linear.matrix @ sparse.diags(self.size)
-        ).tocsc()
+        self.shift = shift
+        self.size, self.matrix = linear.scaled(abs(shift))
         n = linear.size
         self._lu = linalg.splu((self.matrix - shift * sparse.identity(n, format="csc")).tocsc())
         rng = np.random.default_rng(1)

@@ -97,8 +97,7 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
     on = np.where(fast, 0.0, turn * _masses(linear))
     on /= on @ turn
     rate = SLOW * first_rate(linear.params)
-    size = linear.norms(rate)
-    scaled = sparse.diags(1.0 / size) @ linear.matrix @ sparse.diags(size)
+    size, scaled = linear.scaled(rate)
     matrix = (1j * rate * sparse.identity(linear.size) - scaled).tocsc()
     lu, force = linalg.splu(matrix), (by / size).astype(complex)
     x = lu.solve(force)
