@@ -57,7 +57,8 @@ def setup_constants() -> dict[str, Any]:
     return names
 
 
-def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
+def compile_objects(folder: Path) -> tuple[list[str], list[Path]]:
+    """The core and the machine's limits; the flags, and what is to be linked."""
     constants = setup_constants()
     flags: list[str] = constants["FLAGS"]
     levels: dict[Path, list[str]] = {Path("csrc/kernels/rhs_baseline.c"): []}
@@ -74,15 +75,22 @@ def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
 
     for path, extra in sources.items():
         build(ROOT / path, path.stem + ".o", *extra)
-    build(ROOT / "benchmarks/kernels.c", "benchmark.o")
     for path, extra in levels.items():
         if not path.name.startswith("rhs_"):
             continue
         level = path.stem.removeprefix("rhs_")
         build(ROOT / "benchmarks/kernels.c", f"limits_{level}.o", *extra, "-ffp-contract=fast",
               f"-DBD_LIMITS={level}")  # fmt: skip
+    return flags, objects
+
+
+def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
+    flags, objects = compile_objects(folder)
+    levels = ["-DBD_X86_LEVELS=1"][: setup_constants()["X86"]]
     target = folder / "kernels"
-    subprocess.run([COMPILER, *map(str, objects), "-lm", "-o", str(target)], check=True)
+    subprocess.run([COMPILER, *flags, *levels, f"-I{CORE}",
+                    str(ROOT / "benchmarks/kernels.c"), *map(str, objects), "-lm",
+                    "-o", str(target)], check=True)  # fmt: skip
     return target, flags
 
 
