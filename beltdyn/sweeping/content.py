@@ -8,112 +8,30 @@ another sweep has done already is found again.
 from __future__ import annotations
 
 import hashlib
+import inspect
 import numbers
-import pickle
-import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import attrs
 import numpy as np
 
 from .. import _core
-from ..motions import as_motions
+from ..motions import Motion, as_motions
+from ..naming import index_of
 from ..scene import Scene
-from .names import find
+from ..simulation import simulate
+from ..torques import TorqueSum
+from .identity import token
+from .names import OPTIONS, find
 
-__all__ = ["Contents", "NoKeyError", "token"]
+__all__ = ["Contents"]
 
 #: Raised whenever what a run gives for the same content may have changed.
-_FORMAT = 1
+_FORMAT = 2
+_DIGEST = 32  #: Bytes of a digest.
 
-
-class NoKeyError(ValueError):
-    """Something whose content cannot be known: a compiled function, an object that has none."""
-
-
-def token(value: Any) -> str:
-    """Give a text that tells values apart that give different runs.
-
-    Of a Python function it is of its code, defaults and what it encloses, not of the functions and
-    modules that it uses.
-
-    Raises:
-        NoKeyError: The content cannot be known.
-    """
-    return hashlib.sha256(repr(sorted(_leaves("", value).items())).encode()).hexdigest()[:32]
-
-
-def _leaves(name: str, node: Any) -> dict[str, str]:
-    """Lay out a value flat: a text for each part of it, by its name."""
-    if isinstance(node, np.generic):
-        node = node.item()
-    if node is None or isinstance(node, (bool, str)):
-        return {name: repr(node)}
-    if isinstance(node, numbers.Real):
-        return {name: float(node).hex()}
-    if isinstance(node, bytes):
-        return {name: hashlib.sha256(node).hexdigest()}
-    if isinstance(node, np.ndarray):
-        if node.dtype.hasobject:
-            return _leaves(name, node.tolist())
-        data = np.ascontiguousarray(node)
-        digest = hashlib.sha256(data.tobytes()).hexdigest()
-        return {name: f"{data.dtype.str} {data.shape} {digest}"}
-    if attrs.has(type(node)):
-        found = {f"{name}.class": type(node).__name__}
-        for field in attrs.fields(type(node)):
-            if field.init:
-                found |= _leaves(f"{name}.{field.name}", getattr(node, field.name))
-        return found
-    if isinstance(node, Mapping):
-        found = {f"{name}.keys": repr(sorted(map(repr, node)))}
-        for key in sorted(node, key=repr):
-            found |= _leaves(f"{name}[{key!r}]", node[key])
-        return found
-    if isinstance(node, (list, tuple)):
-        found = {f"{name}.length": str(len(node))}
-        for k, one in enumerate(node):
-            found |= _leaves(f"{name}[{k}]", one)
-        return found
-    return {name: _of_function(node)}
-
-
-def _of_function(node: Any) -> str:
-    """Give a text for a function or for an object that is called like one."""
-    if isinstance(node, types.MethodType):
-        return f"method {_of_function(node.__func__)} {token(node.__self__)}"
-    if isinstance(node, types.FunctionType):
-        cells = [cell.cell_contents for cell in node.__closure__ or ()]
-        held = [node.__defaults__, node.__kwdefaults__, cells]
-        return f"function {_of_code(node.__code__)} {token(held)}"
-    if isinstance(node, types.BuiltinFunctionType) and node.__module__ is not None:
-        return f"{node.__module__}.{node.__qualname__}"
-    if isinstance(node, type):
-        return f"{node.__module__}.{node.__qualname__}"
-    if isinstance(node, types.ModuleType):
-        return node.__name__
-    own = vars(type(node)).get("__call__")
-    if isinstance(own, types.FunctionType) and hasattr(node, "__dict__"):
-        return f"object {_of_code(own.__code__)} {token(vars(node))}"
-    try:
-        return f"{type(node).__qualname__} {hashlib.sha256(pickle.dumps(node, 5)).hexdigest()}"
-    except Exception:
-        raise NoKeyError(f"what {node!r} does cannot be known from outside") from None
-
-
-def _of_code(code: types.CodeType) -> str:
-    inner = [_constant(one) for one in code.co_consts]
-    parts = [code.co_code.hex(), repr(code.co_names), repr(inner)]
-    return hashlib.sha256(" ".join(parts).encode()).hexdigest()
-
-
-def _constant(value: Any) -> str:
-    if isinstance(value, types.CodeType):
-        return _of_code(value)
-    if isinstance(value, frozenset):  # its order changes from process to process
-        return repr(sorted(map(_constant, value)))
-    return repr(value)
+Leaf = tuple[str, str]
 
 
 class Contents:
@@ -138,39 +56,131 @@ class Contents:
         measured: str,
         version: str,
     ) -> None:
-        motions = as_motions(scene.motion, scene.params.pulley_names)
-        self._base = {
-            **_leaves("params", scene.params),
-            **_leaves("torque", scene.torque_fn),
-            **_leaves("t_end", scene.t_end),
-        }
-        for at, motion in motions.items():
-            self._base |= _leaves(f"motion[{at}]", motion)
-        for name, value in options.items():
-            self._base |= _leaves(f"option.{name}", value)
+        self._pulleys = scene.params.pulley_names
         self._places = [_places(scene, name) for name in names]
-        self._head = f"{_FORMAT} {_core.__version__} {measured} {version}"
+        defaults = inspect.signature(simulate).parameters
+        given = {name: defaults[name].default for name in OPTIONS} | dict(options)
+        leaves = [
+            *self._leaves("params", scene.params),
+            *self._leaves("torque", scene.torque_fn),
+            *self._leaves("motion", scene.motion or None),
+            *self._leaves("t_end", scene.t_end),
+            *(one for name in OPTIONS for one in self._leaves(f"option.{name}", given[name])),
+        ]
+        roots = [root for places, factor in self._places if not factor for root in places]
+        roots += [_OTHER[root] for root in roots if root in _OTHER]
+        #: What no run changes, and what those change that have a value there.
+        self._base = _sum(leaf for leaf in leaves if not _within(leaf[0], roots))
+        self._head = f"{_FORMAT} {_core.__version__} {measured} {version!r}"
+        if any(_within(a, [b]) for k, a in enumerate(roots) for b in roots[:k] + roots[k + 1 :]):
+            self._head += f" in the order {list(names)}"  # one is put into the other
 
     def key(self, values: Sequence[Any], before: str = "") -> str:
         """Give the key of a run; ``before`` is that of the run whose end it starts from."""
-        leaves = dict(self._base)
+        total = self._base
         for (roots, factor), value in zip(self._places, values, strict=True):
+            if factor and _is_one(value):
+                continue
             for root in roots:
-                if not factor:
-                    inside = (f"{root}.", f"{root}[")
-                    for name in [one for one in leaves if one == root or one.startswith(inside)]:
-                        del leaves[name]
-                elif value == 1.0:
-                    continue
-                leaves |= _leaves(root, value)
-        text = f"{self._head} {before} {sorted(leaves.items())}"
+                total += _sum(self._leaves(root, value))
+                if root in _OTHER and value is not None:
+                    total += _sum([(_OTHER[root], repr(None))])
+        text = f"{self._head} {before} {total % 2 ** (8 * _DIGEST):x}"
         return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+    def _leaves(self, name: str, node: Any) -> Iterator[Leaf]:
+        """Lay out a value: a text for each part of it, by its name."""
+        if isinstance(node, np.generic):
+            node = node.item()
+        if isinstance(node, str) and name.endswith(".pulley"):
+            node = self._index(node)
+        if node is None or isinstance(node, (bool, str)):
+            yield name, repr(node)
+        elif isinstance(node, (int, float)):
+            yield name, _number(node)
+        elif name == "torque" and isinstance(node, TorqueSum):
+            for k, part in enumerate(node.parts):
+                yield from self._leaves(f"torque[{k}]", part)
+        elif name == "torque" and _is_own(node):
+            yield from self._leaves("torque[0]", node)
+        elif name == "motion" and isinstance(node, Mapping):
+            for at, motion in self._motions(node).items():
+                yield from self._leaves(f"motion[{at}]", motion)
+        elif _is_own(node):
+            yield name, type(node).__name__
+            for field in attrs.fields(type(node)):
+                if field.init:
+                    yield from self._leaves(f"{name}.{field.name}", getattr(node, field.name))
+        elif isinstance(node, Sequence) or (
+            isinstance(node, np.ndarray) and node.ndim and node.dtype.kind in "fiub"
+        ):
+            yield from self._row(name, node)
+        else:
+            yield name, token(node)
+
+    def _row(self, name: str, node: Any) -> Iterator[Leaf]:
+        values = node.tolist() if isinstance(node, np.ndarray) else node
+        yield name, f"row of {len(values)}"
+        for k, one in enumerate(values):
+            yield from self._leaves(f"{name}[{k}]", one)
+
+    def _index(self, pulley: str) -> int | str:
+        try:
+            return index_of("pulley", pulley, self._pulleys)
+        except ValueError:
+            return pulley
+
+    def _motions(self, motion: Any) -> dict[Any, Any]:
+        """Give motions by index, each as its speed where it has one."""
+        try:
+            found = as_motions(motion, self._pulleys)
+        except (TypeError, ValueError):  # refused when it is run
+            return dict(motion)
+        return {
+            at: one.speed if isinstance(one, Motion) and one.speed is not None else one
+            for at, one in found.items()
+        }
+
+
+#: Of two fields one replaces the other.
+_OTHER = {"params.belt.length": "params.belt.preload", "params.belt.preload": "params.belt.length"}
+
+
+def _is_own(node: Any) -> bool:
+    """Whether something is a part of a drive, a load or a state, whose fields are all of it."""
+    kind = type(node)
+    return attrs.has(kind) and kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
+
+
+def _is_one(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool) and value == 1
+
+
+def _number(value: int | float) -> str:
+    """Give the same text for an integer and the float that is the same number."""
+    try:
+        return float(value).hex() if float(value) == value or value != value else repr(value)
+    except OverflowError:
+        return repr(value)
+
+
+def _digest(leaf: Leaf) -> bytes:
+    return hashlib.sha256("\0".join(leaf).encode("utf-8", "surrogatepass")).digest()
+
+
+def _sum(leaves: Iterable[Leaf]) -> int:
+    """Give one number for entries in any order, so that a few can be exchanged in no time."""
+    return sum(int.from_bytes(_digest(leaf)) for leaf in leaves)
+
+
+def _within(name: str, roots: Iterable[str]) -> bool:
+    return any(name == root or name.startswith((f"{root}.", f"{root}[")) for root in roots)
 
 
 def _places(scene: Scene, name: str) -> tuple[list[str], bool]:
     """Give where a name stands in the layout, and whether it is a factor, else 1."""
     root, path = find(scene, name)
-    places = ["option" if root == "option" else root]
+    places = [root]
     node: Any = scene.params if root == "params" else None
     for step in path:
         if step == "*":

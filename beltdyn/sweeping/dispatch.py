@@ -15,12 +15,14 @@ from .work import Batch, Job, Work, as_bytes, run_batch
 
 __all__ = ["ATTEMPTS", "Dispatch"]
 
-#: How often a run is begun before it is given up because workers die in it.
+#: How often workers may die in a run before it is given up; the last time it is on its way alone.
 ATTEMPTS = 3
 #: Batches handed out for each worker: one that it does, one that waits.
 _AHEAD = 2
 #: Weight of the last batch in the mean time of a run.
 _LAST = 0.3
+#: How long to wait at most before looking after the store again [s].
+_LOOK = 1.0
 
 
 class Dispatch:
@@ -34,6 +36,7 @@ class Dispatch:
         after: The run from whose end each starts, -1: none.
         finals: Final states of runs that are done already, as numbers.
         done: Called with each run and its outcome, in the order in which they end.
+        idle: Called now and then.
     """
 
     def __init__(
@@ -45,10 +48,11 @@ class Dispatch:
         after: Sequence[int],
         finals: Mapping[int, Array],
         done: Callable[[int, Outcome], None],
+        idle: Callable[[], None] = lambda: None,
     ) -> None:
-        self._pool, self._rows, self._after, self._done = pool, rows, after, done
+        self._pool, self._rows, self._after = pool, rows, after
+        self._done, self._idle = done, idle
         self._work: Work | bytes = as_bytes(job) if pool.remote else Work(job)
-        self._finals = dict(finals)
         self._followers: dict[int, list[int]] = {}
         todo = set(order)
         self._ready: deque[int] = deque()
@@ -57,13 +61,18 @@ class Dispatch:
                 self._followers.setdefault(after[run], []).append(run)
             else:
                 self._ready.append(run)
+        #: Where runs still to do start from.
+        self._starts = {run: finals[after[run]] for run in order if after[run] in finals}
         self._left = len(order)
-        self._tries: dict[int, int] = {}
         self._mean: float | None = None
-        #: Runs that were on their way when a worker died: each is done again with no other.
+        #: How often workers have died in a run, once they have.
+        self._deaths: dict[int, int] = {}
+        #: Runs that were on their way when a worker died: each is done again in a batch of its own,
+        #: and at last, to tell which of several it was, with no other on its way.
         self._suspects: deque[int] = deque()
-        #: Batches on their way, and of which set of workers.
-        self._flying: dict[Future[Any], tuple[list[int], int]] = {}
+        self._alone: deque[int] = deque()
+        #: Batches on their way, of which set of workers, and whether with no other.
+        self._flying: dict[Future[Any], tuple[list[int], int, bool]] = {}
         self._workers = 0
         #: States that were settled.
         self.settled = 0
@@ -79,8 +88,9 @@ class Dispatch:
         try:
             while self._left:
                 self._hand_out()
-                ended, _ = wait(self._flying, return_when=FIRST_COMPLETED)
+                ended, _ = wait(self._flying, _LOOK, FIRST_COMPLETED)
                 self._collect(ended)
+                self._idle()
         except BaseException:
             self._abandon()
             raise
@@ -94,39 +104,47 @@ class Dispatch:
         return max(1, min(int(wanted), share))
 
     def _hand_out(self) -> None:
-        if self._suspects:
+        if self._alone and not self._suspects:
             if not self._flying:
-                self._submit([self._suspects.popleft()])
+                self._submit([self._alone.popleft()], alone=True)
             return
-        if self._mean is None and self._flying:
-            return  # the first run of each worker tells how long they take
+        # Before the first run has told how long they take, one for each worker.
         most = self._pool.count * (1 if self._mean is None else _AHEAD)
-        while self._ready and len(self._flying) < most and not self._suspects:
-            size = min(self._size(), len(self._ready))
-            self._submit([self._ready.popleft() for _ in range(size)])
+        while len(self._flying) < most and (self._suspects or self._ready):
+            if self._suspects:
+                self._submit([self._suspects.popleft()])
+            else:
+                size = min(self._size(), len(self._ready))
+                self._submit([self._ready.popleft() for _ in range(size)])
 
-    def _submit(self, batch: list[int]) -> None:
-        runs = [(self._rows[run], self._finals.get(self._after[run])) for run in batch]
+    def _submit(self, batch: list[int], alone: bool = False) -> None:
+        runs = [(self._rows[run], self._starts.get(run)) for run in batch]
         try:
             future = self._pool.submit(run_batch, self._work, runs)
         except Exception as error:
-            if not self._pool.died(error):
+            if not self._pool.deaths(error):
                 raise
             self._renew()
             future = self._pool.submit(run_batch, self._work, runs)
-        self._flying[future] = batch, self._workers
+        self._flying[future] = batch, self._workers, alone
 
     def _collect(self, ended: set[Future[Any]]) -> None:
         for future in ended:
-            batch, workers = self._flying.pop(future)
+            batch, workers, alone = self._flying.pop(future)
             try:
                 result: Batch = future.result()
+            except CancelledError:
+                raise RuntimeError(
+                    f"{self._pool.text} gave up the work: the executor or the cluster was closed; "
+                    "with store= the runs that are done are not repeated"
+                ) from None
             except Exception as error:
-                if not self._pool.died(error):
+                deaths = self._pool.deaths(error)
+                if not deaths:
                     raise
                 if workers == self._workers:
                     self._renew()
-                self._again(batch)
+                self._again(batch, deaths, alone)
                 continue
             self._take(batch, result)
             if result.interrupted:
@@ -140,36 +158,48 @@ class Dispatch:
     def _take(self, batch: list[int], result: Batch) -> None:
         self.settled += result.settled
         for run, outcome in zip(batch, result.outcomes, strict=False):
-            self._left -= 1
-            followers = self._followers.pop(run, [])
-            if followers and outcome.final.size:
-                self._finals[run] = outcome.final
-            self._ready.extend(followers)
-            self._done(run, outcome)
+            self._end(run, outcome)
         if result.seconds:
             mean = sum(result.seconds) / len(result.seconds)
             old = self._mean
             self._mean = mean if old is None else (1.0 - _LAST) * old + _LAST * mean
 
-    def _again(self, batch: list[int]) -> None:
+    def _end(self, run: int, outcome: Outcome) -> None:
+        """Hand over what a run gave; runs that start from its end can follow."""
+        self._left -= 1
+        self._starts.pop(run, None)
+        self._done(run, outcome)
+        followers = self._followers.pop(run, [])
+        if outcome.status == "lost":
+            for follower in followers:
+                message = "the run from whose end it starts was lost"
+                self._end(follower, Outcome(status="lost", message=message))
+            return
+        if outcome.final.size:
+            self._starts |= dict.fromkeys(followers, outcome.final)
+        # Next, so that few states are kept at a time.
+        self._ready.extendleft(reversed(followers))
+
+    def _again(self, batch: list[int], deaths: int, alone: bool) -> None:
         """Do the runs of a worker that died once more, or give one up in which several died."""
         for run in batch:
-            self._tries[run] = self._tries.get(run, 0) + 1
-            if self._tries[run] < ATTEMPTS or len(batch) > 1:
+            count = self._deaths[run] = self._deaths.get(run, 0) + deaths
+            if alone and count >= ATTEMPTS:
+                message = f"the worker process died in this run, {count} times"
+                self._end(run, Outcome(status="lost", message=message))
+            elif count >= ATTEMPTS - 1:
+                self._alone.append(run)
+            else:
                 self._suspects.append(run)
-                continue
-            message = f"the worker process died in this run, {self._tries[run]} times"
-            self._take([run], Batch([Outcome(status="lost", message=message)], [], 0, False))
 
     def _abandon(self) -> None:
         """End what is on its way; take what has ended."""
-        for future in self._flying:
-            future.cancel()
+        cancelled = {future for future in self._flying if future.cancel()}
         self._pool.stop()
         if not self._pool.remote:
-            wait(self._flying)
-        for future, (batch, _) in self._flying.items():
-            if future.done() and not future.cancelled():
+            wait(set(self._flying) - cancelled)
+        for future, (batch, *_) in self._flying.items():
+            if future not in cancelled and future.done():
                 try:
                     self._take(batch, future.result())
                 except (Exception, CancelledError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from types import TracebackType
@@ -24,18 +25,26 @@ class Pool:
     """Workers that do batches: those of an executor.
 
     Attributes:
-        count: How many work at a time.
         remote: Whether they share no memory with this process, so that jobs are sent to them.
         seconds: Wall time that a batch should take [s].
-        text: What they are, in words.
     """
 
     remote = True
     seconds = _ELSEWHERE
 
     def __init__(self, executor: Any, count: int, text: str) -> None:
-        self.count, self.text = count, text
+        self._count, self._text = count, text
         self._executor = executor
+
+    @property
+    def count(self) -> int:
+        """How many work at a time."""
+        return self._count
+
+    @property
+    def text(self) -> str:
+        """What they are, in words."""
+        return self._text
 
     def __enter__(self) -> Pool:
         return self
@@ -50,13 +59,17 @@ class Pool:
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
         """Have a worker do something."""
-        future: Future[Any] = self._executor.submit(work, *args)
+        future = self._executor.submit(work, *args)
+        if not isinstance(future, Future):
+            raise TypeError(
+                f"executor: submit of {type(self._executor).__name__} gives "
+                f"{type(future).__name__}, not a concurrent.futures.Future"
+            )
         return future
 
-    def died(self, error: BaseException) -> bool:
-        """Whether an error says that a worker process has died."""
-        # Dask's, which need not be installed
-        return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+    def deaths(self, error: BaseException) -> int:
+        """Give how many worker processes have died, as an error says; 0: it says something else."""
+        return int(isinstance(error, BrokenExecutor))
 
     def renew(self) -> None:
         """Replace workers that have died.
@@ -129,16 +142,42 @@ class _Processes(Pool):
 
 
 class _Dask(Pool):
-    #: Workers that may die in a run before it is given up.
+    #: How often a batch is done again by another worker if one cannot do it.
     _RETRIES = 2
+    #: How long the number of workers is taken to stay the same [s].
+    _STEADY = 1.0
 
     def __init__(self, client: Any) -> None:
-        count = sum(client.nthreads().values())
-        if count == 0:
-            client.wait_for_workers(1)
-            count = sum(client.nthreads().values())
-        executor = client.get_executor(pure=False, retries=self._RETRIES)
-        super().__init__(executor, count, f"{count} thread(s) of a Dask cluster")
+        if client.asynchronous:
+            raise ValueError(
+                "executor: this Client belongs to an asynchronous loop (asynchronous=True), a "
+                "sweep waits for its runs: give a Client of its own"
+            )
+        if client.status != "running":
+            raise ValueError(f"executor: this Client is {client.status}, not running")
+        self._client = client
+        self._counted = 0.0
+        super().__init__(client.get_executor(pure=False, retries=self._RETRIES), 0, "")
+
+    @property
+    def count(self) -> int:
+        """How many work at a time; clusters may grow and shrink, and begin with none."""
+        now = time.monotonic()
+        if now - self._counted > self._STEADY or not self._counted:
+            self._counted, self._count = now, int(sum(self._client.nthreads().values()))
+        return max(self._count, 1)
+
+    @property
+    def text(self) -> str:
+        """What they are, in words."""
+        return f"{self.count} thread(s) of a Dask cluster"
+
+    def deaths(self, error: BaseException) -> int:
+        """Give how many workers have died: the scheduler tries several for itself."""
+        # by name: Dask need not be installed
+        if type(error).__name__ == "KilledWorker":
+            return int(getattr(error, "allowed_failures", 0)) + 1
+        return 0
 
     def renew(self) -> None:
         """Do nothing: the cluster replaces its workers."""

@@ -1,7 +1,16 @@
 """The store of a sweep: a folder of netCDF files, one for each part, written as the sweep goes.
 
 A part is complete or not there: it is written beside its place and then renamed. Runs are found by
-the key of their content (:mod:`beltdyn.sweeping.content`), whatever sweep has put them there.
+the key of their content (:mod:`beltdyn.sweeping.content`), whatever sweep has put them there, also
+while others write to the same folder. A part holds runs of one layout::
+
+    key (run)               of their content
+    status (run)            how they ended
+    texts (run)             messages, warnings and measured texts, as JSON
+    numbers (run, number)   measured numbers in a row
+    final (run, entry)      the states at their ends, if other runs start from these
+
+Its attribute ``layout`` tells, as JSON, which quantities the numbers and texts are of.
 """
 
 from __future__ import annotations
@@ -18,17 +27,17 @@ import numpy as np
 from .. import files
 from ..optional import optional_module
 from .rows import NOTHING, Axis, Layout, Outcome, Quantity
-from .table import variables
 
 __all__ = ["Store"]
 
-_FORMAT = 1
-_ENDING = ".nc"
+_FORMAT = 2
+_NAME = "part-*.nc"
 #: Between two parts: at least so long [s], this share of the time since the sweep began, at most.
+#: A kill then costs little of what was computed, and long sweeps have some hundred parts.
 _LEAST, _SHARE, _MOST = 2.0, 0.01, 300.0
 #: Runs that did not end by themselves are not kept.
-_KEPT = ("finished", "refused", "failed", "measure")
-_TEXTS = ("key", "status", "message", "warnings", "kernels")
+_KEPT = ("finished", "failed")
+_TEXTS = ("status", "message", "warnings", "kernels")
 
 
 class Store:
@@ -52,13 +61,14 @@ class Store:
         others = [
             one.name
             for one in self._path.iterdir()
-            if not one.name.startswith(".") and not one.name.startswith("part-")
+            if not one.match(_NAME) and not one.name.startswith(".")  # parts being written
         ]
         if others:
             raise ValueError(
                 f"store {self._path}: the folder holds something else, {others[0]}; a store is a "
                 "folder of its own"
             )
+        files.check_writable(self._path / "part")
         self._waiting: list[tuple[str, Outcome]] = []
         self._begun = self._written = time.monotonic()
 
@@ -68,11 +78,12 @@ class Store:
         Raises:
             ValueError: A part is damaged.
         """
-        wanted, found = set(keys), {}
-        for part in sorted(self._path.glob(f"part-*{_ENDING}")):
+        wanted = set(keys)
+        found: dict[str, Outcome] = {}
+        for part in sorted(self._path.glob(_NAME)):
             try:
-                found.update({key: outcome for key, outcome in self._read(part) if key in wanted})
-            except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+                found.update(self._read(part, wanted))
+            except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
                 raise ValueError(
                     f"store {self._path}: {part.name} cannot be read ({error}): remove it, and its "
                     "runs are done again"
@@ -80,16 +91,18 @@ class Store:
         return found
 
     def add(self, key: str, outcome: Outcome) -> None:
-        """Keep an outcome; it is written soon.
+        """Keep an outcome; :meth:`tend` writes it soon."""
+        if outcome.status in _KEPT and outcome.certain:
+            self._waiting.append((key, outcome))
+
+    def tend(self) -> None:
+        """Write what waits, if the last part is some time ago.
 
         Raises:
-            OSError: The part cannot be written.
+            OSError: A part cannot be written.
         """
-        if outcome.status in _KEPT:
-            self._waiting.append((key, outcome))
         now = time.monotonic()
-        pause = min(max(_LEAST, _SHARE * (now - self._begun)), _MOST)
-        if now - self._written >= pause:
+        if now - self._written >= min(max(_LEAST, _SHARE * (now - self._begun)), _MOST):
             self.flush()
 
     def flush(self) -> None:
@@ -98,93 +111,70 @@ class Store:
         Raises:
             OSError: A part cannot be written.
         """
-        by_layout: dict[Layout, list[tuple[str, Outcome]]] = {}
+        by_layout: dict[tuple[Layout, int], list[tuple[str, Outcome]]] = {}
         for key, outcome in self._waiting:
-            by_layout.setdefault(outcome.layout, []).append((key, outcome))
-        for layout, rows in by_layout.items():
-            part = self._path / f"part-{time.time_ns():020d}-{secrets.token_hex(4)}{_ENDING}"
-            dataset = self._dataset(layout, rows)
+            group = (outcome.layout, outcome.final.size)
+            by_layout.setdefault(group, []).append((key, outcome))
+        for (layout, _), rows in by_layout.items():
+            part = self._path / f"part-{time.time_ns():020d}-{secrets.token_hex(4)}.nc"
             with files.replacing(part) as temporary:
-                dataset.to_netcdf(temporary, engine="netcdf4")
+                self._dataset(layout, rows).to_netcdf(temporary, engine="netcdf4")
         self._waiting.clear()
         self._written = time.monotonic()
 
     def _dataset(self, layout: Layout, rows: list[tuple[str, Outcome]]) -> Any:
         outcomes = [outcome for _, outcome in rows]
-        texts = {
-            name: [getattr(outcome, name) for outcome in outcomes]
-            for name in _TEXTS
-            if name != "key"
-        }
-        texts["key"] = [key for key, _ in rows]
+        # as JSON in ASCII: texts in netCDF end at a zero and must be valid Unicode
+        texts = [json.dumps([*(getattr(one, k) for k in _TEXTS), *one.words]) for one in outcomes]
         data: dict[str, Any] = {
-            f"run_{name}": (("run",), np.array(values, dtype=object))
-            for name, values in texts.items()
+            "key": (("run",), np.array([key for key, _ in rows], dtype=object)),
+            "status": (("run",), np.array([one.status for one in outcomes], dtype=object)),
+            "texts": (("run",), np.array(texts, dtype=object)),
         }
-        numbers = np.array([outcome.numbers for outcome in outcomes])
-        words = [outcome.words for outcome in outcomes]
-        parts = variables(layout, numbers, words)
-        for one, values in zip(layout.quantities, parts, strict=True):
-            data[one.name] = (("run", *(axis.name for axis in one.axes)), values)
-        for size in {outcome.final.size for outcome in outcomes} - {0}:
-            final = np.full((len(rows), size), np.nan)
-            for k, outcome in enumerate(outcomes):
-                if outcome.final.size == size:
-                    final[k] = outcome.final
-            data[f"run_final_{size}"] = (("run", f"state_{size}"), final)
-        attributes = {"format": _FORMAT, "layout": json.dumps(_plain(layout))}
-        return self._xarray.Dataset(data, attrs=attributes)
+        for name, dim, arrays in (
+            ("numbers", "number", [one.numbers for one in outcomes]),
+            ("final", "entry", [one.final for one in outcomes]),
+        ):
+            if arrays[0].size:
+                data[name] = (("run", dim), np.array(arrays))
+        plain = [
+            [*one[:1], [list(axis) for axis in one.axes], *one[2:]] for one in layout.quantities
+        ]
+        return self._xarray.Dataset(data, attrs={"format": _FORMAT, "layout": json.dumps(plain)})
 
-    def _read(self, part: Path) -> Iterator[tuple[str, Outcome]]:
+    def _read(self, part: Path, wanted: set[str]) -> Iterator[tuple[str, Outcome]]:
         with self._xarray.open_dataset(part, engine="netcdf4", decode_cf=False) as dataset:
             if dataset.attrs.get("format") != _FORMAT:
                 raise ValueError("it is of another format")
+            keys = [str(one) for one in dataset["key"].values]
+            if wanted.isdisjoint(keys):
+                return
             dataset.load()
         layout = _layout(json.loads(dataset.attrs["layout"]))
-        n = dataset.sizes["run"]
-        numbers, words = [np.zeros((n, 0))], [np.zeros((n, 0), dtype=object)]
-        for one in layout.quantities:
-            values = dataset[one.name].values.reshape(n, one.size)
-            (words if one.words else numbers).append(values)
-        rows, texts = np.concatenate(numbers, axis=1), np.concatenate(words, axis=1)
-        finals = [
-            dataset[name].values for name in dataset.data_vars if str(name).startswith("run_final_")
-        ]
-        said = {name: [str(one) for one in dataset[f"run_{name}"].values] for name in _TEXTS}
-        for k in range(n):
-            final = next((one[k] for one in finals if not np.isnan(one[k]).all()), np.zeros(0))
-            fields = {name: said[name][k] for name in _TEXTS if name != "key"}
-            yield (
-                said["key"][k],
-                Outcome(
-                    layout=layout,
-                    numbers=np.array(rows[k]),
-                    words=tuple(map(str, texts[k])),
-                    final=np.array(final),
-                    **fields,
-                ),
-            )
-
-
-def _plain(layout: Layout) -> list[Any]:
-    return [[*one[:1], [list(axis) for axis in one.axes], *one[2:]] for one in layout.quantities]
+        nothing = np.zeros((len(keys), 0))
+        numbers, final = (
+            dataset[name].values if name in dataset else nothing for name in ("numbers", "final")
+        )
+        if numbers.shape[1] != layout.numbers:
+            raise ValueError("its numbers do not fit its layout")
+        for k, key in enumerate(keys):
+            if key in wanted:
+                said = json.loads(str(dataset["texts"].values[k]))
+                yield (
+                    key,
+                    Outcome(
+                        layout=layout,
+                        numbers=np.array(numbers[k]),
+                        words=tuple(said[len(_TEXTS) :]),
+                        final=np.array(final[k]),
+                        **dict(zip(_TEXTS, said, strict=False)),
+                    ),
+                )
 
 
 def _layout(plain: list[Any]) -> Layout:
-    if not plain:
-        return NOTHING
-    return Layout(
-        tuple(
-            Quantity(
-                name,
-                tuple(
-                    Axis(axis, tuple(labels), size, units, text)
-                    for axis, labels, size, units, text in axes
-                ),
-                units_of,
-                text_of,
-                words,
-            )
-            for name, axes, units_of, text_of, words in plain
-        )
-    )
+    def axis(name: str, labels: list[Any], *rest: Any) -> Axis:
+        return Axis(name, tuple(labels), *rest)
+
+    quantities = (Quantity(one[0], tuple(axis(*of) for of in one[1]), *one[2:]) for one in plain)
+    return Layout(tuple(quantities)) if plain else NOTHING

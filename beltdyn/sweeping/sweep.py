@@ -17,8 +17,9 @@ from ..params import Params
 from ..progress import counted
 from ..scene import Scene
 from ..torques import Torque, as_terms
-from .content import Contents, NoKeyError, token
+from .content import Contents
 from .dispatch import Dispatch
+from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
 from .points import Points, as_json, as_points
@@ -199,10 +200,15 @@ def run_sweep(
         kept = Store(store)
         found = kept.find(keys)
         known = {run: found[key] for run, key in enumerate(keys) if key in found}
+        del found
     for run, outcome in known.items():
         table.add(run, outcome)
     order = _order(base, points, [run for run in range(len(points.rows)) if run not in known])
-    finals = {run: outcome.final for run, outcome in known.items() if outcome.final.size}
+    finals = {
+        after[run]: known[after[run]].final
+        for run in order
+        if after[run] in known and known[after[run]].final.size
+    }
     text = "; ".join(f"{name} = {value}" for name, value in {"last": last, **options}.items())
     attributes = {
         "title": f"sweep over {', '.join(points.names)}",
@@ -214,7 +220,8 @@ def run_sweep(
 
     why = _in_python(base, points, what)
     workers, settled = "none", 0
-    done = len(known)
+    done = stored = len(known)
+    del known
     try:
         with (
             as_pool(executor, why) if order else nullcontext() as pool,
@@ -235,7 +242,8 @@ def run_sweep(
                     show(done, len(points.rows), f"{bad} without result" if bad else "")
 
                 show(done, len(points.rows), "")
-                dispatch = Dispatch(pool, job, points.rows, order, after, finals, take)
+                idle = (lambda: None) if kept is None else kept.tend
+                dispatch = Dispatch(pool, job, points.rows, order, after, finals, take, idle)
                 try:
                     dispatch.all()
                 finally:
@@ -246,7 +254,7 @@ def run_sweep(
         message = f"interrupted after {done} of {len(points.rows)} runs"
         raise SweepInterrupted(message, table.dataset(attributes)) from error
     dataset = table.dataset(attributes)
-    return Swept(dataset, table.counts(), len(order), len(known), settled, workers)
+    return Swept(dataset, table.counts(), len(order), stored, settled, workers)
 
 
 def as_scene(scene: Any) -> Scene:

@@ -23,6 +23,7 @@ from ..run_warnings import RunWarning, silenced
 from ..scene import Scene
 from ..simulation import settle, simulate, speeds_at_start
 from ..state import State
+from .identity import NoKeyError, token
 from .measure import Measure
 from .names import changed, find
 from .rows import Outcome
@@ -71,13 +72,22 @@ class Batch(NamedTuple):
 
 
 class _Shared(Generic[_Key, _Value]):
-    """Values by key, each made once, the last ones kept; a thread waits for what another makes."""
+    """Values by key, each made once, the last ones kept; a thread waits for what another makes.
+
+    What cannot be made is not tried again either.
+    """
 
     def __init__(self, make: Callable[[_Key, Any], _Value]) -> None:
         self._make = make
         self._lock = threading.Lock()
-        self._found: OrderedDict[_Key, tuple[threading.Lock, list[_Value]]] = OrderedDict()
-        self.made = 0
+        self._found: OrderedDict[_Key, tuple[threading.Lock, list[_Value | Exception]]]
+        self._found = OrderedDict()
+        self._mine = threading.local()
+
+    @property
+    def made(self) -> int:
+        """How many this thread has made or tried to."""
+        return getattr(self._mine, "made", 0)
 
     def get(self, key: _Key, of: Any) -> _Value:
         with self._lock:
@@ -87,10 +97,15 @@ class _Shared(Generic[_Key, _Value]):
                 self._found.popitem(last=False)
         with one:
             if not held:
-                held.append(self._make(key, of))
-                with self._lock:
-                    self.made += 1
-            return held[0]
+                self._mine.made = self.made + 1
+                try:
+                    held.append(self._make(key, of))
+                except Exception as error:
+                    held.append(error)
+            found = held[0]
+        if isinstance(found, Exception):
+            raise found.with_traceback(None)
+        return found
 
 
 class Work:
@@ -105,7 +120,7 @@ class Work:
 
     @property
     def settled(self) -> int:
-        """How many states were settled so far."""
+        """How many states this thread has settled so far."""
         return self._states.made
 
     def run(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
@@ -122,7 +137,7 @@ class Work:
         try:
             drive, scene, options = self._scene(values)
         except (TypeError, ValueError) as error:
-            return Outcome(status="refused", message=_line(error), kernels=kernels)
+            return Outcome(status="refused", message=_line(error), kernels=kernels, certain=False)
         try:
             result = self._simulate(values, drive, scene, options, before)
         except (SimulationError, ValueError, TypeError) as error:
@@ -137,6 +152,7 @@ class Work:
             return Outcome(
                 status="measure",
                 message=f"{type(error).__name__}: {_line(error)}",
+                certain=False,
                 warnings=lines,
                 kernels=kernels,
                 final=final,
@@ -179,7 +195,8 @@ class Work:
         with silenced():
             if before is not None:
                 options = {**options, "initial": _state_of(before)}
-            elif options.get("initial") is None:
+            elif options.get("initial") is None and options.get("verify") is not True:
+                # Runs that verify one settle on meshes of their own, as the run itself did.
                 speeds = speeds_at_start(
                     scene.params, scene.motion, scene.t_end, options.get("breakpoints", ())
                 )
@@ -201,7 +218,10 @@ def _hashable(value: Any) -> Hashable:
     try:
         hash(value)
     except TypeError:
-        return repr(value) if isinstance(value, (list, tuple, dict)) else id(value)
+        try:
+            return token(value)
+        except NoKeyError:
+            return object()  # nothing is equal to it
     return (type(value), value)
 
 
@@ -215,6 +235,7 @@ def _failed(error: Exception, scene: Scene, kernels: str, prefix: str = "") -> O
     return Outcome(
         status=status,
         message=prefix + _line(error),
+        certain=isinstance(error, SimulationError),
         warnings="\n".join(map(str, known)),
         kernels=kernels,
     )

@@ -1,0 +1,265 @@
+"""Texts that tell Python values and functions apart by their content, in any process.
+
+A function is known by its code, its defaults, what it encloses, and the globals that it uses, of
+the user's modules as deep as they go; of installed packages by name and version. Two functions with
+the same text do the same unless they read files or clocks, or change what they use.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import dis
+import functools
+import hashlib
+import sys
+import sysconfig
+import types
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+__all__ = ["NoKeyError", "token"]
+
+_PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), range, slice)
+#: Instructions that look up a global name, and those that look up a name in what they found.
+_GLOBALS, _INSIDE = ("LOAD_GLOBAL", "LOAD_NAME"), ("LOAD_ATTR", "LOAD_METHOD", "IMPORT_FROM")
+
+
+class NoKeyError(ValueError):
+    """Something whose content cannot be known: a compiled function, an object that has none."""
+
+
+def token(value: Any) -> str:
+    """Give a short text that is the same for the same content, and for nothing else.
+
+    Raises:
+        NoKeyError: The content cannot be known.
+    """
+    try:
+        text = _Walk().text(value)
+    except RecursionError:
+        raise NoKeyError(f"{value!r:.60} is nested too deeply") from None
+    return _short(text)
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:32]
+
+
+class _Walk:
+    """A way through a value; what holds itself is called by its depth there, so that it ends."""
+
+    def __init__(self) -> None:
+        #: What the way has gone into, and where.
+        self._depth: dict[int, int] = {}
+        #: Texts of what it has been through; held with it, so that its id stays its own.
+        self._known: dict[int, tuple[str, Any]] = {}
+        self._least = sys.maxsize
+
+    def text(self, value: Any) -> str:
+        if isinstance(value, _PLAIN):
+            return f"{type(value).__name__} {value!r}"
+        if isinstance(value, np.generic) and not isinstance(value, np.void):
+            return f"{value.dtype.str} {value.tobytes().hex()}"
+        return self._once(value, lambda: self._content(value))
+
+    def _once(self, value: Any, content: Callable[[], str]) -> str:
+        if id(value) in self._known:
+            return self._known[id(value)][0]
+        depth = self._depth.get(id(value))
+        if depth is not None:
+            self._least = min(self._least, depth)
+            return f"itself {depth}"
+        self._depth[id(value)] = depth = len(self._depth)
+        outside, self._least = self._least, sys.maxsize
+        try:
+            found = _short(content())
+        finally:
+            del self._depth[id(value)]
+        if self._least >= depth:  # it names nothing that holds it: the same wherever it is met
+            self._known[id(value)] = found, value
+        self._least = min(outside, self._least if self._least < depth else sys.maxsize)
+        return found
+
+    def _content(self, value: Any) -> str:
+        if isinstance(value, types.CodeType):
+            return self._code(value)
+        if isinstance(value, types.ModuleType):
+            return f"module {_origin(value.__name__)}"
+        if isinstance(value, np.ndarray):
+            if value.dtype.hasobject:
+                return f"objects {value.shape} {self._all(value.ravel().tolist())}"
+            data = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+            return f"array {value.dtype.str} {value.shape} {data}"
+        if type(value) in (list, tuple):
+            return f"{type(value).__name__} {self._all(value)}"
+        if type(value) in (set, frozenset):  # their order changes from process to process
+            return f"{type(value).__name__} {sorted(_Walk().text(one) for one in value)}"
+        if type(value) in (dict, types.MappingProxyType):
+            keys = sorted(value, key=lambda key: _Walk().text(key))
+            return f"dict {self._all(keys)} {self._all(value[key] for key in keys)}"
+        if isinstance(value, types.FunctionType):
+            return self._function(value)
+        if isinstance(value, types.MethodType):
+            return f"method {self._all([value.__func__, value.__self__])}"
+        if isinstance(value, (types.BuiltinFunctionType, np.ufunc)):
+            owner = getattr(value, "__self__", None)
+            own = "" if owner is None or isinstance(owner, types.ModuleType) else self.text(owner)
+            module = getattr(value, "__module__", None) or type(value).__module__
+            return f"built-in {_origin(module)} {value.__name__} {own}"
+        if isinstance(value, type):
+            return self._class(value)
+        for name in ("py_func", "__wrapped__"):  # Numba's jit; caches
+            inner = getattr(value, name, None)
+            if isinstance(inner, types.FunctionType):
+                return f"{_named(type(value))} of {self.text(inner)}"
+        return self._object(value)
+
+    def _all(self, values: Iterable[Any]) -> str:
+        return "(" + ", ".join([self.text(one) for one in values]) + ")"
+
+    def _function(self, function: types.FunctionType) -> str:
+        if not _is_users(function.__module__):
+            return f"function {_origin(function.__module__)} {function.__qualname__}" + (
+                # one made by a function of a package holds what that was called with
+                self._held(function) if function.__closure__ or function.__defaults__ else ""
+            )
+        code = function.__code__
+        used = self._used(code, function.__globals__)
+        return f"function {self._code(code)} {self._held(function)} {used}"
+
+    def _held(self, function: types.FunctionType) -> str:
+        cells: list[Any] = []
+        for cell in function.__closure__ or ():
+            try:
+                cells.append(cell.cell_contents)
+            except ValueError:  # not yet filled
+                cells.append("empty")
+        return self._all([function.__defaults__, function.__kwdefaults__, cells])
+
+    def _used(self, code: types.CodeType, known: dict[str, Any]) -> str:
+        """Give the globals that a function uses, and what it uses of the user's modules."""
+        names, inside, imported = _names(code)
+        found = {name: known[name] for name in names if name in known}
+        found |= {name: sys.modules[name] for name in imported if name in sys.modules}
+        return "; ".join(self._use(name, value, inside) for name, value in sorted(found.items()))
+
+    def _use(self, name: str, value: Any, inside: Iterable[str]) -> str:
+        if not isinstance(value, types.ModuleType) or not _is_users(value.__name__):
+            return f"{name} = {self.text(value)}"
+        held = [one for one in inside if one in vars(value)]
+
+        def content() -> str:
+            return "; ".join(self._use(one, vars(value)[one], inside) for one in held)
+
+        if id(value) in self._depth:
+            return f"{name} itself"
+        self._depth[id(value)] = len(self._depth)
+        try:
+            return f"{name}: {content()}"
+        finally:
+            del self._depth[id(value)]
+
+    def _code(self, code: types.CodeType) -> str:
+        constants = [self._constant(one) for one in code.co_consts]
+        parts = [
+            code.co_code.hex(),
+            code.co_exceptiontable.hex(),
+            str((code.co_flags, code.co_argcount, code.co_kwonlyargcount, code.co_names)),
+            str(constants),
+        ]
+        return f"code {_short(' '.join(parts))}"
+
+    def _constant(self, value: Any) -> str:
+        if isinstance(value, tuple):
+            return str([self._constant(one) for one in value])
+        if isinstance(value, frozenset):
+            return str(sorted(self._constant(one) for one in value))
+        return self._code(value) if isinstance(value, types.CodeType) else repr(value)
+
+    def _class(self, kind: type) -> str:
+        """Give a class by name; one of the user's, and those it is made from, by content."""
+        if not _is_users(kind.__module__):
+            return _named(kind)
+        parts = [self.text(base) for base in kind.__bases__]
+        for name, value in sorted(vars(kind).items()):
+            if name == "_abc_impl":  # which classes have been found to be one of these
+                continue
+            if isinstance(value, (staticmethod, classmethod)):
+                value = value.__func__
+            if isinstance(value, (property, functools.cached_property)):
+                value = getattr(value, "fget", None) or getattr(value, "func", None)
+            if isinstance(value, types.FunctionType) or not name.startswith("__"):
+                parts.append(f"{name} = {self.text(value)}" if not _is_slot(value) else name)
+        return f"class {_named(kind)} {'; '.join(parts)}"
+
+    def _object(self, value: Any) -> str:
+        """Give any other object as copying sees it."""
+        try:
+            reduced: Callable[[Any], Any] = copyreg.dispatch_table.get(type(value), _reduced)
+            found = reduced(value)
+        except Exception:
+            found = None
+        if isinstance(found, str):
+            return f"{_origin(type(value).__module__)} {found}"
+        if found is None:
+            raise NoKeyError(f"what {value!r:.60} does cannot be known from outside")
+        maker, given, *rest = found
+        state = rest[0] if rest else None
+        more = [list(one) for one in rest[1:3] if one is not None]
+        return f"{self.text(type(value))} {self._all([maker, given, state, *more])}"
+
+
+def _reduced(value: Any) -> Any:
+    return value.__reduce_ex__(4)
+
+
+def _is_slot(value: Any) -> bool:
+    """Whether something in a class is only the place of a field."""
+    return isinstance(value, (types.MemberDescriptorType, types.GetSetDescriptorType))
+
+
+@functools.lru_cache(maxsize=1024)
+def _names(code: types.CodeType) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Give the globals, attributes and modules that a function and those within it name."""
+    names: set[str] = set()
+    inside: set[str] = set()
+    imported: set[str] = set()
+    for one in dis.get_instructions(code):
+        if one.opname in _GLOBALS:
+            names.add(one.argval)
+        elif one.opname in _INSIDE:
+            inside.add(one.argval)
+        elif one.opname == "IMPORT_NAME":
+            imported.add(one.argval)
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            for known, more in zip((names, inside, imported), _names(constant), strict=True):
+                known.update(more)
+    return tuple(sorted(names)), tuple(sorted(inside)), tuple(sorted(imported))
+
+
+def _named(kind: type) -> str:
+    return f"{_origin(kind.__module__)} {kind.__qualname__}"
+
+
+@functools.lru_cache(maxsize=256)
+def _origin(module: str) -> str:
+    """Give a module by name, with the version of its package."""
+    package = sys.modules.get(module.partition(".")[0])
+    version = getattr(package, "__version__", "")
+    return f"{module} {version}" if isinstance(version, str) and version else module
+
+
+@functools.lru_cache(maxsize=256)
+def _is_users(module: str | None) -> bool:
+    """Whether a module is the user's own code: neither Python's nor an installed package's."""
+    if module is None or module == "__main__" or module not in sys.modules:
+        return True
+    if module.partition(".")[0] in (*sys.stdlib_module_names, __name__.partition(".")[0]):
+        return False
+    file = getattr(sys.modules[module], "__file__", None)
+    return file is not None and not any(
+        file.startswith(sysconfig.get_path(place)) for place in ("purelib", "platlib")
+    )
