@@ -14,6 +14,7 @@ from . import _core, npz
 from .checks import Array
 from .motions import MotionLike
 from .naming import ByPulley
+from .outputs import chosen
 from .params import Params
 from .scene import Scene
 from .state import State
@@ -126,7 +127,7 @@ def unpack(content: bytes) -> tuple[Start, float]:
         ),
         initial=_initial(arrays, meta, scene.params),
         t_eval=numbers["t_eval"],
-        outputs=None if meta["outputs"] is None else tuple(meta["outputs"]),
+        outputs=chosen(meta["outputs"], meta["ledger"]),
         options={**{name: meta[name] for name in _OPTIONS}, "breakpoints": numbers["breakpoints"]},
         settle_time=meta["settle_time"],
         kernels=meta["kernels"],

@@ -227,9 +227,7 @@ def _check_checkpoint(
         return
     for option, given in (("--verify", verify), ("--budget", budget is not None)):
         if given:
-            stop(
-                f"--checkpoint is of one run: {option}, which makes several, not with it", BAD_INPUT
-            )
+            stop(f"--checkpoint is of one run, {option} makes several: leave one out", BAD_INPUT)
 
 
 @main.command("accuracy")
