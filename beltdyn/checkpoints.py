@@ -196,7 +196,6 @@ class Recorder:
     def _write(self) -> None:
         """Append the kept record and the samples before it, if it is not there already."""
         kept, file = self._kept, self._file
-        self._kept = None
         if kept is None or file is None:
             return
         try:
@@ -204,7 +203,7 @@ class Recorder:
         except OSError as error:
             self._failures.append((kept.t, error.strerror or str(error)))
         else:
-            self._written, self._up_to = kept.samples, kept.t
+            self._written, self._up_to, self._kept = kept.samples, kept.t, None
         self._due = time.perf_counter() + self.every
 
     def _blocks(self, kept: _Kept) -> Iterator[tuple[bytes, list[memoryview]]]:

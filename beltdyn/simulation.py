@@ -46,8 +46,6 @@ _DEFAULT_RTOL, _DEFAULT_SAMPLES = 1e-4, 1001
 _CHUNK = 0.1
 #: The same for a run that another waits for.
 _WATCHED = 0.01
-#: Options that are 0 for the core where they are not given.
-_MAY_BE_NONE = ("step", "max_step", "max_steps")
 
 
 def simulate(
@@ -354,8 +352,7 @@ def _simulate(
                         initial=state,
                         t_eval=times,
                         outputs=outputs,
-                        options={name: options[name] or None for name in _MAY_BE_NONE}
-                        | {name: options[name] for name in set(options) - set(_MAY_BE_NONE)},
+                        options=options,
                         settle_time=settle_time,
                     ),
                 )

@@ -42,6 +42,8 @@ _KIND: dict[str, tuple[type, ...]] = {
     "residual": (float, type(None)),
 }
 _OPTIONS = ("method", "rtol", "step", "max_step", "max_steps", "ledger", "torque_interval")
+#: Of these, those that are 0 for the core where they are not given.
+_OR_NONE = ("step", "max_step", "max_steps")
 _INITIAL = {f"initial.{name}": name for name, *_ in _core.STATE_FIELDS}
 _NAMES = {"meta.json", "scene.toml", "t_eval", "breakpoints", *_INITIAL}
 
@@ -56,7 +58,7 @@ class Start:
         initial: The state it began from.
         t_eval: Sample times (n_t,) [s].
         outputs: What is kept, as :func:`beltdyn.outputs.chosen` gives it.
-        options: The others of :func:`beltdyn.simulate`, by name.
+        options: The others of :func:`beltdyn.simulate`, by name, checked.
         settle_time: Wall time of settling before it [s].
         kernels: Instruction level of the core.
         has_motion: Whether motions are prescribed.
@@ -86,6 +88,7 @@ def pack(start: Start, every: float) -> bytes:
         "motion": motion,
         "t_end": float(start.scene.t_end),
         **{name: start.options[name] for name in _OPTIONS},
+        **{name: start.options[name] or None for name in _OR_NONE},
         "outputs": start.outputs,
         "settle_time": start.settle_time,
         "every": every,
