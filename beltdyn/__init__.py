@@ -34,6 +34,7 @@ if _core_version != __version__:
 from . import accuracy, scenes, spectra
 from .accuracy_report import Accuracy, QuantityError
 from .arcs import Arcs
+from .checkpoints import Checkpoint
 from .errors import Interrupted, SimulationError
 from .explaining import Explanation, explain
 from .friction import LAWS as _LAWS
@@ -65,6 +66,7 @@ from .parts import Belt, Contact, Drag, Pulley
 from .places import AlongBelt
 from .report import Report
 from .result import Result
+from .resuming import resume
 from .route import Route, route
 from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .scene import Scene
@@ -87,6 +89,7 @@ __all__ = [
     "Arm",
     "Belt",
     "BeltdynWarning",
+    "Checkpoint",
     "Contact",
     "Coulomb",
     "CrankMotion",
@@ -142,6 +145,7 @@ __all__ = [
     "frequency_response",
     "identify",
     "modes",
+    "resume",
     "route",
     "sample",
     "scenes",

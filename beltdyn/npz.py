@@ -8,6 +8,7 @@ once, and the header of an array must agree with the size of its member.
 from __future__ import annotations
 
 import errno
+import io
 import math
 import os
 import zipfile
@@ -19,7 +20,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from . import files
 
-__all__ = ["number_array", "read", "text", "write"]
+__all__ = ["number_array", "pack", "read", "text", "unpack", "write"]
 
 _T = TypeVar("_T")
 Arrays = Mapping[str, NDArray[Any]]
@@ -33,6 +34,32 @@ def write(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
     """
     with files.replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **values)
+
+
+def pack(values: Mapping[str, Any]) -> bytes:
+    """Give the bytes of such a file, to be part of another."""
+    file = io.BytesIO()
+    np.savez(file, **values)
+    return file.getvalue()
+
+
+def unpack(content: bytes, names: Collection[str]) -> dict[str, NDArray[Any]]:
+    """Give the arrays of what :func:`pack` gave.
+
+    Args:
+        content: The bytes.
+        names: The arrays that may be in it.
+
+    Raises:
+        ValueError: It is something else; one line says what.
+    """
+    try:
+        return _arrays(io.BytesIO(content), len(content), names)
+    except MemoryError:
+        raise
+    except Exception as error:
+        # The exceptions of zipfile and NumPy for damaged files are not documented.
+        raise ValueError(_line(str(error) or type(error).__name__)) from None
 
 
 def read(
@@ -56,7 +83,7 @@ def read(
     """
     with open(path, "rb") as file:
         try:
-            return build(_arrays(file, names))
+            return build(_arrays(file, os.fstat(file.fileno()).st_size, names))
         except OSError as error:
             if error.errno not in (None, errno.EINVAL, errno.ESPIPE):
                 raise
@@ -77,8 +104,7 @@ def _line(words: str) -> str:
     return line if len(line) <= 300 else f"{line[:300]}..."
 
 
-def _arrays(file: IO[bytes], names: Collection[str]) -> dict[str, NDArray[Any]]:
-    size = os.fstat(file.fileno()).st_size
+def _arrays(file: IO[bytes], size: int, names: Collection[str]) -> dict[str, NDArray[Any]]:
     try:
         archive = zipfile.ZipFile(file)
     except zipfile.BadZipFile as error:

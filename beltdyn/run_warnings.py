@@ -71,6 +71,7 @@ class RunWarning:
                       five times what was asked: a jump, or a stiffness out of scale?
         fixed_step *  the error of fixed steps exceeds half the tension: shorter ones, or ``rtol``
         budget        pilot, settling and run took more CPU time than the ``budget`` given
+        checkpoint    the file of ``checkpoint`` could not be written: is the disk full?
         torque_ignored  a torque is set on a pulley whose motion is prescribed: it has no effect
         beyond_table  a pulley turns faster, by more than 1 %, than the :class:`SpeedTable` of its
                       load reaches, which stays constant there: give the table up to this speed

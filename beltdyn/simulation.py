@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from typing import Any
 
 import attrs
@@ -16,6 +17,7 @@ from .accuracy import budget as budgets
 from .accuracy.quantities import OBSERVED
 from .accuracy.runs import Reached
 from .accuracy.verification import Verification
+from .checkpoints import Checkpoint, Fresh, Recorder, Spent
 from .checks import Array, flag, integer, one_of, positive, real, real_array, sample_times
 from .errors import Interrupted, SimulationError, annotate
 from .escaped import Escaped
@@ -28,6 +30,7 @@ from .progress import over_time
 from .result import Result
 from .run_warnings import RunWarning, issue
 from .scene import Scene
+from .start_of_run import Start
 from .state import State, belt_speed
 from .stopping import stoppable
 from .torques import TorqueLike, as_terms
@@ -65,6 +68,7 @@ def simulate(
     torque_interval: float = 5e-4,
     verify: bool = False,
     budget: float | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
 ) -> Result:
     """Integrate the equations of motion (2.11), (2.12) under given torques and motions.
 
@@ -165,11 +169,19 @@ def simulate(
             on coarse meshes, which take up to half of the budget; should all together exceed it
             nevertheless, a warning "budget" says so. Not together with ``method``, ``rtol``,
             ``step`` or ``verify``.
+        checkpoint: A file to write the run to as it goes, every 30 s of wall time or as
+            ``Checkpoint(path, every=...)`` says, on Ctrl-C, where it fails and when it ends;
+            there must be none yet. Should the process be killed at any time, :func:`resume`
+            goes on from the last write, and its result is that of a run that was not stopped, bit
+            for bit. The file holds drive, state, samples, and torques and motions but for
+            functions. What it cannot be written for (a full disk) is a warning "checkpoint", and
+            the run goes on. Not together with ``verify`` or ``budget``.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; ``budget`` does
             not suffice for the coarsest mesh, the message says what would; or ``torque_fn``
             returned something other than n_p numbers.
+        OSError: There can be no file at ``checkpoint``; raised before anything runs.
         SimulationError: The run cannot go on, or failed a check; ``.symbol`` says why,
             ``.result`` holds what was computed, notes of the error list the warnings before it.
         Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
@@ -192,6 +204,10 @@ def simulate(
     }
     kept = chosen(outputs, flag("ledger", ledger))
     own: dict[str, Any] = {"ledger": ledger, "progress": progress, "initial": initial, **options}
+    if checkpoint is not None and (budget is not None or flag("verify", verify)):
+        raise ValueError(
+            "checkpoint is of one run: give it without verify and budget, which make several"
+        )
     if budget is not None:
         if (method, rtol, step, flag("verify", verify)) != ("auto", _DEFAULT_RTOL, None, False):
             raise ValueError(
@@ -206,6 +222,11 @@ def simulate(
         result, noticed = plan.judge(result, time.thread_time() - begun)
         issue(noticed, stacklevel=2)
         return result
+    if checkpoint is not None:
+        with closing(Fresh(Checkpoint.of(checkpoint))) as recorder:
+            return _simulate(
+                params, torque_fn, t_end, motion, outputs=kept, recorder=recorder, **own
+            )[0]
     if not flag("verify", verify):
         return _simulate(params, torque_fn, t_end, motion, outputs=kept, **own)[0]
     _check_params(params)
@@ -263,12 +284,14 @@ def _simulate(
     torque_interval: float,
     outputs: tuple[str, ...] | None = None,
     watch: Callable[[Reached], None] | None = None,
+    recorder: Recorder | None = None,
 ) -> tuple[Result, State]:
     """Run once, as :func:`simulate` without ``verify``; give also the state it started from.
 
     ``outputs`` are as :func:`beltdyn.outputs.chosen` gives them.
 
     ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
+    ``recorder`` writes it as it goes; with one of a run that was stopped, it goes on.
     """
     _check_params(params)
     _check_initial(params, initial)
@@ -318,22 +341,43 @@ def _simulate(
         )
     try:
         arrays = sim.sample(times) if outputs is None else sim.sample(times, names)
+        before = Spent(settle=settle_time)
+        if recorder is not None:
+            with _nothing_computed(params):
+                before = recorder.begin(
+                    sim,
+                    arrays,
+                    Start(
+                        scene=Scene(params, torque_fn, end, motion),
+                        initial=state,
+                        t_eval=times,
+                        outputs=outputs,
+                        options=options,
+                        settle_time=settle_time,
+                    ),
+                )
         cpu_start, wall_start = time.thread_time(), time.perf_counter()
     except MemoryError:
         raise memory.no_room(times.size, needed, "which could not be had") from None
     except KeyboardInterrupt as error:  # arrays of a million rows take time to make
         raise Interrupted("interrupted before the first step, nothing was computed") from error
 
+    def spent() -> Spent:
+        return before._replace(
+            cpu=before.cpu + time.thread_time() - cpu_start,
+            wall=before.wall + time.perf_counter() - wall_start,
+        )
+
     def result(status: str, message: str) -> Result:
-        counters = sim.stats
+        counters, times_spent = sim.stats, spent()
         stats = Stats._from_core(
             counters,
             method="auto" if counters["changes"] else sim.method,
             choice=sim.choice,
             kernels=_core.kernel_level(),
-            cpu_time=time.thread_time() - cpu_start,
-            wall_time=time.perf_counter() - wall_start,
-            settle_time=settle_time,
+            cpu_time=times_spent.cpu,
+            wall_time=times_spent.wall,
+            settle_time=times_spent.settle,
         )
         seen = Result._from_core(
             times,
@@ -354,20 +398,32 @@ def _simulate(
         of_samples = observed.observe(seen, motions)
         if any(one.code == "slack_span" for one in of_samples):
             seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))
-        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples))
+        of_file = () if recorder is None else recorder.warnings
+        return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples, *of_file))
 
     def interrupted() -> Interrupted:
         message = f"interrupted at t = {sim.time:.6g} s"
-        return Interrupted(message, result("interrupted", message))
+        error = Interrupted(message, result("interrupted", message))
+        if recorder is not None:
+            error.add_note(recorder.hint)
+        return error
 
     finishing = False
     escaped = Escaped(sim.stop)
+    chunk = _CHUNK if watch is None else _WATCHED
+    if recorder is not None:
+        recorder.count(spent)
+        chunk = min(chunk, recorder.every)
     try:
         with escaped, stoppable(sim), over_time(progress, "simulating", start, end) as show:
-            while not sim.advance(_CHUNK if watch is None else _WATCHED):
+            while not sim.advance(chunk):
                 show(sim.time)
                 if watch is not None:
                     watch(Reached(state, sim.time, int(sim.stats["steps"]), sim.method))
+                if recorder is not None and escaped.error is None:
+                    recorder.look(sim)
+        if recorder is not None:
+            recorder.end(sim, finished=True)
         finishing = True
         message = f"reached t_end = {end:g} s"
         if method == "auto":
@@ -379,11 +435,15 @@ def _simulate(
             )
         finished = result("finished", message)
     except SimulationError as error:
+        if recorder is not None:
+            recorder.end(sim)
         error.result = result("failed", str(error))
         annotate(error, params, error.result.warnings)
         raise
     except (KeyboardInterrupt, Exception) as error:
         raised = escaped.error or error
+        if recorder is not None and not finishing:
+            recorder.end(sim, sound=escaped.error is None)
         if isinstance(raised, KeyboardInterrupt):
             raise interrupted() from raised
         if finishing:
@@ -392,6 +452,8 @@ def _simulate(
         why = f"{whose} raised {type(raised).__name__} after t = {sim.time:.6g} s"
         _keep_result(raised, result("failed", why))
         raised.add_note(why)
+        if recorder is not None:
+            raised.add_note(recorder.hint)
         if raised is error:
             raise
         raise raised from None

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from .commands import main
 from .figures import draw_figures
+from .resuming import resume_run
 from .sweeping import sweep_scene
 
 __all__ = ["main"]
 
 main.add_command(draw_figures)
+main.add_command(resume_run)
 main.add_command(sweep_scene)

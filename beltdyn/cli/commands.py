@@ -7,15 +7,14 @@ from typing import Any
 
 import click
 
-from .. import __version__, accuracy, sanity, scenes
+from .. import __version__, accuracy, scenes
 from ..accuracy.quantities import QUANTITIES
-from ..accuracy_report import Accuracy
-from ..errors import Interrupted, SimulationError
+from ..checkpoints import Checkpoint, Fresh
 from ..explaining import explain
-from ..result import Result
 from ..run_warnings import silenced
 from ..simulation import METHODS, simulate
-from .ending import BAD_INPUT, FAILED, INTERRUPTED, Group, interruptible, reported, stop, warn
+from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
+from .printed import check_share, print_accuracy, print_report, print_summary, running, write
 from .written import Outputs, draw_layout, save_figure
 
 __all__ = ["main"]
@@ -32,6 +31,8 @@ def main() -> None:
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own
     beltdyn run drive.toml --outputs span_tension    compute and keep nothing else
+    beltdyn run drive.toml --checkpoint drive.run    write it as it goes, in case it is killed
+    beltdyn resume drive.run --out drive.npz         go on with it as if it had not been
     beltdyn run kubas-case-1 --verify                how accurate is it?
     beltdyn run kubas-case-1 --error 1e-2            run it as cheaply as 1 % allows
     beltdyn accuracy kubas-case-1 --plot price.png   what does accuracy cost?
@@ -113,6 +114,18 @@ def show(scene: str, plot: Path | None) -> None:
     show_default=True,
     help="The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
 )
+@click.option(
+    "--checkpoint",
+    type=click.Path(path_type=Path),
+    help="Write the run here as it goes; `beltdyn resume` goes on with it after a kill.",
+)
+@click.option(
+    "--checkpoint-every",
+    type=float,
+    default=30.0,
+    show_default=True,
+    help="Wall time between two of these writes [s].",
+)
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 @click.pass_context
@@ -132,6 +145,8 @@ def run(
     budget: float | None,
     outputs: str | None,
     last: float,
+    checkpoint: Path | None,
+    checkpoint_every: float,
     verbose: bool,
     quiet: bool,
 ) -> None:
@@ -140,55 +155,47 @@ def run(
     The report is of the last part of the run: speeds, torques, powers, hub loads and margins to
     slip of the pulleys, tensions of the spans, creep by its causes, where power goes, load cycles.
     """
-    if not 0.0 < last <= 1.0:
-        stop(f"--last must be > 0 and <= 1 (a share of the run), got {last:g}", BAD_INPUT)
-    written_to = Outputs(out, plot, animate, quiet)
+    check_share(last)
+    written_to = Outputs(out, plot, animate, quiet, checkpoint)
     written_to.check()
     _check_choice(context, error, budget)
+    _check_checkpoint(context, checkpoint, verify, budget)
     if outputs is not None and (plot is not None or animate is not None):
         stop("--plot and --animate draw from all outputs: leave --outputs out", BAD_INPUT)
     names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
     suggestion = None
     options: dict[str, Any] = {"method": method, "rtol": rtol, "step": step, "budget": budget}
-    with reported():
+    with reported("read" if checkpoint is None else "read or write"):
+        if checkpoint is not None:
+            asked = Checkpoint(checkpoint, checkpoint_every)
+            Fresh(asked).close()  # before anything takes long
+            options["checkpoint"] = asked
         found = scenes.find(scene)
         if t_end is not None:
             found = found._replace(t_end=t_end)
-        try:
-            with interruptible(), silenced():
-                if error is not None:
-                    suggestion = accuracy.suggest(found, error, quantity)
-                    found, options = suggestion.scene, suggestion.options
-                result = simulate(
-                    found.params,
-                    found.torque_fn,
-                    found.t_end,
-                    motion=found.motion,
-                    progress=not quiet,
-                    verify=verify,
-                    outputs=names,
-                    **options,
-                )
-        except (SimulationError, Interrupted) as ended:
-            failed = isinstance(ended, SimulationError)
-            written = written_to.write(ended.result)
-            if ended.result:
-                warn(ended.result.warnings, quiet)
-            elif failed:
-                warn(sanity.check(found.params), quiet)
-            stop(f"{ended}{written}", FAILED if failed else INTERRUPTED)
-    try:
-        with interruptible():
-            written = written_to.write(result)
-    except KeyboardInterrupt:
-        stop("interrupted while the result was written", INTERRUPTED)
+        with running(written_to, checkpoint, lambda: found.params):
+            if error is not None:
+                suggestion = accuracy.suggest(found, error, quantity)
+                found = suggestion.scene
+                options |= suggestion.options
+            result = simulate(
+                found.params,
+                found.torque_fn,
+                found.t_end,
+                motion=found.motion,
+                progress=not quiet,
+                verify=verify,
+                outputs=names,
+                **options,
+            )
+    written = write(written_to, result, checkpoint)
     if not quiet:
         if suggestion is not None:
             click.echo(f"{suggestion}\n")
-        _print_summary(scene, result, written, verbose or budget is not None)
+        print_summary(scene, result, written, verbose or budget is not None)
         if verify:
-            _print_accuracy(result.accuracy)
-        _print_report(result, last)
+            print_accuracy(result.accuracy)
+        print_report(result, last)
     warn(result.warnings, quiet)
 
 
@@ -207,6 +214,20 @@ def _check_choice(context: click.Context, error: float | None, budget: float | N
         for name in others:
             if given(name):
                 stop(f"{option} and --{name} must not be given together", BAD_INPUT)
+
+
+def _check_checkpoint(
+    context: click.Context, checkpoint: Path | None, verify: bool, budget: float | None
+) -> None:
+    """Stop if --checkpoint cannot be had, or --checkpoint-every is alone."""
+    if checkpoint is None:
+        source = context.get_parameter_source("checkpoint_every")
+        if source is click.core.ParameterSource.COMMANDLINE:
+            stop("--checkpoint-every is how often --checkpoint is written: give both", BAD_INPUT)
+        return
+    for option, given in (("--verify", verify), ("--budget", budget is not None)):
+        if given:
+            stop(f"--checkpoint is of one run, {option} makes several: leave one out", BAD_INPUT)
 
 
 @main.command("accuracy")
@@ -299,38 +320,3 @@ def explain_scene(
                 method=method,
             )
     click.echo(str(explanation))
-
-
-def _print_accuracy(report: Accuracy) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    heading, *rows = report.table()
-    table = Table(title="estimated errors", title_justify="left")
-    for k, label in enumerate(heading):
-        table.add_column(label, justify="right" if k else "left")
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
-    for remark in report.remarks():
-        click.echo(f"  {remark}")
-
-
-def _print_report(result: Result, last: float) -> None:
-    try:
-        report = str(result.report(last))
-    except ValueError as error:
-        report = f"no report: {error}"
-    click.echo(f"\n{report}")
-
-
-def _print_summary(scene: str, result: Result, written: str, verbose: bool) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=scene, show_header=False, title_justify="left")
-    for label, value in result.summary(verbose):
-        table.add_row(label, value)
-    Console().print(table)
-    if written:
-        click.echo(written.strip())

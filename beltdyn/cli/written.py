@@ -81,6 +81,7 @@ class Outputs(NamedTuple):
     plot: Path | None
     animate: Path | None
     quiet: bool
+    checkpoint: Path | None = None
 
     def check(self) -> None:
         """Stop before the run if a file could not be written after it."""
@@ -90,10 +91,11 @@ class Outputs(NamedTuple):
                 ("--out", self.out),
                 ("--plot", self.plot),
                 ("--animate", self.animate),
+                ("--checkpoint", self.checkpoint),
             )
             if path is not None
         }
-        for path in named.values():
+        for path in (path for option, path in named.items() if option != "--checkpoint"):
             try:
                 check_writable(path)
             except OSError as error:

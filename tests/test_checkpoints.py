@@ -1,0 +1,756 @@
+"""A run that is written as it goes survives everything that can end a process, and goes on from its
+file to the result of a run that was not stopped, bit for bit; what the file cannot give is said."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+from drives import plain, plain_scene
+from module_common import refused
+
+import beltdyn as bd
+from beltdyn import _core, checkpoints, simulation, start_of_run
+from beltdyn.blocks import BlockFile
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+
+#: Every method, adaptive and, where it may be, with a fixed step; and how long a run of about half
+#: a second is then [s].
+METHODS: dict[str, tuple[dict[str, Any], float]] = {
+    "auto": ({}, 0.5),
+    "auto coarse": ({"rtol": 1e-2}, 1.0),
+    "tsit5": ({"method": "tsit5"}, 0.3),
+    "tsit5 step": ({"method": "tsit5", "step": 1e-6}, 0.3),
+    "rodas4": ({"method": "rodas4"}, 0.7),
+    "lbdf2": ({"method": "lbdf2", "rtol": 1e-2}, 1.0),
+    "lie": ({"method": "lie", "rtol": 1e-2}, 0.3),
+    "rk4": ({"method": "rk4"}, 0.2),
+    "rk4 fixed": ({"method": "rk4", "step": 2e-6}, 0.05),
+    "lbdf2 fixed": ({"method": "lbdf2", "step": 1e-4}, 0.8),
+    "lie fixed": ({"method": "lie", "step": 5e-5}, 0.4),
+}
+TIMES = ("cpu_time", "wall_time", "settle_time")
+
+
+def same(one: bd.Result, other: bd.Result) -> bool:
+    """The same bits in all that a result has, but the times it took."""
+    for group in ("pulleys", "belt", "joints", "contact", "mounts", "energy"):
+        held = [getattr(result, group) for result in (one, other)]
+        if held[0] is None or held[1] is None:
+            if held[0] is not held[1]:
+                return False
+            continue
+        arrays = [group.arrays() for group in held]
+        if arrays[0].keys() != arrays[1].keys():
+            return False
+        for name, array in arrays[0].items():
+            if array.dtype != arrays[1][name].dtype or array.shape != arrays[1][name].shape:
+                return False
+            if array.tobytes() != arrays[1][name].tobytes():
+                return False
+    states = [result.final_state for result in (one, other)]
+    for name, *_ in _core.STATE_FIELDS:
+        if getattr(states[0], name).tobytes() != getattr(states[1], name).tobytes():
+            return False
+    stats = [
+        {name: value for name, value in attrs.asdict(result.stats).items() if name not in TIMES}
+        for result in (one, other)
+    ]
+    plain_fields = ("status", "success", "message", "warnings", "effects", "outputs", "unchecked")
+    sampled = [result._sampled_spans for result in (one, other)]
+    return (
+        one.t.tobytes() == other.t.tobytes()
+        and states[0].t == states[1].t
+        and stats[0] == stats[1]
+        and all(getattr(one, name) == getattr(other, name) for name in plain_fields)
+        and (sampled[0] is None) == (sampled[1] is None)
+        and (sampled[0] is None or np.array_equal(*sampled, equal_nan=True))
+        and one.params == other.params
+    )
+
+
+def small(t_end: float = 0.02) -> bd.Scene:
+    """Twenty-four links: a run of some milliseconds."""
+    params = plain()
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24))
+    ramp = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]])
+    return bd.Scene(params, ramp + bd.Viscous([0.0, 16.0]), t_end)
+
+
+def often(path: Path) -> bd.Checkpoint:
+    return bd.Checkpoint(path, every=0.0)
+
+
+def commits(path: Path) -> list[int]:
+    """Where the file may be cut: after its head, and after each restart record."""
+    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+        ends = [block.begin + block.size + 32 for block in file.blocks if block.kind != b"rows"]
+        assert file.cut == 0
+    return ends
+
+
+@pytest.fixture
+def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A restart record in memory every few milliseconds."""
+    monkeypatch.setattr(simulation, "_CHUNK", 0.0)
+
+
+# --- cut anywhere --------------------------------------------------------------------------------
+
+
+def goes_on(path: Path, expected: bd.Result, at: list[int], **again: Any) -> None:
+    """From the file cut at each of these lengths the run goes on; only the copies are written."""
+    whole = path.read_bytes()
+    copy = path.with_name("copy")
+    for length in at:
+        copy.write_bytes(whole[:length])
+        assert same(bd.resume(copy, **again), expected), length
+        assert same(bd.resume(copy, **again), expected)  # it is written to its end now
+
+
+def some(ends: list[int], seed: int) -> list[int]:
+    """The first, the last, and some lengths at and between ends of writes."""
+    rng = random.Random(seed)
+    inside = [rng.randint(ends[0], ends[-1]) for _ in range(2)]
+    return [ends[0], *rng.sample(ends, min(2, len(ends))), *inside, ends[-1]]
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_goes_on_from_anywhere(name: str, tmp_path: Path) -> None:
+    scene, path = small(0.04), tmp_path / "run"
+    options: dict[str, Any] = {**METHODS[name][0], "t_eval": np.linspace(0.0, 0.04, 57)}
+    expected = bd.simulate(*scene[:3], **options)
+    assert same(bd.simulate(*scene[:3], checkpoint=often(path), **options), expected)
+    ends = commits(path)
+    assert len(ends) >= 3
+    goes_on(path, expected, some(ends, 1))
+
+
+CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
+    "no ledger": (small, {"ledger": False}),
+    "outputs": (small, {"outputs": ("span_tension", "pulleys.omega", "contact.pulley")}),
+    "outputs with the ledger": (small, {"outputs": ("energy", "joints.force")}),
+    "no outputs": (small, {"outputs": ()}),
+    "no samples": (small, {"t_eval": []}),
+    "samples twice, and late": (small, {"t_eval": [0.0, 0.0, 0.013, 0.013, 0.02]}),
+    "breakpoints": (small, {"breakpoints": [0.007, 0.003], "max_step": 1e-4}),
+    "steps": (small, {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}),
+    "string": (
+        lambda: small()._replace(
+            params=attrs.evolve(
+                small().params,
+                belt=attrs.evolve(
+                    small().params.belt, mesh="joint", model="string", bending_stiffness=0.0
+                ),
+            )
+        ),
+        {},
+    ),
+    "friction with states": (
+        lambda: small()._replace(
+            params=attrs.evolve(
+                small().params,
+                friction=bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3)),
+            )
+        ),
+        {},
+    ),
+    "an arm": (lambda: bd.scenes.get("tensioned-alternator")._replace(t_end=0.004), {}),
+    "motion": (
+        lambda: small()._replace(
+            motion={0: bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])}, torque_fn=bd.Viscous([0, 1.0])
+        ),
+        {},
+    ),
+    "motion with harmonics": (
+        lambda: small()._replace(
+            motion={
+                0: bd.CrankMotion(
+                    bd.PiecewiseLinear([0.0], [-20.0]), orders=[2.0], amplitudes=[0.05]
+                )
+            },
+            torque_fn=bd.Viscous([0, 1.0]),
+        ),
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_whatever_it_is_called_with_is_in_the_file(name: str, tmp_path: Path) -> None:
+    make, options = CALLS[name]
+    scene, path = make(), tmp_path / "run"
+    expected = bd.simulate(*scene, **options)
+    bd.simulate(*scene, checkpoint=often(path), **options)
+    goes_on(path, expected, some(commits(path), 2))
+
+
+def test_it_begins_from_any_state(tmp_path: Path) -> None:
+    """Also one at a time before 0, of a run that ends before 0."""
+    scene, path = small(), tmp_path / "run"
+    first = bd.simulate(*scene[:3], t_eval=[]).final_state
+    first = attrs.evolve(first, t=-0.05)
+    expected = bd.simulate(*scene[:2], -0.03, initial=first)
+    bd.simulate(*scene[:2], -0.03, initial=first, checkpoint=often(path))
+    goes_on(path, expected, some(commits(path), 3))
+
+
+def test_many_samples_are_written_in_several_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checkpoints, "_MOST_ROWS", 50_000)
+    scene, path = small(), tmp_path / "run"
+    bd.simulate(*scene[:3], checkpoint=path)
+    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+        kinds = [block.kind for block in file.blocks]
+        assert max(block.size for block in file.blocks if block.kind == b"rows") <= 50_000
+    assert kinds.count(b"rows") > 10 and kinds.count(b"rest") == 1
+    goes_on(path, bd.simulate(*scene[:3]), commits(path))
+
+
+def test_a_file_that_is_damaged_gives_the_run_or_is_refused(tmp_path: Path) -> None:
+    """Bits flipped anywhere, and lengths that no write has."""
+    scene, path, copy = small(0.008), tmp_path / "run", tmp_path / "copy"
+    t_eval = np.linspace(0.0, 0.008, 9)
+    expected = bd.simulate(*scene[:3], t_eval=t_eval)
+    bd.simulate(*scene[:3], t_eval=t_eval, checkpoint=often(path))
+    whole, head = path.read_bytes(), commits(path)[0]
+    rng = random.Random(4)
+    flips = [rng.randrange(head) for _ in range(40)]
+    flips += [rng.randrange(head, len(whole)) for _ in range(30)]
+    for at in flips:
+        damaged = bytearray(whole)
+        damaged[at] ^= 1 << rng.randrange(8)
+        copy.write_bytes(damaged)
+        if at >= head:
+            assert same(bd.resume(copy, checkpoint=False), expected)
+            continue
+        with pytest.raises(ValueError, match=r"^cannot go on from .*: it is no checkpoint") as no:
+            bd.resume(copy)
+        assert "\n" not in str(no.value)
+        assert copy.read_bytes() == damaged  # left as it is
+    for length in [*range(40), *(rng.randrange(head) for _ in range(40))]:
+        copy.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match="cannot go on from"):
+            bd.resume(copy)
+
+
+# --- killed --------------------------------------------------------------------------------------
+
+
+def driven(t: float, _theta: Any, omega: Any) -> list[float]:
+    """A torque function with a jump that nobody names."""
+    return [-60.0 if 0.104 < t < 0.106 else -30.0 * min(t, 0.2) / 0.2, -16.0 * float(omega[1])]
+
+
+def called(name: str) -> tuple[bd.Scene, dict[str, Any]]:
+    if name == "function":
+        return plain_scene()._replace(torque_fn=driven, t_end=0.15), {}
+    options, t_end = METHODS[name]
+    return plain_scene()._replace(t_end=t_end), options
+
+
+def child(name: str, path: Path, every: float = 0.0, out: str = "", kill_at: int = -1) -> None:
+    """Begin the run or go on with it; the process dies after so many bytes were written."""
+    warnings.simplefilter("ignore")
+    scene, options = called(name)
+    if kill_at >= 0:
+        real: Any = BlockFile._write
+        left = [kill_at]
+
+        def write(self: BlockFile, view: memoryview) -> None:
+            real(self, view[: left[0]])
+            if view.nbytes > left[0]:
+                os.kill(os.getpid(), signal.SIGKILL)
+            left[0] -= view.nbytes
+
+        BlockFile._write = write  # type: ignore[method-assign]
+    if path.exists():
+        result = bd.resume(path, driven if name == "function" else None, every=every)
+    else:
+        result = bd.simulate(*scene, checkpoint=bd.Checkpoint(path, every), **options)
+    if out:
+        result.save(out)
+
+
+def started(*arguments: Any) -> subprocess.Popen[bytes]:
+    program = (
+        "from pathlib import PosixPath, WindowsPath\n"
+        "import test_checkpoints\n"
+        f"test_checkpoints.child{arguments!r}\n"
+    )
+    return subprocess.Popen(
+        [sys.executable, "-c", program], cwd=Path(__file__).parent, stderr=subprocess.PIPE
+    )
+
+
+def size_of(path: Path) -> int:
+    return path.stat().st_size if path.exists() else 0
+
+
+def ended(process: subprocess.Popen[bytes]) -> int:
+    """Give how it ended; what it said if by an exception."""
+    _, said = process.communicate(timeout=120)
+    assert process.returncode in (0, -signal.SIGKILL), said.decode()
+    return process.returncode
+
+
+def killed(name: str, path: Path, rng: random.Random) -> bool:
+    """Let a process work on the run and kill it at a random moment; whether it had not finished.
+
+    The moment is one of those in which it works on the run, however fast the machine: counted from
+    when the file exists, or has grown.
+    """
+    before = size_of(path)
+    process = started(name, path)
+    at_once = rng.random() < 0.2
+    while process.poll() is None and (size_of(path) == before and not at_once):
+        time.sleep(1e-3)
+    time.sleep(rng.uniform(0.0, 0.5 if at_once else 0.03))
+    process.kill()
+    return ended(process) == -signal.SIGKILL
+
+
+def survives(name: str, kills: int, tmp_path: Path, seed: int) -> None:
+    """Kill a run again and again, until it was killed so often, then let it finish.
+
+    If it finishes before, it begins anew.
+    """
+    rng, path, out = random.Random(seed), tmp_path / "run", tmp_path / "out.npz"
+    scene, options = called(name)
+    expected = bd.simulate(*scene, **options)
+    done = 0
+    for _ in range(4 * kills):
+        if killed(name, path, rng):
+            done += 1
+        else:
+            again = bd.resume(path, driven if name == "function" else None)
+            assert same(again, expected)
+            path.unlink()
+        if done >= kills:
+            break
+    assert done >= kills
+    assert ended(started(name, path, 0.0, str(out))) == 0
+    assert same(bd.Result.load(out), expected)
+    # what is left beside it are at most the beginnings of files whose process was killed then
+    others = [other.name for other in tmp_path.iterdir() if other not in (path, out)]
+    assert all(other.startswith(".run-") for other in others)
+
+
+@pytest.mark.parametrize("name", ["auto", "rk4 fixed"])
+def test_a_run_survives_kills(name: str, tmp_path: Path) -> None:
+    survives(name, 2, tmp_path, 5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*METHODS, "function"])
+def test_a_run_survives_twenty_kills(name: str, tmp_path: Path) -> None:
+    survives(name, 20, tmp_path, sum(map(ord, name)))
+
+
+def kill_in_writes(places: Callable[[int], list[int]], tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    scene, options = called("rk4")
+    expected = bd.simulate(*scene, **options)
+    assert ended(started("rk4", path)) == 0
+    size = size_of(path)
+    for k, place in enumerate(places(size)):
+        path.unlink()
+        assert ended(started("rk4", path, 0.0, "", place)) == -signal.SIGKILL
+        with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+            assert place == 0 or file.cut > 0 or k > 0  # in the middle of a write
+        assert same(bd.resume(path), expected)
+
+
+def test_a_process_killed_in_the_middle_of_a_write(tmp_path: Path) -> None:
+    kill_in_writes(lambda size: [size // 3], tmp_path)
+
+
+@pytest.mark.slow
+def test_processes_killed_in_the_middle_of_writes(tmp_path: Path) -> None:
+    rng = random.Random(6)
+    kill_in_writes(lambda size: [0, *(rng.randrange(size // 2) for _ in range(15))], tmp_path)
+
+
+# --- ended otherwise -----------------------------------------------------------------------------
+
+
+class Stops:
+    """A torque function that raises after a time, once."""
+
+    def __init__(self, error: BaseException, after: float) -> None:
+        self.error: BaseException | None = error
+        self.after = after
+
+    def __call__(self, t: float, _theta: Any, omega: Any) -> list[float]:
+        if self.error is not None and t > self.after:
+            error, self.error = self.error, None
+            raise error
+        return [-50.0 * t / 0.02, -16.0 * float(omega[1])]
+
+
+def up_to(path: Path) -> float:
+    """Give the time up to which a file holds the run."""
+    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+        return float(checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))[1])
+
+
+@pytest.mark.usefixtures("short_chunks")
+@pytest.mark.parametrize("error", [ZeroDivisionError("mine"), KeyboardInterrupt()])
+def test_a_torque_function_that_raises_loses_little(error: BaseException, tmp_path: Path) -> None:
+    """It fails in the middle of a step, so the last chunk is lost, and no more."""
+    scene, path = small(), tmp_path / "run"
+    expected = bd.simulate(scene.params, Stops(error, np.inf), 0.02)
+    stops = Stops(error, 0.015)
+    kind = bd.Interrupted if isinstance(error, KeyboardInterrupt) else ZeroDivisionError
+    with pytest.raises(kind) as caught:
+        bd.simulate(scene.params, stops, 0.02, checkpoint=path)
+    assert f"go on with beltdyn.resume({str(path)!r})" in caught.value.__notes__
+    assert 0.005 < up_to(path) < 0.015 < expected.t[-1]
+    assert same(bd.resume(path, stops), expected)
+
+
+@pytest.mark.usefixtures("short_chunks")
+def test_a_compiled_function_that_raises_spoils_nothing(tmp_path: Path) -> None:
+    """The core gets a torque that nobody gave, and does not know: that step is not written."""
+    fails = [True]
+
+    @ctypes.CFUNCTYPE(
+        None, ctypes.c_double, *[ctypes.POINTER(ctypes.c_double)] * 3, ctypes.c_void_p
+    )
+    def torque(t: float, _theta: Any, omega: Any, out: Any, _user: Any) -> None:
+        out[0], out[1] = 1e4, 0.0
+        if fails[0] and t > 0.012:
+            fails[0] = False
+            raise ZeroDivisionError("mine")
+        out[0], out[1] = -50.0 * t / 0.02, -16.0 * omega[1]
+
+    scene, path = small(), tmp_path / "run"
+    with pytest.raises(ZeroDivisionError):
+        bd.simulate(scene.params, torque, 0.02, checkpoint=path)
+    assert up_to(path) < 0.012
+    assert same(bd.resume(path, torque), bd.simulate(scene.params, torque, 0.02))
+
+
+def test_stopped_between_steps_nothing_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_chunks: None
+) -> None:
+    scene, path = small(), tmp_path / "run"
+    looks = [0]
+    real: Any = checkpoints.Recorder.look
+
+    def look(self: Any, sim: Any) -> None:
+        real(self, sim)
+        looks[0] += 1
+        if looks[0] == 4:
+            sim.stop()
+
+    monkeypatch.setattr(checkpoints.Recorder, "look", look)
+    with pytest.raises(bd.Interrupted) as caught:
+        bd.simulate(*scene[:3], checkpoint=path)
+    assert caught.value.result is not None
+    assert up_to(path) == caught.value.result.final_state.t > 0.0
+    monkeypatch.undo()
+    assert same(bd.resume(path), bd.simulate(*scene[:3]))
+
+
+def test_a_limit_of_steps_can_be_raised(tmp_path: Path) -> None:
+    scene, path = small(), tmp_path / "run"
+    options: dict[str, Any] = {"method": "tsit5"}
+    with pytest.raises(bd.SimulationError, match="limit of 100 steps"):
+        bd.simulate(*scene[:3], max_steps=100, checkpoint=path, **options)
+    assert up_to(path) > 0.0
+    with pytest.raises(bd.SimulationError, match="limit of 100 steps"):
+        bd.resume(path)
+    assert same(bd.resume(path, max_steps=10**6), bd.simulate(*scene[:3], **options))
+
+
+def test_a_run_that_fails_fails_again(tmp_path: Path) -> None:
+    scene, path = plain_scene(), tmp_path / "run"
+    options: dict[str, Any] = {"method": "rk4", "step": 1e-5}
+    failures = []
+    for run in (
+        lambda: bd.simulate(*scene, **options),
+        lambda: bd.simulate(*scene, checkpoint=often(path), **options),
+        lambda: bd.resume(path),
+    ):
+        with pytest.raises(bd.SimulationError) as caught:
+            run()
+        failures.append(caught.value)
+    assert len({str(failure) for failure in failures}) == 1
+    results = [failure.result for failure in failures]
+    assert results[0] is not None and results[1] is not None and results[2] is not None
+    assert same(results[0], results[1]) and same(results[0], results[2])
+
+
+@pytest.mark.usefixtures("short_chunks")
+@pytest.mark.parametrize("again", [False, True])
+def test_a_full_disk_does_not_end_the_run(
+    again: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was written stays; with ``again`` there is room for the last write."""
+    scene, path = small(), tmp_path / "run"
+    expected = bd.simulate(*scene[:3])
+    real: Any = BlockFile._write
+    room, failed = [200_000], [0]
+
+    def write(self: BlockFile, view: memoryview) -> None:
+        if view.nbytes > room[0]:
+            failed[0] += 1
+            if again and failed[0] == 3:
+                room[0] = 10**9
+            else:
+                real(self, view[: room[0]])
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(self, view)
+        room[0] -= view.nbytes
+
+    monkeypatch.setattr(BlockFile, "_write", write)
+    with pytest.warns(bd.BeltdynWarning, match=r"^checkpoint: .*No space left on device"):
+        result = bd.simulate(*scene[:3], checkpoint=often(path))
+    *others, warning = result.warnings
+    assert warning.code == "checkpoint" and str(path) in warning.text
+    assert same(attrs.evolve(result, warnings=tuple(others)), expected)
+    assert f"holds the run up to t = {up_to(path):.6g} s" in warning.text
+    assert (up_to(path) == 0.02) is again
+    monkeypatch.undo()
+    assert same(bd.resume(path), expected)
+
+
+def spent(path: Path) -> list[float]:
+    """Give CPU and wall time spent up to the last write."""
+    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+        return list(checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))[2:4])
+
+
+def test_times_add_up(tmp_path: Path) -> None:
+    scene, path = small(), tmp_path / "run"
+    with pytest.raises(bd.SimulationError, match="limit of 200 steps"):
+        bd.simulate(*scene[:3], method="tsit5", max_steps=200, checkpoint=path)
+    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+        start = start_of_run.unpack(file.content(file.blocks[0]))[0]
+    before = spent(path)
+    for _ in range(2):  # the second time it has finished
+        stats = bd.resume(path, max_steps=10**6).stats
+        assert stats.cpu_time > before[0] > 0.0 and stats.wall_time > before[1] > 0.0
+        assert stats.settle_time == start.settle_time > 0.0
+        later = spent(path)
+        assert later > before or later == before
+        before = later
+
+
+# --- refused -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def half(tmp_path: Path) -> Path:
+    """The file of half a run of :func:`small`."""
+    path = tmp_path / "half"
+    scene = small()
+    bd.simulate(*scene[:3], checkpoint=often(path))
+    ends = commits(path)
+    os.truncate(path, ends[len(ends) // 2])
+    return path
+
+
+def test_a_file_that_is_there_is_not_written_over(half: Path) -> None:
+    before = half.read_bytes()
+    with refused(
+        ValueError,
+        f"checkpoint: there is a file {half} already: go on with the run in it (beltdyn resume "
+        f"{half}, or beltdyn.resume in Python), remove it, or choose another name",
+    ):
+        bd.simulate(*small()[:3], checkpoint=half)
+    assert half.read_bytes() == before
+
+
+def test_what_cannot_be_a_checkpoint(tmp_path: Path) -> None:
+    scene = small()
+
+    def run(**options: Any) -> bd.Result:
+        return bd.simulate(*scene[:3], **options)
+
+    for several in ({"verify": True}, {"budget": 5.0}):
+        with pytest.raises(ValueError, match="checkpoint is of one run"):
+            run(checkpoint=tmp_path / "run", **several)
+    with pytest.raises(TypeError, match="checkpoint must be a path"):
+        run(checkpoint=True)
+    with pytest.raises(FileNotFoundError):
+        run(checkpoint=tmp_path / "none" / "run")
+    with pytest.raises(ValueError, match=r"Checkpoint.every must be >= 0 s, got -1 s"):
+        bd.Checkpoint("run", every=-1.0)
+    with pytest.raises(TypeError, match=r"Checkpoint\.path"):
+        bd.Checkpoint(3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"Checkpoint\.path"):
+        bd.Checkpoint("")
+    # what is wrong otherwise is found before there is a file
+    with pytest.raises(ValueError, match="rtol"):
+        run(checkpoint=tmp_path / "run", rtol=-1.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_functions_must_be_given_again(tmp_path: Path) -> None:
+    scene, path = small(), tmp_path / "run"
+
+    def speed(t: float) -> float:
+        return -100.0 * t
+
+    torque = Stops(ValueError(), np.inf)
+    expected = bd.simulate(scene.params, torque, 0.005, {0: speed})
+    bd.simulate(scene.params, torque, 0.005, {0: speed}, checkpoint=often(path))
+    os.truncate(path, commits(path)[2])
+    for given, missing in (({}, "torque_fn"), ({"torque_fn": torque}, "motion")):
+        with refused(
+            ValueError,
+            f"the run in {path} had a function as {missing}, which a file cannot hold: give the "
+            f"same one again, in Python, beltdyn.resume({str(path)!r}, {missing}=...)",
+        ):
+            bd.resume(path, **given)  # type: ignore[arg-type]
+    assert same(bd.resume(path, torque, {0: speed}), expected)
+
+
+def test_another_torque_is_refused(half: Path) -> None:
+    before = half.read_bytes()
+    other = bd.Viscous([0.0, 17.0])
+    motion = {0: bd.PiecewiseLinear([0.0], [0.0])}
+    for given in ((other,), (None, motion), (driven,)):
+        with pytest.raises(ValueError, match=r"cannot go on from .* the record is of another run"):
+            bd.resume(half, *given)
+    assert half.read_bytes() == before
+    assert same(bd.resume(half, small().torque_fn), bd.simulate(*small()[:3]))
+
+
+def test_another_version_is_refused(half: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_core, "__version__", "99.0")
+    with refused(
+        ValueError,
+        f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is 99.0: "
+        "a run goes on in the version that began it",
+    ):
+        bd.resume(half)
+
+
+def test_another_instruction_level_is_refused(half: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    level = _core.kernel_level()
+    monkeypatch.setenv("BELTDYN_KERNELS", "baseline")
+    if level == "baseline":
+        pytest.skip("there is no other")
+    with pytest.raises(ValueError, match=f"set the environment variable BELTDYN_KERNELS={level}"):
+        bd.resume(half)
+    monkeypatch.setenv("BELTDYN_KERNELS", level)
+    assert bd.resume(half).stats.kernels == level
+
+
+def test_a_file_that_is_only_read(half: Path) -> None:
+    half.chmod(0o400)
+    before = half.read_bytes()
+    assert same(bd.resume(half, checkpoint=False), bd.simulate(*small()[:3]))
+    assert half.read_bytes() == before
+    if os.geteuid() != 0:
+        with pytest.raises(PermissionError):
+            bd.resume(half)
+
+
+def test_one_process_writes(half: Path) -> None:
+    with BlockFile(half, checkpoints._MARK, b"rest", write=True):
+        with pytest.raises(BlockingIOError, match="another run is writing to it"):
+            bd.resume(half)
+        assert bd.resume(half, checkpoint=False).success
+
+
+def rewritten(path: Path, change: Callable[[bytes, bytes], Iterator[bytes]]) -> Path:
+    """The same blocks with other contents, and check sums that are right."""
+    forged = path.with_name("forged")
+    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+        found = [(block.kind, file.content(block)) for block in file.blocks]
+    changed = [(kind, other) for kind, content in found for other in change(kind, content)]
+    BlockFile.create(forged, checkpoints._MARK, *changed[0])
+    with BlockFile(forged, checkpoints._MARK, b"rest", write=True) as file:
+        file.append((kind, [memoryview(content)]) for kind, content in changed[1:])
+    return forged
+
+
+def test_forged_files_are_refused_by_name(half: Path) -> None:
+    """Whoever makes one makes its check sums as well."""
+
+    def only(kind: bytes, change: Callable[[bytes], bytes]) -> Any:
+        return lambda found, content: iter([change(content) if found == kind else content])
+
+    cases: list[tuple[Any, str]] = [
+        (only(b"head", lambda content: b"PK" + content[100:]), ""),
+        (only(b"head", lambda content: content[:-30]), ""),
+        (only(b"rows", lambda content: content[:-8]), "samples"),
+        (only(b"rows", lambda content: content + content), "samples"),
+        (lambda kind, content: iter([] if kind == b"rows" else [content]), "samples are missing"),
+        (only(b"rest", lambda content: content[:20]), "too short"),
+        (only(b"rest", lambda content: b"\xff" * 8 + content[8:]), "do not fit together"),
+        (only(b"rest", lambda content: content[:-1]), "record is damaged"),
+    ]
+    for change, words in cases:
+        forged = rewritten(half, change)
+        with pytest.raises(ValueError, match=f"^cannot go on from .*{words}") as caught:
+            bd.resume(forged)
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 800
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"method": "auto"', '"method": "otto"', "method"),
+        ('"ledger": true', '"ledger": 1234', "ledger is of another kind"),
+        ('"rtol": 0.0001', '"rtol": 1e9999', "rtol"),
+        ('"t_end": 0.02', '"t_end": -5.0', "t_end"),
+        ('"every": 0.0', '"every": -1.0', "every"),
+        ('"settle_time"', '"settle_tima"', "does not hold"),
+        ('"outputs": null', '"outputs": ["x"]', "outputs"),
+    ],
+)
+def test_forged_options_are_refused_by_name(half: Path, old: str, new: str, words: str) -> None:
+    def change(kind: bytes, content: bytes) -> Iterator[bytes]:
+        if kind != b"head":
+            yield content
+            return
+        arrays = bd.npz.unpack(content, start_of_run._NAMES)  # type: ignore[attr-defined]
+        text = str(arrays["meta.json"])
+        assert old in text
+        yield bd.npz.pack(arrays | {"meta.json": np.array(text.replace(old, new))})  # type: ignore[attr-defined]
+
+    with pytest.raises((ValueError, TypeError), match=words):
+        bd.resume(rewritten(half, change))
+
+
+def test_other_files_are_refused(tmp_path: Path, half: Path) -> None:
+    path = tmp_path / "file"
+    bd.simulate(*small()[:3], t_eval=[]).save(path)
+    for content in (b"", b"text", path.read_bytes(), half.read_bytes()[1:]):
+        path.write_bytes(content)
+        with refused(
+            ValueError,
+            f"cannot go on from {path}: it is no checkpoint of a run, or one of another version: "
+            "it begins otherwise",
+        ):
+            bd.resume(path)
+    for wrong in (tmp_path, tmp_path / "none"):
+        with pytest.raises(OSError, match=f"{wrong}"):
+            bd.resume(wrong)
+    with pytest.raises(TypeError):
+        bd.resume(3)  # type: ignore[arg-type]
+    shutil.copy(half, path)
+    for name in ("progress", "checkpoint"):
+        with pytest.raises(TypeError, match=name):
+            bd.resume(path, **{name: 3})  # type: ignore[arg-type]
