@@ -1,5 +1,7 @@
-"""The command ``beltdyn sweep``: files of sweeps, what they are refused for, and a whole one; stopped
-or killed, it leaves what is done, and the same command goes on."""
+"""The command ``beltdyn sweep``: files of sweeps, what they are refused for, and a whole one.
+
+Stopped or killed it leaves what is done, and the same command goes on.
+"""
 
 from __future__ import annotations
 
