@@ -118,7 +118,9 @@ class Dispatch:
                 self._submit([self._ready.popleft() for _ in range(size)])
 
     def _submit(self, batch: list[int], alone: bool = False) -> None:
-        runs = [(self._rows[run], self._starts.get(run)) for run in batch]
+        runs: Any = [(self._rows[run], self._starts.get(run)) for run in batch]
+        if self._pool.remote:
+            runs = as_bytes(runs)
         try:
             future = self._pool.submit(run_batch, self._work, runs)
         except Exception as error:

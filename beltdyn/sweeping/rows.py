@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..checks import Array
 
-__all__ = ["NOTHING", "STATUSES", "Axis", "Layout", "Outcome", "Quantity", "packed"]
+__all__ = ["NOTHING", "STATUSES", "Axis", "Layout", "Outcome", "Quantity", "in_text", "packed"]
 
 #: How a run may end, and what that means.
 STATUSES = {
@@ -113,6 +114,11 @@ class Outcome:
     kernels: str = ""
     certain: bool = True
     final: Array = attrs.field(factory=lambda: np.zeros(0))
+
+
+def in_text(value: Any) -> str:
+    """Give a value as text, without the addresses of objects, which differ between processes."""
+    return re.sub(r" at 0x[0-9A-Fa-f]+", "", str(value))
 
 
 def packed(found: Sequence[tuple[Quantity, Any]]) -> tuple[Layout, Array, tuple[str, ...]]:

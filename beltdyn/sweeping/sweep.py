@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from typing import Any, NamedTuple
 
 from .. import _core, scenes
@@ -24,7 +24,7 @@ from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
 from .points import Points, as_json, as_points
 from .pools import as_pool
-from .rows import Outcome
+from .rows import Outcome, in_text
 from .store import Store
 from .table import Table
 from .work import Job
@@ -209,7 +209,9 @@ def run_sweep(
         for run in order
         if after[run] in known and known[after[run]].final.size
     }
-    text = "; ".join(f"{name} = {value}" for name, value in {"last": last, **options}.items())
+    text = "; ".join(
+        f"{name} = {in_text(value)}" for name, value in {"last": last, **options}.items()
+    )
     attributes = {
         "title": f"sweep over {', '.join(points.names)}",
         "scene": _scene_text(base),
@@ -218,7 +220,8 @@ def run_sweep(
         "beltdyn_version": _core.__version__,
     }
 
-    why = _in_python(base, points, what)
+    compiled = "function" in _kinds(base, points)
+    why = "" if compiled else _in_python(base, points, what)
     workers, settled = "none", 0
     done = stored = len(known)
     del known
@@ -229,6 +232,11 @@ def run_sweep(
         ):
             if pool is not None:
                 workers = pool.text
+                if compiled and pool.remote:
+                    raise TypeError(
+                        "the torque is a compiled function, known by an address that means nothing "
+                        'in other processes: give executor="threads"'
+                    )
                 if progress and why and executor is None:
                     print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
 
@@ -344,26 +352,25 @@ def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
     return [run for group in groups.values() for run in group]
 
 
+def _kinds(scene: Scene, points: Points) -> set[str]:
+    """Give the kinds of all torques: "call" of a Python function, "function" of a compiled one."""
+    torques = [scene.torque_fn]
+    if "torque" in points.names:
+        torques = [row[points.names.index("torque")] for row in points.rows]
+    found: set[str] = set()
+    for torque in torques:
+        if not isinstance(torque, Torque):
+            with suppress(TypeError, ValueError):
+                found |= {str(term[0]) for term in as_terms(torque, scene.params.pulley_names)}
+    return found
+
+
 def _in_python(scene: Scene, points: Points, measure: Measure) -> str:
     """Tell why runs would keep the interpreter busy; "": they do not."""
-
-    def slow(torque: Any) -> bool:
-        if isinstance(torque, Torque):
-            return False
-        try:
-            return any(term[0] == "call" for term in as_terms(torque, scene.params.pulley_names))
-        except (TypeError, ValueError):
-            return False
-
-    torques = (
-        [row[points.names.index("torque")] for row in points.rows]
-        if ("torque" in points.names)
-        else [scene.torque_fn]
-    )
-    if any(map(slow, torques)):
+    if "call" in _kinds(scene, points):
         return "the torque is a Python function"
     motions = as_motions(scene.motion, scene.params.pulley_names)
-    if not all(map(in_core, motions.values())):
+    if "motion" in points.names or not all(map(in_core, motions.values())):
         return "a motion is a Python function"
     if measure.in_python:
         return "reports take much Python"
@@ -374,4 +381,4 @@ def _scene_text(scene: Scene) -> str:
     try:
         return scene.to_toml()
     except TypeError:
-        return str(scene)
+        return in_text(scene)

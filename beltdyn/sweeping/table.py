@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import Array
 from ..optional import optional_module
 from .points import RUN, Points
-from .rows import STATUSES, Axis, Layout, Outcome, Quantity
+from .rows import STATUSES, Axis, Layout, Outcome, Quantity, in_text
 
 __all__ = ["Table", "variables"]
 
@@ -134,7 +134,9 @@ def _column(values: Sequence[Any]) -> Any:
         return np.array(values, dtype=np.int64)
     if all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
         return np.array(values, dtype=np.float64)
-    return np.array([one if isinstance(one, str) else repr(one) for one in values], dtype=str)
+    return np.array(
+        [one if isinstance(one, str) else in_text(repr(one)) for one in values], dtype=str
+    )
 
 
 class _Joined:

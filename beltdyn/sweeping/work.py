@@ -268,18 +268,17 @@ def _state_of(row: Array) -> State:
 # --- Batches --------------------------------------------------------------------------------------
 
 
-def as_bytes(job: Job) -> bytes:
-    """Write a job for another process.
+def as_bytes(what: Any) -> bytes:
+    """Write a job, or values of runs, for another process.
 
     Raises:
         TypeError: Something in it cannot be sent to another process.
     """
     try:
-        return _pickler().dumps(job, 5)  # type: ignore[no-any-return]
+        return _pickler().dumps(what, 5)  # type: ignore[no-any-return]
     except Exception as error:
         raise TypeError(
-            f"the sweep cannot be sent to other processes ({_line(error)}): give executor a number "
-            "of threads; compiled functions have addresses, which other processes do not know"
+            f'the sweep cannot be sent to other processes ({_line(error)}): give executor="threads"'
         ) from None
 
 
@@ -296,14 +295,17 @@ def _work_of(job: bytes) -> Work:
     return Work(pickle.loads(job))
 
 
-def run_batch(work: Work | bytes, runs: Sequence[tuple[Sequence[Any], Array | None]]) -> Batch:
-    """Do several runs, one after the other."""
+def run_batch(
+    work: Work | bytes, runs: Sequence[tuple[Sequence[Any], Array | None]] | bytes
+) -> Batch:
+    """Do several runs, one after the other; as bytes if they come from another process."""
     if isinstance(work, bytes):
         work = _work_of(work)
+    listed = pickle.loads(runs) if isinstance(runs, bytes) else runs
     outcomes: list[Outcome] = []
     seconds: list[float] = []
     before = work.settled
-    for values, start in runs:
+    for values, start in listed:
         begun = time.perf_counter()
         try:
             outcomes.append(work.run(values, start))

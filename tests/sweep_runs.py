@@ -1,0 +1,152 @@
+"""Sweeps for tests of how they are done: short runs of a coarse belt, given in every way."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import attrs
+import drives
+import mounted_drives
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import beltdyn as bd
+from beltdyn.sweeping.sweep import Swept, run_sweep
+
+#: Texts at the start of a program in another process, which then finds the modules of the tests.
+PATH = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+N_BODIES = 20
+SCALES = [0.0, 0.5, 1.0]
+
+
+def coarse(scene: bd.Scene, t_end: float = 2e-3, n_bodies: int = N_BODIES) -> bd.Scene:
+    """The same on few links, so that a run takes milliseconds."""
+    belt = attrs.evolve(scene.params.belt, n_bodies=n_bodies)
+    return scene._replace(params=attrs.evolve(scene.params, belt=belt), t_end=t_end)
+
+
+def plain(t_end: float = 2e-3) -> bd.Scene:
+    return coarse(drives.plain_scene(), t_end)
+
+
+def moved() -> bd.Scene:
+    """Its first pulley follows a speed, from running on."""
+    scene = plain()
+    speed = bd.PiecewiseLinear([0.0, 1e-3, 2e-3], [-10.0, -11.0, -11.0])
+    return scene._replace(motion={0: speed}, torque_fn=bd.Viscous([0.0, 2.0]))
+
+
+def mounted() -> bd.Scene:
+    """With a tensioner on an arm."""
+    params = mounted_drives.tensioner()
+    return bd.Scene(params, mounted_drives.torque(params), 2e-3)
+
+
+def under_function(gain: float = 40.0) -> bd.Scene:
+    """Under a Python function that encloses a number."""
+
+    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
+        return [-gain * min(1.0, t / 1e-3), -2.0 * float(omega[1])]
+
+    return plain()._replace(torque_fn=torque)
+
+
+@contextmanager
+def cluster(workers: int = 2, processes: bool = True) -> Iterator[Any]:
+    """A Dask client of a scheduler and workers of one thread each."""
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=processes,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+        ) as local,
+        distributed.Client(local) as client,
+    ):
+        yield client
+
+
+def do(scene: Any, over: Any, measure: Any = None, **options: Any) -> Swept:
+    """Do a sweep, quietly, with everything that it tells of itself."""
+    given: dict[str, Any] = {
+        "combine": "grid",
+        "executor": "threads",
+        "store": None,
+        "warm": None,
+        "last": 0.2,
+        "progress": False,
+        "version": "",
+    }
+    return run_sweep(scene, over, measure, **{**given, **options})
+
+
+#: What tests measure: numbers and histories, none of them a time that something took.
+MEASURE = ["span_tension", "pulleys.omega.final", "stats.steps", "stats.method"]
+TIMES = [1e-3, 2e-3]
+
+
+#: name: arguments of a sweep, made anew for every test.
+def cases() -> dict[str, dict[str, Any]]:
+    plain_over = {"torque.scale": SCALES, "friction.mu_k": [0.5, 1.0]}
+    samples = bd.sample({"torque.scale": (0.5, 1.0), "friction.mu_k": (0.5, 1.0)}, 4, seed=1)
+    listed = [
+        {"belt.axial_stiffness": 7e4, "t_end": 2e-3},
+        {"belt.axial_stiffness": 6e4, "t_end": 2.5e-3},
+        {"belt.axial_stiffness": -1.0, "t_end": 2e-3},
+    ]
+    return {
+        "grid": {"scene": plain(), "over": plain_over},
+        "zip": {
+            "scene": plain(),
+            "over": {"torque.scale": SCALES, "friction.mu_k": [0.5, 0.7, 1.0]},
+            "combine": "zip",
+        },
+        "list": {"scene": plain(), "over": listed},
+        "samples": {"scene": plain(), "over": samples},
+        "warm": {"scene": plain(), "over": plain_over, "warm": "torque.scale"},
+        "motion": {
+            "scene": moved(),
+            "over": {"motion.scale": [1.0, 2.0], "belt.n_bodies": [20, 24]},
+        },
+        "mount": {
+            "scene": mounted(),
+            "over": {"pulleys[1].mount.stiffness": [15.0, 20.0], "rtol": [1e-3, 1e-4]},
+        },
+        "closure": {"scene": under_function(), "over": {"torque.scale": SCALES}},
+        "lambda": {
+            "scene": plain()._replace(torque_fn=lambda t, _theta, omega: [-20.0, -omega[1]]),
+            "over": {"belt.axial_damping": [1.0, 2.0], "torque.scale": [1, 2]},
+        },
+        "own motion": {
+            "scene": moved()._replace(motion={0: lambda t: -10.0 + math.sin(100.0 * t)}),
+            "over": {"motion.scale": [1.0, 1.5]},
+        },
+    }
+
+
+def same(one: Any, other: Any) -> None:
+    """Hold two Datasets to each other, to the last bit, with all texts."""
+    assert one.identical(other), f"{one}\n\n{other}"
+    for name, array in one.variables.items():
+        assert _bytes(array.values) == _bytes(other[name].values), name
+
+
+def _bytes(values: NDArray[Any]) -> bytes:
+    return repr(values.tolist()).encode() if values.dtype.kind in "OT" else values.tobytes()
+
+
+def of_loop(scene: bd.Scene, runs: list[bd.Scene], options: list[dict[str, Any]]) -> NDArray[Any]:
+    """Tensions (n, n_t, n_p) of spans by a loop written by hand, NaN of what cannot be run."""
+    found = []
+    for run, given in zip(runs, options, strict=True):
+        result = bd.simulate(*run, t_eval=TIMES, **given)
+        found.append(result.span_tension)
+    return np.array(found)
