@@ -75,7 +75,7 @@ def test_a_store_that_is_named_stays_and_is_used_again(folder: Path) -> None:
     arguments = (folder / "sweep.toml", "--out", folder / "sweep.nc", "--store", folder / "kept")
     assert call(*arguments).exit_code == 0
     again = call(*arguments)
-    assert "0 computed by none" in again.stdout and "9 found in the store" in again.stdout
+    assert "0 computed by" in again.stdout and "9 found in the store" in again.stdout
 
 
 def test_no_run_finishes(folder: Path) -> None:

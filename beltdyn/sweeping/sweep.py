@@ -23,7 +23,7 @@ from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
 from .points import Points, as_json, as_points
-from .pools import as_pool
+from .pools import Pool, as_pool
 from .rows import Outcome, in_text
 from .store import Store
 from .table import Table
@@ -182,87 +182,134 @@ def run_sweep(
     optional_module("xarray", "beltdyn.sweep", "sweep")
     base = as_scene(scene)
     points = as_points(over, combine)
-    words_of = _check_names(base, points)
+    described = _check_names(base, points)
     _check_options(options, points)
     what = as_measure(measure, base.params, last)
-    after = _chains(points, warm)
     if not isinstance(version, str):
         raise TypeError(f"version must be a str, got {type(version).__name__}")
     job = Job(
         scene=base, options=options, names=points.names, measure=what, chained=warm is not None
     )
-    table = Table(points, words_of)
-    known: dict[int, Outcome] = {}
-    keys: list[str] = []
-    kept = None
-    if store is not None:
-        keys = _keys(base, options, points, what, after, version)
-        kept = Store(store)
-        found = kept.find(keys)
-        known = {run: found[key] for run, key in enumerate(keys) if key in found}
-        del found
-    for run, outcome in known.items():
-        table.add(run, outcome)
-    order = _order(base, points, [run for run in range(len(points.rows)) if run not in known])
-    finals = {
-        after[run]: known[after[run]].final
-        for run in order
-        if after[run] in known and known[after[run]].final.size
-    }
-    text = "; ".join(
-        f"{name} = {in_text(value)}" for name, value in {"last": last, **options}.items()
-    )
-    attributes = {
-        "title": f"sweep over {', '.join(points.names)}",
-        "scene": _scene_text(base),
-        "options": text,
-        "design": as_json(points.design),
-        "beltdyn_version": _core.__version__,
-    }
-
-    compiled = "function" in _kinds(base, points)
-    why = "" if compiled else _in_python(base, points, what)
-    workers, settled = "none", 0
-    done = stored = len(known)
-    del known
+    runs = _Runs(job, points, _chains(points, warm), Table(points, described))
+    keys = [] if store is None else runs.keys(version)
+    shown = flag("progress", progress)
     try:
+        return runs.all(executor, store, keys, shown)
+    except KeyboardInterrupt as error:
+        message = f"interrupted after {runs.done} of {len(points.rows)} runs"
+        raise SweepInterrupted(message, runs.dataset()) from error
+
+
+class _Runs:
+    """The runs of a sweep: those that a store has, and those still to do."""
+
+    def __init__(self, job: Job, points: Points, after: list[int], table: Table) -> None:
+        self._job, self._points, self._after, self._table = job, points, after, table
+        self.done = 0
+
+    def keys(self, version: str) -> list[str]:
+        """Give the key of each run in a store.
+
+        Raises:
+            ValueError: A function has no content that can be known.
+        """
+        job, points = self._job, self._points
+        try:
+            contents = Contents(job.scene, job.options, points.names, token(job.measure), version)
+            keys: list[str] = []
+            for run, row in enumerate(points.rows):
+                before = keys[self._after[run]] if self._after[run] >= 0 else ""
+                keys.append(contents.key(row, before))
+        except NoKeyError as error:
+            raise ValueError(
+                f"store: runs are known by their content, and {error}; leave store out, or use "
+                "torque objects or Python functions"
+            ) from None
+        return keys
+
+    def all(
+        self, executor: Any, store: str | os.PathLike[str] | None, keys: list[str], progress: bool
+    ) -> Swept:
+        """Do all of them."""
+        kept = None if store is None else Store(store)
+        known = {} if kept is None else self._found(kept, keys)
+        count = len(self._points.rows)
+        order = _order(
+            self._job.scene, self._points, [run for run in range(count) if run not in known]
+        )
+        finals = {
+            before: known[before].final
+            for before in (self._after[run] for run in order)
+            if before in known and known[before].final.size
+        }
+        stored = len(known)
+        del known
+        workers, settled = "none", 0
         with (
-            as_pool(executor, why) if order else nullcontext() as pool,
-            counted(flag("progress", progress), "sweep") as show,
+            self._pool(executor, progress) if order else nullcontext() as pool,
+            counted(progress, "sweep") as show,
         ):
+            show(self.done, count, "")
             if pool is not None:
                 workers = pool.text
-                if compiled and pool.remote:
-                    raise TypeError(
-                        "the torque is a compiled function, known by an address that means nothing "
-                        'in other processes: give executor="threads"'
-                    )
-                if progress and why and executor is None:
-                    print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
 
                 def take(run: int, outcome: Outcome) -> None:
-                    nonlocal done
-                    done += 1
-                    table.add(run, outcome)
+                    self._take(run, outcome)
                     if kept is not None:
                         kept.add(keys[run], outcome)
-                    bad = done - table.count("finished")
-                    show(done, len(points.rows), f"{bad} without result" if bad else "")
+                    bad = self.done - self._table.count("finished")
+                    show(self.done, count, f"{bad} without result" if bad else "")
 
-                show(done, len(points.rows), "")
                 idle = (lambda: None) if kept is None else kept.tend
-                dispatch = Dispatch(pool, job, points.rows, order, after, finals, take, idle)
+                rows = self._points.rows
+                dispatch = Dispatch(pool, self._job, rows, order, self._after, finals, take, idle)
                 try:
                     dispatch.all()
                 finally:
                     settled = dispatch.settled
                     if kept is not None:
                         kept.flush()
-    except KeyboardInterrupt as error:
-        message = f"interrupted after {done} of {len(points.rows)} runs"
-        raise SweepInterrupted(message, table.dataset(attributes)) from error
-    dataset = table.dataset(attributes)
-    return Swept(dataset, table.counts(), len(order), stored, settled, workers)
+        return Swept(self.dataset(), self._table.counts(), len(order), stored, settled, workers)
+
+    def dataset(self) -> Any:
+        """Give what there is so far."""
+        job = self._job
+        options = {"last": job.measure.last, **job.options}
+        return self._table.dataset(
+            {
+                "title": f"sweep over {', '.join(job.names)}",
+                "scene": _scene_text(job.scene),
+                "options": "; ".join(f"{name} = {in_text(options[name])}" for name in options),
+                "design": as_json(self._points.design),
+                "beltdyn_version": _core.__version__,
+            }
+        )
+
+    def _take(self, run: int, outcome: Outcome) -> None:
+        self.done += 1
+        self._table.add(run, outcome)
+
+    def _found(self, kept: Store, keys: list[str]) -> dict[int, Outcome]:
+        found = kept.find(keys)
+        known = {run: found[key] for run, key in enumerate(keys) if key in found}
+        for run, outcome in known.items():
+            self._take(run, outcome)
+        return known
+
+    def _pool(self, executor: Any, progress: bool) -> Pool:
+        scene = self._job.scene
+        compiled = "function" in _kinds(scene, self._points)
+        why = "" if compiled else _in_python(scene, self._points, self._job.measure)
+        pool = as_pool(executor, why)
+        if compiled and pool.remote:
+            pool.close(True)
+            raise TypeError(
+                "the torque is a compiled function, known by an address that means nothing in "
+                'other processes: give executor="threads"'
+            )
+        if progress and why and executor is None:
+            print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
+        return pool
 
 
 def as_scene(scene: Any) -> Scene:
@@ -319,28 +366,6 @@ def _chains(points: Points, warm: object) -> list[int]:
     return [
         run - stride if (run // stride) % points.shape[k] else -1 for run in range(len(points.rows))
     ]
-
-
-def _keys(
-    scene: Scene,
-    options: Mapping[str, Any],
-    points: Points,
-    measure: Measure,
-    after: Sequence[int],
-    version: str,
-) -> list[str]:
-    try:
-        contents = Contents(scene, options, points.names, token(measure), version)
-        keys: list[str] = []
-        for run, row in enumerate(points.rows):
-            before = keys[after[run]] if after[run] >= 0 else ""
-            keys.append(contents.key(row, before))
-    except NoKeyError as error:
-        raise ValueError(
-            f"store: runs are known by their content, and {error}; leave store out, or use torque "
-            "objects or Python functions"
-        ) from None
-    return keys
 
 
 def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
