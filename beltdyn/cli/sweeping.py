@@ -58,25 +58,24 @@ def sweep_scene(
     check_writable(out)
     folder = store or out.with_name(f"{out.name}.runs")
     begun = time.monotonic()
-    try:
-        with reported("read or write"):
+    with reported("read or write"):
+        try:
             given = sweep_file.read(file)
             with interruptible(), silenced():
-                executor = _executor(workers, scheduler)
                 swept = run_sweep(
                     given.scene,
                     given.over,
                     given.measure,
-                    executor=executor,
+                    executor=_executor(workers, scheduler),
                     store=folder,
                     progress=not quiet,
                     **given.arguments,
                 )
-    except SweepInterrupted as error:
-        _write(error.dataset, out)
-        stop(f"{error}; written: {out}; go on with the same command", INTERRUPTED)
-    except (ImportError, RuntimeError) as error:
-        stop(f"{error}", FAILED)
+        except SweepInterrupted as error:
+            _write(error.dataset, out)
+            stop(f"{error}; written: {out}; go on with the same command", INTERRUPTED)
+        except (ImportError, RuntimeError) as error:
+            stop(f"{error}", FAILED)
     _write(swept.dataset, out)
     if store is None:
         shutil.rmtree(folder, ignore_errors=True)
@@ -121,10 +120,10 @@ def _print(swept: Swept, seconds: float) -> None:
     Console().print(table)
     total = sum(swept.counts.values())
     parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())
-    click.echo(
-        f"{total} runs: {parts}; {swept.computed} computed by {swept.workers} in {seconds:.3g} s, "
-        f"{swept.stored} found in the store"
-    )
+    computed = f"{swept.computed} computed by {swept.workers} in {seconds:.3g} s"
+    where = [computed] if swept.computed else []
+    where += [f"{swept.stored} found in the store"] if swept.stored else []
+    click.echo(f"{total} runs: {parts}; {', '.join(where)}")
     status = data["status"].values.ravel()
     for bad in STATUSES:
         texts = data["message"].values.ravel()[status == bad]
