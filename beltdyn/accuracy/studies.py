@@ -15,10 +15,10 @@ from ..checks import flag, integer, positive, real
 from ..errors import SimulationError
 from ..motions import in_core
 from ..params import Params
+from ..pools import Pool, as_pool
 from ..progress import counted
 from ..scene import Scene
 from ..simulation import settle, simulate
-from ..threads import Workers
 from ..torques import Torque
 from .quantities import QUANTITIES, Observed, differences, with_links
 from .records import Records, key_of
@@ -106,7 +106,7 @@ def study(
     )
     if workers is None and not _in_core(scene):
         workers = 1
-    with Workers(workers) as pool, counted(flag("progress", progress), "accuracy") as show:
+    with as_pool(workers) as pool, counted(flag("progress", progress), "accuracy") as show:
         return job.study(pool, show)
 
 
@@ -158,7 +158,7 @@ class _Job:
     _count: int = 0
     _lock: threading.Lock = attrs.field(factory=threading.Lock)
 
-    def study(self, pool: Workers, show: Show) -> Study:
+    def study(self, pool: Pool, show: Show) -> Study:
         rungs = len(self.meshes) * len(self.methods) * len(self.rtols)
         total = 2 * (len(self.meshes) + 1) + rungs
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..checks import Array, flag, integer, one_of, pair, real
 from ..params import Params
+from ..pools import as_pool
 from ..run_warnings import distinct, issue
-from ..threads import Workers
 from . import linear
 from .experiment import Target
 from .free import Free, Parameter, resolve
@@ -34,6 +34,7 @@ def identify(
     targets: Sequence[Target],
     *,
     workers: int | None = None,
+    executor: Any = None,
     confidence: float = 0.95,
     limit: float = 2.0,
     jac: str = "3-point",
@@ -82,6 +83,9 @@ def identify(
         free: What to find: names, or :class:`Free` for limits, scales, and parameters of one's own.
         targets: What was measured, from :meth:`Experiment.curve` and :meth:`Experiment.number`.
         workers: Threads that simulate; None: one per CPU. The result does not depend on it.
+        executor: In place of ``workers``, where runs are done: "processes", better for torques that
+            are Python functions, any ``concurrent.futures.Executor`` or a Dask ``Client``, as in
+            :func:`beltdyn.sweep`.
         confidence: Of the intervals, between 0 and 1.
         limit: Factor, > 1: parameters whose standard deviation is a larger factor count as
             undetermined.
@@ -126,7 +130,12 @@ def identify(
     )
     tol = _above("tol", tol, 0.0)
     most = integer("max_nfev", max_nfev, 1)
-    with Workers(workers) as pool, _progress(flag("progress", progress)) as show:
+    if workers is not None and executor is not None:
+        raise ValueError("workers are threads, executor something else: give one of them")
+    with (
+        as_pool(executor if workers is None else workers) as pool,
+        _progress(flag("progress", progress)) as show,
+    ):
         search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)
         try:
             search.begin()

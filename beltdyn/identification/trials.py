@@ -13,11 +13,11 @@ from ..errors import SimulationError
 from ..histories import GROUPS
 from ..parameters import read
 from ..params import Params
+from ..pools import Pool
 from ..result import Result
 from ..run_warnings import silenced
 from ..simulation import simulate
 from ..state import State
-from ..threads import Workers
 from .experiment import Experiment, Target
 from .free import Parameter, place
 
@@ -75,11 +75,11 @@ class Rig:
     """
 
     def __init__(
-        self, params: Params, parameters: Sequence[Parameter], targets: object, workers: Workers
+        self, params: Params, parameters: Sequence[Parameter], targets: object, pool: Pool
     ) -> None:
         self._params = params
         self._parameters = parameters
-        self._workers = workers
+        self._pool = pool
         self._runs = _arrange(params, _checked(targets))
         self.experiments = tuple(run.name for run in self._runs)
         self.targets: dict[str, Target] = {}
@@ -120,13 +120,13 @@ class Rig:
         for k, of_runs in enumerate(drives):
             for run, drive in zip(self._runs, of_runs, strict=True):
                 starts.setdefault((k, run.start), (run.experiment, drive))
-        begun = dict(zip(starts, self._workers.map(_begin, starts.values()), strict=True))
+        begun = dict(zip(starts, self._pool.map(_begin, starts.values()), strict=True))
         jobs = [
             (run, drive, begun[k, run.start], keep)
             for k, of_runs in enumerate(drives)
             for run, drive in zip(self._runs, of_runs, strict=True)
         ]
-        done = self._workers.map(_simulate, jobs)
+        done = self._pool.map(_simulate, jobs)
         self.runs += len(jobs)
         if after is not None:
             after()

@@ -9,9 +9,9 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from typing import Any
 
 from ..checks import Array
-from .pools import Pool
+from ..pools import Pool, as_bytes
 from .rows import Outcome
-from .work import Batch, Job, Work, as_bytes, run_batch
+from .work import Batch, Job, Work, run_batch
 
 __all__ = ["ATTEMPTS", "Dispatch"]
 

@@ -14,6 +14,7 @@ from ..motions import as_motions, in_core
 from ..optional import optional_module
 from ..parameters import overlap
 from ..params import Params
+from ..pools import Pool, as_pool
 from ..progress import counted
 from ..scene import Scene
 from ..torques import Torque, as_terms
@@ -23,7 +24,6 @@ from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
 from .points import Points, as_json, as_points
-from .pools import Pool, as_pool
 from .rows import Outcome, in_text
 from .store import Store
 from .table import Table

@@ -8,7 +8,6 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
-from importlib import import_module
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import attrs
@@ -28,7 +27,7 @@ from .measure import Measure
 from .names import changed, find
 from .rows import Outcome
 
-__all__ = ["Batch", "Job", "Work", "as_bytes", "run_batch"]
+__all__ = ["Batch", "Job", "Work", "run_batch"]
 
 _Key = TypeVar("_Key", bound=Hashable)
 _Value = TypeVar("_Value")
@@ -266,28 +265,6 @@ def _state_of(row: Array) -> State:
 
 
 # --- Batches --------------------------------------------------------------------------------------
-
-
-def as_bytes(what: Any) -> bytes:
-    """Write a job, or values of runs, for another process.
-
-    Raises:
-        TypeError: Something in it cannot be sent to another process.
-    """
-    try:
-        return _pickler().dumps(what, 5)  # type: ignore[no-any-return]
-    except Exception as error:
-        raise TypeError(
-            f'the sweep cannot be sent to other processes ({_line(error)}): give executor="threads"'
-        ) from None
-
-
-def _pickler() -> Any:
-    """Give cloudpickle, which knows functions of notebooks and scripts, or what Python has."""
-    try:
-        return import_module("cloudpickle")
-    except ImportError:
-        return pickle
 
 
 @lru_cache(maxsize=2)

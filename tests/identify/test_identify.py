@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import attrs
@@ -138,18 +139,26 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
-def test_the_result_does_not_depend_on_the_number_of_threads(
+def test_the_result_does_not_depend_on_where_runs_are_done(
     rig: bd.Params, targets: list[bd.Target]
 ) -> None:
     start = changed(rig, {"friction.mu_k": 0.9})
-    one, two = (
-        bd.identify(start, ["friction.mu_k", "belt.axial_stiffness"], targets, workers=workers)
-        for workers in (1, 2)
-    )
-    assert one.values == two.values
-    assert one.intervals == two.intervals
-    np.testing.assert_array_equal(one.jacobian, two.jacobian)
-    assert (one.nfev, one.runs, one.cost) == (two.nfev, two.runs, two.cost)
+    with ThreadPoolExecutor(2) as executor:
+        one, *others = (
+            bd.identify(start, ["friction.mu_k", "belt.axial_stiffness"], targets, **where)
+            for where in (
+                {"workers": 1}, {"workers": 2}, {"executor": "processes"}, {"executor": executor}
+            )
+        )  # fmt: skip
+    for two in others:
+        assert one.values == two.values
+        assert one.intervals == two.intervals
+        np.testing.assert_array_equal(one.jacobian, two.jacobian)
+        assert (one.nfev, one.runs, one.cost) == (two.nfev, two.runs, two.cost)
+        for name, run in one.results.items():
+            np.testing.assert_array_equal(run.pulleys.omega, two.results[name].pulleys.omega)
+    with pytest.raises(ValueError, match="give one of them"):
+        bd.identify(start, ["friction.mu_k"], targets, workers=1, executor="threads")
 
 
 def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(

@@ -1,24 +1,67 @@
-"""Where runs are done: threads, processes, the user's executors, a Dask cluster."""
+"""Where runs are done: threads, processes, the user's executors, a Dask cluster.
+
+The C core runs without the GIL, so that threads are enough for all but Python code.
+"""
 
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import time
-from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from importlib import import_module
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
-from ..checks import integer
-from ..optional import optional_module
-from ..stopping import Stopper
-from ..threads import available
+from .checks import integer
+from .optional import optional_module
+from .stopping import Stopper
 
-__all__ = ["Pool", "as_pool", "has_dask_client"]
+__all__ = ["Pool", "as_bytes", "as_pool", "has_dask_client"]
+
+_Job = TypeVar("_Job")
+_Out = TypeVar("_Out")
 
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
+
+
+def _available() -> int:
+    """Give the number of processors that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1
+
+
+def as_bytes(what: Any) -> bytes:
+    """Write what a worker is to do for another process.
+
+    Raises:
+        TypeError: Something in it cannot be sent to another process.
+    """
+    try:
+        return _pickler().dumps(what, 5)  # type: ignore[no-any-return]
+    except Exception as error:
+        why = " ".join(str(error).split())
+        raise TypeError(
+            f'this cannot be sent to other processes ({why}): give executor="threads"'
+        ) from None
+
+
+def _pickler() -> Any:
+    """Give cloudpickle, which knows functions of notebooks and scripts, or what Python has."""
+    try:
+        return import_module("cloudpickle")
+    except ImportError:
+        return pickle
+
+
+def _call(job: bytes) -> Any:
+    work, argument = pickle.loads(job)
+    return work(argument)
 
 
 class Pool:
@@ -66,6 +109,32 @@ class Pool:
                 f"{type(future).__name__}, not a concurrent.futures.Future"
             )
         return future
+
+    def map(self, work: Callable[[_Job], _Out], jobs: Iterable[_Job]) -> list[_Out]:
+        """Give ``work(job)`` for every job, in their order.
+
+        If a job raises or Ctrl-C is pressed, the others are stopped and the exception is raised.
+
+        Raises:
+            RuntimeError: A worker process died.
+        """
+        futures: list[Future[_Out]] = []
+        try:
+            for job in jobs:
+                if self.remote:
+                    futures.append(self.submit(_call, as_bytes((work, job))))
+                else:
+                    futures.append(self.submit(work, job))
+            return [future.result() for future in futures]
+        except BaseException as error:
+            for future in futures:
+                future.cancel()
+            self.stop()
+            if not self.remote:
+                wait(futures)
+            if isinstance(error, Exception) and self.deaths(error):
+                raise RuntimeError(f"a worker process died: {error}") from error
+            raise
 
     def deaths(self, error: BaseException) -> int:
         """Give how many worker processes have died, as an error says; 0: it says something else."""
@@ -193,7 +262,7 @@ def has_dask_client(executor: object) -> bool:
     )
 
 
-def as_pool(executor: object, in_python: str) -> Pool:
+def as_pool(executor: object, in_python: str = "") -> Pool:
     """Make the pool of an argument ``executor``.
 
     Args:
@@ -205,7 +274,7 @@ def as_pool(executor: object, in_python: str) -> Pool:
         ImportError: loky is not installed, which processes need.
     """
     if executor is None or executor in ("threads", "processes"):
-        count = available()
+        count = _available()
         if executor == "processes" or (executor is None and in_python):
             return _Processes(count)
         return _Threads(None, count)
