@@ -69,8 +69,10 @@ def modes(
     frequency. With ``phases`` it is averaged out. A belt at rest is moved along by a link, so
     slowly that it stays in equilibrium, its prescribed pulleys or the heaviest one driven; given
     are means of the eigenvalues over that many phases, 12 do, with the shapes of the state itself.
-    Of a running belt, which goes through all phases, Floquet's problem is solved over that many, 6
-    do: each mode is then the one that is the same for all.
+    Of a running belt, which goes through all phases, Floquet's problem is solved over that many:
+    each mode is then the one that is the same for all. 6 give its frequency to half a percent.
+    Damping converges more slowly: 160 links on pulleys of 50 and 80 mm have a mode at 47.6, 47.7,
+    47.9, 47.8 Hz that decays by 14.6, 14.3, 11.5, 12.3 1/s with 3, 6, 9, 12 phases.
 
     Args:
         params: The drive.

@@ -111,11 +111,13 @@ def frequency_response(
             by pulley [rad]; 0 holds a pulley, or leaves its speed constant.
         loads: Torques that depend on speeds or angles; None: they are constant.
         phases: Of a running belt, phases of the mesh that are taken together, of which a passing
-            link makes one after the other (see :func:`beltdyn.modes`); 6 do. The response is then
+            link makes one after the other (see :func:`beltdyn.modes`); 6 do for frequencies of
+            resonances, not for their damping, which 12 change by a seventh. The response is then
             that at the frequency that excites, without the sidebands of the links' passing; 1: as
             the links stand in ``state``, as at rest in any case. States from other moments of a run
             give somewhat other responses, the less the shorter the links: with 160 links on pulleys
-            of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and 5 % of its damping.
+            of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and, of six phases, 5 % of its
+            damping.
 
     Where no pulley's motion is prescribed, the drive turns as a whole at low frequencies. What the
     polygon of links resists against that, which no drive has, is taken out: a term of rank one, so
