@@ -1,4 +1,4 @@
-"""Running a drive: settling it under preload, and simulating it under torques."""
+"""Running a drive under torques."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, compliance, memory, observed, sanity
+from . import _core, memory, observed, sanity
 from .accuracy import budget as budgets
 from .accuracy.quantities import OBSERVED
 from .accuracy.runs import Reached
@@ -30,8 +30,9 @@ from .progress import over_time
 from .result import Result
 from .run_warnings import RunWarning, issue
 from .scene import Scene
+from .settling import CHUNK, check_initial, check_params, positive_or_none, settle
 from .start_of_run import Start
-from .state import State, belt_speed
+from .state import State
 from .stopping import stoppable
 from .torques import TorqueLike, as_terms
 
@@ -42,9 +43,7 @@ METHODS = _core.METHODS
 
 _RTOL_RANGE = (1e-12, 1.0)
 _DEFAULT_RTOL, _DEFAULT_SAMPLES = 1e-4, 1001
-#: Wall time between two updates of the progress bar and two checks for Ctrl-C [s].
-_CHUNK = 0.1
-#: The same for a run that another waits for.
+#: Of a run that another waits for, as ``CHUNK``.
 _WATCHED = 0.01
 
 
@@ -229,8 +228,8 @@ def simulate(
             )[0]
     if not flag("verify", verify):
         return _simulate(params, torque_fn, t_end, motion, outputs=kept, **own)[0]
-    _check_params(params)
-    _check_initial(params, initial)
+    check_params(params)
+    check_initial(params, initial)
     with Verification(
         _simulate, settle, params, torque_fn, t_end, motion, initial, options
     ) as verification:
@@ -250,8 +249,8 @@ def _plan(
     budget: float, scene: Scene, initial: State | None, own: Mapping[str, Any]
 ) -> budgets.Plan:
     """Choose what to run for a budget of CPU time."""
-    _check_params(scene.params)
-    _check_initial(scene.params, initial)
+    check_params(scene.params)
+    check_initial(scene.params, initial)
     start, end = _span(initial, scene.t_end)
     others = {name: own[name] for name in own if name not in ("initial", "t_eval")}
     return budgets.plan(
@@ -293,15 +292,15 @@ def _simulate(
     ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
     ``recorder`` writes it as it goes; with one of a run that was stopped, it goes on.
     """
-    _check_params(params)
-    _check_initial(params, initial)
+    check_params(params)
+    check_initial(params, initial)
     start, end = _span(initial, t_end)
     times = _sample_times(t_eval, start, end)
     options: dict[str, Any] = {
         "method": one_of("method", method, METHODS),
         "rtol": _rtol(rtol),
-        "step": _positive("step", step, "s"),
-        "max_step": _positive("max_step", max_step, "s"),
+        "step": positive_or_none("step", step, "s"),
+        "max_step": positive_or_none("max_step", max_step, "s"),
         "max_steps": 0 if max_steps is None else integer("max_steps", max_steps, 1),
         "ledger": flag("ledger", ledger) and (outputs is None or LEDGER in outputs),
         "torque_interval": positive("torque_interval", torque_interval, "s"),
@@ -410,7 +409,7 @@ def _simulate(
 
     finishing = False
     escaped = Escaped(sim.stop)
-    chunk = _CHUNK if watch is None else _WATCHED
+    chunk = CHUNK if watch is None else _WATCHED
     if recorder is not None:
         recorder.count(spent)
         chunk = min(chunk, recorder.every)
@@ -465,106 +464,6 @@ def _simulate(
     return finished, state
 
 
-def settle(
-    params: Params,
-    *,
-    initial: State | None = None,
-    friction: bool | None = None,
-    pulleys: str | None = None,
-    offset: ByPulley[Sequence[float]] | ArrayLike | None = None,
-    move_time: float | None = None,
-    shift: float | None = None,
-    speed: ByPulley[float] | None = None,
-    tolerance: float | None = None,
-    max_time: float | None = None,
-    progress: bool = False,
-) -> State:
-    """Bring the belt to rest under preload, or to run steadily without load.
-
-    Rest is what the paper calls the stabilisation phase. The friction that remains in the wraps
-    depends on how the belt was tensioned: ``params.tensioning``. Arguments that are given replace
-    its fields of the same names; see :class:`beltdyn.Tensioning`.
-
-    With ``speed={0: 100.0}`` the belt runs, with pulley 0 at that speed: no run-up need be
-    simulated. Its centrifugal force, rho A v^2, is taken off the pressure on the pulleys. Between
-    fixed axes the tension is what its path and its stretch then give, nearly that at rest; where a
-    weight on a mount sets the pressure, it is that much higher. The pulleys turn with the belt
-    where it runs on them, without slip, and nothing is left of the friction of tensioning. The
-    vibration that links make as they land on the pulleys is not in it; it falls with the square of
-    their number, and within a round adds some 2 to 7 % to the mean tension of 60 links at 30 m/s,
-    0.1 to 0.3 % to that of 240, and 0.03 % at most to that of 240 with some bending stiffness.
-
-    Args:
-        params: The drive.
-        initial: State to start from; None: the belt line round the pulleys.
-        friction: Whether friction acts while settling; its state is then kept.
-        pulleys: "held": the pulleys do not turn; "free": they may.
-        offset: Where the centres start, relative to their places: {pulley: (dx, dy)}, by index or
-            name, or one (dx, dy) per pulley [m].
-        move_time: Duration of the motion from there [s].
-        shift: How far all links are moved along the belt line [m].
-        speed: Speeds of one or several pulleys, by index or name [rad/s]; of several, the speeds of
-            their rims must agree to 1 %. None, or all zero: at rest.
-        tolerance: The belt is at rest when the largest unbalanced force is below this times the
-            mean tension; None: 1e-9.
-        max_time: Simulated time after which to give up [s]; None: chosen.
-        progress: Whether to show progress on stderr (needs ``rich``).
-
-    Returns:
-        A state with ``residual`` set, and the time of ``initial`` (else 0); at rest its velocities
-        are zero.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule; the belt would leave its pulleys at that
-            speed, and the message says from which on.
-        SimulationError: The belt did not come to rest, or rests without touching a pulley.
-        Interrupted: Ctrl-C.
-    """
-    _check_params(params)
-    _check_initial(params, initial)
-    given = {
-        "friction": friction,
-        "pulleys": pulleys,
-        "offset": offset,
-        "move_time": move_time,
-        "shift": shift,
-    }
-    changes = {name: value for name, value in given.items() if value is not None}
-    tensioning = attrs.evolve(params.tensioning, **changes).fitted(params.pulley_names)
-    n_pulleys, has_friction = len(params.pulleys), params.has_friction
-    options = tensioning._options(n_pulleys, has_friction)
-    options["max_time"] = _positive("max_time", max_time, "s")
-    speeds, v = ({}, 0.0) if speed is None else belt_speed("speed", params, speed)
-    if v != 0.0:
-        if friction:
-            raise ValueError(
-                "friction must not be set together with speed: of a belt that runs, nothing is "
-                "left of how it was tensioned"
-            )
-        named = next(iter(speeds))
-        running = compliance.compliance(params, speed=v).radius[named].mean()
-        options["speed"] = v * float(running) / params.pulleys[named].radius
-        options["friction"] = False
-    if tolerance is not None:
-        options["tolerance"] = _positive("tolerance", tolerance, "1")
-    state = None if initial is None else initial._to_core(params)
-    sim = _core.Simulation.settle(params._model, state, **options)
-    try:
-        with stoppable(sim), over_time(progress, "settling", 0.0, None) as show:
-            while not sim.advance(_CHUNK):
-                show(sim.time)
-    except SimulationError as error:
-        annotate(error, params, sanity.check(params))
-        raise
-    except KeyboardInterrupt as error:
-        raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error
-    start = 0.0 if initial is None else initial.t
-    settled = State._from_core(sim.state(), t=start, residual=float(sim.stats["residual"]))
-    if v == 0.0:
-        return settled
-    return attrs.evolve(settled.at_speed(params, speeds), residual=settled.residual)
-
-
 def speeds_at_start(
     params: Params, motion: ByPulley[MotionLike] | None, t_end: float, breakpoints: ArrayLike
 ) -> dict[int, float] | None:
@@ -614,20 +513,6 @@ def _keep_result(error: BaseException, result: Result | None) -> None:
             error.result = result  # type: ignore[attr-defined]
 
 
-def _check_params(params: object) -> None:
-    if not isinstance(params, Params):
-        raise TypeError(f"params must be a Params, got {type(params).__name__}")
-
-
-def _check_initial(params: Params, initial: object) -> None:
-    if initial is None:
-        return
-    if not isinstance(initial, State):
-        hint = ", its final_state is one" if isinstance(initial, Result) else ""
-        raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
-    initial.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
-
-
 def _span(initial: State | None, t_end: float) -> tuple[float, float]:
     """Give the times at which a run begins and ends."""
     start = 0.0 if initial is None else initial.t
@@ -649,10 +534,3 @@ def _rtol(rtol: object) -> float:
     if not least <= number <= most:
         raise ValueError(f"rtol must be from {least:g} to {most:g}, got {number:g}")
     return number
-
-
-def _positive(name: str, value: object, unit: str) -> float:
-    """Check a positive number; None becomes 0, which the core takes as "not given"."""
-    if value is None:
-        return 0.0
-    return positive(name, value, unit)
