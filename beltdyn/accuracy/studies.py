@@ -106,7 +106,8 @@ def study(
     )
     if workers is None and not _in_core(scene):
         workers = 1
-    with as_pool(workers) as pool, counted(flag("progress", progress), "accuracy") as show:
+    threads = None if workers is None else integer("workers", workers, 1)
+    with as_pool(threads) as pool, counted(flag("progress", progress), "accuracy") as show:
         return job.study(pool, show)
 
 
