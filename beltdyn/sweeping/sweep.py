@@ -18,7 +18,7 @@ from ..progress import counted
 from ..scene import Scene
 from ..torques import Torque, as_terms
 from .content import Contents
-from .dispatch import Dispatch
+from .dispatch import Dispatch, without_ctrl_c
 from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
@@ -257,7 +257,8 @@ def run_sweep(
                 finally:
                     settled = dispatch.settled
                     if kept is not None:
-                        kept.flush()
+                        with without_ctrl_c():
+                            kept.flush()
     except KeyboardInterrupt as error:
         message = f"interrupted after {done} of {len(points.rows)} runs"
         raise SweepInterrupted(message, table.dataset(attributes)) from error
@@ -330,7 +331,9 @@ def _keys(
     version: str,
 ) -> list[str]:
     try:
-        contents = Contents(scene, options, points.names, token(measure), version)
+        # runs that others start from are kept with the states at their ends
+        what = token(measure) + (" chained" if max(after) >= 0 else "")
+        contents = Contents(scene, options, points.names, what, version)
         keys: list[str] = []
         for run, row in enumerate(points.rows):
             before = keys[after[run]] if after[run] >= 0 else ""
