@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, compliance, memory, observed, sanity
+from . import _core, compliance, memory, observed
 from .accuracy import budget as budgets
 from .accuracy.quantities import OBSERVED
 from .accuracy.runs import Reached
@@ -298,7 +298,7 @@ def _simulate(
     )
 
     # Before settling, which may take long, and may fail for the very reason they name.
-    of_drive = sanity.check(params)
+    of_drive = params._noticed
     issue(of_drive, stacklevel=3)
     settle_start = time.perf_counter()
     state = initial
@@ -492,7 +492,7 @@ def settle(
             while not sim.advance(_CHUNK):
                 show(sim.time)
     except SimulationError as error:
-        annotate(error, params, sanity.check(params))
+        annotate(error, params, params._noticed)
         raise
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error

@@ -69,6 +69,7 @@ def test_what_the_samples_take_is_what_is_asked_for(
         besides = 100 * 8 * 12 if ledger else 0
         columns = len(scene.params._model.energy_terms) if ledger else 0
         assert memory.check_samples(100, 12, 2, 0, columns, friction=True) == held + besides
+    monkeypatch.setattr(memory, "_LITTLE", 0)
     monkeypatch.setattr(memory, "available", lambda: held)
     assert bd.simulate(*scene[:2], 1e-3, t_eval=np.linspace(0, 1e-3, 100), ledger=False).success
     monkeypatch.setattr(memory, "available", lambda: held - 1)
@@ -93,7 +94,18 @@ def test_memory_that_is_refused_after_all(
         bd.simulate(*scene, initial=start)
 
 
+def test_what_is_little_is_not_looked_for(
+    scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the ten thousand short runs of a sweep, looking would take a good part."""
+    monkeypatch.setattr(memory, "available", never)
+    assert bd.simulate(*scene[:2], 1e-3, t_eval=[0.0, 1e-3], initial=start).success
+    with pytest.raises(AssertionError, match="it ran"):
+        bd.simulate(*scene[:2], 1e-3, t_eval=np.linspace(0.0, 1e-3, MANY), initial=start)
+
+
 def test_the_command_line_says_it_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "_LITTLE", 0)
     monkeypatch.setattr(memory, "available", lambda: 1000)
     done = CliRunner().invoke(cli.main, ["run", "kubas-case-1"])
     assert done.exit_code == 1 and done.stdout == ""
@@ -160,13 +172,14 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
 def test_ctrl_c_with_very_many_samples(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch, after: float
 ) -> None:
+    scene = scene._replace(params=attrs.evolve(scene.params))  # one that was not checked before
     timer = threading.Timer(after, lambda: os.kill(os.getpid(), signal.SIGINT))
 
     def check(_params: bd.Params) -> tuple[()]:
         timer.start()  # the arguments are checked by now
         return ()
 
-    monkeypatch.setattr("beltdyn.simulation.sanity.check", check)
+    monkeypatch.setattr("beltdyn.params.sanity.check", check)
     times = np.linspace(0.0, 100.0, MANY)
     with pytest.raises(bd.Interrupted) as caught:
         bd.simulate(scene.params, scene.torque_fn, 100.0, initial=start, t_eval=times)
