@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import attrs
 
 from . import sanity
-from .compliance import compliance_error
 from .histories import Stats
 from .sanity import Drive
 
@@ -179,7 +178,7 @@ def known(params: Drive, stats: Stats) -> Accuracy:
 
     ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
     """
-    of_contact = compliance_error(params)
+    of_contact = params._compliance_error
     of_mesh = sanity.mesh_error(params)
     return Accuracy(
         errors=tuple(

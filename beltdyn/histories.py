@@ -65,10 +65,11 @@ class Group:
         return _holding, (type(self), found)
 
     @classmethod
-    def array_names(cls) -> list[str]:
+    @functools.cache
+    def array_names(cls) -> tuple[str, ...]:
         """Give the names of the arrays."""
         fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
-        return [field.name for field in fields if field.metadata.get("array", True)]
+        return tuple(field.name for field in fields if field.metadata.get("array", True))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Give the arrays by name; not those that the drive does not have, or not asked for."""

@@ -34,7 +34,7 @@ def check_samples(
     friction: bool,
     names: Collection[str] | None = None,
 ) -> int:
-    """Give the memory that the samples of a run need [byte], if it is available.
+    """Give the memory that the samples of a run need [byte], if it is available, or very little.
 
     ``energy_terms`` is the number of columns of the ledger, 0: it is not kept. ``names`` are the
     outputs that the core is asked for, None: all but the tension of spans.

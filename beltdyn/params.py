@@ -19,6 +19,7 @@ from .mounts import Path, travel_text
 from .parts import Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
+from .run_warnings import RunWarning
 from .tensioning import Tensioning
 
 __all__ = ["Params"]
@@ -166,6 +167,18 @@ class Params:
             return preload.rest_tension(self._scene, length, self.tensioning)
         except RuntimeError:
             return float(self._model.info["mean_tension"])
+
+    # What every run asks of its drive, computed once for all runs of the same one.
+
+    @functools.cached_property
+    def _noticed(self) -> tuple[RunWarning, ...]:
+        """The warnings of the drive alone."""
+        return sanity.check(self)
+
+    @functools.cached_property
+    def _compliance_error(self) -> dict[str, float]:
+        """The errors of a contact that yields, at rest."""
+        return sinking.compliance_error(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The C model is derived from the rest: rebuilt, not pickled.

@@ -8,9 +8,11 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import nullcontext, suppress
 from importlib import import_module
 from types import TracebackType
 from typing import Any, TypeVar
@@ -26,6 +28,9 @@ _Out = TypeVar("_Out")
 
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
+
+#: How often processes look whether the one that began the sweep is still there [s].
+_WATCHED = 0.5
 
 
 def _available() -> int:
@@ -184,9 +189,19 @@ class _Threads(Pool):
             self._executor.shutdown(cancel_futures=ended)
 
 
-def _leave_ctrl_c() -> None:
-    """Let the process that began the sweep answer Ctrl-C, which a terminal sends to all."""
+def _begin(parent: int) -> None:
+    """Prepare a process: it leaves Ctrl-C to the one that began the sweep, and ends with that.
+
+    A terminal sends Ctrl-C to all; one that was killed tells no other to end.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCHED)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 class _Processes(Pool):
@@ -197,7 +212,7 @@ class _Processes(Pool):
     def _new(self, count: int) -> Any:
         # Not those of the standard library: they want scripts to guard what starts them by
         # `if __name__ == "__main__"`, and cannot send functions of notebooks.
-        return self._loky.ProcessPoolExecutor(count, initializer=_leave_ctrl_c)
+        return self._loky.ProcessPoolExecutor(count, initializer=_begin, initargs=(os.getpid(),))
 
     def renew(self) -> None:
         self._executor.shutdown(wait=False, kill_workers=True)
@@ -252,7 +267,8 @@ class _Dask(Pool):
         """Do nothing: the cluster replaces its workers."""
 
     def close(self, ended: bool) -> None:
-        self._executor.shutdown(wait=not ended)
+        with suppress(Exception) if ended else nullcontext():  # the client may be closed
+            self._executor.shutdown(wait=not ended)
 
 
 def has_dask_client(executor: object) -> bool:

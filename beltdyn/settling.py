@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import attrs
 from numpy.typing import ArrayLike
 
-from . import _core, compliance, sanity
+from . import _core, compliance
 from .checks import positive
 from .errors import Interrupted, SimulationError, annotate
 from .naming import ByPulley
@@ -112,7 +112,7 @@ def settle(
             while not sim.advance(CHUNK):
                 show(sim.time)
     except SimulationError as error:
-        annotate(error, params, sanity.check(params))
+        annotate(error, params, params._noticed)
         raise
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted while settling, at t = {sim.time:.6g} s") from error

@@ -12,7 +12,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, memory, observed, sanity
+from . import _core, memory, observed
 from .accuracy import budget as budgets
 from .accuracy.quantities import OBSERVED
 from .accuracy.runs import Reached
@@ -320,7 +320,7 @@ def _simulate(
     )
 
     # Before settling, which may take long, and may fail for the very reason they name.
-    of_drive = sanity.check(params)
+    of_drive = params._noticed
     issue(of_drive, stacklevel=3)
     settle_start = time.perf_counter()
     state = initial

@@ -1,126 +1,165 @@
-"""What a sweep adds to its runs: against a bare loop of simulate, in threads and on a Dask cluster.
+"""What a sweep takes besides its runs, in threads and in a Dask cluster, and what threads bring.
 
     python benchmarks/sweep.py [--quick] [--write]
 
-The paper's case 1 with loads that differ, runs of some 50 ms, 60 links, and fewer with 240. Bare:
-the same runs by `concurrent.futures`, each a call of `simulate` from the settled state with these
-outputs, nothing kept. All ways in turn, in every round; the overhead is that of the wall time,
-medians over the rounds. Threads: wall time of a sweep in one over that in two. The Dask cluster is
-local, two worker processes of one thread each with a scheduler of their own.
+The paper's case 1 under factors on its torque, so that all runs share one settled state, and all
+torques are evaluated in the core. Speed: wall time in one thread over that in two, of as many runs
+on 60 and on 240 links. Overhead: wall time of a sweep over that of the same runs in a loop written
+by hand, `simulate` in a `ThreadPoolExecutor` of two threads from one settled state; for a Dask
+cluster of two worker processes with one thread each (local, with a real scheduler, started and
+warm) the loop runs in two processes, each half of it. Wall times alternate; their medians count.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from typing import Any
 
 import common
-import numpy as np
 
 import beltdyn as bd
 
 WORKERS = 2
-#: Links, end of a run [s].
-SIZES = ((60, 0.2), (240, 0.06))
-MEASURE = ["span_tension.mean", "pulleys.omega.final"]
+#: Simulated time [s] of a run of some 50 ms on 60 links, and of one as long on 240.
+T_END = {60: 0.2, 240: 0.15}
+MEASURE = ["span_tension.least", "pulleys.omega.final"]
 OUTPUTS = ("span_tension", "pulleys.omega")
+SAMPLES = 101
+
+warnings.simplefilter("ignore", bd.BeltdynWarning)
 
 
-def drive(n_bodies: int, t_end: float) -> bd.Scene:
-    case = common.with_belt(bd.scenes.kubas_case_1(), n_bodies=n_bodies)
-    return case._replace(t_end=t_end)
+def scene(n_bodies: int) -> bd.Scene:
+    found = common.with_belt(bd.scenes.kubas_case_1(), n_bodies=n_bodies)
+    return found._replace(t_end=T_END[n_bodies])
 
 
-def bare(case: bd.Scene, scales: np.ndarray) -> float:
-    """CPU time of the core in the runs of a loop written by hand."""
-    start = bd.settle(case.params)
-
-    def run(scale: float) -> float:
-        stats = bd.simulate(
-            case.params, case.torque_fn * scale, case.t_end, initial=start, outputs=OUTPUTS
-        ).stats
-        return stats.cpu_time
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return sum(pool.map(run, map(float, scales)))
+def times(of: bd.Scene) -> list[float]:
+    return [of.t_end * k / (SAMPLES - 1) for k in range(SAMPLES)]
 
 
-def swept(case: bd.Scene, scales: np.ndarray, executor: Any) -> None:
-    over = {"torque.scale": scales}
-    table = bd.sweep(case, over, MEASURE, executor=executor, progress=False)
-    assert (table["status"] == "finished").all()
+def factors(runs: int) -> list[float]:
+    return [0.2 + 0.6 * k / runs for k in range(runs)]
 
 
-def seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+def swept(of: bd.Scene, runs: int, executor: Any) -> float:
+    """Wall time of a sweep [s]."""
     begun = time.perf_counter()
-    found = work()
-    return time.perf_counter() - begun, found
+    found = bd.sweep(
+        of,
+        {"torque.scale": factors(runs)},
+        MEASURE,
+        executor=executor,
+        progress=False,
+        t_eval=times(of),
+    )
+    taken = time.perf_counter() - begun
+    assert (found.status == "finished").all(), set(found.message.values.tolist())
+    return taken
 
 
-def overheads(rounds: int, runs: int, client: Any) -> list[str]:
-    case = drive(*SIZES[0])
-    ways: dict[str, Any] = {"threads": WORKERS, "Dask": client}
-    found: dict[str, list[float]] = {name: [] for name in ways}
-    core = []
-    for k in range(rounds + 1):
-        scales = np.linspace(0.5, 1.0, runs) + 1e-6 * k
-        loop, cpu = seconds(lambda scales=scales: bare(case, scales))
-        walls = {
-            name: seconds(lambda scales=scales, way=way: swept(case, scales, way))[0]
-            for name, way in ways.items()
-        }
-        if k:  # the first starts what is slow to start
-            core.append(1e3 * cpu / runs)
-            for name, wall in walls.items():
-                found[name].append(wall / loop - 1.0)
-    return [
-        f"{rounds * runs} runs of {statistics.median(core):.0f} ms in the core, {WORKERS} workers, "
-        f"{rounds} rounds; wall time over that of a bare loop in {WORKERS} threads:",
-        *(
-            f"  {name:<8} {100 * statistics.median(values):+5.1f} % "
-            f"({100 * min(values):+.1f} to {100 * max(values):+.1f})"
-            for name, values in found.items()
-        ),
+def by_hand(of: bd.Scene, scales: Sequence[float], state: bd.State) -> list[float]:
+    """Run one after the other; the least tensions."""
+    least = []
+    for scale in scales:
+        torque: Any = of.torque_fn
+        result = bd.simulate(
+            of.params,
+            torque * scale,
+            of.t_end,
+            initial=state,
+            t_eval=times(of),
+            outputs=OUTPUTS,
+        )
+        least.append(float(result.span_tension.min()))
+    return least
+
+
+def loop(of: bd.Scene, runs: int, pool: Any) -> float:
+    """Wall time of the loop written by hand [s], shared out evenly."""
+    begun = time.perf_counter()
+    state = bd.settle(of.params)
+    scales = factors(runs)
+    if isinstance(pool, ThreadPoolExecutor):
+        list(pool.map(lambda one: by_hand(of, [one], state), scales))
+    else:
+        parts = [scales[k::WORKERS] for k in range(WORKERS)]
+        list(pool.map(by_hand, [of] * WORKERS, parts, [state] * WORKERS))
+    return time.perf_counter() - begun
+
+
+def medians(repeats: int, *ways: Callable[[], float]) -> list[float]:
+    """Medians of what each way takes, in turns."""
+    taken: list[list[float]] = [[] for _ in ways]
+    for _ in range(repeats):
+        for way, rows in zip(ways, taken, strict=True):
+            rows.append(way())
+    return [statistics.median(rows) for rows in taken]
+
+
+def in_threads(runs: int, repeats: int) -> list[str]:
+    lines = [
+        f"Speed of two threads, {runs} runs",
+        "links   one run   one thread   two threads   times",
     ]
-
-
-def speedups(rounds: int, runs: int) -> list[str]:
-    lines = [f"wall time in one thread over that in {WORKERS}, sweeps of {runs} runs:"]
-    for n_bodies, t_end in SIZES:
-        case = drive(n_bodies, t_end)
-        ratios: list[float] = []
-        for k in range(rounds + 1):
-            scales = np.linspace(0.5, 1.0, runs) + 1e-6 * k
-            one, two = (
-                seconds(lambda scales=scales, count=count, case=case: swept(case, scales, count))[0]
-                for count in (1, WORKERS)
-            )
-            if k:
-                ratios.append(one / two)
+    for n_bodies in T_END:
+        common.progress(f"threads, {n_bodies} links")
+        of = scene(n_bodies)
+        one, two = medians(repeats, partial(swept, of, runs, 1), partial(swept, of, runs, WORKERS))
         lines.append(
-            f"  {n_bodies:>3} links  {statistics.median(ratios):.2f} "
-            f"({min(ratios):.2f} to {max(ratios):.2f})"
+            f"{n_bodies:5d}{1e3 * one / runs:7.1f} ms{one:11.2f} s{two:12.2f} s{one / two:8.2f}"
         )
     return lines
 
 
-def main() -> None:
-    arguments = common.arguments(__doc__, "10 min", "1 min")
+def overhead(runs: int, repeats: int) -> list[str]:
     from distributed import Client, LocalCluster
 
-    rounds, runs = (1, 20) if arguments.quick else (5, 400)
+    of = scene(60)
+    common.progress("overhead, threads")
+    with ThreadPoolExecutor(WORKERS) as threads:
+        hand, swept_in = medians(
+            repeats, lambda: loop(of, runs, threads), lambda: swept(of, runs, WORKERS)
+        )
+    lines = [
+        f"Overhead of a sweep, {runs} runs on 60 links, {WORKERS} workers",
+        "workers              one run   by hand      sweep   overhead",
+        _row("threads", runs, hand, swept_in),
+    ]
+    common.progress("overhead, Dask")
+    cluster = LocalCluster(
+        n_workers=WORKERS, threads_per_worker=1, processes=True, dashboard_address=":0"
+    )
     with (
-        LocalCluster(
-            n_workers=WORKERS, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
+        cluster,
         Client(cluster) as client,
+        ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as processes,
     ):
-        lines = overheads(rounds, runs, client)
-    lines = [*common.machine(), "", *lines, "", *speedups(rounds, max(runs // 4, 10))]
-    common.publish("sweep", lines, arguments.write)
+        loop(of, 2 * WORKERS, processes)  # imports
+        swept(of, 10 * WORKERS, client)
+        hand, swept_in = medians(
+            repeats, lambda: loop(of, runs, processes), lambda: swept(of, runs, client)
+        )
+    return [*lines, _row("Dask, 2 processes", runs, hand, swept_in)]
+
+
+def _row(name: str, runs: int, hand: float, swept_in: float) -> str:
+    one = 1e3 * WORKERS * hand / runs
+    share = 100.0 * (swept_in / hand - 1.0)
+    return f"{name:18s}{one:7.1f} ms{hand:8.2f} s{swept_in:9.2f} s{share:9.1f} %"
+
+
+def main() -> None:
+    options = common.arguments(__doc__, "15 min", "1 min")
+    few, many, repeats = (40, 40, 1) if options.quick else (200, 2000, 3)
+    lines = [*common.machine(), "", *in_threads(few, repeats), "", *overhead(many, repeats)]
+    common.publish("sweep", lines, options.write)
 
 
 if __name__ == "__main__":

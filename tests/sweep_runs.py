@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,14 @@ def under_function(gain: float = 40.0) -> bd.Scene:
 def cluster(workers: int = 2, processes: bool = True) -> Iterator[Any]:
     """A Dask client of a scheduler and workers of one thread each."""
     distributed = pytest.importorskip("distributed")
+    # On a busy machine a new worker takes longer to start than the 15 s after which the cluster
+    # would give it up; and one death less before a batch is given up spares some starts.
+    settings = {
+        "distributed.deploy.lost-worker-timeout": "5 minutes",
+        "distributed.scheduler.allowed-failures": 1,
+    }
     with (
+        import_module("dask").config.set(settings),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

@@ -133,7 +133,7 @@ def identify(
     if workers is not None and executor is not None:
         raise ValueError("workers are threads, executor something else: give one of them")
     with (
-        as_pool(executor if workers is None else workers) as pool,
+        as_pool(executor if workers is None else integer("workers", workers, 1)) as pool,
         _progress(flag("progress", progress)) as show,
     ):
         search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)

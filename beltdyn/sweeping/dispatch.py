@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import signal
+import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from ..checks import Array
@@ -13,7 +16,7 @@ from ..pools import Pool, as_bytes
 from .rows import Outcome
 from .work import Batch, Job, Work, run_batch
 
-__all__ = ["ATTEMPTS", "Dispatch"]
+__all__ = ["ATTEMPTS", "Dispatch", "without_ctrl_c"]
 
 #: How often workers may die in a run before it is given up; the last time it is on its way alone.
 ATTEMPTS = 3
@@ -89,8 +92,10 @@ class Dispatch:
             while self._left:
                 self._hand_out()
                 ended, _ = wait(self._flying, _LOOK, FIRST_COMPLETED)
-                self._collect(ended)
-                self._idle()
+                with without_ctrl_c():
+                    self._collect(ended)
+                    del ended  # a cluster keeps what futures hold
+                    self._idle()
         except BaseException:
             self._abandon()
             raise
@@ -131,7 +136,8 @@ class Dispatch:
         self._flying[future] = batch, self._workers, alone
 
     def _collect(self, ended: set[Future[Any]]) -> None:
-        for future in ended:
+        while ended:
+            future = ended.pop()
             batch, workers, alone = self._flying.pop(future)
             try:
                 result: Batch = future.result()
@@ -200,10 +206,35 @@ class Dispatch:
         self._pool.stop()
         if not self._pool.remote:
             wait(set(self._flying) - cancelled)
-        for future, (batch, *_) in self._flying.items():
-            if future not in cancelled and future.done():
-                try:
-                    self._take(batch, future.result())
-                except (Exception, CancelledError):
-                    continue
-        self._flying.clear()
+        with without_ctrl_c():
+            for future, (batch, *_) in self._flying.items():
+                if future not in cancelled and future.done():
+                    with suppress(Exception):
+                        self._take(batch, future.result())
+            self._flying.clear()
+
+
+#: Signals that may end a sweep.
+_ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+
+
+@contextmanager
+def without_ctrl_c() -> Iterator[None]:
+    """Answer Ctrl-C only afterwards, so that what has ended is taken once and as a whole."""
+    handlers = {one: signal.getsignal(one) for one in _ENDING}
+    if threading.current_thread() is not threading.main_thread():
+        handlers = {}
+    noted: list[tuple[Any, Any]] = []
+    for one, handler in handlers.items():
+        if callable(handler):
+            signal.signal(one, lambda *given: noted.append(given))
+    try:
+        yield
+    finally:
+        for one, handler in handlers.items():
+            if callable(handler):
+                signal.signal(one, handler)
+        if noted and callable(handler := handlers[noted[0][0]]):
+            handler(*noted[0])

@@ -19,7 +19,7 @@ from ..progress import counted
 from ..scene import Scene
 from ..torques import Torque, as_terms
 from .content import Contents
-from .dispatch import Dispatch
+from .dispatch import Dispatch, without_ctrl_c
 from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
@@ -215,7 +215,9 @@ class _Runs:
         """
         job, points = self._job, self._points
         try:
-            contents = Contents(job.scene, job.options, points.names, token(job.measure), version)
+            # runs that others start from are kept with the states at their ends
+            what = token(job.measure) + (" chained" if max(self._after) >= 0 else "")
+            contents = Contents(job.scene, job.options, points.names, what, version)
             keys: list[str] = []
             for run, row in enumerate(points.rows):
                 before = keys[self._after[run]] if self._after[run] >= 0 else ""
@@ -268,7 +270,8 @@ class _Runs:
                 finally:
                     settled = dispatch.settled
                     if kept is not None:
-                        kept.flush()
+                        with without_ctrl_c():
+                            kept.flush()
         return Swept(self.dataset(), self._table.counts(), len(order), stored, settled, workers)
 
     def dataset(self) -> Any:

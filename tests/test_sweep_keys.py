@@ -1,0 +1,309 @@
+"""Keys of runs: any one number changes them, and nothing else does, in any process."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import random
+import subprocess
+import sys
+import threading
+import types
+from typing import Any
+
+import attrs
+import mounted_drives
+import numpy as np
+import pytest
+import sweep_runs
+
+import beltdyn as bd
+from beltdyn.parameters import numbers
+from beltdyn.sweeping.content import Contents
+from beltdyn.sweeping.identity import NoKeyError, token
+from beltdyn.sweeping.names import changed
+
+GAIN = 3.0
+
+
+def key(scene: bd.Scene, **options: Any) -> str:
+    return Contents(scene, options, (), "measured", "").key(())
+
+
+def swept(scene: bd.Scene, values: dict[str, Any], **options: Any) -> str:
+    return Contents(scene, options, tuple(values), "measured", "").key(tuple(values.values()))
+
+
+def scenes() -> dict[str, bd.Scene]:
+    named = {name: bd.scenes.get(name) for name in ("serpentine", "three-pulleys", "kubas-case-1")}
+    return {**named, "moved": sweep_runs.moved(), "mounted": sweep_runs.mounted()}
+
+
+@pytest.mark.parametrize("name", scenes())
+def test_any_one_number_changes_the_key(name: str) -> None:
+    """By the name as swept, and put into the scene before: the same key, another for each."""
+    scene = scenes()[name]
+    found = {key(scene): "the scene"}
+    values = {one: _value(scene.params, one) for one in numbers(scene.params)}
+    for one, value in values.items():
+        new = np.nextafter(value, np.inf)
+        of_sweep = swept(scene, {one: new})
+        assert of_sweep not in found, (one, found[of_sweep])
+        found[of_sweep] = one
+        assert swept(scene, {one: value}) == key(scene), one
+        try:
+            there = changed(scene, {}, {one: new})[0]
+        except (TypeError, ValueError):
+            continue  # such a drive cannot be
+        if one != "contact.hunt_crossley":  # with it the contact's other damping is chosen anew
+            assert key(there) == of_sweep, one
+    assert len(found) == len(values) + 1 > 20
+
+
+def _value(node: Any, name: str) -> float:
+    """The number of a name, by Python's own rules for such names."""
+    value = eval(f"node.{name}", {"node": node})
+    assert isinstance(value, float)
+    return value
+
+
+LOADS = {
+    "torque.scale": 2.0,
+    "torque[0].scale": 2.0,
+    "torque[1].scale": 2.0,
+    "torque[1].coefficients[1]": 2.0,
+    "torque[0].values[1]": [0.0, 1.0],
+    "t_end": 1.0,
+    "rtol": 1e-3,
+    "t_eval": [1e-3],
+    "max_step": 1e-3,
+    "ledger": False,
+    "torque": bd.Viscous([0.0, 2.0]),
+}
+
+
+def test_loads_motions_and_options_change_the_key() -> None:
+    scene = sweep_runs.plain()
+    keys = [swept(scene, {name: value}) for name, value in LOADS.items()]
+    assert len({*keys, key(scene)}) == len(LOADS) + 1
+    moved = sweep_runs.moved()
+    values = {"motion.scale": 2.0, "motion[0].values[1]": [2.0]}
+    keys = [swept(moved, {name: value}) for name, value in values.items()]
+    assert len({*keys, key(moved)}) == 3
+    assert swept(scene, {"torque.scale": 1}) == key(scene)
+
+
+def test_crank_motions_and_those_by_angle_are_known_whole() -> None:
+    def moved(**changes: Any) -> str:
+        given: dict[str, Any] = {"speed": 10.0, "orders": [1.0], "amplitudes": [0.1]}
+        crank = bd.CrankMotion(**{**given, **changes})
+        return key(sweep_runs.plain()._replace(motion={0: crank}))
+
+    keys = {moved(), moved(amplitudes=[0.2]), moved(orders=[2.0]), moved(speed=11.0)}
+    assert len(keys) == 4
+    by_angle = [
+        key(sweep_runs.plain()._replace(motion={0: bd.Motion(**{what: lambda t: 2.0 * t})}))
+        for what in ("angle", "speed")
+    ]
+    assert len({*by_angle, *keys}) == 6
+
+
+def test_two_that_overlap_are_never_one() -> None:
+    """What is swept as a whole does not hide what is swept of it, nor the order."""
+    scene = sweep_runs.plain()
+    torque = bd.Viscous([0.0, 2.0])
+    one = [swept(scene, {"torque.scale": scale, "torque": torque}) for scale in (1.0, 2.0, 3.0)]
+    other = [swept(scene, {"torque": torque, "torque[0].scale": scale}) for scale in (2.0, 3.0)]
+    assert len({*one, *other}) == 5
+
+
+def test_the_same_scene_built_in_another_way() -> None:
+    scene = bd.scenes.get("serpentine")
+    again = bd.Scene.from_toml(scene.to_toml())
+    assert key(again) == key(scene)
+    assert key(scene, rtol=1e-4, method="auto", t_eval=None) == key(scene)
+    assert key(scene, t_eval=[0, 0.5]) == key(scene, t_eval=np.array([0.0, 0.5]))
+    params = scene.params
+    whole = attrs.evolve(params, gravity=(int(params.gravity[0]), params.gravity[1]))
+    assert key(scene._replace(params=whole)) == key(scene)
+    assert key(scene._replace(t_end=1)) == key(scene._replace(t_end=1.0))
+    # an index or the name of a pulley: in loads, in motions, in what is swept
+    names = params.pulley_names
+    by_name, by_index = (
+        scene._replace(torque_fn=bd.Load(pulley=one, quadratic=1e-4)) for one in (names[1], 1)
+    )
+    assert key(by_name) == key(by_index) != key(scene)
+    speed = bd.PiecewiseLinear([0.0, 1.0], [0.0, 10.0])
+    assert key(scene._replace(motion={names[0]: speed})) == key(scene._replace(motion={0: speed}))
+    inertia = {f"pulleys[{one}].inertia": 0.5 for one in (names[1], 1)}
+    assert len({swept(scene, {name: value}) for name, value in inertia.items()}) == 1
+    # of all, and of each
+    each = {f"pulleys[{k}].inertia": 0.5 for k in range(len(names))}
+    assert swept(scene, {"pulleys[*].inertia": 0.5}) == swept(scene, each)
+    # one thing after the other
+    both = {"friction.mu_k": 0.7, "belt.axial_damping": 2.0}
+    plain = sweep_runs.plain()
+    assert swept(plain, both) == swept(plain, dict(reversed(both.items())))
+
+
+def test_the_name_of_a_pulley_counts() -> None:
+    """The result calls it so."""
+    plain = sweep_runs.plain()
+    pulleys = [attrs.evolve(plain.params.pulleys[0], name="crank"), plain.params.pulleys[1]]
+    other = plain._replace(params=attrs.evolve(plain.params, pulleys=pulleys))
+    assert key(other) != key(plain)
+
+
+IN_ANOTHER = (
+    sweep_runs.PATH
+    + """
+import test_sweep_keys as of
+print(*of.some())
+"""
+)
+
+
+def some() -> list[str]:
+    """Keys of everything whose order or address may differ between processes."""
+    kinds = {"a", "b", "c", "d"}
+
+    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
+        return [GAIN * t, omega[1]] if "a" in kinds and t not in {1.0, 2.0, 3.0} else [0.0, 0.0]
+
+    scene = sweep_runs.plain()._replace(torque_fn=torque)
+    values = {"friction.mu_k": 0.7}
+    of_functions = [token(one) for one in (torque, Load(2.0), Load(2.0).call, kinds)]
+    return [*map(key, scenes().values()), swept(scene, values), *of_functions]
+
+
+def test_in_any_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in ("1", "2"):
+        monkeypatch.setenv("PYTHONHASHSEED", seed)
+        said = subprocess.run([sys.executable, "-c", IN_ANOTHER], capture_output=True, text=True)
+        assert said.returncode == 0, said.stderr
+        assert said.stdout.split() == some()
+
+
+# --- functions -----------------------------------------------------------------------------------
+
+
+class Load:
+    """A torque that is an object."""
+
+    def __init__(self, gain: float) -> None:
+        self.gain = gain
+
+    def call(self) -> float:
+        return self.gain
+
+    def __call__(self, _t: float, _theta: Any, _omega: Any) -> list[float]:
+        return [self.call(), 0.0]
+
+
+HEAD = "class B:\n  def g(self): return {}\n"
+SLOTS = "class G:\n  __slots__ = ('k',)\n  def __call__(self, t): return self.k\nf = G(); f.k = {}"
+ATTRS = "import attrs\n@attrs.frozen\nclass G:\n  k: int\n  def __call__(self, t): return {}\n"
+CALLS = "class G(B):\n  def __call__(self, t): return self.g()\nf = G()"
+
+
+def of_code(text: str) -> Any:
+    """What a script or notebook with this text defines as f."""
+    module = types.ModuleType("__main__")
+    exec(text, module.__dict__)
+    return module.__dict__["f"]
+
+
+#: Texts of which no two do the same.
+DIFFERENT = [
+    "def f(t): return 1.0 * t",
+    "def f(t): return 2.0 * t",
+    "def f(t, k=2.0): return k * t",
+    "def f(t, k=3.0): return k * t",
+    "def f(t, *, k=3.0): return k * t",
+    "GAIN = 1.0\ndef f(t): return GAIN * t",
+    "GAIN = 2.0\ndef f(t): return GAIN * t",
+    "def g(t): return t\ndef f(t): return g(t)",
+    "def g(t): return -t\ndef f(t): return g(t)",
+    "def h(t): return 1\ndef g(t): return h(t)\ndef f(t): return g(t)",
+    "def h(t): return 2\ndef g(t): return h(t)\ndef f(t): return g(t)",
+    "def g(k):\n  def f(t): return k * t\n  return f\nf = g(1)",
+    "def g(k):\n  def f(t): return k * t\n  return f\nf = g(2)",
+    "def g(k):\n  def f(t): return k * t\n  return f\nf = g(1.0)",
+    "f = lambda t: [t for _ in range(3)]",
+    "f = lambda t: [t for _ in range(4)]",
+    "import math\nf = lambda t: math.sin(t)",
+    "import math\nf = lambda t: math.cos(t)",
+    "def f(t):\n  try: return 1 / t\n  except ZeroDivisionError: return 0.0",
+    "def f(t):\n  try: return 1 / t\n  except OverflowError: return 0.0",
+    "class G:\n  def __call__(self, t): return 1\nf = G()",
+    "class G:\n  def __call__(self, t): return 2\nf = G()",
+    "class G:\n  k = 1\n  def __call__(self, t): return self.k\nf = G()",
+    "class G:\n  k = 2\n  def __call__(self, t): return self.k\nf = G()",
+    HEAD.format(1) + CALLS,
+    HEAD.format(2) + CALLS,
+    SLOTS.format(1),
+    SLOTS.format(2),
+    ATTRS.format("self.k") + "f = G(1)",
+    ATTRS.format("self.k") + "f = G(2)",
+    ATTRS.format("5") + "f = G(2)",
+    "import functools\nf = functools.partial(lambda k, t: k * t, 1)",
+    "import functools\nf = functools.partial(lambda k, t: k * t, 2)",
+    "import functools\nf = functools.partial(lambda k, t: k + t, 1)",
+    "import functools\nf = functools.lru_cache(lambda t: t)",
+    "import functools\nf = functools.lru_cache(lambda t: -t)",
+    "import numpy as np\nf = np.sin",
+    "import numpy as np\nf = np.cos",
+    "import numpy as np\nK = np.array([1.0, 2.0])\nf = lambda t: K * t",
+    "import numpy as np\nK = np.array([1.0, 3.0])\nf = lambda t: K * t",
+    "import numpy as np\nK = np.array([1, 2])\nf = lambda t: K * t",
+    "def f(t): return f(t - 1) if t > 0 else 1",
+    "def f(t): return f(t - 1) if t > 0 else 2",
+    "def g(t): return f(t)\ndef f(t): return g(t)",
+]
+
+
+def test_what_does_something_else_has_another_token() -> None:
+    tokens = [token(of_code(text)) for text in DIFFERENT]
+    of = dict(zip(DIFFERENT, tokens, strict=True))
+    assert len(of) == len(DIFFERENT)
+    assert len(set(tokens)) == len(tokens), [text for text in of if tokens.count(of[text]) > 1]
+    assert tokens == [token(of_code(text)) for text in DIFFERENT]
+
+
+def test_what_does_the_same_has_the_same_token() -> None:
+    """Where it stands, what its variables are called, what it does not use."""
+    one = of_code("UNUSED = 1\ndef f(time):\n    # why\n    return 2.0 * time")
+    assert token(one) == token(of_code("\n\nUNUSED = 2\ndef f(time): return 2.0 * time"))
+
+
+def test_what_cannot_be_known_is_said() -> None:
+    for one in (ctypes.CFUNCTYPE(None)(lambda: None), threading.Lock(), (k for k in range(3))):
+        with pytest.raises(NoKeyError, match="cannot be known"):
+            token(one)
+        with pytest.raises(NoKeyError, match="cannot be known"):
+            token(functools.partial(print, one))
+    with pytest.raises(ValueError, match="leave store out"):
+        scene = sweep_runs.plain()._replace(torque_fn=COMPILED)
+        sweep_runs.do(scene, {"t_end": [1e-3]}, store="never made", executor="threads")
+
+
+def _compiled() -> Any:
+    doubles = ctypes.POINTER(ctypes.c_double)
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_double, doubles, doubles, doubles, ctypes.c_void_p)
+    return kind(lambda *_: None)
+
+
+COMPILED = _compiled()
+
+
+def test_a_tensioner_and_random_values() -> None:
+    """Any two of many random points of several names differ; the same again do not."""
+    params = mounted_drives.tensioner()
+    scene = bd.Scene(params, mounted_drives.torque(params), 1e-3)
+    names = ("pulleys[1].mount.stiffness", "friction.mu_k", "torque.scale", "t_end", "rtol")
+    draw = random.Random(0)
+    rows = [tuple(draw.choice([0.1, 0.2, 0.3, 1.0]) for _ in names) for _ in range(500)]
+    contents = Contents(scene, {}, names, "m", "")
+    assert len({contents.key(row) for row in rows}) == len(set(rows))
+    # changed in pairs they must not make up for each other
+    assert contents.key((0.1, 0.2, 0.3, 0.1, 0.2)) != contents.key((0.2, 0.1, 0.3, 0.1, 0.2))

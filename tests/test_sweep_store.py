@@ -1,0 +1,368 @@
+"""The store of a sweep: a client killed and begun again computes only what is missing and gives the
+same Dataset; extended sweeps find what is there; parts hold every run once, and any text.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+import sweep_runs
+import xarray
+from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
+
+import beltdyn as bd
+from beltdyn.sweeping import content, store
+from beltdyn.sweeping.rows import Outcome
+
+N = 60
+OVER = {"torque.scale": [k / N for k in range(N)], "friction.mu_k": [0.5, 1.0]}
+
+#: A sweep in a process of its own, with parts far oftener than they would be. Arguments: folder,
+#: executor.
+SCRIPT = (
+    sweep_runs.PATH
+    + """
+import sweep_runs, test_sweep_store as of
+from beltdyn.sweeping import store
+store._LEAST = 0.02
+print("begun", flush=True)
+of.sweep(sys.argv[1], sys.argv[2])
+print("done", flush=True)
+"""
+)
+#: The same, killed while it writes a part.
+IN_A_PART = SCRIPT.replace(
+    'print("begun"',
+    """
+import os, signal
+write = store.Store._dataset
+def dying(self, layout, rows):
+    dataset = write(self, layout, rows)
+    class Half:
+        def to_netcdf(self, path, **options):
+            dataset.to_netcdf(path, **options)
+            with open(path, "r+b") as file:
+                file.truncate(1000)
+            os.kill(os.getpid(), signal.SIGKILL)
+    return dataset if not list(self._path.glob("part-*")) else Half()
+store.Store._dataset = dying
+print(\"begun\"""",
+)
+
+
+def sweep(folder: Any, executor: str, over: Any = OVER, scene: Any = None) -> Any:
+    given: Any = {"executor": executor, "store": folder, "t_eval": TIMES}
+    return do(scene or plain(), over, MEASURE, **given)
+
+
+@pytest.fixture(scope="module")
+def expected() -> Any:
+    return sweep(None, "threads").dataset
+
+
+def keys(folder: Path) -> list[str]:
+    """All keys in the parts, which must be complete; not those that were being written."""
+    found: list[str] = []
+    for part in folder.glob("part-*.nc"):
+        with xarray.open_dataset(part) as dataset:
+            found += [str(one) for one in dataset["key"].values]
+    return found
+
+
+def start(script: str, folder: Path, executor: str = "threads") -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", script, str(folder), executor]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdout and process.stdout.readline() == "begun\n", process.communicate()
+    return process
+
+
+def until(parts: int, folder: Path, process: subprocess.Popen[str]) -> None:
+    for _ in range(3000):
+        if process.poll() is not None or len(list(folder.glob("part-*.nc"))) >= parts:
+            return
+        time.sleep(0.01)
+
+
+def check_resumed(folder: Path, expected: Any, most: int = 2 * N) -> int:
+    """Go on with a sweep that was killed: what was kept is not repeated, and nothing is missing."""
+    before = keys(folder)
+    assert len(before) == len(set(before)) and len(before) < most
+    swept = sweep(folder, "threads")
+    assert (swept.stored, swept.computed) == (len(before), 2 * N - len(before))
+    same(swept.dataset, expected)
+    after = keys(folder)
+    assert len(after) == len(set(after)) == 2 * N and set(before) <= set(after)
+    again = sweep(folder, "threads")
+    assert (again.stored, again.computed, again.settled) == (2 * N, 0, 0)
+    same(again.dataset, expected)
+    return len(before)
+
+
+def test_the_client_killed(tmp_path: Path, expected: Any) -> None:
+    process = start(SCRIPT, tmp_path)
+    until(2, tmp_path, process)
+    process.kill()
+    process.communicate()
+    assert check_resumed(tmp_path, expected) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("executor", ["threads", "processes"])
+def test_the_client_killed_at_any_moment_again_and_again(
+    executor: str, tmp_path: Path, expected: Any
+) -> None:
+    draw = random.Random(3)
+    found = [0]
+    for _ in range(6):
+        process = start(SCRIPT, tmp_path, executor)
+        until(len(list(tmp_path.glob("part-*.nc"))) + 1, tmp_path, process)
+        time.sleep(draw.uniform(0.0, 0.1))
+        process.kill()
+        process.communicate()
+        found.append(len(keys(tmp_path)))
+        assert found[-1] == len(set(keys(tmp_path))) >= found[-2]
+    if found[-1] < 2 * N:
+        check_resumed(tmp_path, expected)
+    same(sweep(tmp_path, "threads").dataset, expected)
+
+
+def test_the_client_killed_while_it_writes_a_part(tmp_path: Path, expected: Any) -> None:
+    process = start(IN_A_PART, tmp_path)
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert list(tmp_path.glob(".part-*")), "nothing was being written"
+    assert check_resumed(tmp_path, expected) > 0
+
+
+def children(process: int) -> list[int]:
+    """Give the processes that one has started, and theirs."""
+    found: list[int] = []
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(entry.read_text().rpartition(")")[2].split()[1])
+        except OSError:
+            continue
+        if parent == process:
+            found += [int(entry.parent.name), *children(int(entry.parent.name))]
+    return found
+
+
+def living(processes: list[int]) -> list[int]:
+    """Give those that have not ended, nor are just waiting to be asked how."""
+    found = []
+    for one in processes:
+        try:
+            state = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            continue
+        found += [one] if state != "Z" else []
+    return found
+
+
+INTERRUPTED = SCRIPT.replace(
+    "of.sweep(sys.argv[1], sys.argv[2])",
+    """
+import signal
+import beltdyn as bd
+signal.signal(signal.SIGINT, signal.default_int_handler)
+def go(executor):
+    try:
+        of.sweep(sys.argv[1], executor)
+    except bd.sweeping.SweepInterrupted as error:
+        done = int((error.dataset.status == "finished").sum())
+        missing = int((error.dataset.status == "missing").sum())
+        print("interrupted", done, missing, flush=True)
+if __name__ == "__main__":
+    if sys.argv[2] == "dask":
+        with sweep_runs.cluster() as client:
+            go(client)
+    else:
+        go(sys.argv[2])
+""",
+)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize(
+    "executor", ["threads", pytest.param("processes"), pytest.param("dask", marks=pytest.mark.slow)]
+)
+def test_ctrl_c(executor: str, tmp_path: Path, expected: Any) -> None:
+    """What is done is given and kept; no process stays behind."""
+    process = start(INTERRUPTED, tmp_path, executor)
+    until(2, tmp_path, process)
+    workers = children(process.pid)
+    assert bool(workers) == (executor != "threads")
+    os.kill(process.pid, signal.SIGINT)
+    said, errors = process.communicate(timeout=120)
+    assert said.startswith("interrupted"), errors
+    _, done, missing = said.splitlines()[0].split()
+    assert int(done) == len(keys(tmp_path)) > 0 and int(done) + int(missing) == 2 * N
+    for _ in range(200):
+        if not living(workers):
+            break
+        time.sleep(0.05)
+    assert not living(workers)
+    check_resumed(tmp_path, expected)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_workers_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
+    process = start(SCRIPT, tmp_path, "processes")
+    until(1, tmp_path, process)
+    workers = children(process.pid)
+    process.kill()
+    process.communicate()
+    for _ in range(600):
+        if not living(workers):
+            break
+        time.sleep(0.05)
+    assert workers and not living(workers)
+
+
+# --- what is found again -------------------------------------------------------------------------
+
+
+def counts(
+    folder: Path, scene: Any = None, over: Any = None, measure: Any = None, **more: Any
+) -> Any:
+    """Give how many runs were found and how many computed."""
+    over = over or {"torque.scale": [0.5, 1.0]}
+    given: Any = {"t_eval": TIMES, **more}
+    swept = do(scene or plain(), over, measure or MEASURE, store=folder, **given)
+    assert swept.counts == {"finished": swept.stored + swept.computed}
+    return swept.stored, swept.computed
+
+
+def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert counts(tmp_path) == (0, 2)
+    assert counts(tmp_path) == (2, 0)
+    # more values of one name, in another order
+    assert counts(tmp_path, over={"torque.scale": [1.0, 0.75, 0.5]}) == (2, 1)
+    # one more name, of which one value is that of the scene: of the drive, of the options
+    mu_k = plain().params.friction.mu_k  # type: ignore[union-attr]
+    both = {"friction.mu_k": [mu_k, 0.5], "torque.scale": [0.5, 1.0]}
+    assert counts(tmp_path, over=both) == (2, 2)
+    assert counts(tmp_path, over={"torque.scale": [0.5], "rtol": [1e-4, 1e-3]}) == (1, 1)
+    # sampled and listed, zipped
+    listed = [{"friction.mu_k": 0.5, "torque.scale": 1.0}]
+    assert counts(tmp_path, over=listed) == (1, 0)
+    # the factor 1 is the scene itself
+    assert counts(tmp_path, over={"friction.mu_k": [mu_k]}) == (1, 0)
+    # what makes a difference
+    assert counts(tmp_path, t_eval=[1e-3, 1.5e-3]) == (0, 2)
+    assert counts(tmp_path, t_eval=np.array(TIMES)) == (2, 0)
+    assert counts(tmp_path, measure=["stats.steps"]) == (0, 2)
+    assert counts(tmp_path, last=0.3) == (0, 2)
+    assert counts(tmp_path, version="of mine") == (0, 2)
+    assert counts(tmp_path, scene=plain(1.9e-3), t_eval=[1e-3, 1.9e-3]) == (0, 2)
+    assert counts(tmp_path, over={"torque.scale": [0.5, 1.0]}, warm="torque.scale") == (0, 2)
+    monkeypatch.setattr(content._core, "__version__", "0.0.0")
+    assert counts(tmp_path) == (0, 2)
+
+
+def test_python_torques_are_known_by_what_they_do(tmp_path: Path) -> None:
+    assert counts(tmp_path, under_function(40.0)) == (0, 2)
+    assert counts(tmp_path, under_function(40.0)) == (2, 0)
+    assert counts(tmp_path, under_function(41.0)) == (0, 2)
+
+    def other(_t: float, _theta: Any, omega: Any) -> list[float]:
+        return [-40.0, -2.0 * float(omega[1])]
+
+    assert counts(tmp_path, plain()._replace(torque_fn=other)) == (0, 2)
+
+
+def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
+    """What is refused costs nothing; what a function raised may be mended, on the same machine."""
+
+    def raising(t: float, _theta: Any, _omega: Any) -> list[float]:
+        if t > 1e-3:
+            raise OSError("the file is not there")
+        return [0.0, 0.0]
+
+    def unmeasured(_result: Any) -> float:
+        raise ImportError("something is not installed")
+
+    over = {"belt.axial_stiffness": [7e4, -1.0]}
+    swept = do(plain(), over, MEASURE, store=tmp_path)
+    assert swept.counts == {"finished": 1, "refused": 1} and len(keys(tmp_path)) == 1
+    scene = plain()._replace(torque_fn=raising)
+    assert do(scene, {"torque.scale": [1.0]}, MEASURE, store=tmp_path).counts == {"failed": 1}
+    assert do(plain(), {"torque.scale": [1.0]}, unmeasured, store=tmp_path).counts == {"measure": 1}
+    assert len(keys(tmp_path)) == 1
+    # but what the drive itself does is
+    over = {"max_steps": [3, 100_000]}
+    swept = do(plain(), over, MEASURE, store=tmp_path)
+    assert swept.counts == {"finished": 1, "failed": 1} and len(keys(tmp_path)) == 3
+    again = do(plain(), over, MEASURE, store=tmp_path)
+    assert (again.stored, again.computed) == (2, 0)
+    same(again.dataset, swept.dataset)
+
+
+def test_anything_that_can_be_measured_comes_back(tmp_path: Path) -> None:
+    """Texts of any characters, names that files do not allow, several shapes, nothing at all."""
+
+    def odd(result: bd.Result) -> dict[str, Any]:
+        return {
+            "a/b key": float(result.t[-1]),
+            "status of mine": "zero \0, half a pair \ud800, \u00e4\nend",
+            "empty": np.zeros((0, 3)),
+            "minus zero, infinite, none": np.array([-0.0, np.inf, np.nan]),
+            "one": xarray.DataArray(np.arange(3.0), dims="x"),
+            "text": "",
+        }
+
+    over = {"torque.scale": [0.5, 1.0]}
+    expected = do(plain(), over, odd).dataset
+    for stored in (0, 2):
+        swept = do(plain(), over, odd, store=tmp_path)
+        assert swept.stored == stored
+        same(swept.dataset, expected)
+
+
+def test_chains_go_on_where_they_were(tmp_path: Path) -> None:
+    over = {"torque.scale": [0.0, 0.5, 1.0], "friction.mu_k": [0.5, 1.0]}
+    expected = do(plain(), over, MEASURE, warm="torque.scale", t_eval=TIMES)
+    few = {**over, "torque.scale": [0.0, 0.5]}
+    do(plain(), few, MEASURE, warm="torque.scale", t_eval=TIMES, store=tmp_path)
+    swept = do(plain(), over, MEASURE, warm="torque.scale", t_eval=TIMES, store=tmp_path)
+    assert (swept.stored, swept.computed, swept.settled) == (4, 2, 0)
+    same(swept.dataset, expected.dataset)
+
+
+def test_folders_that_are_no_store(tmp_path: Path) -> None:
+    over = {"torque.scale": [1.0]}
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match="it is a file"):
+        do(plain(), over, MEASURE, store=tmp_path / "file")
+    with pytest.raises(ValueError, match="holds something else, file"):
+        do(plain(), over, MEASURE, store=tmp_path)
+    folder = tmp_path / "store"
+    do(plain(), over, MEASURE, store=folder)
+    (part,) = folder.glob("part-*.nc")
+    part.write_bytes(part.read_bytes()[:2000])
+    with pytest.raises(ValueError, match=rf"{part.name} cannot be read.*remove it"):
+        do(plain(), over, MEASURE, store=folder)
+
+
+def test_two_sweeps_may_write_to_one_store(tmp_path: Path) -> None:
+    one, other = store.Store(tmp_path), store.Store(tmp_path)
+    outcome = Outcome(status="finished", kernels="x")
+    for k in range(3):
+        one.add(f"one {k}", outcome)
+        other.add(f"other {k}", attrs.evolve(outcome, message=str(k)))
+    one.flush(), other.flush()
+    found = one.find([*(f"one {k}" for k in range(3)), "other 2", "none"])
+    assert sorted(found) == ["one 0", "one 1", "one 2", "other 2"]
+    assert found["other 2"].message == "2"
