@@ -160,13 +160,14 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
 def test_ctrl_c_with_very_many_samples(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch, after: float
 ) -> None:
+    scene = scene._replace(params=attrs.evolve(scene.params))  # one that was not checked before
     timer = threading.Timer(after, lambda: os.kill(os.getpid(), signal.SIGINT))
 
     def check(_params: bd.Params) -> tuple[()]:
         timer.start()  # the arguments are checked by now
         return ()
 
-    monkeypatch.setattr("beltdyn.simulation.sanity.check", check)
+    monkeypatch.setattr("beltdyn.params.sanity.check", check)
     times = np.linspace(0.0, 100.0, MANY)
     with pytest.raises(bd.Interrupted) as caught:
         bd.simulate(scene.params, scene.torque_fn, 100.0, initial=start, t_eval=times)

@@ -19,6 +19,7 @@ from scipy import stats
 
 import beltdyn as bd
 from beltdyn.plot.swept import FAILED_LOOKS, scale_of
+from beltdyn.sweeping.names import in_words
 
 PRELOADS = np.array([250.0, 300.0, 350.0, 400.0, 500.0, 600.0, 800.0])
 FRICTIONS = np.linspace(0.3, 1.0, 8)
@@ -110,6 +111,18 @@ def test_cells_hold_the_values_and_lie_round_their_places() -> None:
     bar = ax.figure.axes[-1]
     assert bar.get_ylabel() == "largest torque [N m]"
     assert (ax.get_xscale(), ax.get_yscale()) == ("linear", "linear")
+
+
+def test_parameters_stand_at_axes_without_the_numbers_of_their_equations() -> None:
+    data = swept.of_grid({"friction.mu_k": FRICTIONS, "belt.preload": PRELOADS}, capacity)
+    unit, text = in_words(bd.scenes.kubas_case_1(), "friction.mu_k")
+    assert text.endswith("(2.9)")
+    data["friction.mu_k"].attrs = {"units": unit, "long_name": text}
+    data["q"].attrs["long_name"] = "torque of run (2) in figure (a.1)"
+    ax = bd.plot.map(data, "q")
+    assert ax.get_xlabel() == "kinetic friction coefficient [1]"
+    (bar,) = [axes for axes in ax.figure.axes if axes is not ax]
+    assert bar.get_ylabel() == "torque of run (2) in figure (a.1) [N m]"
 
 
 def test_axes_can_be_turned() -> None:

@@ -22,6 +22,7 @@ from sweeps import bits, small
 import beltdyn as bd
 from beltdyn import cli
 from beltdyn.sweeping import file as sweep_file
+from beltdyn.sweeping.measure import as_measure
 
 pytestmark = pytest.mark.filterwarnings("ignore:long_links")
 
@@ -78,6 +79,22 @@ def test_a_store_that_is_named_stays_and_is_used_again(folder: Path) -> None:
     # what is refused costs nothing and is refused again
     assert "9 runs: 6 finished, 3 refused; 3 computed by" in again.stdout
     assert "6 found in the store" in again.stdout
+
+
+def test_the_file_of_the_notebooks() -> None:
+    """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
+    path = Path(__file__).resolve().parent.parent / "notebooks" / "sweep.toml"
+    found = sweep_file.read(path)
+    assert found.scene == bd.scenes.serpentine()
+    as_measure(found.measure, found.scene.params, found.arguments["last"])
+    options = {**found.arguments, "executor": "threads", "progress": False}
+    over, measure = {**found.over, "t_end": [0.002]}, "report.pulleys.hub_load"
+    assert measure in found.measure
+    table = bd.sweep(found.scene, over, measure, **options)
+    assert table["status"].values.ravel().tolist() == 6 * ["finished"], table["message"].values
+    held = table[measure].squeeze().sel(pulley="tensioner")
+    # a tighter spring: more load on its pulley
+    assert (held.diff("pulleys[tensioner].mount.preload") > 0.0).all()
 
 
 def test_no_run_finishes(folder: Path) -> None:

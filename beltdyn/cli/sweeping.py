@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from .. import files
 from ..optional import optional_module
@@ -22,6 +24,8 @@ __all__ = ["sweep_scene"]
 
 #: Messages of runs without result that are printed.
 _SHOWN = 3
+#: Pulleys, spans and the like up to which each has a row of the table.
+_FEW = 12
 
 
 @click.command("sweep")
@@ -104,6 +108,17 @@ def _write(dataset: Any, out: Path) -> None:
         stop(f"cannot write {out}: {getattr(error, 'strerror', None) or error}", FAILED)
 
 
+def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Give a quantity over all runs, by pulley or span if it has few of them."""
+    values = data[name]
+    own = [dim for dim in values.dims if dim not in data["status"].dims]
+    if len(own) != 1 or own[0] not in data.coords or data.sizes[own[0]] > _FEW:
+        yield name, values.values.ravel()
+        return
+    for label in data[own[0]].values:
+        yield f"{name}, {label}", values.sel({own[0]: label}).values.ravel()
+
+
 def _print(swept: Swept, seconds: float) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -114,9 +129,15 @@ def _print(swept: Swept, seconds: float) -> None:
     for label in ("quantity", "unit", "least", "mean", "most"):
         table.add_column(label, justify="left" if label in ("quantity", "unit") else "right")
     for name in numbers:
-        values = data[name]
-        ends = (values.min(), values.mean(), values.max())
-        table.add_row(name, values.attrs.get("units", ""), *(f"{float(one):.5g}" for one in ends))
+        for called, values in _rows(data, str(name)):
+            known = values[np.isfinite(values)]
+            ends = (known.min(), known.mean(), known.max()) if known.size else 3 * (np.nan,)
+            endless = int(np.isinf(values).sum())
+            table.add_row(
+                called + (f" (without end in {endless} runs)" if endless else ""),
+                data[name].attrs.get("units", ""),
+                *(f"{one:.5g}" for one in ends),
+            )
     Console().print(table)
     total = sum(swept.counts.values())
     parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -42,6 +43,7 @@ _LONGEST = 48
 _RATIO, _EVENER = 4.0, 2.0
 #: A value chosen is one of the coordinate up to this part of it.
 _SAME = 1e-9
+_EQUATION = re.compile(r" \(\d+\.\d+\)$")
 _OF_RUNS = ("status", "message", "warnings")
 
 
@@ -148,7 +150,8 @@ def label(array: Any) -> str:
 
 
 def _word(array: Any) -> str:
-    text = str(array.attrs.get("long_name", ""))
+    # without the number of an equation, which parameters have at their end: "... (2.9)"
+    text = _EQUATION.sub("", str(array.attrs.get("long_name", "")))
     return style.plain(text if 0 < len(text) <= _LONGEST else str(array.name))
 
 

@@ -200,7 +200,13 @@ class _Theory:
         return force
 
     def slip_angles(self, pull: Array) -> Array:
-        """Give the angle of slip that each pulley needs; infinite where it has no friction."""
+        """Give the angle of slip that each pulley needs; infinite where it has no friction.
+
+        Raises:
+            ValueError: A span is slack.
+        """
+        if (pull <= 0.0).any():
+            raise ValueError("a span would be slack")
         logs = np.abs(np.log(pull / np.roll(pull, 1)))
         return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
 

@@ -128,10 +128,17 @@ def _values(name: str, value: Any) -> Any:
     """Give the values of a name: those listed, where tables are laws, mounts, loads; or a range."""
     if isinstance(value, list):
         return [_value(f"over.{name}[{k}]", name, one) for k, one in enumerate(value)]
-    fields = _table(f"over.{name}", value)
+    if not isinstance(value, dict):
+        raise ValueError(
+            f"over.{name}: must be a list of values, or a range {{ from = , to = , count = }}, "
+            f"got {shown(value)}"
+        )
+    fields = value
     known = ("from", "to", "count", "spacing")
     for field in fields:
         if field not in known:
+            if isinstance(fields[field], (list, dict)):
+                raise ValueError(f'over.{name}.{field}: names stand in quotes: "{name}.{field}" = ')
             raise ValueError(f"over.{name}.{field}: unknown field{close_to(field, known)}")
     for field in known[:3]:
         if field not in fields:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import attrs
@@ -75,6 +76,11 @@ class Measure:
     outputs: tuple[str, ...] | None = None
     in_python: bool = False
 
+    @property
+    def names(self) -> set[str]:
+        """What quantities are called, as far as this is known before a run."""
+        return {called for called, _ in (*self.named, *self.functions)}
+
     def of(self, result: Result) -> tuple[Layout, Array, tuple[str, ...]]:
         """Measure a run: a row and its layout.
 
@@ -99,11 +105,17 @@ class Measure:
             found += _given(called, function(result))
         if self.function is not None:
             value = self.function(result)
+            if value is None:
+                raise TypeError(f"{_called(self.function)} returned None: is a return missing?")
             if not isinstance(value, Mapping):
-                value = {getattr(self.function, "__name__", "measure").strip("<>"): value}
+                value = {_called(self.function): value}
             for called, one in value.items():
                 found += _given(str(called), one)
         return packed(found)
+
+
+def _called(function: Callable[..., Any]) -> str:
+    return getattr(function, "__name__", "measure").strip("<>")
 
 
 def as_measure(measure: object, params: Params, last: object) -> Measure:
@@ -244,6 +256,7 @@ class _Report:
 # --- Histories ------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=1)
 def _tables() -> dict[str, tuple[str, str, str]]:
     """Give size, unit and text of the histories by name."""
     return {**described(), "slip": ("PULLEYS", "1", "speed lost against pulley 0")}

@@ -128,10 +128,20 @@ def changed(
             new_options[str(path[0])] = value
         else:
             groups[root].append((path, value))
-    params = assign(scene.params, groups["params"])
+    params = assign(scene.params, _length_or_preload(groups["params"]))
     torque = _torque_with(scene.torque_fn, groups["torque"])
     motion = _motion_with(scene, groups["motion"])
     return Scene(params, torque, t_end, motion), new_options
+
+
+def _length_or_preload(changes: list[tuple[Path, Any]]) -> list[tuple[Path, Any]]:
+    """Leave out the length of a belt where its preload is given, and the other way round."""
+    given = dict(changes)
+    for one, other in (("preload", "length"), ("length", "preload")):
+        replaced = ("belt", other)
+        if given.get(("belt", one)) is not None and replaced not in given:
+            return [*changes, (replaced, None)]
+    return changes
 
 
 # --- Loads ----------------------------------------------------------------------------------------
@@ -188,7 +198,7 @@ def _scaled_torque(torque: TorqueLike, factor: object) -> TorqueLike:
 
 
 def _torque_with(torque: TorqueLike, changes: list[tuple[Path, Any]]) -> TorqueLike:
-    for path, value in sorted(changes, key=lambda change: change[0] == (_SCALE,)):
+    for path, value in sorted(changes, key=_rank):
         if path == ():
             torque = value
         elif path == (_SCALE,):
@@ -202,6 +212,14 @@ def _torque_with(torque: TorqueLike, changes: list[tuple[Path, Any]]) -> TorqueL
                 parts[at] = _with(parts[at], path[1:], value)
             torque = parts[0] if len(parts) == 1 else TorqueSum(parts)
     return torque
+
+
+def _rank(change: tuple[Path, Any]) -> int:
+    """Order changes: what replaces all of it, its fields, factors on its parts, on all of it."""
+    path = change[0]
+    if path and path[-1] == _SCALE:
+        return 3 if len(path) == 1 else 2
+    return 1 if path else 0
 
 
 def _with(node: Any, path: Path, value: Any) -> Any:
@@ -266,7 +284,7 @@ def _motion_with(scene: Scene, changes: list[tuple[Path, Any]]) -> Any:
     motions: dict[int, Any] = {
         k: _own(one) for k, one in as_motions(given, scene.params.pulley_names).items()
     }
-    for path, value in changes:
+    for path, value in sorted(changes, key=_rank):
         if path == (_SCALE,):
             motions = {k: _scaled_motion(one, value) for k, one in motions.items()}
         elif path:

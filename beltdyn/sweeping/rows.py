@@ -117,8 +117,25 @@ class Outcome:
 
 
 def in_text(value: Any) -> str:
-    """Give a value as text, without the addresses of objects, which differ between processes."""
+    """Give a value as text: short, and without addresses, which differ between processes.
+
+    Of a law or another object with fields, those that are not at their defaults.
+    """
+    kind: Any = type(value)
+    if attrs.has(kind) and kind.__module__.startswith("beltdyn."):
+        given = [
+            f"{field.name}={in_text(one)}"
+            for field in attrs.fields(kind)
+            if field.init and not _same(one := getattr(value, field.name), field.default)
+        ]
+        return f"{kind.__name__}({', '.join(given)})"
+    if isinstance(value, float):
+        return f"{value:g}"
     return re.sub(r" at 0x[0-9A-Fa-f]+", "", str(value))
+
+
+def _same(value: Any, default: Any) -> bool:
+    return value is default or (isinstance(value, (bool, int, float, str)) and value == default)
 
 
 def packed(found: Sequence[tuple[Quantity, Any]]) -> tuple[Layout, Array, tuple[str, ...]]:

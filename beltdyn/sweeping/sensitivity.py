@@ -299,8 +299,8 @@ def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: 
     if most < design.least:
         raise ValueError(
             f"{name} has a number in {most} of {design.groups} {design.unit}, at least "
-            f"{design.least} are needed{_failures(dataset)}: draw more samples, or narrow the "
-            "ranges to what the drive can do"
+            f"{design.least} are needed{_failures(dataset)}: draw more samples"
+            + (", or narrow the ranges to what the drive can do" if most < design.groups else "")
         )
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import tempfile
 import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -69,6 +70,10 @@ class Store:
                 "folder of its own"
             )
         files.check_writable(self._path / "part")
+        # The first file of a process makes xarray import what takes seconds: not in the middle of
+        # a sweep, and not while Ctrl-C waits for it.
+        with tempfile.TemporaryDirectory() as folder:
+            self._xarray.Dataset().to_netcdf(Path(folder) / "empty.nc", engine="netcdf4")
         self._waiting: list[tuple[str, Outcome]] = []
         self._begun = self._written = time.monotonic()
 

@@ -9,7 +9,7 @@ from contextlib import nullcontext, suppress
 from typing import Any, NamedTuple
 
 from .. import _core, scenes
-from ..checks import close_to, flag
+from ..checks import close_to, flag, positive
 from ..motions import as_motions, in_core
 from ..optional import optional_module
 from ..parameters import overlap
@@ -23,7 +23,7 @@ from .dispatch import Dispatch, without_ctrl_c
 from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
-from .points import Points, as_json, as_points
+from .points import RUN, Points, as_json, as_points
 from .rows import Outcome, in_text
 from .store import Store
 from .table import Table
@@ -103,24 +103,27 @@ def sweep(
             ``{name: value}``, one for each run; or what :func:`beltdyn.sample` gives. Names are
             those of the fields of :class:`beltdyn.Params`, "belt.preload", "friction.mu_k",
             "pulleys[1].inertia", "pulleys[crank].inertia", "pulleys[*].inertia" (of all),
-            "pulleys[tensioner].mount.stiffness"; "torque.scale", a factor on all set torques,
+            "pulleys[tensioner].mount.stiffness" ("belt.preload" takes the place of a length that
+            the scene gives, and the other way round); "torque.scale", a factor on all set torques,
             "torque[1].scale" on one of a sum, "torque[1].quadratic", a field of it, "torque", all
             of it; "motion.scale", "motion[crank].amplitudes[0]"; "t_end"; and arguments of
             :func:`beltdyn.simulate` such as "rtol". Values may also be objects: friction laws,
             torques.
         measure: What each run gives: names, ``{name of your own: name or function}``, or a function
-            of the :class:`beltdyn.Result` that returns a number, a text, an array or a mapping of
-            these; None: speeds, torques, powers, hub loads, tensions, creep and efficiency. Names
-            are ``"report.<part>.<quantity>"`` of :meth:`beltdyn.Result.report` (of all rows, or of
-            one: "report.pulleys[crank].margin"; "report.efficiency"; "report.spans.tension least";
+            of the :class:`beltdyn.Result` that returns a number, a text, an array, an
+            ``xarray.DataArray`` with dimensions and units, or a mapping of these; None: speeds,
+            torques, powers, hub loads, tensions, creep and efficiency. Names are
+            ``"report.<part>.<quantity>"`` of :meth:`beltdyn.Result.report` (of all rows, or of one:
+            "report.pulleys[crank].margin"; "report.efficiency"; "report.spans.tension least";
             "report" for everything), of histories such as "span_tension", "pulleys.omega", whole or
             over the last part of a run with ".mean", ".least", ".most", ".rms", ".final", and
             "stats.steps".
         combine: "grid": every combination of the values; "zip": the first of all, the second of
             all, and so on.
         executor: Where runs are done. None: in threads, one for each processor; in processes if a
-            torque, motion or measure is Python code, which would keep other threads waiting. A
-            number of workers, "threads" or "processes", any ``concurrent.futures.Executor``, or the
+            torque or motion is a Python function, or if quantities of reports are measured, which
+            would keep other threads waiting. A number of workers, which are threads or processes
+            by the same rule; "threads" or "processes"; any ``concurrent.futures.Executor``, or the
             ``Client`` of a Dask cluster. A run in which worker processes die several times is given
             up, with the status "lost".
         store: A folder that keeps all outcomes as the sweep goes (netCDF files). A sweep that was
@@ -128,19 +131,22 @@ def sweep(
             by their content and the version of this package, not by the sweep they are from. Not
             seen: changes in functions that yours call; give another ``version`` then.
         warm: A name that is swept, in a grid: each run starts from the end of the run with the
-            value of this name before, at t = 0, and not from rest. For steady states that change
-            slowly along it.
+            value of this name before, at t = 0, and not from rest (unless that one failed). For
+            steady states that change slowly along it.
         last: The part of each run, counted from its end, that reports, means and extremes are of.
         progress: Whether to show progress on stderr (on terminals; needs ``rich``).
         version: Anything that tells runs apart in the store that look alike.
-        **options: Arguments of :func:`beltdyn.simulate` for all runs, such as ``t_eval``,
-            ``method``, ``rtol``; not ``outputs``, which follow from ``measure``.
+        **options: ``t_end``, in place of that of the scene, and arguments of
+            :func:`beltdyn.simulate` for all runs, such as ``t_eval``, ``method``, ``rtol``; not
+            ``outputs``, which follow from ``measure``.
 
     Returns:
         An ``xarray.Dataset``. Of a grid each name is a dimension, otherwise they are coordinates
         along the dimension "run". Quantities have their own dimensions after those ("pulley",
         "span", "time"), units and descriptions. ``status`` is "finished", "refused" (there is no
-        such drive), "failed", "measure" (measuring raised an error), "lost".
+        such drive), "failed", "measure" (measuring raised an error), "lost". Warnings that show in
+        outputs that are not measured are not looked for, as with ``outputs`` of
+        :func:`beltdyn.simulate`.
 
     Raises:
         ImportError: xarray is not installed; or loky, which processes need.
@@ -182,9 +188,14 @@ def run_sweep(
     optional_module("xarray", "beltdyn.sweep", "sweep")
     base = as_scene(scene)
     points = as_points(over, combine)
+    if "t_end" in options and "t_end" not in points.names:
+        base = base._replace(t_end=positive("t_end", options.pop("t_end"), "s"))
     described = _check_names(base, points)
     _check_options(options, points)
     what = as_measure(measure, base.params, last)
+    taken = {*points.names, RUN, "status", "message", "warnings"} & what.names
+    if taken:
+        raise ValueError(f"measure: {min(taken)!r} is the name of something else in the result")
     if not isinstance(version, str):
         raise TypeError(f"version must be a str, got {type(version).__name__}")
     job = Job(
@@ -346,7 +357,7 @@ def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:
 
 def _check_options(options: Mapping[str, Any], points: Points) -> None:
     for name in options:
-        if name not in OPTIONS:
+        if name not in (*OPTIONS, "t_end"):
             hint = close_to(name, OPTIONS)
             why = ": what is kept follows from measure" if name == "outputs" else ""
             raise TypeError(f"sweep takes no argument {name!r}{hint}{why}")

@@ -101,7 +101,9 @@ class Table:
             ("message", message, "why a run did not finish"),
             ("warnings", self._warnings, "warnings of the run, one in a line"),
         ):
-            data[name] = (dims, np.array(values, dtype=str).reshape(shape), {"long_name": text})
+            # Of any length: one long message is not to make room in all runs.
+            texts = np.array(values, dtype=str if name == "status" else object)
+            data[name] = (dims, texts.reshape(shape), {"long_name": text})
         coords: dict[str, Any] = self._coordinates()
         for axis in joined.axes.values():
             if axis.labels:
@@ -134,9 +136,7 @@ def _column(values: Sequence[Any]) -> Any:
         return np.array(values, dtype=np.int64)
     if all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
         return np.array(values, dtype=np.float64)
-    return np.array(
-        [one if isinstance(one, str) else in_text(repr(one)) for one in values], dtype=str
-    )
+    return np.array([one if isinstance(one, str) else in_text(one) for one in values], dtype=str)
 
 
 class _Joined:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import pickle
 import threading
 import time
+import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import attrs
@@ -150,7 +152,7 @@ class Work:
         except Exception as error:
             return Outcome(
                 status="measure",
-                message=f"{type(error).__name__}: {_line(error)}",
+                message=f"{type(error).__name__}: {_line(error)}{_where(error)}",
                 certain=False,
                 warnings=lines,
                 kernels=kernels,
@@ -222,6 +224,15 @@ def _hashable(value: Any) -> Hashable:
         except NoKeyError:
             return object()  # nothing is equal to it
     return (type(value), value)
+
+
+def _where(error: BaseException) -> str:
+    """Tell which line of the user's own code raised an error, if one did."""
+    frames = traceback.extract_tb(error.__traceback__)
+    if len(frames) < 2 or frames[-1].filename.startswith(str(Path(__file__).parent.parent)):
+        return ""
+    last = frames[-1]
+    return f" (line {last.lineno} of {last.name}, {Path(last.filename).name})"
 
 
 def _line(error: BaseException) -> str:
