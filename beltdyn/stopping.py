@@ -1,15 +1,17 @@
-"""Stopping runs from another thread: Python delivers signals to the main thread alone."""
+"""Stopping runs: from another thread, for signals come to the main one alone; and not just now."""
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import Any
 
 from . import _core
 
-__all__ = ["Stopper", "stoppable"]
+__all__ = ["Stopper", "stoppable", "without_ctrl_c"]
 
 #: The stopper of the runs of this thread.
 _STOPPER: ContextVar[Stopper | None] = ContextVar("stopper", default=None)
@@ -65,3 +67,29 @@ def stoppable(sim: _core.Simulation) -> Iterator[None]:
         yield
     finally:
         stopper._end(sim)
+
+
+#: Signals that may end a run.
+_ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+
+
+@contextmanager
+def without_ctrl_c() -> Iterator[None]:
+    """Answer Ctrl-C only afterwards, so that what has ended is taken once and as a whole."""
+    handlers = {one: signal.getsignal(one) for one in _ENDING}
+    if threading.current_thread() is not threading.main_thread():
+        handlers = {}
+    noted: list[tuple[Any, Any]] = []
+    for one, handler in handlers.items():
+        if callable(handler):
+            signal.signal(one, lambda *given: noted.append(given))
+    try:
+        yield
+    finally:
+        for one, handler in handlers.items():
+            if callable(handler):
+                signal.signal(one, handler)
+        if noted and callable(handler := handlers[noted[0][0]]):
+            handler(*noted[0])

@@ -156,12 +156,22 @@ def test_failed_runs_are_hatched_and_counted() -> None:
     ]
     hatched = [item for item in ax.collections if isinstance(item, PatchCollection)]
     assert [item.get_hatch() for item in hatched] == [
-        look[0] or None for look in FAILED_LOOKS.values()
+        look[0] or None for name, look in FAILED_LOOKS.items() if name != "infinite"
     ]
     cells = [path.get_extents() for path in hatched[1].get_paths()]
     edges = one(ax, QuadMesh).get_coordinates()[0, :, 0]
     assert [(cell.x0, cell.x1) for cell in cells] == [tuple(edges[k : k + 2]) for k in range(3)]
     np.testing.assert_allclose([(cell.y0, cell.y1) for cell in cells], [(0.25, 0.35)] * 3)
+
+
+def test_values_without_end_are_marked_and_counted() -> None:
+    """Margins of pulleys that no load makes slip."""
+    data = swept.of_grid(
+        {"belt.preload": PRELOADS, "friction.mu_k": FRICTIONS},
+        lambda preload, mu: np.inf if preload > 500.0 and mu > 0.9 else capacity(preload, mu),
+    )
+    for draw in (bd.plot.map, bd.plot.lines):
+        assert legend(draw(data, "q"))[-1] == "without end: 2 runs"
 
 
 def test_contours_are_where_the_values_are() -> None:

@@ -125,6 +125,25 @@ def test_options_of_simulate_are_swept_as_well(name: str, value: Any) -> None:
     assert bits(again["joints.force.final"]) == bits(found["joints.force.final"])
 
 
+def test_a_preload_takes_the_place_of_a_length() -> None:
+    scene = small(0.001)
+    found = run(scene, {"belt.preload": [900.0, 1000.0]}, "span_tension.final", rtol=1e-3)
+    for preload in (900.0, 1000.0):
+        by_hand = with_belt(scene, length=None, preload=preload)
+        here = found["span_tension.final"].sel({"belt.preload": preload})
+        assert bits(here) == bits(alone(by_hand, rtol=1e-3).span_tension[-1])
+    back = run(with_belt(scene, length=None, preload=900.0), {"belt.length": [1.2]}, "stats.steps")
+    assert list(back["status"].values) == ["finished"]
+
+
+def test_factors_come_after_what_they_are_factors_of() -> None:
+    """In whatever order they are named."""
+    drive = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-30.0, 0.0]])
+    over = {"torque.scale": [2.0], "torque[0].scale": [1.5], "torque": [drive]}
+    found = run(small(), over, "pulleys.torque.final", t_end=0.001)
+    assert list(found["pulleys.torque.final"].values.ravel()) == [-90.0, 0.0]
+
+
 def test_mounts_and_cranks_by_name() -> None:
     scene = bd.scenes.tensioned_alternator()._replace(t_end=0.003)
     mounted = scene.params.pulley_names[scene.params.mounted[0]]
@@ -367,9 +386,14 @@ def test_a_measure_that_fails_or_does_not_fit() -> None:
             raise KeyError("peak")
         return result.joints.force[-1][: 3 if length == 1.195 else 4]
 
+    found = run(small(), {"belt.length": [1.2]}, lambda result: None)
+    assert "a return missing" in str(found["message"].values[0])
     found = run(small(), {"belt.length": [1.195, 1.2, 1.198]}, {"force": measure})
     assert list(found["status"].values) == ["finished", "measure", "measure"]
-    assert found["message"].values[1] == "KeyError: 'peak'"
+    said = str(found["message"].values[1])
+    assert said.startswith("KeyError: 'peak' (line ") and said.endswith(
+        " of measure, test_sweep.py)"
+    )
     assert found["message"].values[2] == ("force has 4 values along 'force_0', 3 in the first runs")
     assert np.isnan(found["force"][1:]).all() and np.isfinite(found["force"][0]).all()
 
@@ -457,6 +481,9 @@ def test_bad_names_are_refused_before_anything_runs(over: Any, words: str) -> No
         ({"measure": []}, "at least one"),
         ({"measure": {"a": 3}}, "must be a name or a function"),
         ({"measure": 3}, "measure must be"),
+        ({"measure": {"status": "span_tension.mean"}}, "'status' is the name of something else"),
+        ({"measure": {"belt.length": "slip.mean"}}, "'belt.length' is the name of"),
+        ({"t_end": -1.0}, "t_end must be > 0"),
         ({"rtoll": 1e-3}, "did you mean 'rtol'"),
         ({"outputs": ("belt",)}, "follows from measure"),
         ({"method": "rk4", "over": {"method": ["rk4"]}}, "leave one of them out"),

@@ -168,6 +168,8 @@ def test_samples_in_a_file(tmp_path: Path) -> None:
         ("from = 0.5", "from = -1, spacing = 'geometric'", "must not reach or pass 0"),
         ("rtol = 1e-3", "rtoll = 1e-3", "did you mean 'rtol'"),
         ("rtol = 1e-3", "store = 'x'", "options.store"),
+        ("[1.198, 1.2, 0.2]", "1.2", "over.belt.length: must be a list of values, or a range"),
+        ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
         ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
         ("belt.length", "belt.lenght", "did you mean 'belt.length'"),
         ("span_tension.final", "span_tension.last", "did you mean"),

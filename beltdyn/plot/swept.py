@@ -36,6 +36,7 @@ FAILED_LOOKS = {
     "lost": ("\\\\\\\\", "2", "worker lost"),
     "missing": ("", "|", "not computed"),
     "finished": ("----", "_", "no value"),
+    "infinite": ("oo", "^", "without end"),
 }
 #: Texts longer than this do not fit along an axis; the name is there instead.
 _LONGEST = 48
@@ -271,15 +272,16 @@ def failures(part: Any, quantity: str) -> dict[str, tuple[Any, str]]:
 
     Returns:
         DataArrays of bool over the dimensions of the quantity. "finished" are those that have no
-        value although they finished, such as the tension of a span that has no joint.
+        value although they finished, such as the tension of a span that has no joint; "infinite"
+        those whose value is, such as the margin of a pulley that no load makes slip.
     """
     status, array = part["status"], part[quantity]
     found = {}
     absent = array.isnull()
     for name, (_, _, word) in FAILED_LOOKS.items():
         of_name = status == name
-        if name == "finished":
-            where = absent & of_name
+        if name in ("finished", "infinite"):
+            where = absent & of_name if name == "finished" else abs(array) == np.inf
             count, unit = int(where.sum()), "value" if own_names(part, array) else "run"
         else:
             where = absent.where(of_name, False).astype(bool)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any
 
 from ..checks import Array
 from ..pools import Pool, as_bytes
+from ..stopping import without_ctrl_c
 from .rows import Outcome
 from .work import Batch, Job, Work, run_batch
 
-__all__ = ["ATTEMPTS", "Dispatch", "without_ctrl_c"]
+__all__ = ["ATTEMPTS", "Dispatch"]
 
 #: How often workers may die in a run before it is given up; the last time it is on its way alone.
 ATTEMPTS = 3
@@ -212,29 +211,3 @@ class Dispatch:
                     with suppress(Exception):
                         self._take(batch, future.result())
             self._flying.clear()
-
-
-#: Signals that may end a sweep.
-_ENDING = [
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-]
-
-
-@contextmanager
-def without_ctrl_c() -> Iterator[None]:
-    """Answer Ctrl-C only afterwards, so that what has ended is taken once and as a whole."""
-    handlers = {one: signal.getsignal(one) for one in _ENDING}
-    if threading.current_thread() is not threading.main_thread():
-        handlers = {}
-    noted: list[tuple[Any, Any]] = []
-    for one, handler in handlers.items():
-        if callable(handler):
-            signal.signal(one, lambda *given: noted.append(given))
-    try:
-        yield
-    finally:
-        for one, handler in handlers.items():
-            if callable(handler):
-                signal.signal(one, handler)
-        if noted and callable(handler := handlers[noted[0][0]]):
-            handler(*noted[0])

@@ -27,6 +27,7 @@ import numpy as np
 
 from .. import files
 from ..optional import optional_module
+from ..stopping import without_ctrl_c
 from .rows import NOTHING, Axis, Layout, Outcome, Quantity
 
 __all__ = ["Store"]
@@ -72,7 +73,7 @@ class Store:
         files.check_writable(self._path / "part")
         # The first file of a process makes xarray import what takes seconds: not in the middle of
         # a sweep, and not while Ctrl-C waits for it.
-        with tempfile.TemporaryDirectory() as folder:
+        with without_ctrl_c(), tempfile.TemporaryDirectory() as folder:
             self._xarray.Dataset().to_netcdf(Path(folder) / "empty.nc", engine="netcdf4")
         self._waiting: list[tuple[str, Outcome]] = []
         self._begun = self._written = time.monotonic()

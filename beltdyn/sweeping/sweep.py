@@ -17,9 +17,10 @@ from ..params import Params
 from ..pools import Pool, as_pool
 from ..progress import counted
 from ..scene import Scene
+from ..stopping import without_ctrl_c
 from ..torques import Torque, as_terms
 from .content import Contents
-from .dispatch import Dispatch, without_ctrl_c
+from .dispatch import Dispatch
 from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
