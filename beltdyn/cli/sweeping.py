@@ -109,14 +109,14 @@ def _write(dataset: Any, out: Path) -> None:
 
 
 def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Give a quantity over all runs, by pulley or span if it has few of them."""
+    """Give a quantity over all runs, for each pulley or span if it has few of them."""
     values = data[name]
     own = [dim for dim in values.dims if dim not in data["status"].dims]
     if len(own) != 1 or own[0] not in data.coords or data.sizes[own[0]] > _FEW:
-        yield name, values.values.ravel()
+        yield "", values.values.ravel()
         return
     for label in data[own[0]].values:
-        yield f"{name}, {label}", values.sel({own[0]: label}).values.ravel()
+        yield str(label), values.sel({own[0]: label}).values.ravel()
 
 
 def _print(swept: Swept, seconds: float) -> None:
@@ -126,18 +126,23 @@ def _print(swept: Swept, seconds: float) -> None:
     data = swept.dataset
     numbers = [name for name in data.data_vars if data[name].dtype.kind == "f"]
     table = Table(title="over all runs", title_justify="left")
-    for label in ("quantity", "unit", "least", "mean", "most"):
-        table.add_column(label, justify="left" if label in ("quantity", "unit") else "right")
+    table.add_column(
+        "quantity", no_wrap=True, min_width=max(map(len, map(str, numbers)), default=1)
+    )
+    table.add_column("of")
+    table.add_column("unit")
+    for label in ("least", "mean", "most"):
+        table.add_column(label, justify="right")
     for name in numbers:
-        for called, values in _rows(data, str(name)):
+        units = data[name].attrs.get("units", "")
+        for k, (row, values) in enumerate(_rows(data, str(name))):
             known = values[np.isfinite(values)]
-            ends = (known.min(), known.mean(), known.max()) if known.size else 3 * (np.nan,)
-            endless = int(np.isinf(values).sum())
-            table.add_row(
-                called + (f" (without end in {endless} runs)" if endless else ""),
-                data[name].attrs.get("units", ""),
-                *(f"{one:.5g}" for one in ends),
-            )
+            ends = 3 * ["-"]
+            if known.size:
+                ends = [f"{one:.5g}" for one in (known.min(), known.mean(), known.max())]
+            if np.isinf(values).any():  # such as margins of pulleys without a load
+                ends[2] = f"inf: {int(np.isinf(values).sum())}"
+            table.add_row(*(("", row, "") if k else (str(name), row, units)), *ends)
     Console().print(table)
     total = sum(swept.counts.values())
     parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())
