@@ -107,7 +107,7 @@ def commits(path: Path) -> list[int]:
 @pytest.fixture
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A restart record in memory every few milliseconds."""
-    monkeypatch.setattr(simulation, "_CHUNK", 0.0)
+    monkeypatch.setattr(simulation, "CHUNK", 0.0)
 
 
 # --- cut anywhere --------------------------------------------------------------------------------
