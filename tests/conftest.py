@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import tiers
 
 ROOT = Path(__file__).resolve().parent.parent
 # Tests run side by side: threads of BLAS, which it starts for small matrices too, only get in their
@@ -20,10 +21,14 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     return 0 if config.getoption("capture") == "no" else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Slow tests take up to three minutes, on a loaded machine several times that."""
+@pytest.hookimpl(tryfirst=True)  # before -m takes tests away
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Refuse marks of tiers without a guard; tests outside the default tier may take long."""
+    whole = not any("::" in argument for argument in config.args)
+    if wrong := tiers.faults_of_marks(items, whole):
+        raise pytest.UsageError("\n".join(wrong))
     for item in items:
-        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+        if not tiers.is_default(item) and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1800))
 
 
