@@ -47,7 +47,7 @@ def is_default(item: pytest.Item) -> bool:
 
 @cache
 def _functions(file: Path) -> dict[str, bool]:
-    """Return the test functions of a file, and whether the whole of one is outside the default tier."""
+    """Return the test functions of a file, and whether all of one is outside the default tier."""
     tree = ast.parse(file.read_text("utf-8"))
     outside = tuple(f"pytest.mark.{name}" for name in OUTSIDE)
     of_file = [
