@@ -23,8 +23,10 @@ from laws import EXAMPLES, scaled, with_laws
 
 import beltdyn as bd
 
-#: Times after the start at which the two are compared [s].
-AFTER = np.array([0.002, 0.007, 0.014, 0.022, 0.03])
+#: Times after the start at which the two are compared [s]; of drives that run, where links land and
+#: leave, the oracle takes many more steps.
+AFTER_REST = np.array([0.002, 0.007, 0.014, 0.022, 0.03])
+AFTER = np.array([0.0015, 0.004, 0.008, 0.012])
 
 Make = Callable[[], bd.Scene]
 DAHL, LUGRE, ELASTIC = (EXAMPLES[name] for name in ("dahl", "lugre", "elastic_plastic"))
@@ -52,7 +54,8 @@ def changed(make: Make, **changes: Any) -> Make:
     return scene
 
 
-case_1, three, flywheel = bd.scenes.kubas_case_1, bd.scenes.three_pulleys, bd.scenes.flywheel_start
+case_1, flywheel = bd.scenes.kubas_case_1, bd.scenes.flywheel_start
+three = changed(bd.scenes.three_pulleys, belt={"n_bodies": 80})
 #: No term small against the drive's 100 N m.
 dragging = changed(
     case_1,
@@ -99,12 +102,11 @@ TABLE: dict[str, tuple[Make, str, float]] = {
 for k, (law_name, law) in enumerate(EXAMPLES.items()):
     if law_name == "dahl":  # the cases above have it
         continue
-    strong, weak = (changed(make, friction=scaled(law, factor))
-                    for make, factor in ((case_1, 1.5), (flywheel, 0.5)))  # fmt: skip
-    belts = [("paper", "joint", "string")[(k + shift) % 3] for shift in range(3)]
-    TABLE[f"{law_name}, running"] = (strong, belts[0], 0.28 if belts[0] != "string" else 0.2)
-    TABLE[f"{law_name}, three unequal pulleys"] = (changed(three, friction=law), belts[1], 0.22)
-    TABLE[f"{law_name}, full slip"] = (weak, belts[2], 0.1)
+    belts = [("paper", "joint", "string")[(k + shift) % 3] for shift in range(2)]
+    # without bending stronger laws slip at the end of the ramp as well
+    ramp = 0.2 if belts[0] == "string" else 0.28
+    TABLE[f"{law_name}, running"] = (changed(case_1, friction=scaled(law, 1.5)), belts[0], ramp)
+    TABLE[f"{law_name}, full slip"] = (changed(flywheel, friction=scaled(law, 0.5)), belts[1], 0.1)
 
 
 def case_of(make: Make, mesh: str, t: float) -> stored_runs.Case:
@@ -116,7 +118,7 @@ def case_of(make: Make, mesh: str, t: float) -> stored_runs.Case:
             return bd.settle(params)
         return bd.simulate(params, scene.torque_fn, t, t_eval=[t]).final_state
 
-    return stored_runs.Case.of(params, scene.torque_fn, start, AFTER)
+    return stored_runs.Case.of(params, scene.torque_fn, start, AFTER if t > 0.0 else AFTER_REST)
 
 
 RUNS = stored_runs.Runs(
@@ -167,7 +169,7 @@ def test_core_agrees_with_oracle(case: str) -> None:
         # Where a link lands its slip velocity jumps, which the error of a friction state sees and
         # without one nothing: weights of the stages may count a step of it too much or too little.
         steps = min(result.stats.steps, run.steps)  # of both sides
-        known += np.max(np.abs(result.contact.velocity)) * AFTER[-1] / steps
+        known += np.max(np.abs(result.contact.velocity)) * run.case.after[-1] / steps
     assert np.all(np.abs(result.contact.slip - slip) <= known)
     assert np.max(np.abs(result.contact.normal - normal)) <= 1e-6 * tension
     touched = result.contact.pulley

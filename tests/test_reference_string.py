@@ -17,6 +17,9 @@ from oracle_drives import no_torque, shaken, small_drive
 from reference_string import String, as_string
 
 
+RUN = pytest.mark.extended(guard="test_oracle.py::test_core_agrees_with_oracle")
+
+
 @pytest.fixture(params=oracle_string.MODELS, scope="module")
 def model(request: pytest.FixtureRequest) -> String:
     return oracle_string.MODELS[request.param]()
@@ -114,6 +117,7 @@ def test_modes_of_a_span(k: int) -> None:
         assert w == pytest.approx(math.pi / length * math.sqrt(tension / density), rel=4e-3)
 
 
+@pytest.mark.extended(guard="test_string.py::test_rates_at_every_level")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_forces_at_rest_are_the_slope_of_the_energy(model: String, seed: int) -> None:
     """Bars, contact, gravity and springs of mounts, without damping and friction, mass by mass."""
@@ -139,6 +143,7 @@ def test_forces_at_rest_are_the_slope_of_the_energy(model: String, seed: int) ->
     np.testing.assert_allclose(force, -slope, atol=1e-5 * np.abs(force).max())
 
 
+@RUN
 def test_settled_string_is_in_equilibrium_at_one_tension() -> None:
     """No bending, no friction: spans carry the same, and wraps but for the corners of the polygon.
 
@@ -163,6 +168,7 @@ def ramp(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
     return np.array([-20.0 * min(t / 0.01, 1.0), -2.0 * omega[1]])
 
 
+@RUN
 def test_energy_residual_of_a_run_vanishes() -> None:
     """The books balance to tol times the work done, as those of links (test_reference_run.py)."""
     model = as_string(small_drive(inertias=np.array([5e-4, 5e-4])))
