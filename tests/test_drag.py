@@ -114,7 +114,7 @@ def test_every_method_follows_it(method: str) -> None:
     error = np.max(np.abs(result.pulleys.omega[:, 0] - START * exact(result.t)))
     assert error <= min(allowed, 0.01 * abs(START))
     implicit = method in ("rodas4", "lbdf2", "lie")
-    assert not implicit or result.stats.steps < 400  # its derivative lets steps be long
+    assert not implicit or result.stats.steps < 600  # its derivative lets steps be long
 
 
 def test_coulomb_drag_follows_its_closed_form_through_the_stop() -> None:

@@ -155,7 +155,7 @@ def exact(params: bd.Params, start: bd.State) -> dict[str, bd.Result]:
     }
 
 
-@pytest.mark.parametrize(("method", "kind"), zip(METHODS, ["ramp", "wave"] * 3, strict=True))
+@pytest.mark.parametrize(("method", "kind"), [*zip(METHODS, ["ramp", "wave"] * 3, strict=True)])
 def test_every_method(
     method: str, kind: str, params: bd.Params, start: bd.State, exact: dict[str, bd.Result]
 ) -> None:
@@ -430,68 +430,55 @@ def test_the_speed_of_the_start_must_fit(params: bd.Params, start: bd.State) -> 
         bd.simulate(params, FREE, T_END, {0: lambda t: -50.0, 1: lambda t: -49.0})
 
 
-@pytest.mark.parametrize(
-    ("omega", "error", "message"),
-    [
-        ([1.0, 1.0], TypeError, "omega must be a mapping from pulleys to speeds"),
-        ({}, ValueError, "omega must name at least one pulley"),
-        ({2: 1.0}, ValueError, "omega index must be an integer from 0 to 1, got 2"),
-        ({"0": 1.0}, TypeError, "omega index must be an integer"),
-        ({0: math.nan}, ValueError, r"omega\[0\] must be finite"),
-        ({0: None}, TypeError, r"omega\[0\] must be a real number"),
-        ({0: 1.0, 1: 2.0}, ValueError, "the rims of pulleys 1 and 0 must run at one speed"),
-    ],
-)
-def test_bad_speeds_of_a_state(
-    omega: Any, error: type[Exception], message: str, params: bd.Params, start: bd.State
-) -> None:
-    with pytest.raises(error, match=f"^{message}"):
-        start.at_speed(params, omega)
-
-
 # --- what is refused ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("motion", "error", "message"),
-    [
-        ([RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
-        ({2: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got 2"),
-        ({-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
-        ({"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),
-        ({True: RAMP}, TypeError, "motion index must be an integer"),
-        ({0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
-        ({0: None}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
-        ({0: -50.0}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
-        ({0: FREE}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
-        ({0: LOAD}, ValueError, r"motion\[0\] must have one value per time, got .* \(2, 2\)"),
-        (
-            {1: bd.PiecewiseLinear([0.0, 0.1, 0.1], [0.0, 1.0, 2.0])},
-            ValueError,
-            r"motion\[1\] must not jump, .*: it holds the time 0.1 s twice",
-        ),
-    ],
-)
-def test_bad_motions(motion: Any, error: type[Exception], message: str, params: bd.Params) -> None:
-    with pytest.raises(error, match=f"^{message}"):
-        bd.simulate(params, LOAD, 1.0, motion)
+ONE_VALUE = "must be a PiecewiseLinear with one value per time"
+JUMP = bd.PiecewiseLinear([0.0, 0.1, 0.1], [0.0, 1.0, 2.0])
+#: By whom: a run given these motions, a `Motion` of these arguments, a state set to these speeds.
+REFUSED = [
+    ("run", [RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
+    ("run", {2: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got 2"),
+    ("run", {-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
+    ("run", {"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),
+    ("run", {True: RAMP}, TypeError, "motion index must be an integer"),
+    ("run", {0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
+    *(("run", {0: one}, TypeError, rf"motion\[0\] {ONE_VALUE}") for one in (None, -50.0, FREE)),
+    ("run", {0: LOAD}, ValueError, r"motion\[0\] must have one value per time, got .* \(2, 2\)"),
+    ("run", {1: JUMP}, ValueError, r"motion\[1\] must not jump, .*: it holds the time 0.1 s twice"),
+    ("motion", {}, TypeError, "Motion takes either speed or angle"),
+    ("motion", {"speed": wave, "angle": wave}, TypeError, "Motion takes either speed or angle"),
+    (
+        "motion",
+        {"angle": RAMP},
+        ValueError,
+        "Motion.angle must not be a PiecewiseLinear, for the s",
+    ),
+    ("motion", {"angle": FREE}, TypeError, r"Motion.angle must be a function f\(t\), got"),
+    ("motion", {"angle": 1.0}, TypeError, r"Motion.angle must be a function f\(t\), got 1.0"),
+    ("motion", {"speed": LOAD}, ValueError, "Motion.speed must have one value per time"),
+    ("motion", {"speed": "fast"}, TypeError, "Motion.speed must be a PiecewiseLinear"),
+    ("state", [1.0, 1.0], TypeError, "omega must be a mapping from pulleys to speeds"),
+    ("state", {}, ValueError, "omega must name at least one pulley"),
+    ("state", {2: 1.0}, ValueError, "omega index must be an integer from 0 to 1, got 2"),
+    ("state", {"0": 1.0}, TypeError, "omega index must be an integer"),
+    ("state", {0: math.nan}, ValueError, r"omega\[0\] must be finite"),
+    ("state", {0: None}, TypeError, r"omega\[0\] must be a real number"),
+    ("state", {0: 1.0, 1: 2.0}, ValueError, "the rims of pulleys 1 and 0 must run at one speed"),
+]
 
 
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ({}, TypeError, "Motion takes either speed or angle"),
-        ({"speed": wave, "angle": wave}, TypeError, "Motion takes either speed or angle"),
-        ({"angle": RAMP}, ValueError, "Motion.angle must not be a PiecewiseLinear, for the speed"),
-        ({"angle": FREE}, TypeError, r"Motion.angle must be a function f\(t\), got"),
-        ({"angle": 1.0}, TypeError, r"Motion.angle must be a function f\(t\), got 1.0"),
-        ({"speed": LOAD}, ValueError, "Motion.speed must have one value per time"),
-        ({"speed": "fast"}, TypeError, "Motion.speed must be a PiecewiseLinear"),
-    ],
-)
-def test_bad_motion(given: dict[str, Any], error: type[Exception], message: str) -> None:
+@pytest.mark.parametrize(("by", "given", "error", "message"), REFUSED)
+def test_bad_motions_and_speeds(
+    by: str, given: Any, error: type[Exception], message: str, params: bd.Params, start: bd.State
+) -> None:
     with pytest.raises(error, match=f"^{message}"):
-        bd.Motion(**given)
+        if by == "run":
+            bd.simulate(params, LOAD, 1.0, given)
+        elif by == "motion":
+            bd.Motion(**given)
+        else:
+            start.at_speed(params, given)
 
 
 def test_one_value_per_time_is_for_one_pulley(params: bd.Params) -> None:
@@ -566,21 +553,21 @@ def test_exceptions_come_out_unchanged(of: str, params: bd.Params, start: bd.Sta
         assert caught.value.result is None  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_values_that_are_not_finite(value: float, params: bd.Params, start: bd.State) -> None:
-    with pytest.raises(bd.SimulationError, match=r"^the prescribed speed of pulley 1 is (nan|inf) "
-                       r"at t = 0\.01\d* s: it must be finite") as caught:  # fmt: skip
-        run(params, start, {1: lambda t: value if t > 0.01 else 0.0})
-    assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
-    assert caught.value.pulley == 1
-    assert caught.value.result.t.size > 10
-
-
-@pytest.mark.parametrize("value", [None, "1", [1.0], True, 1j])
-def test_values_of_another_kind(value: Any, params: bd.Params, start: bd.State) -> None:
-    for initial in (None, start):
-        with pytest.raises(TypeError, match=r"^what the motion of pulley 0 returns must be a real"):
-            run(params, initial, {0: lambda t: value})
+def test_values_that_are_not_finite_or_of_another_kind(params: bd.Params, start: bd.State) -> None:
+    for value in (math.nan, math.inf):
+        message = (
+            r"^the prescribed speed of pulley 1 is (nan|inf) at t = 0\.01\d* s: it must be finite"
+        )
+        with pytest.raises(bd.SimulationError, match=message) as caught:
+            run(params, start, {1: lambda t, value=value: value if t > 0.01 else 0.0})
+        assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
+        assert caught.value.pulley == 1
+        assert caught.value.result.t.size > 10
+    for wrong in (None, "1", [1.0], True, 1j):
+        for initial in (None, start):
+            message = r"^what the motion of pulley 0 returns must be a real"
+            with pytest.raises(TypeError, match=message):
+                run(params, initial, {0: lambda t, wrong=wrong: wrong})
 
 
 def test_functions_are_called_within_the_run_alone(params: bd.Params, start: bd.State) -> None:

@@ -78,25 +78,16 @@ TABLE: dict[str, tuple[Make, str, float]] = {
     "bearing drag, from rest": (dragging, "paper", 0.0),
     "bearing drag, running": (dragging, "paper", 0.2),
     "flywheel, full slip": (flywheel, "paper", 0.1),
-    "a law for each pulley, from rest": (two_laws, "paper", 0.0),
     "a law for each pulley, running": (two_laws, "paper", 0.28),
-    "two laws on three pulleys, one without": (some_laws, "paper", 0.22),
-    "damping by the force, from rest": (damped_by_force, "paper", 0.0),
     "joints, damping by the force, running": (damped_by_force, "joint", 0.28),
     "joints, case 1 from rest": (case_1, "joint", 0.0),
     "joints, case 1 at the end of its ramp": (case_1, "joint", 0.28),
-    "joints, bearing drag, running": (dragging, "joint", 0.2),
-    "joints, a law for each pulley, running": (two_laws, "joint", 0.28),
     "joints, crossed": (drives.crossed_scene, "joint", 0.1),
-    "joints, outside idler": (drives.idler_scene, "joint", 0.1),
     "string, case 1 from rest": (case_1, "string", 0.0),
-    # without bending the paper's belt slips at 98.5 N m, short of the end of its ramp
-    "string, case 1 at the end of its ramp, full slip": (case_1, "string", 0.28),
     "string, bearing drag, running": (dragging, "string", 0.2),
     "string, flywheel, full slip": (flywheel, "string", 0.1),
     "string, a law for each pulley, running": (two_laws, "string", 0.2),
     "string, two laws on three pulleys, one without": (some_laws, "string", 0.22),
-    "string, crossed": (drives.crossed_scene, "string", 0.1),
     "string, outside idler": (drives.idler_scene, "string", 0.1),
 }
 for k, (law_name, law) in enumerate(EXAMPLES.items()):
@@ -203,23 +194,15 @@ ON_MESHES = [
 @pytest.mark.filterwarnings("ignore:strain:UserWarning")  # the published benchmark's 5 %
 @pytest.mark.parametrize(("name", "mesh"), ON_MESHES)
 def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
-    """One evaluation at a shaken running state, with links both on and off the pulleys: rounding
+    """One evaluation at a shaken state at speed, with links both on and off the pulleys: rounding
     only. Positions of about 0.3 m carry 5e-17 m of it, against stretches of 1e-4 m; larger ones
     more.
     """
-    scene = drives.scene(name)
-    params = on_mesh(scene.params, mesh)
+    params = on_mesh(drives.scene(name).params, mesh)
     rng = np.random.default_rng(7)
-    state = fields(bd.simulate(params, scene.torque_fn, 0.06, t_eval=[0.06]).final_state)
-    for key, scale in [
-        ("x", 1e-4),
-        ("y", 1e-4),
-        ("phi", 1e-2),
-        ("vx", 1.0),
-        ("vy", 1.0),
-        ("vphi", 50.0),
-        ("omega", 5.0),
-    ]:
+    state = fields(bd.settle(params).at_speed(params, {0: -10.0}))
+    sizes = {"x": 1e-4, "y": 1e-4, "phi": 1e-2, "vx": 1.0, "vy": 1.0, "vphi": 50.0, "omega": 5.0}
+    for key, scale in sizes.items():
         state[key] = state[key] + scale * rng.standard_normal(len(state[key]))
     torque = rng.standard_normal(len(params.pulleys)) * 50.0
     oracle = oracle_of(params)

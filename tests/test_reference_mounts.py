@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import oracle_mounted
+import oracle_string
 import pytest
 import reference as ref
 import reference_run as runs
@@ -28,10 +29,6 @@ RUN = pytest.mark.extended(guard="test_oracle.py::test_core_agrees_with_oracle")
 )
 def model(request: pytest.FixtureRequest) -> ref.Reference:
     return MODELS[request.param]()
-
-
-def some_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-    return np.linspace(-2.0, 3.0, len(omega)) - 0.07 * omega
 
 
 # -------------------------------------------------------------------- equations
@@ -122,52 +119,15 @@ def test_states_reach_stops_and_their_dampers() -> None:
     assert {(1.0, -1.0, 0.0), (-1.0, 1.0, 0.0)} & set(pressed)
 
 
-@pytest.mark.parametrize("seed", first(1, [1, 2, 3]))
-def test_power_identity(model: ref.Reference, seed: int) -> None:
-    """dE/dt, term by term from the rates, is what is supplied less what is lost, to rounding."""
-    y = shaken(model, seed)
-    dy = model.rhs(0.0, y, some_torque)
-    links, d_links = model.links(y), model.links(dy)
-    (d, d_rate), (bend, bend_rate) = model.joint_vectors(y), model.joint_angles(y)
-    omega, d_omega = model.pulleys(dy)
-    gravity = np.asarray(model.gravity)
-    terms = [
-        model.mass * np.sum(links[1, :2] * d_links[1, :2]),
-        model.inertia * np.sum(links[1, 2] * d_links[1, 2]),
-        model.c_tra * np.sum(d * d_rate),
-        model.c_tor * np.sum(bend * bend_rate),
-        contact_by_hand(model, y).elastic_power,
-        -model.mass * float(gravity @ links[1, :2].sum(axis=1)),
-        np.sum(model.inertias * omega * d_omega),
-    ]
-    for m, (j, one) in enumerate(model.mounts.items()):
-        if isinstance(one, Sprung):
-            q, rate, _ = model.mount_states(y)[:, m]
-            terms += [
-                one.moved * rate * model.mount_states(dy)[1, m],
-                -one.weighs * float(gravity @ model.axis_velocities(y)[j]),
-                -one.spring(q) * rate,
-            ]
-            if one.stops is not None:
-                assert one.stop_stiffness is not None
-                low, high = one.stops
-                depth = max(0.0, q - high) - max(0.0, low - q)
-                terms.append(one.stop_stiffness * depth * rate)
-    powers = model.ledger(dy)
-    supplied = powers[0] - powers[1:].sum()
-    size = np.abs(terms).sum() + np.abs(powers).sum()
-    assert sum(terms) == pytest.approx(supplied, abs=1e-10 * size)
-    # and mounts have their part in it
-    assert np.abs(powers[5:]).max() > 1e-6 * size
-
-
-@RUN
-def test_forces_are_the_slopes_of_the_energy(model: ref.Reference) -> None:
+@pytest.mark.extended(guard="test_reference.py::test_power_balance")
+@pytest.mark.parametrize("name", [*MODELS, *oracle_string.MODELS])
+def test_forces_are_the_slopes_of_the_energy(name: str) -> None:
     """Of everything at rest, with friction unstrained, by central differences of E.
 
     Steps of 1e-7 m: rounding 1e-16 E / 1e-7 m, curvature 1e-14 m^2 times third derivatives, those
     of contact at its edge, 2e6 N/m^2; together below 1e-6 N.
     """
+    model = {**MODELS, **oracle_string.MODELS}[name]()
     y = shaken(model, 4)
     model.links(y)[1] = model.pulleys(y)[1] = model.mount_states(y)[1:] = 0.0
     model.memory(y)[:] = 0.0
@@ -184,7 +144,7 @@ def test_forces_are_the_slopes_of_the_energy(model: ref.Reference) -> None:
 
     largest = model.mass * np.abs(model.links(dy)[1, :2]).max()
     for i in range(0, model.n_bodies, 5):
-        for row, mass in enumerate((model.mass, model.mass, model.inertia)):
+        for row, mass in enumerate((model.mass, model.mass, model.inertia)[: model.freedoms]):
             reach = 1.0 if row < 2 else 0.5 * model.l0
             force = mass * model.links(dy)[1, row, i]
             found = -slope(still.links, (0, row, i), 1e-7 / reach)

@@ -336,7 +336,7 @@ def running() -> tuple[bd.Params, bd.State]:
 
 
 #: Every law, and every method.
-LAW_BY_METHOD = zip(EXAMPLES, itertools.cycle(mounted_drives.METHODS), strict=False)
+LAW_BY_METHOD = [*zip(EXAMPLES, itertools.cycle(mounted_drives.METHODS), strict=False)]
 
 
 @pytest.mark.parametrize(("law", "method"), LAW_BY_METHOD)
