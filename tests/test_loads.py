@@ -296,8 +296,10 @@ def exact(drive: bd.Params, start: bd.State) -> bd.Result:
 
 
 def apart(one: bd.Result, other: bd.Result) -> float:
-    """Root mean square of the difference of joint forces, over the mean tension."""
-    difference = one.joints.force - other.joints.force
+    """Root mean square of the difference of joint forces, over the mean tension; of a run that ends
+    before the other, as far as it goes.
+    """
+    difference = one.joints.force - other.joints.force[: one.t.size]
     return math.sqrt(np.mean(difference**2)) / float(one.params.info["mean_tension"])
 
 
@@ -353,8 +355,8 @@ def test_with_torques_on_all_and_with_python(
 
     breaks = [0.01, 0.02, 0.03, 0.035]
     for method in ("tsit5", "rodas4"):
-        other = bd.simulate(drive, python, 0.06, rtol=1e-4, method=method, breakpoints=breaks,
-                            **options)  # fmt: skip
+        other = bd.simulate(drive, python, 0.037, rtol=1e-4, method=method, breakpoints=breaks,
+                            initial=start, t_eval=TIMES[:38])  # fmt: skip
         assert apart(other, exact) <= 3e-4
 
 
