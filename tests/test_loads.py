@@ -296,10 +296,10 @@ def exact(drive: bd.Params, start: bd.State) -> bd.Result:
 
 
 def apart(one: bd.Result, other: bd.Result) -> float:
-    """Root mean square of the difference of joint forces, over the mean tension; of a run that ends
-    before the other, as far as it goes.
+    """Root mean square of the difference of joint forces at the samples of the first, over the mean
+    tension.
     """
-    difference = one.joints.force - other.joints.force[: one.t.size]
+    difference = one.joints.force - other.joints.force[np.searchsorted(other.t, one.t)]
     return math.sqrt(np.mean(difference**2)) / float(one.params.info["mean_tension"])
 
 
@@ -353,10 +353,11 @@ def test_with_torques_on_all_and_with_python(
         values[1] += (abs(sign(w, w0)) - 1.0) * coulomb
         return values
 
-    breaks = [0.01, 0.02, 0.03, 0.035]
+    # Python is slow: from where all of them act, over the step
+    middle = bd.simulate(drive, total(), 0.03, initial=start, method="tsit5", rtol=1e-8).final_state
     for method in ("tsit5", "rodas4"):
-        other = bd.simulate(drive, python, 0.037, rtol=1e-4, method=method, breakpoints=breaks,
-                            initial=start, t_eval=TIMES[:38])  # fmt: skip
+        other = bd.simulate(drive, python, 0.037, rtol=1e-4, method=method, breakpoints=[0.035],
+                            initial=middle, t_eval=TIMES[31:38])  # fmt: skip
         assert apart(other, exact) <= 3e-4
 
 

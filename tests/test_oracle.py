@@ -78,6 +78,7 @@ TABLE: dict[str, tuple[Make, str, float]] = {
     "bearing drag, from rest": (dragging, "paper", 0.0),
     "bearing drag, running": (dragging, "paper", 0.2),
     "flywheel, full slip": (flywheel, "paper", 0.1),
+    "a law for each pulley, from rest": (two_laws, "paper", 0.0),
     "a law for each pulley, running": (two_laws, "paper", 0.28),
     "joints, damping by the force, running": (damped_by_force, "joint", 0.28),
     "joints, case 1 from rest": (case_1, "joint", 0.0),
