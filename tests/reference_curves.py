@@ -13,14 +13,13 @@ errors later; from the same states the tests start what they compare. The growth
 most that a small change of its start comes to in it.
 
 A file of `tests/curves/` holds A's curves, the difference B - A of the legs, the state at the
-start of every leg, and the scene as TOML, so that a scene that has changed since is noticed.
+start of every leg, the scene as TOML and the hash of the oracle, so that a scene or an oracle that
+has changed since is noticed. Runs of the oracle alone are in `stored_runs.py`.
 """
 
 from __future__ import annotations
 
 import argparse
-import io
-import os
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -30,7 +29,7 @@ from typing import Any
 
 import attrs
 import numpy as np
-import reference_run
+import stored_runs
 from bridge import fields, oracle_of
 from numpy.typing import NDArray
 
@@ -70,6 +69,7 @@ class Curves:
 
     Attributes:
         scene: The scene as TOML.
+        oracle: Hash of the oracle's source (`stored_runs.hash_of_oracle`).
         edges: Ends of the legs (n_w + 1,) [s].
         states: A's state at the start of each leg, by field, each (n_w, n_b) or (n_w, n_p).
         t: Sample times (n_t,) [s], irregular.
@@ -89,6 +89,7 @@ class Curves:
     """
 
     scene: str
+    oracle: str
     edges: Array
     states: dict[str, Array]
     t: Array
@@ -166,12 +167,7 @@ class Curves:
         del values["states"], values["b"]
         values |= {f"states.{name}": value for name, value in self.states.items()}
         values["difference"] = (self.b - self.a).astype(np.float32)
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, **values)
-        # Whole or not at all: a file cut short would look like a stale one.
-        part = path.with_suffix(".part")
-        part.write_bytes(buffer.getvalue())
-        os.replace(part, path)
+        stored_runs.write(path, values)
 
     @classmethod
     def read(cls, path: Path) -> Curves:
@@ -248,16 +244,10 @@ def run_oracle(
     """Give the same columns by SciPy's DOP853 on the oracle."""
     model, torque = oracle_of(scene.params), scene.torque_fn
     assert isinstance(torque, bd.Torque)
-    kinks = [t for term in torque.terms() if term[0] == "piecewise" for t in term[1]]
-    y = reference_run.integrate(
-        model,
-        model.pack(fields(start)),
-        torque,
-        times,
-        tol=tol,
-        breakpoints=kinks,
-        t0=start.t,
-    ).y
+    case = stored_runs.Case(
+        oracle=model, torque=torque, start=lambda: start, after=times - start.t, tol=tol
+    )
+    y = case.integrate(fields(start)).y
     return np.hstack(
         [
             model.pulleys(y)[:, 1],
@@ -312,6 +302,7 @@ def make(case: str, t_end: float | None = None, tol: float = TOL) -> Curves:
     kept = [fields(state) for state in states[:LEGS]]
     curves = Curves(
         scene=scene.to_toml(),
+        oracle=stored_runs.hash_of_oracle(),
         edges=edges,
         states={name: np.array([state[name] for state in kept]) for name in kept[0] if name != "t"},
         t=times,

@@ -9,19 +9,24 @@ from __future__ import annotations
 import inspect
 import math
 import shlex
-from itertools import product
+from collections.abc import Collection
+from itertools import cycle, product
 from typing import Any
 
 import attrs
 import numpy as np
 import pytest
 import reference_curves as rc
-from slow import slow_if
+import stored_runs
+from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.simulation import METHODS
 
-LONGEST = {("1", "lie"), ("2-5e3", "lie"), ("2", "lie"), ("1", "lbdf2")}.__contains__
+#: Every method once, on some of the legs, by default; all legs of all cases in CI.
+SOME = (0, 4, 7)
+DEALT = [(case, method, SOME) for case, method in zip(cycle(rc.CASES), METHODS, strict=False)]
+WHOLE = [(case, method, range(rc.LEGS)) for case, method in product(rc.CASES, METHODS)]
 DEFAULT_RTOL = float(inspect.signature(bd.simulate).parameters["rtol"].default)
 
 
@@ -41,6 +46,8 @@ def load(case: str) -> tuple[bd.Scene, rc.Curves]:
         pytest.fail(f"tests/curves/{path.name} holds a scene of old ({error}); {remake(case)}")
     if not same:
         pytest.fail(f"tests/curves/{path.name} is of a scene that has changed; {remake(case)}")
+    if curves.oracle != stored_runs.hash_of_oracle():
+        pytest.fail(f"tests/curves/{path.name} is of an oracle that has changed; {remake(case)}")
     return scene, curves
 
 
@@ -123,11 +130,17 @@ def test_floor(case: str) -> None:
 
 
 def legs_by_defaults(
-    scene: bd.Scene, curves: rc.Curves, bounds: dict[str, float], **options: Any
+    scene: bd.Scene,
+    curves: rc.Curves,
+    bounds: dict[str, float],
+    legs: Collection[int],
+    **options: Any,
 ) -> dict[str, rc.Array]:
     """Errors of a method over what a leg allows: the bound times its growth, plus its floor."""
     shares: dict[str, list[rc.Array]] = {name: [] for name in bounds}
     for leg, samples in curves.legs():
+        if leg not in legs:
+            continue
         result = bd.simulate(
             *scene[:2],
             curves.edges[leg + 1],
@@ -143,8 +156,10 @@ def legs_by_defaults(
 
 
 @pytest.mark.filterwarnings("ignore:balance")  # Euler's method damps, and says so
-@pytest.mark.parametrize(("case", "method"), slow_if(LONGEST, product(rc.CASES, METHODS)))
-def test_defaults_against_the_curves(case: str, method: str) -> None:
+@pytest.mark.parametrize(
+    ("case", "method", "legs"), ci_if(lambda row: row[2] is not SOME, [*DEALT, *WHOLE])
+)
+def test_defaults_against_the_curves(case: str, method: str, legs: Collection[int]) -> None:
     """From A's states at the start of each leg: joint forces to what the default tolerance allows.
 
     The tolerance bounds the error of one step in the stretch of a joint, which over the mean
@@ -162,7 +177,7 @@ def test_defaults_against_the_curves(case: str, method: str) -> None:
     options: dict[str, Any] = {"method": method}
     if method == "rk4":
         options["step"] = fixed_step(scene, curves, force)
-    shares = legs_by_defaults(scene, curves, allowed(scene, curves, force), **options)
+    shares = legs_by_defaults(scene, curves, allowed(scene, curves, force), legs, **options)
     for name, share in shares.items():
         worst, mean = np.max(share), np.sqrt(np.mean(share**2))
         print(f"  case {case}, {method}, {name}: max {worst:.1e}, rms {mean:.1e} of what may be")
@@ -176,11 +191,12 @@ def test_a_drive_slightly_off_is_told_apart() -> None:
     params = scene.params
     belt = attrs.evolve(params.belt, axial_stiffness=0.99 * params.belt.axial_stiffness)
     other = scene._replace(params=attrs.evolve(params, belt=belt))
-    shares = legs_by_defaults(other, curves, allowed(scene, curves, 10.0 * DEFAULT_RTOL))
+    shares = legs_by_defaults(other, curves, allowed(scene, curves, 10.0 * DEFAULT_RTOL), (4,))
     assert np.max(shares["force"]) > 1.0
     assert np.sqrt(np.mean(shares["force"] ** 2)) > 0.1
 
 
+@pytest.mark.extended(guard="test_curves.py::test_curves_are_of_the_scene")
 @pytest.mark.parametrize("leg", [0, rc.LEGS // 2])
 @pytest.mark.parametrize("case", rc.CASES)
 def test_script_makes_the_first_milliseconds_anew(case: str, leg: int) -> None:
@@ -217,8 +233,11 @@ def test_stale_files_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     changed = rc.CASES["1"]()
     belt = attrs.evolve(changed.params.belt, linear_density=0.11)
     changed = changed._replace(params=attrs.evolve(changed.params, belt=belt))
-    monkeypatch.setitem(rc.CASES, "1", lambda: changed)
-    with pytest.raises(
-        pytest.fail.Exception, match=r"has changed; .*reference_curves\.py --case 1"
+    for owner, name, value, what in (
+        (stored_runs, "hash_of_oracle", lambda: "another", "an oracle"),
+        (rc, "CASES", {"1": lambda: changed}, "a scene"),
     ):
-        load("1")
+        monkeypatch.setattr(owner, name, value)
+        message = rf"is of {what} that has changed; .*reference_curves\.py --case 1"
+        with pytest.raises(pytest.fail.Exception, match=message):
+            load("1")

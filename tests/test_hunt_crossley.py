@@ -2,7 +2,7 @@
 its closed form, no adhesion, no energy from nowhere, off as if it were not there.
 
 Rates, Jacobian and runs against the oracle are with those of every drive: ``test_kernels.py``,
-``test_jacobian.py``, ``test_oracle.py``.
+``test_jacobian.py``, ``test_oracle.py``; that it is free when off, in ``test_off_is_free.py``.
 """
 
 from __future__ import annotations
@@ -69,10 +69,18 @@ def ring(mesh: str, quadratic: float, d: float, speed: float) -> tuple[_core.Mod
     return model, state
 
 
-@pytest.mark.parametrize("method", ["tsit5", "rodas4"])
-@pytest.mark.parametrize("quadratic", [0.0, 5e11])
-@pytest.mark.parametrize("d", [0.0, 0.05, 0.5, 5.0])
-@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize(
+    ("mesh", "d", "quadratic", "method"),
+    [
+        ("paper", 0.0, 5e11, "rodas4"),
+        ("joint", 0.0, 0.0, "tsit5"),
+        ("paper", 0.05, 0.0, "tsit5"),
+        ("joint", 0.5, 5e11, "tsit5"),
+        ("paper", 0.5, 5e11, "rodas4"),
+        ("joint", 5.0, 0.0, "rodas4"),
+        ("paper", 5.0, 5e11, "tsit5"),
+    ],
+)
 def test_a_mass_bounces_as_in_closed_form(
     mesh: str, d: float, quadratic: float, method: str
 ) -> None:
@@ -112,11 +120,11 @@ def scene(mesh: str, **contact: float) -> bd.Scene:
     return made._replace(params=attrs.evolve(params, contact=changed), t_end=0.02)
 
 
-def shaken(params: bd.Params, speed: float, seed: int = 0) -> dict[str, Any]:
+def shaken(rest: dict[str, Any], speed: float, seed: int) -> dict[str, Any]:
     random = np.random.default_rng(seed)
-    state = fields(bd.settle(params)) | {"t": 0.0}
+    state = rest | {"t": 0.0}
     for name in ("vx", "vy"):
-        state[name] = state[name] + speed * random.standard_normal(params.belt.n_bodies)
+        state[name] = state[name] + speed * random.standard_normal(state[name].size)
     return state
 
 
@@ -126,8 +134,9 @@ def test_it_never_pulls(mesh: str) -> None:
     params = scene(mesh, hunt_crossley=0.5, damping=0.0).params
     oracle = oracle_of(params)
     clamped = 0
+    rest = fields(bd.settle(params))
     for seed in range(20):
-        state = shaken(params, 5.0, seed)
+        state = shaken(rest, 5.0, seed)
         seen = params._model.observe(state)
         assert (seen["normal"] >= 0.0).all()
         y = oracle.pack({name: state[name] for name in state if name not in ("mu", "slip")})
@@ -139,35 +148,20 @@ def test_it_never_pulls(mesh: str) -> None:
     assert clamped > 20
 
 
-@pytest.mark.parametrize("method", list(drives.METHODS))
 @pytest.mark.parametrize("mesh", MESHES)
-def test_every_method_runs_it(mesh: str, method: str) -> None:
+def test_every_method_runs_it(mesh: str) -> None:
     """Within the error asked for, which is that of the joint forces over the mean tension, of a
     tight run, whose ledger closes, and loses by contact."""
     made = scene(mesh, hunt_crossley=0.3, damping=0.0)
     initial = bd.settle(made.params)
-    run = bd.simulate(*made, initial=initial, method=method, **drives.METHODS[method])
     tight = bd.simulate(*made, initial=initial, method="tsit5", rtol=1e-8)
-    apart = run.joints.force - tight.joints.force
-    rtol = drives.METHODS[method].get("rtol", 1e-4)
-    assert math.sqrt(np.mean(apart**2)) <= rtol * np.mean(tight.joints.force)
     assert tight.energy is not None and tight.energy.contact_loss[-1] > 0.0
     assert np.abs(tight.energy.residual).max() <= 1e-6 * tight.energy.passed[-1]
-
-
-@pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
-@pytest.mark.parametrize("mesh", MESHES)
-def test_none_is_the_kernel_without_it(mesh: str, method: str) -> None:
-    """A coefficient too small to count takes the other kernels, and gives the same bits: what they
-    add is 0; off, these are not called, and passes, state and outputs are those of before."""
-    off, on = scene(mesh, hunt_crossley=0.0), scene(mesh, hunt_crossley=1e-300)
-    initial = bd.settle(off.params)
-    runs = [bd.simulate(*made, initial=initial, method=method, rtol=1e-3) for made in (off, on)]
-    assert runs[0].effects == runs[1].effects
-    for group in ("pulleys", "belt", "joints", "contact", "energy"):
-        arrays, others = (getattr(run, group).arrays() for run in runs)
-        for name, array in arrays.items():
-            np.testing.assert_array_equal(array, others[name], err_msg=name)
+    for method, options in drives.METHODS.items():
+        run = bd.simulate(*made, initial=initial, method=method, **options)
+        apart = run.joints.force - tight.joints.force
+        allowed = options.get("rtol", 1e-4) * np.mean(tight.joints.force)
+        assert math.sqrt(np.mean(apart**2)) <= allowed, method
 
 
 def test_explicit_fixed_steps_know_how_stiff_it_makes_contact() -> None:

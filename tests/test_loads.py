@@ -142,36 +142,35 @@ def slopes(load: bd.Torque, theta: Any, omega: Any, w0: float) -> tuple[Any, Any
 
 @pytest.mark.filterwarnings("ignore:(beyond_table|balance)")
 @pytest.mark.parametrize("kind", LAWS)
-@pytest.mark.parametrize("speed", [-9.0, -3.0, -0.5, 0.0, 0.5, 3.0, 6.0])
-def test_slopes(kind: str, speed: float, free: bd.Params, rest: bd.State) -> None:
+def test_slopes(kind: str, free: bd.Params, rest: bd.State) -> None:
     """One step of Euler's linearly implicit method solves (1 - h J) dy = h f, with J those of the
     pulleys alone: speeds after it tell every derivative, a factor of 40 and a long step make them
     matter.
     """
-    load, _, law = LAWS[kind]
-    h, inertia, factor = 1e-4, 0.01, 40.0
-    omega, theta = np.array([2.0, speed if speed else 0.5 * omega_0(free)]), np.array([0.7, 1.9])
-    if not speed and not isinstance(load, bd.Harmonics):  # steep at rest: 0.4 N m over 2 omega_0
-        h, factor = 1e-6, 1.0
-    constant = bd.PiecewiseLinear([0.0], [factor])
-    scaled = attrs.evolve(load, factor=constant)  # type: ignore[misc]
-    state = turning(rest, *omega, theta=(theta[0], theta[1]))
-    result = bd.simulate(free, scaled + NOTHING, h, initial=state, method="lie", step=h)
-    assert result.stats.steps == 1
-    w0 = omega_0(free)
-    by_theta, by_omega = (factor * one / inertia for one in slopes(load, theta, omega, w0))
-    f = np.zeros(2)
-    f[LAWS[kind][1]] = factor * law(theta[None], omega[None], w0)[0] / inertia
-    eye = np.eye(2)
-    matrix = np.block([[eye, -h * eye], [-h * by_theta, eye - h * by_omega]])
-    step = np.linalg.solve(matrix, h * np.concatenate([omega, f]))
-    explicit = h * np.concatenate([omega, f])
-    moved = result.final_state.omega - omega
-    assert moved == pytest.approx(step[2:], rel=1e-9, abs=1e-12)
-    flat = kind == "table" and speed in (-9.0, -0.5, 0.5)
-    still = kind == "harmonics of another" and not speed
-    if not (flat or still):  # the derivatives are seen
-        assert np.max(np.abs(step - explicit)[2:]) > 1e-5 * np.max(np.abs(explicit[2:]))
+    load, on, law = LAWS[kind]
+    w0, inertia, eye = omega_0(free), 0.01, np.eye(2)
+    for speed in (-9.0, -3.0, -0.5, 0.0, 0.5, 3.0, 6.0):
+        h, factor = 1e-4, 40.0
+        omega, theta = np.array([2.0, speed if speed else 0.5 * w0]), np.array([0.7, 1.9])
+        if not speed and not isinstance(load, bd.Harmonics):  # steep: 0.4 N m over 2 omega_0
+            h, factor = 1e-6, 1.0
+        constant = bd.PiecewiseLinear([0.0], [factor])
+        scaled = attrs.evolve(load, factor=constant)  # type: ignore[misc]
+        state = turning(rest, *omega, theta=(theta[0], theta[1]))
+        result = bd.simulate(free, scaled + NOTHING, h, initial=state, method="lie", step=h)
+        assert result.stats.steps == 1
+        by_theta, by_omega = (factor * one / inertia for one in slopes(load, theta, omega, w0))
+        f = np.zeros(2)
+        f[on] = factor * law(theta[None], omega[None], w0)[0] / inertia
+        matrix = np.block([[eye, -h * eye], [-h * by_theta, eye - h * by_omega]])
+        explicit = h * np.concatenate([omega, f])
+        step = np.linalg.solve(matrix, explicit)
+        moved = result.final_state.omega - omega
+        assert moved == pytest.approx(step[2:], rel=1e-9, abs=1e-12), speed
+        flat = kind == "table" and speed in (-9.0, -0.5, 0.5)
+        still = kind == "harmonics of another" and not speed
+        if not (flat or still):  # the derivatives are seen
+            assert np.max(np.abs(step - explicit)[2:]) > 1e-5 * np.max(np.abs(explicit[2:])), speed
 
 
 def test_a_step_and_a_ramp_are_their_histories(free: bd.Params, rest: bd.State) -> None:
@@ -297,8 +296,10 @@ def exact(drive: bd.Params, start: bd.State) -> bd.Result:
 
 
 def apart(one: bd.Result, other: bd.Result) -> float:
-    """Root mean square of the difference of joint forces, over the mean tension."""
-    difference = one.joints.force - other.joints.force
+    """Root mean square of the difference of joint forces at the samples of the first, over the mean
+    tension.
+    """
+    difference = one.joints.force - other.joints.force[np.searchsorted(other.t, one.t)]
     return math.sqrt(np.mean(difference**2)) / float(one.params.info["mean_tension"])
 
 
@@ -331,17 +332,6 @@ def test_every_method(
     assert [one.code for one in result.warnings] == ["mesh"]
 
 
-def test_the_order_of_a_sum_does_not_matter(drive: bd.Params, start: bd.State) -> None:
-    """But for rounding, which a lightly damped drive has grown to 1e-9 by then."""
-    rng = np.random.default_rng(1)
-    results = [
-        bd.simulate(drive, total([LOADS[k] for k in order]), 0.02, initial=start, rtol=1e-6)
-        for order in (range(6), rng.permutation(6), rng.permutation(6))
-    ]
-    for other in results[1:]:
-        assert apart(other, results[0]) <= 1e-8
-
-
 def test_with_torques_on_all_and_with_python(
     drive: bd.Params, start: bd.State, exact: bd.Result
 ) -> None:
@@ -363,10 +353,11 @@ def test_with_torques_on_all_and_with_python(
         values[1] += (abs(sign(w, w0)) - 1.0) * coulomb
         return values
 
-    breaks = [0.01, 0.02, 0.03, 0.035]
+    # Python is slow: from where all of them act, over the step
+    middle = bd.simulate(drive, total(), 0.03, initial=start, method="tsit5", rtol=1e-8).final_state
     for method in ("tsit5", "rodas4"):
-        other = bd.simulate(drive, python, 0.06, rtol=1e-4, method=method, breakpoints=breaks,
-                            **options)  # fmt: skip
+        other = bd.simulate(drive, python, 0.037, rtol=1e-4, method=method, breakpoints=[0.035],
+                            initial=middle, t_eval=TIMES[31:38])  # fmt: skip
         assert apart(other, exact) <= 3e-4
 
 
@@ -491,55 +482,45 @@ def test_crank_motion(free: bd.Params, rest: bd.State) -> None:
     assert np.ptp(np.float64(rate[5:])) > 100.0
 
 
-def test_every_method_with_a_crank(drive: bd.Params) -> None:
+def test_every_method_with_a_crank(drive: bd.Params, start: bd.State) -> None:
     """All methods agree within what was asked, so jerk (rodas4) and the rest are right, and so is a
     torque that goes with the angle of the crank.
     """
-    start = bd.settle(drive)
-    options = {"initial": start, "t_eval": np.linspace(0.0, 0.09, 91)}
+    options = {"initial": start, "t_eval": np.linspace(0.0, 0.07, 71)}
     load = bd.Load(1, viscous=0.3) + bd.Harmonics(1, [2.0], [5.0], of=0)
-    exact = bd.simulate(drive, load, 0.09, {0: CRANK}, method="tsit5", rtol=1e-8, **options)
+    exact = bd.simulate(drive, load, 0.07, {0: CRANK}, method="tsit5", rtol=1e-8, **options)
     for method, given in drives.METHODS.items():
-        result = bd.simulate(drive, load, 0.09, {0: CRANK}, method=method, **given, **options)
+        result = bd.simulate(drive, load, 0.07, {0: CRANK}, method=method, **given, **options)
         assert apart(result, exact) <= 3.0 * given.get("rtol", 1e-4)
         assert np.max(np.abs(result.energy.residual)) <= (
             10 * given.get("rtol", 1e-4) * result.energy.passed[-1]
         )
-    fine = bd.simulate(drive, load, 0.09, {0: CRANK}, method="rodas4", rtol=1e-7, **options)
+    fine = bd.simulate(drive, load, 0.07, {0: CRANK}, method="rodas4", rtol=1e-7, **options)
     assert apart(fine, exact) <= 3e-7
 
 
-def test_a_heavy_flywheel_moves_alike(drive: bd.Params) -> None:
+def test_a_heavy_flywheel_moves_alike(drive: bd.Params, start: bd.State) -> None:
     """As in test_motion.py: of 1e6 kg m^2, under the torque that gives it this motion, here at
     speed from the beginning, with a fluctuation that fades in.
     """
     crank = bd.CrankMotion(-40.0, [2.0], [0.02], fade=(0.0, 0.01))
-    heavy, start = 1e6, bd.settle(drive).at_speed(drive, {0: -40.0})
+    heavy, start = 1e6, start.at_speed(drive, {0: -40.0})
     first = attrs.evolve(drive.pulleys[0], inertia=heavy)
     flywheel = attrs.evolve(drive, pulleys=[first, drive.pulleys[1]])
 
     def acceleration(t: float) -> float:
         """Of 0.02 f cos(80 t)."""
-        s = min(t / 0.01, 1.0)
-        f, f1, f2 = (
-            s**3 * (10 - 15 * s + 6 * s**2),
-            30 * s**2 * (1 - s) ** 2 / 0.01,
-            60 * s * (1 - s) * (1 - 2 * s) / 1e-4,
-        )
-        w = 80.0
-        return 0.02 * (
-            f2 * math.cos(w * t) - 2 * w * f1 * math.sin(w * t) - w * w * f * math.cos(w * t)
-        )
+        s, w = min(t / 0.01, 1.0), 80.0
+        f = s**3 * (10 - 15 * s + 6 * s**2)
+        f1 = 30 * s**2 * (1 - s) ** 2 / 0.01
+        f2 = 60 * s * (1 - s) * (1 - 2 * s) / 1e-4
+        c = math.cos(w * t)
+        return 0.02 * (f2 * c - 2 * w * f1 * math.sin(w * t) - w * w * f * c)
 
     def torque(t: float, theta: Any, omega: Any) -> list[float]:
         return [heavy * acceleration(t), 0.0]
 
-    options = {
-        "initial": start,
-        "t_eval": np.linspace(0.0, 0.02, 41),
-        "rtol": 1e-6,
-        "method": "rodas4",
-    }
+    options = {"initial": start, "t_eval": TIMES[:21], "rtol": 1e-6, "method": "rodas4"}
     free = bd.simulate(flywheel, torque, 0.02, breakpoints=[0.01], **options)
     moved = bd.simulate(drive, NOTHING, 0.02, {0: crank}, **options)
     assert np.ptp(moved.pulleys.omega[:, 0]) > 1.0
@@ -547,9 +528,14 @@ def test_a_heavy_flywheel_moves_alike(drive: bd.Params) -> None:
     assert apart(moved, free) <= 1e-6
 
 
-@pytest.mark.parametrize("speed", [-40.0, CRANK_SPEED, bd.PiecewiseLinear([-0.2, 0.5], [-9, -30])])
-@pytest.mark.parametrize("fade", [None, (-0.1, 0.1)])
-def test_a_run_begins_with_the_speed_of_the_crank(speed: Any, fade: Any, drive: bd.Params) -> None:
+@pytest.mark.parametrize(
+    ("speed", "fade"),
+    [(-40.0, None), (-40.0, (-0.1, 0.1)), (CRANK_SPEED, (-0.1, 0.1)),
+     (bd.PiecewiseLinear([-0.2, 0.5], [-9, -30]), (-0.1, 0.1))],
+)  # fmt: skip
+def test_a_run_begins_with_the_speed_of_the_crank(
+    speed: Any, fade: Any, drive: bd.Params, start: bd.State
+) -> None:
     """Also where the fluctuation has begun before."""
     crank = bd.CrankMotion(speed, [2.0, 3.0], [0.02, 0.01], [0.3, 1.0], fade=fade)
     result = bd.simulate(drive, NOTHING, 0.002, {0: crank})
@@ -558,7 +544,7 @@ def test_a_run_begins_with_the_speed_of_the_crank(speed: Any, fade: Any, drive: 
     assert step == pytest.approx(result.pulleys.omega[:2, 0].mean(), rel=1e-6, abs=1e-12)
     if speed is not CRANK_SPEED:
         with pytest.raises(ValueError, match=r"begins with -.* rad/s at t = 0 s, but in the init"):
-            bd.simulate(drive, NOTHING, 0.002, {0: crank}, initial=bd.settle(drive))
+            bd.simulate(drive, NOTHING, 0.002, {0: crank}, initial=start)
 
 
 def test_verification_and_studies_take_them_for_data(drive: bd.Params) -> None:
@@ -586,10 +572,8 @@ def test_files(tmp_path: Path) -> None:
     assert bd.Scene.from_toml(text) == whole
     short = scene(bd.PiecewiseLinear([0.0], [1.0], pulley=1), {1: bd.CrankMotion(0.0, [1], [0.1])})
     assert bd.Scene.from_toml(short.to_toml()) == short
-    number = short.to_toml().replace("speed = { ", "speed = 0.0 # ")
     assert "load on pulley 1 over its speed, 4 point(s) from 0 to 150 rad/s" in str(whole)
     assert "mean speed -50 to 0 rad/s, harmonics of orders 1.5, 4" in str(whole)
-    assert number
     for torque in LOADS:
         alone = scene(torque)
         path = tmp_path / "one.toml"
@@ -601,9 +585,6 @@ def test_files(tmp_path: Path) -> None:
         assert np.array_equal(loaded.pulleys.omega, bd.simulate(*alone).pulleys.omega)
     done = CliRunner().invoke(cli.main, ["run", str(tmp_path / "scene.toml")])
     assert done.exit_code == 0, done.output
-
-
-def test_a_file_may_give_a_speed_as_a_number() -> None:
     table = (
         "[[motion]]\npulley = 0\nkind = 'crank'\nspeed = -20.0\norders = [2]\namplitudes = [0.1]\n"
     )

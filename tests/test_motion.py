@@ -4,7 +4,6 @@ method against the others, the ledger, restart, what is refused, and nothing of 
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import pickle
 from collections.abc import Callable
@@ -15,8 +14,8 @@ import attrs
 import drives
 import numpy as np
 import pytest
-import reference_run
-from bridge import fields, oracle_of
+import stored_runs
+from bridge import oracle_of
 from click.testing import CliRunner
 from module_common import INF, TORQUE, make_model, refused, same_bits
 from mounted_drives import METHODS
@@ -86,23 +85,33 @@ def grip(result: bd.Result, pulley: int) -> np.ndarray:
 # --- against other models -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("moved", [(0,), pytest.param((0, 1), marks=pytest.mark.slow)])
-def test_core_agrees_with_oracle(
-    moved: tuple[int, ...], params: bd.Params, start: bd.State
-) -> None:
+def moved_run(*moved: int) -> stored_runs.Case:
+    params, laws = params_with(), (
+        lambda t: (wave(t), wave_rate(t)), lambda t: (0.9 * wave(t), 0.9 * wave_rate(t))
+    )  # fmt: skip
+    return stored_runs.Case.of(
+        params, LOAD if moved == (0,) else FREE, lambda: bd.settle(params), TIMES[8::8],
+        {j: laws[j] for j in moved}, breakpoints=[0.01],
+    )  # fmt: skip
+
+
+RUNS = stored_runs.Runs(
+    __name__,
+    {"one pulley moved": lambda: moved_run(0), "all pulleys moved": lambda: moved_run(0, 1)},
+)
+
+
+@pytest.mark.parametrize("name", RUNS.cases)
+def test_core_agrees_with_oracle(name: str, params: bd.Params) -> None:
     """Bounds as in test_oracle.py; the torque is that of all joint forces, at a radius of 0.1 m."""
-    laws = {0: (wave, wave_rate), 1: (lambda t: 0.9 * wave(t), lambda t: 0.9 * wave_rate(t))}
-    motion = {j: laws[j][0] for j in moved}
-    torque = LOAD if moved == (0,) else FREE
-    times = TIMES[::4]
-    result = run(params, start, motion, torque_fn=torque, t_eval=times, rtol=1e-9)
-    exact = {j: (lambda t, j=j: (laws[j][0](t), laws[j][1](t))) for j in moved}
-    oracle = dataclasses.replace(oracle_of(params), motion=exact)
-    with np.errstate(over="ignore", invalid="ignore"):  # as in test_oracle.py
-        found = reference_run.integrate(
-            oracle, oracle.pack(fields(start)), torque, times, tol=1e-8, breakpoints=[0.01]
-        )
-    y = oracle.follow(times, found.y)
+    stored = RUNS[name]
+    oracle, torque, times = stored.oracle, stored.case.torque, stored.t
+    motion = {0: wave, 1: lambda t: 0.9 * wave(t)}
+    result = run(
+        params, stored.state, {j: motion[j] for j in oracle.motion},
+        torque_fn=torque, t_eval=times, rtol=1e-9,
+    )  # fmt: skip
+    y = oracle.follow(times, stored.y)
     theta, omega = np.moveaxis(oracle.pulleys(y), -2, 0)
     force = oracle.joints(y)[1]
     assert np.max(np.abs(result.pulleys.theta - theta)) <= 1e-8 * np.max(np.abs(theta))
@@ -146,8 +155,7 @@ def exact(params: bd.Params, start: bd.State) -> dict[str, bd.Result]:
     }
 
 
-@pytest.mark.parametrize("kind", ["ramp", "wave"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "kind"), [*zip(METHODS, ["ramp", "wave"] * 3, strict=True)])
 def test_every_method(
     method: str, kind: str, params: bd.Params, start: bd.State, exact: dict[str, bd.Result]
 ) -> None:
@@ -364,13 +372,7 @@ def test_a_state_at_speed(scene: str) -> None:
     assert running.residual is None
     oracle = oracle_of(params)
     stretch_rate = links_stretch_rate(running, params)
-    turn = (
-        2.0
-        * np.pi
-        / np.sum(np.pi * 2.0)
-        * params.info["link_length"]
-        / min(pulley.radius for pulley in params.pulleys)
-    )
+    turn = params.info["link_length"] / min(pulley.radius for pulley in params.pulleys)
     assert np.max(np.abs(stretch_rate)) <= v * turn**2
     assert oracle.winding == winding
 
@@ -428,68 +430,55 @@ def test_the_speed_of_the_start_must_fit(params: bd.Params, start: bd.State) -> 
         bd.simulate(params, FREE, T_END, {0: lambda t: -50.0, 1: lambda t: -49.0})
 
 
-@pytest.mark.parametrize(
-    ("omega", "error", "message"),
-    [
-        ([1.0, 1.0], TypeError, "omega must be a mapping from pulleys to speeds"),
-        ({}, ValueError, "omega must name at least one pulley"),
-        ({2: 1.0}, ValueError, "omega index must be an integer from 0 to 1, got 2"),
-        ({"0": 1.0}, TypeError, "omega index must be an integer"),
-        ({0: math.nan}, ValueError, r"omega\[0\] must be finite"),
-        ({0: None}, TypeError, r"omega\[0\] must be a real number"),
-        ({0: 1.0, 1: 2.0}, ValueError, "the rims of pulleys 1 and 0 must run at one speed"),
-    ],
-)
-def test_bad_speeds_of_a_state(
-    omega: Any, error: type[Exception], message: str, params: bd.Params, start: bd.State
-) -> None:
-    with pytest.raises(error, match=f"^{message}"):
-        start.at_speed(params, omega)
-
-
 # --- what is refused ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("motion", "error", "message"),
-    [
-        ([RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
-        ({2: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got 2"),
-        ({-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
-        ({"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),
-        ({True: RAMP}, TypeError, "motion index must be an integer"),
-        ({0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
-        ({0: None}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
-        ({0: -50.0}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
-        ({0: FREE}, TypeError, r"motion\[0\] must be a PiecewiseLinear with one value per time"),
-        ({0: LOAD}, ValueError, r"motion\[0\] must have one value per time, got .* \(2, 2\)"),
-        (
-            {1: bd.PiecewiseLinear([0.0, 0.1, 0.1], [0.0, 1.0, 2.0])},
-            ValueError,
-            r"motion\[1\] must not jump, .*: it holds the time 0.1 s twice",
-        ),
-    ],
-)
-def test_bad_motions(motion: Any, error: type[Exception], message: str, params: bd.Params) -> None:
-    with pytest.raises(error, match=f"^{message}"):
-        bd.simulate(params, LOAD, 1.0, motion)
+ONE_VALUE = "must be a PiecewiseLinear with one value per time"
+JUMP = bd.PiecewiseLinear([0.0, 0.1, 0.1], [0.0, 1.0, 2.0])
+#: By whom: a run given these motions, a `Motion` of these arguments, a state set to these speeds.
+REFUSED = [
+    ("run", [RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
+    ("run", {2: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got 2"),
+    ("run", {-1: RAMP}, ValueError, "motion index must be an integer from 0 to 1, got -1"),
+    ("run", {"0": RAMP}, TypeError, "motion index must be an integer from 0 to 1"),
+    ("run", {True: RAMP}, TypeError, "motion index must be an integer"),
+    ("run", {0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
+    *(("run", {0: one}, TypeError, rf"motion\[0\] {ONE_VALUE}") for one in (None, -50.0, FREE)),
+    ("run", {0: LOAD}, ValueError, r"motion\[0\] must have one value per time, got .* \(2, 2\)"),
+    ("run", {1: JUMP}, ValueError, r"motion\[1\] must not jump, .*: it holds the time 0.1 s twice"),
+    ("motion", {}, TypeError, "Motion takes either speed or angle"),
+    ("motion", {"speed": wave, "angle": wave}, TypeError, "Motion takes either speed or angle"),
+    (
+        "motion",
+        {"angle": RAMP},
+        ValueError,
+        "Motion.angle must not be a PiecewiseLinear, for the s",
+    ),
+    ("motion", {"angle": FREE}, TypeError, r"Motion.angle must be a function f\(t\), got"),
+    ("motion", {"angle": 1.0}, TypeError, r"Motion.angle must be a function f\(t\), got 1.0"),
+    ("motion", {"speed": LOAD}, ValueError, "Motion.speed must have one value per time"),
+    ("motion", {"speed": "fast"}, TypeError, "Motion.speed must be a PiecewiseLinear"),
+    ("state", [1.0, 1.0], TypeError, "omega must be a mapping from pulleys to speeds"),
+    ("state", {}, ValueError, "omega must name at least one pulley"),
+    ("state", {2: 1.0}, ValueError, "omega index must be an integer from 0 to 1, got 2"),
+    ("state", {"0": 1.0}, TypeError, "omega index must be an integer"),
+    ("state", {0: math.nan}, ValueError, r"omega\[0\] must be finite"),
+    ("state", {0: None}, TypeError, r"omega\[0\] must be a real number"),
+    ("state", {0: 1.0, 1: 2.0}, ValueError, "the rims of pulleys 1 and 0 must run at one speed"),
+]
 
 
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ({}, TypeError, "Motion takes either speed or angle"),
-        ({"speed": wave, "angle": wave}, TypeError, "Motion takes either speed or angle"),
-        ({"angle": RAMP}, ValueError, "Motion.angle must not be a PiecewiseLinear, for the speed"),
-        ({"angle": FREE}, TypeError, r"Motion.angle must be a function f\(t\), got"),
-        ({"angle": 1.0}, TypeError, r"Motion.angle must be a function f\(t\), got 1.0"),
-        ({"speed": LOAD}, ValueError, "Motion.speed must have one value per time"),
-        ({"speed": "fast"}, TypeError, "Motion.speed must be a PiecewiseLinear"),
-    ],
-)
-def test_bad_motion(given: dict[str, Any], error: type[Exception], message: str) -> None:
+@pytest.mark.parametrize(("by", "given", "error", "message"), REFUSED)
+def test_bad_motions_and_speeds(
+    by: str, given: Any, error: type[Exception], message: str, params: bd.Params, start: bd.State
+) -> None:
     with pytest.raises(error, match=f"^{message}"):
-        bd.Motion(**given)
+        if by == "run":
+            bd.simulate(params, LOAD, 1.0, given)
+        elif by == "motion":
+            bd.Motion(**given)
+        else:
+            start.at_speed(params, given)
 
 
 def test_one_value_per_time_is_for_one_pulley(params: bd.Params) -> None:
@@ -564,21 +553,21 @@ def test_exceptions_come_out_unchanged(of: str, params: bd.Params, start: bd.Sta
         assert caught.value.result is None  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_values_that_are_not_finite(value: float, params: bd.Params, start: bd.State) -> None:
-    with pytest.raises(bd.SimulationError, match=r"^the prescribed speed of pulley 1 is (nan|inf) "
-                       r"at t = 0\.01\d* s: it must be finite") as caught:  # fmt: skip
-        run(params, start, {1: lambda t: value if t > 0.01 else 0.0})
-    assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
-    assert caught.value.pulley == 1
-    assert caught.value.result.t.size > 10
-
-
-@pytest.mark.parametrize("value", [None, "1", [1.0], True, 1j])
-def test_values_of_another_kind(value: Any, params: bd.Params, start: bd.State) -> None:
-    for initial in (None, start):
-        with pytest.raises(TypeError, match=r"^what the motion of pulley 0 returns must be a real"):
-            run(params, initial, {0: lambda t: value})
+def test_values_that_are_not_finite_or_of_another_kind(params: bd.Params, start: bd.State) -> None:
+    for value in (math.nan, math.inf):
+        message = (
+            r"^the prescribed speed of pulley 1 is (nan|inf) at t = 0\.01\d* s: it must be finite"
+        )
+        with pytest.raises(bd.SimulationError, match=message) as caught:
+            run(params, start, {1: lambda t, value=value: value if t > 0.01 else 0.0})
+        assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
+        assert caught.value.pulley == 1
+        assert caught.value.result.t.size > 10
+    for wrong in (None, "1", [1.0], True, 1j):
+        for initial in (None, start):
+            message = r"^what the motion of pulley 0 returns must be a real"
+            with pytest.raises(TypeError, match=message):
+                run(params, initial, {0: lambda t, wrong=wrong: wrong})
 
 
 def test_functions_are_called_within_the_run_alone(params: bd.Params, start: bd.State) -> None:
@@ -606,12 +595,15 @@ MOTIONS: dict[str, list[tuple[Any, ...]]] = {
 }
 
 
-@pytest.mark.parametrize("method", ["auto", "tsit5", "rodas4", "lbdf2", "rk4"])
-@pytest.mark.parametrize("kind", MOTIONS)
+@pytest.mark.parametrize(
+    ("kind", "method"),
+    [("piecewise", "rk4"), ("speed", "tsit5"), ("angle and speed", "lbdf2"), ("speed", "auto"),
+     ("crank", "rodas4")],
+)  # fmt: skip
 def test_a_run_goes_on_from_its_record(kind: str, method: str, model: Any, rest: Any) -> None:
-    def make() -> tuple[Any, Any]:
+    def make(motion: Any = MOTIONS[kind]) -> tuple[Any, Any]:
         simulation = _core.Simulation(
-            model, rest, [("viscous", [0.0, 1.0])], T_END, method=method, motion=MOTIONS[kind]
+            model, rest, [("viscous", [0.0, 1.0])], T_END, method=method, motion=motion
         )
         return simulation, simulation.sample(TIMES)
 
@@ -632,21 +624,14 @@ def test_a_run_goes_on_from_its_record(kind: str, method: str, model: Any, rest:
             {name: rows[first:] for name, rows in samples.items()},
             {name: rows[first:] for name, rows in expected.items()},
         )
-    other = _core.Simulation(
-        model, rest, [("viscous", [0.0, 1.0])], T_END, method=method,
-        motion=[(0, "piecewise", [0.0, 0.004, 0.012], [0.0, -4.0, -21.0])],
-    )  # fmt: skip
-    with pytest.raises(ValueError, match="the record is of another run"):
-        other.import_record(stopped.export_record())
+    others: list[Any] = [(0, "piecewise", [0.0, 0.004, 0.012], [0.0, -4.0, -21.0])]
     if kind == "crank":
         crank = MOTIONS[kind][0]
-        for at, value in ((4, [2.0, 3.6]), (5, [0.01, 3e-3]), (6, [0.3, 1.1]), (7, (2e-3, 8e-3))):
-            changed = (*crank[:at], value, *crank[at + 1 :])
-            other = _core.Simulation(
-                model, rest, [("viscous", [0.0, 1.0])], T_END, method=method, motion=[changed]
-            )
-            with pytest.raises(ValueError, match="the record is of another run"):
-                other.import_record(stopped.export_record())
+        changes = ((4, [2.0, 3.6]), (5, [0.01, 3e-3]), (6, [0.3, 1.1]), (7, (2e-3, 8e-3)))
+        others += [(*crank[:at], value, *crank[at + 1 :]) for at, value in changes]
+    for motion in others:
+        with pytest.raises(ValueError, match="the record is of another run"):
+            make([motion])[0].import_record(stopped.export_record())
 
 
 def test_a_twin_follows_the_motion(model: Any) -> None:
@@ -691,12 +676,6 @@ def test_off_costs_nothing(model: Any, rest: Any) -> None:
     more = {"prescribed motion", "torques of prescribed motion"}
     assert set(on.passes) - set(plain.passes) == more
     assert len(on_record) > len(record)
-
-
-def test_a_run_with_motion_is_the_same_every_time(params: bd.Params, start: bd.State) -> None:
-    one, other = (run(params, start, {0: wave}) for _ in range(2))
-    assert np.array_equal(one.joints.force, other.joints.force)
-    assert np.array_equal(one.energy.drive, other.energy.drive)
 
 
 # --- files ----------------------------------------------------------------------------------------

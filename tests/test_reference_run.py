@@ -12,7 +12,9 @@ import reference as ref
 import reference_run as runs
 from oracle_drives import no_torque, shaken, small_drive
 from reference_friction import Dahl, ElasticPlastic, Law, LuGre
-from slow import slow_if
+from reference_string import as_string
+
+RUN = pytest.mark.extended(guard="test_oracle.py::test_core_agrees_with_oracle")
 
 # -------------------------------------------------------------------- integration
 
@@ -29,6 +31,7 @@ def small_run() -> tuple[ref.Reference, runs.Run]:
     return model, runs.integrate(model, start, ramp, times, tol=1e-6, breakpoints=[0.01])
 
 
+@RUN
 def test_settled_belt_is_in_equilibrium() -> None:
     model = ref.paper_drive()
     y = runs.settle(model, ref.start_state(model))
@@ -41,22 +44,13 @@ def test_settled_belt_is_in_equilibrium() -> None:
     assert tension.min() > 100
 
 
-def test_energy_residual_of_a_run_vanishes(small_run: tuple[ref.Reference, runs.Run]) -> None:
-    model, run = small_run
-    ledger = model.ledger(run.y)[-1]
-    residual = model.residual(run.y, run.y[0])
-    # Power went through all four channels ...
-    assert abs(ledger[0]) > 0.05 and np.all(ledger[1:4] > 0) and ledger[4] == 0
-    # ... and the books balance to tol times the work done. Each step errs by less than 1e-6 of the
-    # stretch; the energy of a stretch of 1e-2 l0 is a joule.
-    assert np.abs(residual).max() < 1e-6 * ledger[0]
-
-
 # Links of the small drive press with some 100 N and slide at up to 1 m/s: friction changes over
 # about a millimetre, and dampers carry up to half of it.
 LUGRE = LuGre(mu_k=0.5, mu_s=0.7, v_stribeck=0.05, sigma=2e3, damping=0.5, viscous=0.1)
 ELASTIC = ElasticPlastic(mu=0.6, stiffness=1e6, damping=500.0)
 LAWS: dict[str, tuple[Law | None, Law | None]] = {
+    "Dahl": (Dahl(0.8, 2e3), Dahl(0.8, 2e3)),
+    "Dahl, string": (Dahl(0.8, 2e3), Dahl(0.8, 2e3)),
     "LuGre": (LUGRE, LUGRE),
     "elastic/plastic": (ELASTIC, ELASTIC),
     "LuGre and elastic/plastic": (LUGRE, ELASTIC),
@@ -65,11 +59,16 @@ LAWS: dict[str, tuple[Law | None, Law | None]] = {
 }
 
 
-@pytest.mark.parametrize("name", slow_if(lambda name: name != "LuGre and elastic/plastic", LAWS))
+@RUN
+@pytest.mark.parametrize("name", LAWS)
 def test_energy_residual_vanishes_with_every_law(name: str) -> None:
-    """The books balance as with Dahl's law, with bearing drag on top; every law takes its share."""
+    """The books balance to tol times the work done, with bearing drag; every law takes its share.
+
+    Each step errs by less than 1e-6 of the stretch; the energy of a stretch of 1e-2 l0 is a joule.
+    """
     drag = np.array([[0.5, 1e-3, 0.0], [0.1, 0.0, 1e-4]])
     model = small_drive(inertias=np.array([5e-4, 5e-4]), friction=LAWS[name], drag=drag)
+    model = as_string(model) if "string" in name else model
     start = runs.settle(model, ref.start_state(model))
     times = np.linspace(0.0, 0.02, 401)
     run = runs.integrate(model, start, ramp, times, tol=1e-6, breakpoints=[0.01])
@@ -84,7 +83,8 @@ def test_energy_residual_vanishes_with_every_law(name: str) -> None:
         limit = 0.0 if law is None else law.mu if isinstance(law, ElasticPlastic) else np.inf
         # F / N of a force that is cut off at mu N, rounded twice.
         assert np.abs(contacts.mu[:, j]).max() <= limit * (1 + 1e-15)
-    assert run.mu_excess < 1e-6
+    # of dense output, before it is clipped; masses slip by half a bar at once where they land
+    assert run.mu_excess < (1e-5 if "string" in name else 1e-6)
     lost = model.penetration(run.y) <= 0
     assert np.any(lost[0] != lost[-1]) and not model.memory(run.y)[:, 0][lost].any()
 
@@ -97,6 +97,7 @@ def started(t: float) -> tuple[float, float]:
     return (-2000.0 * t, -2000.0) if t < 0.01 else (-20.0, 0.0)
 
 
+@RUN
 @pytest.mark.parametrize("drag", [None, np.array([[0.5, 1e-3, 0.0], [0.1, 0.0, 1e-4]])])
 def test_energy_residual_vanishes_under_prescribed_motion(drag: Any) -> None:
     """Torque, power, angle and speed of a drive whose pulley 0 is brought to speed."""
@@ -127,6 +128,7 @@ def test_energy_residual_vanishes_under_prescribed_motion(drag: Any) -> None:
     assert np.trapezoid(power, times) == pytest.approx(ledger[-1, 0], abs=2 * jump)
 
 
+@RUN
 def test_prescribed_speed_is_that_of_a_pulley_too_heavy_to_change_it() -> None:
     """At a constant speed the belt cannot tell, nor the torque, which is what slows the heavy one.
 
@@ -160,6 +162,7 @@ def test_run_begins_at_the_prescribed_speed() -> None:
 # -------------------------------------------------------------------- limits and lost contacts
 
 
+@RUN
 def test_run_keeps_friction_within_its_limit(small_run: tuple[ref.Reference, runs.Run]) -> None:
     model, run = small_run
     assert run.mu_excess < 1e-6
@@ -170,6 +173,7 @@ def test_run_keeps_friction_within_its_limit(small_run: tuple[ref.Reference, run
     )
 
 
+@RUN
 def test_no_output_shows_friction_without_contact() -> None:
     """Steps so loose, and outputs so dense, that the interpolant of mu runs ahead of contact."""
     model = small_drive(inertias=np.array([5e-4, 5e-4]))
@@ -181,6 +185,7 @@ def test_no_output_shows_friction_without_contact() -> None:
     assert np.all(model.memory(run.y)[:, 1][lost] == 0)
 
 
+@RUN
 def test_lost_contacts_are_reset_when_they_happen(
     small_run: tuple[ref.Reference, runs.Run],
 ) -> None:
@@ -236,6 +241,7 @@ def test_dip_within_a_step_is_seen(half_depth: float, crossing: bool) -> None:
         assert (time, lost) == (h, []) and model.memory(state)[0, pulley, link] == 0.3
 
 
+@RUN
 def test_two_methods_agree() -> None:
     """DOP853 (explicit, order 8) and Radau (implicit, order 5) from the same state."""
     model = small_drive()
@@ -256,6 +262,7 @@ def test_two_methods_agree() -> None:
     )
 
 
+@RUN
 def test_free_ring_without_damping_keeps_energy_and_momentum() -> None:
     """No pulley within reach: energy and both momenta are constants of the motion."""
     model = small_drive(
@@ -288,6 +295,7 @@ def test_free_ring_without_damping_keeps_energy_and_momentum() -> None:
     np.testing.assert_allclose(vx.sum(axis=1), vx[0].sum(), atol=1e-10)
 
 
+@RUN
 def test_output_times_and_breakpoints_do_not_change_the_motion() -> None:
     model = small_drive()
     start = runs.settle(model, ref.start_state(model))

@@ -1,7 +1,8 @@
 """The oracle's string against potentials, closed forms and balances; nothing from the C core.
 
 What `test_reference.py` shows of every model it shows of those of `oracle_string.py` too: forces
-one by one, momentum, power by differences, symmetries.
+one by one, momentum, power by differences, symmetries; `test_reference_mounts.py` that forces are
+slopes of the energy, `test_reference_run.py` that the books of a run balance.
 """
 
 from __future__ import annotations
@@ -9,17 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import oracle_string
 import pytest
 import reference as ref
 import reference_run as runs
-from oracle_drives import no_torque, shaken, small_drive
+from oracle_drives import no_torque
 from reference_string import String, as_string
 
-
-@pytest.fixture(params=oracle_string.MODELS, scope="module")
-def model(request: pytest.FixtureRequest) -> String:
-    return oracle_string.MODELS[request.param]()
+RUN = pytest.mark.extended(guard="test_oracle.py::test_core_agrees_with_oracle")
 
 
 def ring(n: int, around: tuple[float, float], radius: float) -> tuple[String, ref.Array]:
@@ -114,31 +111,7 @@ def test_modes_of_a_span(k: int) -> None:
         assert w == pytest.approx(math.pi / length * math.sqrt(tension / density), rel=4e-3)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_forces_at_rest_are_the_slope_of_the_energy(model: String, seed: int) -> None:
-    """Bars, contact, gravity and springs of mounts, without damping and friction, mass by mass."""
-    y = shaken(model, seed)
-    calm = as_string(
-        model, friction=(None,) * model.n_pulleys, mu_k=None, sigma=None, motion={}, drag=None
-    )
-    calm.links(y)[1] = 0.0
-    calm.pulleys(y)[1] = 0.0
-    calm.memory(y)[:] = 0.0
-    calm.mount_states(y)[1:] = 0.0
-    force = calm.mass * calm.links(calm.rhs(0.0, y, no_torque))[1]
-    # Fourth-order differences over 1e-8 m: contact, with bars that come into it over 1e-6 m, is
-    # left with 1e-6 of itself; 0.1 J are rounded to 1e-17 J, 1e-9 N.
-    h, slope = 1e-8, np.empty_like(force)
-    for row, i in np.ndindex(*force.shape):
-        near = []
-        for step in (h, -h, 2 * h, -2 * h):
-            moved = y.copy()
-            calm.links(moved)[0, row, i] += step
-            near.append(float(calm.energy(moved)))
-        slope[row, i] = (8 * (near[0] - near[1]) - (near[2] - near[3])) / (12 * h)
-    np.testing.assert_allclose(force, -slope, atol=1e-5 * np.abs(force).max())
-
-
+@RUN
 def test_settled_string_is_in_equilibrium_at_one_tension() -> None:
     """No bending, no friction: spans carry the same, and wraps but for the corners of the polygon.
 
@@ -157,21 +130,6 @@ def test_settled_string_is_in_equilibrium_at_one_tension() -> None:
     half = 0.5 * model.l0 / model.radii[0]
     assert tension.min() == pytest.approx(tension[free][0], rel=1e-5)
     assert tension.max() / tension.min() - 1 < 0.5 * half**2 + 1e-3
-
-
-def ramp(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-    return np.array([-20.0 * min(t / 0.01, 1.0), -2.0 * omega[1]])
-
-
-def test_energy_residual_of_a_run_vanishes() -> None:
-    """The books balance to tol times the work done, as those of links (test_reference_run.py)."""
-    model = as_string(small_drive(inertias=np.array([5e-4, 5e-4])))
-    start = runs.settle(model, ref.start_state(model))
-    times = np.linspace(0.0, 0.03, 13)
-    run = runs.integrate(model, start, ramp, times, tol=1e-6, breakpoints=[0.01])
-    ledger = model.ledger(run.y)[-1]
-    assert abs(ledger[0]) > 0.05 and np.all(ledger[1:4] > 0) and ledger[4] == 0
-    assert np.abs(model.residual(run.y, run.y[0])).max() < 1e-6 * ledger[0]
 
 
 def test_a_belt_that_bends_is_no_string() -> None:

@@ -169,12 +169,8 @@ def ctypes_callback() -> Any:
     return PROTOTYPE(fill)
 
 
-def cffi_pointer() -> Any:
-    return cffi.FFI().cast("void (*)(double, double *, double *, double *, void *)", address())
-
-
-def cffi_const_pointer() -> Any:
-    declaration = "void (*)(double, const double *, const double *, double *, void *)"
+def cffi_pointer(const: str) -> Any:
+    declaration = f"void (*)(double, {const}double *, {const}double *, double *, void *)"
     return cffi.FFI().cast(declaration, address())
 
 
@@ -182,17 +178,18 @@ def address() -> int:
     return int(numba_law.address)
 
 
+#: Of the two coefficients of the law; they must outlive the run.
+DATA = (ctypes.c_double * 2)(-2e4, -10.0)
+FFI = cffi.FFI()
+FFI_DATA = FFI.new("double[2]", list(DATA))
+
+
 def low_level_with_data(kind: str) -> Any:
-    """Make a function that reads its two coefficients through the user pointer."""
+    """Make a function that reads its coefficients through the user pointer."""
     if kind == "ctypes":
-        data = (ctypes.c_double * 2)(-2e4, -10.0)
-        return LowLevelCallable(
-            numba_law_with_data.ctypes, ctypes.cast(data, ctypes.c_void_p)
-        ), data
-    ffi = cffi.FFI()
-    data = ffi.new("double[2]", [-2e4, -10.0])
-    function = ffi.cast(C_SIGNATURE.replace("(", "(*)(", 1), int(numba_law_with_data.address))
-    return LowLevelCallable(function, ffi.cast("void *", data)), data
+        return LowLevelCallable(numba_law_with_data.ctypes, ctypes.cast(DATA, ctypes.c_void_p))
+    function = FFI.cast(C_SIGNATURE.replace("(", "(*)(", 1), int(numba_law_with_data.address))
+    return LowLevelCallable(function, FFI.cast("void *", FFI_DATA))
 
 
 def capsule() -> Any:
@@ -207,48 +204,30 @@ def capsule() -> Any:
 CAPSULE_NAME = C_SIGNATURE.encode()  # a capsule keeps the pointer to its name only
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        ctypes_callback,
-        cffi_pointer,
-        cffi_const_pointer,
-        lambda: numba_law,
-        lambda: numba_law.ctypes,
-        lambda: PROTOTYPE(address()),
-        lambda: LowLevelCallable(numba_law.ctypes),
-        lambda: LowLevelCallable(capsule()),
-        capsule,
-    ],
-    ids=[
-        "ctypes callback",
-        "cffi",
-        "cffi const",
-        "numba",
-        "numba.ctypes",
-        "ctypes address",
-        "LowLevelCallable ctypes",
-        "LowLevelCallable capsule",
-        "capsule",
-    ],
-)
+COMPILED: dict[str, Callable[[], Any]] = {
+    "ctypes callback": ctypes_callback,
+    "cffi": lambda: cffi_pointer(""),
+    "cffi const": lambda: cffi_pointer("const "),
+    "numba": lambda: numba_law,
+    "numba.ctypes": lambda: numba_law.ctypes,
+    "ctypes address": lambda: PROTOTYPE(address()),
+    "LowLevelCallable ctypes": lambda: LowLevelCallable(numba_law.ctypes),
+    "LowLevelCallable capsule": lambda: LowLevelCallable(capsule()),
+    "capsule": capsule,
+    "ctypes with data": lambda: low_level_with_data("ctypes"),
+    "cffi with data": lambda: low_level_with_data("cffi"),
+}
+
+
+@pytest.mark.parametrize("kind", COMPILED)
 def test_compiled_is_as_python(
-    make: Callable[[], Any], run: Callable[..., bd.Result], expected: bd.Result
+    kind: str, run: Callable[..., bd.Result], expected: bd.Result
 ) -> None:
-    result = run(make())
+    """User data reach those that are made with some."""
+    result = run(COMPILED[kind]())
     np.testing.assert_allclose(result.pulleys.omega, expected.pulleys.omega, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(result.pulleys.torque, expected.pulleys.torque, rtol=1e-9)
     assert result.stats.nfev == expected.stats.nfev
-
-
-@pytest.mark.parametrize("kind", ["ctypes", "cffi"])
-def test_user_data_reaches_the_function(
-    kind: str, run: Callable[..., bd.Result], expected: bd.Result
-) -> None:
-    torque, data = low_level_with_data(kind)
-    result = run(torque)
-    assert data[0] == -2e4
-    np.testing.assert_allclose(result.pulleys.omega, expected.pulleys.omega, rtol=1e-9, atol=1e-12)
 
 
 def test_objects_are_as_python(run: Callable[..., bd.Result], expected: bd.Result) -> None:
@@ -263,19 +242,14 @@ def test_objects_are_as_python(run: Callable[..., bd.Result], expected: bd.Resul
 # --- what is refused -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("torque", [None, 3.0, "law", [1.0, 2.0], object()])
-def test_not_a_torque(run: Callable[..., bd.Result], torque: Any) -> None:
-    with pytest.raises(TypeError, match=r"^torque_fn must be callable"):
-        run(torque)
-
-
-@pytest.mark.parametrize(
-    "torque", [bd.Viscous([1.0]), bd.PiecewiseLinear([0.0], [[1, 2, 3]]), bd.Viscous([1] * 3)]
-)
-def test_objects_for_another_number_of_pulleys(run: Callable[..., bd.Result], torque: Any) -> None:
-    expected = rf"each of the 2 pulley\(s\), got a torque for {torque.n_pulleys}$"
-    with pytest.raises(ValueError, match=expected):
-        run(torque)
+def test_not_a_torque_or_for_another_number_of_pulleys(run: Callable[..., bd.Result]) -> None:
+    for wrong in (None, 3.0, "law", [1.0, 2.0], object()):
+        with pytest.raises(TypeError, match=r"^torque_fn must be callable"):
+            run(wrong)
+    for torque in (bd.Viscous([1.0]), bd.PiecewiseLinear([0.0], [[1, 2, 3]]), bd.Viscous([1] * 3)):
+        expected = rf"each of the 2 pulley\(s\), got a torque for {torque.n_pulleys}$"
+        with pytest.raises(ValueError, match=expected):
+            run(torque)
 
 
 @pytest.mark.parametrize(
@@ -330,28 +304,25 @@ def test_exceptions_of_a_callable_come_out_unchanged(run: Callable[..., bd.Resul
     assert caught.value is mine
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: ctypes.CFUNCTYPE(None, ctypes.c_double)(lambda t: None),
-        lambda: ctypes.CFUNCTYPE(
-            ctypes.c_int, ctypes.c_double, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p
-        )(lambda *_: 0),
-        lambda: ctypes.CFUNCTYPE(None, ctypes.c_float, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p)(
-            lambda *_: None
-        ),
-        lambda: cffi.FFI().cast("double (*)(double)", address()),
-        lambda: cffi.FFI().cast("void *", address()),
-        lambda: numba.cfunc(numba.types.double(numba.types.double))(lambda x: x),
-        lambda: LowLevelCallable(ctypes.CFUNCTYPE(None, ctypes.c_double)(lambda t: None)),
-    ],
-    ids=["ctypes few", "ctypes int", "ctypes float", "cffi", "cffi void *", "numba", "LowLevel"],
-)
-def test_compiled_with_another_signature(
-    make: Callable[[], Any], run: Callable[..., bd.Result]
-) -> None:
+OTHERS: dict[str, Callable[[], Any]] = {
+    "ctypes few": lambda: ctypes.CFUNCTYPE(None, ctypes.c_double)(lambda t: None),
+    "ctypes int": lambda: ctypes.CFUNCTYPE(
+        ctypes.c_int, ctypes.c_double, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p
+    )(lambda *_: 0),
+    "ctypes float": lambda: ctypes.CFUNCTYPE(
+        None, ctypes.c_float, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p
+    )(lambda *_: None),
+    "cffi": lambda: cffi.FFI().cast("double (*)(double)", address()),
+    "cffi void *": lambda: cffi.FFI().cast("void *", address()),
+    "numba": lambda: numba.cfunc(numba.types.double(numba.types.double))(lambda x: x),
+    "LowLevel": lambda: LowLevelCallable(OTHERS["ctypes few"]()),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_compiled_with_another_signature(kind: str, run: Callable[..., bd.Result]) -> None:
     with pytest.raises(TypeError, match=r"^torque_fn must be compiled as void f\(double t, "):
-        run(make())
+        run(OTHERS[kind]())
 
 
 def test_null_pointer(run: Callable[..., bd.Result]) -> None:
