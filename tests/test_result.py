@@ -67,7 +67,7 @@ def test_simulate_settles_first_when_no_state_is_given(scene: bd.Scene, result: 
 
 
 def test_settling_goes_its_ways(scene: bd.Scene, start: bd.State) -> None:
-    """By moving a pulley, which locks friction; from a state, whose time it keeps; or not at all."""
+    """By moving a pulley, which locks friction; from a state, whose time it keeps; or never."""
     moved = bd.settle(scene.params, friction=True, offset={1: (-0.002, 0.0)}, tolerance=1e-3)
     assert np.abs(moved.mu).max() > 0.0
     table = bd.settle(scene.params, friction=True, offset=[[0, 0], [-0.002, 0]], tolerance=1e-3)
