@@ -15,6 +15,7 @@ import drives
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tiers import first
 
 import beltdyn as bd
 from beltdyn import _core, cli, memory
@@ -156,7 +157,7 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
 
 
 @pytest.mark.usefixtures("handlers")
-@pytest.mark.parametrize("after", [0.02, 1.0])
+@pytest.mark.parametrize("after", first(1, [0.02, 1.0]))
 def test_ctrl_c_with_very_many_samples(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch, after: float
 ) -> None:
@@ -197,7 +198,7 @@ except MemoryError as error:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_AS")
-@pytest.mark.slow
+@pytest.mark.ci(guard="test_memory.py::test_samples_beyond_memory_are_refused_before_anything_runs")
 def test_a_process_that_may_have_less_than_there_is() -> None:
     command = [sys.executable, "-c", SMALL, str(Path(__file__).parent)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
