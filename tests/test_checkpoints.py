@@ -564,27 +564,22 @@ def test_a_file_that_is_there_is_not_written_over(half: Path) -> None:
 
 
 def test_what_cannot_be_a_checkpoint(tmp_path: Path) -> None:
-    scene = small()
-
-    def run(**options: Any) -> bd.Result:
-        return bd.simulate(*scene[:3], **options)
-
-    for several in ({"verify": True}, {"budget": 5.0}):
-        with pytest.raises(ValueError, match="checkpoint is of one run"):
-            run(checkpoint=tmp_path / "run", **several)
-    with pytest.raises(TypeError, match="checkpoint must be a path"):
-        run(checkpoint=True)
-    with pytest.raises(FileNotFoundError):
-        run(checkpoint=tmp_path / "none" / "run")
-    with pytest.raises(ValueError, match=r"Checkpoint.every must be >= 0 s, got -1 s"):
-        bd.Checkpoint("run", every=-1.0)
-    with pytest.raises(TypeError, match=r"Checkpoint\.path"):
-        bd.Checkpoint(3)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"Checkpoint\.path"):
-        bd.Checkpoint("")
-    # what is wrong otherwise is found before there is a file
-    with pytest.raises(ValueError, match="rtol"):
-        run(checkpoint=tmp_path / "run", rtol=-1.0)
+    path, run = tmp_path / "run", lambda **options: bd.simulate(*small()[:3], **options)
+    cases: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: run(checkpoint=path, verify=True), ValueError, "checkpoint is of one run"),
+        (lambda: run(checkpoint=path, budget=5.0), ValueError, "checkpoint is of one run"),
+        (lambda: run(checkpoint=True), TypeError, "checkpoint must be a path"),
+        (lambda: run(checkpoint=tmp_path / "none" / "run"), FileNotFoundError, "No such file"),
+        (lambda: bd.Checkpoint("run", every=-1.0), ValueError,
+         r"Checkpoint.every must be >= 0 s, got -1 s"),
+        (lambda: bd.Checkpoint(3), TypeError, r"Checkpoint\.path"),  # type: ignore[arg-type]
+        (lambda: bd.Checkpoint(""), ValueError, r"Checkpoint\.path"),
+        # what is wrong otherwise is found before there is a file
+        (lambda: run(checkpoint=path, rtol=-1.0), ValueError, "rtol"),
+    ]  # fmt: skip
+    for call, kind, words in cases:
+        with pytest.raises(kind, match=words):
+            call()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -619,42 +614,40 @@ def test_another_torque_is_refused(half: Path) -> None:
     assert same(bd.resume(half, small().torque_fn), bd.simulate(*small()[:3]))
 
 
-def test_another_version_is_refused(half: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_core, "__version__", "99.0")
-    with refused(
-        ValueError,
-        f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is 99.0: "
-        "a run goes on in the version that began it",
-    ):
-        bd.resume(half)
-
-
-def test_another_instruction_level_is_refused(half: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_or_instruction_level_is_refused(
+    half: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(_core, "__version__", "99.0")
+        with refused(
+            ValueError,
+            f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is "
+            "99.0: a run goes on in the version that began it",
+        ):
+            bd.resume(half)
     level = _core.kernel_level()
     monkeypatch.setenv("BELTDYN_KERNELS", "baseline")
     if level == "baseline":
-        pytest.skip("there is no other")
+        pytest.skip("there is no other level")
     with pytest.raises(ValueError, match=f"set the environment variable BELTDYN_KERNELS={level}"):
         bd.resume(half)
     monkeypatch.setenv("BELTDYN_KERNELS", level)
     assert bd.resume(half).stats.kernels == level
 
 
-def test_a_file_that_is_only_read(half: Path) -> None:
-    half.chmod(0o400)
-    before = half.read_bytes()
-    assert same(bd.resume(half, checkpoint=False), bd.simulate(*small()[:3]))
-    assert half.read_bytes() == before
-    if os.geteuid() != 0:
-        with pytest.raises(PermissionError):
-            bd.resume(half)
-
-
-def test_one_process_writes(half: Path) -> None:
+def test_a_file_that_is_only_read_or_written_by_another(half: Path) -> None:
+    expected = bd.simulate(*small()[:3])
     with opened(half, write=True):
         with pytest.raises(BlockingIOError, match="another run is writing to it"):
             bd.resume(half)
         assert bd.resume(half, checkpoint=False).success
+    half.chmod(0o400)
+    before = half.read_bytes()
+    assert same(bd.resume(half, checkpoint=False), expected)
+    assert half.read_bytes() == before
+    if os.geteuid() != 0:
+        with pytest.raises(PermissionError):
+            bd.resume(half)
 
 
 def rewritten(path: Path, change: Callable[[bytes, bytes], Iterator[bytes]]) -> Path:

@@ -76,16 +76,6 @@ def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt
     )
 
 
-def test_classes_have_exactly_the_rows_of_the_table_in_their_order() -> None:
-    for group, kind in CLASSES.items():
-        rows = [name for g, name, _ in ROWS if g == group]
-        parts = {"center", "drag", "friction", "mesh", "model", "mount", "name", "preload", "side"}
-        parts |= {"pivot", "direction", "free_angle", "free_travel", "stops"}
-        fields = [field.name for field in attrs.fields(kind)]
-        assert [name for name in fields if name in rows or name not in parts] == rows
-    assert {group for group, _, _ in ROWS} == set(CLASSES)
-
-
 def refused(kind: type[Exception], message: str, group: str, name: str, value: Any) -> None:
     with pytest.raises(kind, match=rf"^{group}\.{name}{message}"):
         build(group, **{name: as_value(group, name, value)})

@@ -15,7 +15,7 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.histories import GROUPS, EnergyLedger, histories
+from beltdyn.histories import EnergyLedger, histories
 
 T_END = 0.02
 N_T = 41
@@ -107,20 +107,6 @@ def test_bad_settling_options(
 
 
 # --- what a result holds -------------------------------------------------------------------------
-
-
-def test_groups_are_those_of_the_table(result: bd.Result) -> None:
-    groups: dict[str, list[str]] = {}
-    for name, group, *_ in _core.OUTPUTS:
-        groups.setdefault(group, []).append(name)
-    energy = [name for name, *_ in _core.ENERGY_TERMS]
-    for group, names in (groups | {"energy": energy}).items():
-        fields = {field.name for field in attrs.fields(GROUPS[group])}
-        assert fields - {"pulley", "passed", "names"} == set(names), group
-    counters = {name for name, _ in _core.STATS} - {"residual"}
-    fields = {field.name for field in attrs.fields(bd.Stats)}
-    of_package = {"method", "choice", "kernels", "cpu_time", "wall_time", "settle_time"}
-    assert counters <= fields and fields - counters == of_package
 
 
 def test_no_output_or_counter_of_the_core_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:

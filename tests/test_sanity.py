@@ -14,7 +14,6 @@ import drives
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn import cli, observed, run_warnings, sanity
@@ -396,8 +395,7 @@ def test_silence_is_of_one_thread_and_ends() -> None:
             bd.simulate(params, steady(-1.0), 0.001)
 
 
-@pytest.mark.parametrize("workers", ci_if(lambda workers: workers > 1, [1, 2]))
-def test_identification_speaks_of_the_best_run_alone(workers: int) -> None:
+def test_identification_speaks_of_the_best_run_alone() -> None:
     params, torque = drive(links=60), steady(-10.0, 10.0)
     measured = run(params, torque, 0.005)
     experiments = [bd.Experiment(torque, t_end=0.005, name=name) for name in ("one", "two")]
@@ -407,7 +405,7 @@ def test_identification_speaks_of_the_best_run_alone(workers: int) -> None:
     ]
     guess = attrs.evolve(params, belt=attrs.evolve(params.belt, axial_stiffness=75e3))
     with pytest.warns(bd.AccuracyWarning, match="^mesh: ") as caught:
-        best = bd.identify(guess, ["belt.axial_stiffness"], targets, workers=workers)
+        best = bd.identify(guess, ["belt.axial_stiffness"], targets, workers=2)
     assert best.runs > 4 and len(caught) == 1
     assert caught[0].filename == __file__
     assert all(found(result, "mesh") for result in best.results.values())
