@@ -160,7 +160,7 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
 def test_ctrl_c_with_very_many_samples(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch, amid: str
 ) -> None:
-    """While the arrays are made, or the run goes on; counted from then, however slow the machine."""
+    """While the arrays are made, or the run goes on; counted from then on a slow machine too."""
     timer = threading.Timer(0.02, lambda: os.kill(os.getpid(), signal.SIGINT))
     real = _core.Simulation
 
