@@ -13,14 +13,15 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from fuzzed import EXAMPLES, fuzz
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from module_common import SCENE
 
 import beltdyn as bd
 from beltdyn import _core, checks
 
-FUZZ = settings(derandomize=True, database=None, deadline=None, max_examples=150)
+HIDDEN = "must not hold masked values"
 
 
 def masked(values: Any, mask: Any = None) -> Any:
@@ -51,11 +52,11 @@ STATE: dict[str, Any] = {"x": [0, 1, 2], "y": [0, 0, 0], "phi": [0, 0, 0], "thet
 # --- masks ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", [*HIDING, GivesMasked()])
-@pytest.mark.parametrize("field", ["x", "y", "phi", "mu"])
-def test_states(value: Any, field: str) -> None:
-    with pytest.raises(ValueError, match=rf"^State\.{field} must not hold masked values: fill"):
-        bd.State(**STATE | {field: value})
+def test_states() -> None:
+    for value in (*HIDING, GivesMasked()):
+        for field in ("x", "y", "phi", "mu"):
+            with pytest.raises(ValueError, match=rf"^State\.{field} {HIDDEN}: fill"):
+                bd.State(**STATE | {field: value})
 
 
 def test_a_mask_that_hides_nothing_may_pass() -> None:
@@ -76,20 +77,14 @@ def test_a_mask_that_hides_nothing_may_pass() -> None:
         (lambda v: bd.Tensioning(offset=[(0, 0), v[-2:]]), r"offset\[1\]"),
         (lambda v: bd.simulate(*drives.plain_scene(), t_eval=v), "t_eval"),
         (lambda v: bd.simulate(*drives.plain_scene(), breakpoints=v), "breakpoints"),
-        (lambda v: _core.Model(**core_model(radii=v[-2:])), "radii"),
-        (lambda v: _core.Model(**core_model(centers=[(0, 0), v[-2:]])), "centers"),
+        (lambda v: _core.Model(**SCENE | {"radii": v[-2:]}), "radii"),
+        (lambda v: _core.Model(**SCENE | {"centers": [(0, 0), v[-2:]]}), "centers"),
     ],
 )
-@pytest.mark.parametrize("value", [HIDING[0], HIDING[1]])
-def test_arguments(value: Any, call: Callable[[Any], object], field: str) -> None:
-    with pytest.raises(ValueError, match=f"^{field}.* must not hold masked values"):
-        call(value)
-
-
-def core_model(**changes: Any) -> dict[str, Any]:
-    from module_common import SCENE
-
-    return {**SCENE, **changes}
+def test_arguments(call: Callable[[Any], object], field: str) -> None:
+    for value in HIDING[:2]:
+        with pytest.raises(ValueError, match=f"^{field}.* {HIDDEN}"):
+            call(value)
 
 
 def test_experiments() -> None:
@@ -101,17 +96,17 @@ def test_experiments() -> None:
         ([1.0, 2.0], masked([1.0, 2.0])),
         ([1.0, 2.0], [1.0, np.ma.masked]),
     ):
-        with pytest.raises(ValueError, match="must not hold masked values"):
+        with pytest.raises(ValueError, match=HIDDEN):
             experiment.curve("pulleys.omega[0]", [0.0, 1.0], values, sigma=sigma)
-        with pytest.raises(ValueError, match="must not hold masked values"):
+        with pytest.raises(ValueError, match=HIDDEN):
             experiment.number(lambda run: run.t[:2], values, sigma=sigma)
 
 
-@pytest.mark.parametrize("name", ["x", "omega", "theta"])
-@pytest.mark.parametrize("hide", [masked, lambda v: [*v[:-1], np.ma.masked]])
-def test_states_of_the_core(model: Any, rest: Any, name: str, hide: Callable[[Any], Any]) -> None:
-    with pytest.raises(ValueError, match=f"{name}.* must not hold masked values"):
-        _core.Simulation(model, {**rest, name: hide(list(rest[name]))}, [], 1.0)
+def test_states_of_the_core(model: Any, rest: Any) -> None:
+    for name in ("x", "omega", "theta"):
+        for value in (masked(rest[name]), [*rest[name][:-1], np.ma.masked]):
+            with pytest.raises(ValueError, match=f"{name}.* {HIDDEN}"):
+                _core.Simulation(model, {**rest, name: value}, [], 1.0)
 
 
 def test_single_numbers(model: Any, rest: Any) -> None:
@@ -126,29 +121,23 @@ def test_single_numbers(model: Any, rest: Any) -> None:
     assert _core.Simulation(model, rest, [], 1.0, rtol=np.ma.array(1e-3, mask=False))
 
 
-@pytest.mark.parametrize(
-    "returned",
-    [
+def test_what_torque_functions_return(model: Any, rest: Any) -> None:
+    def run(returned: Any, t_end: float) -> _core.Simulation:
+        torque = [("call", lambda t, theta, omega: returned)]
+        return _core.Simulation(model, rest, torque, t_end)
+
+    for hiding in (
         masked([1.0, 2.0]),
         np.ma.array([1, 2], mask=[True, False]),
         [1.0, np.ma.masked],
         (np.ma.array(1.0, mask=True), 2.0),
         [[1.0, np.ma.masked]],
-    ],
-)
-def test_what_torque_functions_return(model: Any, rest: Any, returned: Any) -> None:
-    simulation = _core.Simulation(model, rest, [("call", lambda t, theta, omega: returned)], 1.0)
-    with pytest.raises((ValueError, TypeError), match=r"^torque_fn must return 2 torques"):
-        simulation.advance(1.0)
-
-
-def test_torque_functions_may_return_masks_that_hide_nothing(model: Any, rest: Any) -> None:
-    last = []
-    for torques in (np.ma.array([-1.0, 0.5]), [-1.0, 0.5]):
-        run = _core.Simulation(model, rest, [("call", lambda *_, r=torques: r)], 1e-3)
-        assert run.advance(np.inf) is True
-        last.append(run.state()["omega"])
-    np.testing.assert_array_equal(*last)
+    ):
+        with pytest.raises((ValueError, TypeError), match=r"^torque_fn must return 2 torques"):
+            run(hiding, 1.0).advance(1.0)
+    runs = [run(torques, 1e-3) for torques in (np.ma.array([-1.0, 0.5]), [-1.0, 0.5])]
+    assert all(one.advance(np.inf) is True for one in runs)  # a mask that hides nothing
+    np.testing.assert_array_equal(*(one.state()["omega"] for one in runs))
 
 
 # --- immutable -----------------------------------------------------------------------------------
@@ -160,37 +149,28 @@ KEPT = [
 ]
 
 
+CLONES: list[Callable[[Any], Any]] = [
+    lambda thing: thing, copy.copy, copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing)),
+    attrs.evolve,
+]  # fmt: skip
+
+
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: type(kept).__name__)
-@pytest.mark.parametrize(
-    "clone",
-    [
-        lambda thing: thing,
-        copy.copy,
-        copy.deepcopy,
-        lambda thing: pickle.loads(pickle.dumps(thing)),
-        lambda thing: attrs.evolve(thing),
-    ],
-)
-def test_arrays_cannot_be_made_writeable(kept: Any, clone: Callable[[Any], Any]) -> None:
-    thing = clone(kept)
-    assert thing == kept
-    for field in attrs.fields(type(thing)):
-        array = getattr(thing, field.name)
-        if not isinstance(array, np.ndarray):
-            continue
-        assert array.flags.c_contiguous and array.flags.aligned
-        for change in (
-            lambda array=array: setattr(array.flags, "writeable", True),
-            lambda array=array: array.setflags(write=True),
-            lambda array=array: array.view().setflags(write=True),
-            lambda array=array: array.__setitem__(..., 0.0),
-        ):
-            with pytest.raises(ValueError):
-                change()
-
-
-def test_a_state_keeps_nothing_of_what_it_was_given() -> None:
-    x = np.array([0.0, 1.0, 2.0])
+def test_arrays_cannot_be_made_writeable(kept: Any) -> None:
+    for thing in (clone(kept) for clone in CLONES):
+        assert thing == kept
+        arrays = [getattr(thing, field.name) for field in attrs.fields(type(thing))]
+        for array in (one for one in arrays if isinstance(one, np.ndarray)):
+            assert array.flags.c_contiguous and array.flags.aligned
+            for change in (
+                lambda array=array: setattr(array.flags, "writeable", True),
+                lambda array=array: array.setflags(write=True),
+                lambda array=array: array.view().setflags(write=True),
+                lambda array=array: array.__setitem__(..., 0.0),
+            ):
+                with pytest.raises(ValueError):
+                    change()
+    x = np.array([0.0, 1.0, 2.0])  # nor is what was given kept
     state = bd.State(**STATE | {"x": x})
     x[:] = 9.0
     assert state.x.tolist() == [0.0, 1.0, 2.0]
@@ -198,16 +178,8 @@ def test_a_state_keeps_nothing_of_what_it_was_given() -> None:
 
 # --- anything ------------------------------------------------------------------------------------
 
-NUMBERS = (
-    st.floats()
-    | st.integers()
-    | st.just(10**400)
-    | st.booleans()
-    | st.none()
-    | st.text(max_size=3)
-    | st.complex_numbers()
-    | st.just(np.ma.masked)
-)
+NUMBERS = st.floats() | st.integers() | st.just(10**400) | st.booleans() | st.none()
+NUMBERS |= st.text(max_size=3) | st.complex_numbers() | st.just(np.ma.masked)
 ANYTHING = (
     st.recursive(NUMBERS, lambda inner: st.lists(inner, max_size=4), max_leaves=6)
     | st.lists(st.floats(-10, 10), min_size=3, max_size=3)
@@ -218,33 +190,36 @@ ANYTHING = (
 )
 
 
-@FUZZ
-@given(data=st.data())
-def test_any_state(data: st.DataObject) -> None:
-    fields = dict(STATE)
+@EXAMPLES
+def test_any_state(examples: int) -> None:
     names = [field.name for field in attrs.fields(bd.State)]
-    for name in data.draw(st.lists(st.sampled_from(names), min_size=1, max_size=3, unique=True)):
-        fields[name] = data.draw(ANYTHING)
-    try:
-        state = bd.State(**fields)
-    except (TypeError, ValueError) as error:
-        assert "State." in str(error)
-    else:
-        assert np.isfinite(state.x).all() and state.x.shape == state.mu.shape[-1:]
 
-
-@FUZZ
-@given(value=ANYTHING)
-def test_any_torque(value: Any) -> None:
-    for build, field in (
-        (bd.Viscous, "Viscous"),
-        (lambda v: bd.PiecewiseLinear(v, [[0.0]]), "PiecewiseLinear"),
-        (lambda v: bd.PiecewiseLinear([0.0], v), "PiecewiseLinear"),
-    ):
+    def check(chosen: list[str], data: st.DataObject) -> None:
         try:
-            build(value)
+            state = bd.State(**STATE | {name: data.draw(ANYTHING) for name in chosen})
         except (TypeError, ValueError) as error:
-            assert str(error).startswith(field)
+            assert "State." in str(error)
+        else:
+            assert np.isfinite(state.x).all() and state.x.shape == state.mu.shape[-1:]
+
+    some = st.lists(st.sampled_from(names), min_size=1, max_size=3, unique=True)
+    fuzz(examples, check, some, st.data())
+
+
+@EXAMPLES
+def test_any_torque(examples: int) -> None:
+    def check(value: Any) -> None:
+        for build, field in (
+            (bd.Viscous, "Viscous"),
+            (lambda v: bd.PiecewiseLinear(v, [[0.0]]), "PiecewiseLinear"),
+            (lambda v: bd.PiecewiseLinear([0.0], v), "PiecewiseLinear"),
+        ):
+            try:
+                build(value)
+            except (TypeError, ValueError) as error:
+                assert str(error).startswith(field)
+
+    fuzz(examples, check, ANYTHING)
 
 
 def test_numbers_too_long_to_print() -> None:

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -49,39 +50,24 @@ TIMES = ("cpu_time", "wall_time", "settle_time")
 
 def same(one: bd.Result, other: bd.Result) -> bool:
     """The same bits in all that a result has, but the times it took."""
-    for group in ("pulleys", "belt", "joints", "contact", "mounts", "energy"):
-        held = [getattr(result, group) for result in (one, other)]
-        if held[0] is None or held[1] is None:
-            if held[0] is not held[1]:
-                return False
-            continue
-        arrays = [group.arrays() for group in held]
-        if arrays[0].keys() != arrays[1].keys():
-            return False
-        for name, array in arrays[0].items():
-            if array.dtype != arrays[1][name].dtype or array.shape != arrays[1][name].shape:
-                return False
-            if array.tobytes() != arrays[1][name].tobytes():
-                return False
-    states = [result.final_state for result in (one, other)]
-    for name, *_ in _core.STATE_FIELDS:
-        if getattr(states[0], name).tobytes() != getattr(states[1], name).tobytes():
-            return False
-    stats = [
-        {name: value for name, value in attrs.asdict(result.stats).items() if name not in TIMES}
-        for result in (one, other)
-    ]
-    plain_fields = ("status", "success", "message", "warnings", "effects", "outputs", "unchecked")
-    sampled = [result._sampled_spans for result in (one, other)]
-    return (
-        one.t.tobytes() == other.t.tobytes()
-        and states[0].t == states[1].t
-        and stats[0] == stats[1]
-        and all(getattr(one, name) == getattr(other, name) for name in plain_fields)
-        and (sampled[0] is None) == (sampled[1] is None)
-        and (sampled[0] is None or np.array_equal(*sampled, equal_nan=True))
-        and one.params == other.params
-    )
+
+    def parts(result: bd.Result) -> tuple[Any, ...]:
+        final = result.final_state
+        arrays = {name: getattr(final, name) for name, *_ in _core.STATE_FIELDS}
+        arrays |= {"end": np.float64(final.t), "times": result.t, "of spans": result._sampled_spans}
+        for group in ("pulleys", "belt", "joints", "contact", "mounts", "energy"):
+            held = getattr(result, group)
+            of_group = {} if held is None else held.arrays()
+            arrays |= {f"{group}.{name}": array for name, array in of_group.items()}
+        stats = attrs.asdict(result.stats)
+        fields = "params status success message warnings effects outputs unchecked".split()  # noqa: SIM905
+        return (
+            {k: a if a is None else (a.dtype, a.shape, a.tobytes()) for k, a in arrays.items()},
+            {name: value for name, value in stats.items() if name not in TIMES},
+            [getattr(result, name) for name in fields],
+        )
+
+    return parts(one) == parts(other)
 
 
 def small(t_end: float = 0.02) -> bd.Scene:
@@ -96,12 +82,27 @@ def often(path: Path) -> bd.Checkpoint:
     return bd.Checkpoint(path, every=0.0)
 
 
+def opened(path: Path, write: bool = False) -> BlockFile:
+    return BlockFile(path, checkpoints._MARK, b"rest", write=write)
+
+
 def commits(path: Path) -> list[int]:
     """Where the file may be cut: after its head, and after each restart record."""
-    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+    with opened(path) as file:
         ends = [block.begin + block.size + 32 for block in file.blocks if block.kind != b"rows"]
         assert file.cut == 0
     return ends
+
+
+def last_record(path: Path) -> tuple[float, ...]:
+    """What stands before the last restart record: its time is the second, those spent follow."""
+    with opened(path) as file:
+        return checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))
+
+
+def up_to(path: Path) -> float:
+    """Time up to which a file holds the run [s]."""
+    return float(last_record(path)[1])
 
 
 @pytest.fixture
@@ -113,34 +114,48 @@ def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- cut anywhere --------------------------------------------------------------------------------
 
 
-def goes_on(path: Path, expected: bd.Result, at: list[int], **again: Any) -> None:
-    """From the file cut at each of these lengths the run goes on; only the copies are written."""
+def goes_on(path: Path, expected: bd.Result, at: list[int]) -> None:
+    """From the file cut at each of these lengths the run goes on; only the copy is written."""
     whole = path.read_bytes()
     copy = path.with_name("copy")
     for length in at:
         copy.write_bytes(whole[:length])
-        assert same(bd.resume(copy, **again), expected), length
-        assert same(bd.resume(copy, **again), expected)  # it is written to its end now
+        assert same(bd.resume(copy), expected), length
+    assert same(bd.resume(copy), expected)  # it is written to its end now
 
 
-def some(ends: list[int], seed: int) -> list[int]:
-    """The first, the last, and some lengths at and between ends of writes."""
-    rng = random.Random(seed)
-    inside = [rng.randint(ends[0], ends[-1]) for _ in range(2)]
-    return [ends[0], *rng.sample(ends, min(2, len(ends))), *inside, ends[-1]]
+def some(path: Path, seed: int) -> list[int]:
+    """The last end of a write, one between, a length at which no write ends, and the first."""
+    ends, rng = commits(path), random.Random(seed)
+    return [ends[-1], rng.choice(ends[1:-1] or ends), rng.randint(ends[0], ends[-1]), ends[0]]
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_goes_on_from_anywhere(name: str, tmp_path: Path) -> None:
-    scene, path = small(0.04), tmp_path / "run"
-    options: dict[str, Any] = {**METHODS[name][0], "t_eval": np.linspace(0.0, 0.04, 57)}
+    # with a short fixed step there are many steps, and so records, in a short time
+    t_end = 0.01 if "fixed" in name else 0.04
+    scene, path = small(t_end), tmp_path / "run"
+    options: dict[str, Any] = {**METHODS[name][0], "t_eval": np.linspace(0.0, t_end, 57)}
     expected = bd.simulate(*scene[:3], **options)
     assert same(bd.simulate(*scene[:3], checkpoint=often(path), **options), expected)
-    ends = commits(path)
-    assert len(ends) >= 3
-    goes_on(path, expected, some(ends, 1))
+    assert len(commits(path)) >= 3
+    goes_on(path, expected, some(path, 1))
 
 
+def changed(**fields: Any) -> bd.Scene:
+    """The small scene with other parameters; a dict is of the belt's."""
+    scene = small()
+    belt = attrs.evolve(scene.params.belt, **fields.pop("belt", {}))
+    return scene._replace(params=attrs.evolve(scene.params, belt=belt, **fields))
+
+
+def moved(speed: Any) -> bd.Scene:
+    return small()._replace(motion={0: speed}, torque_fn=bd.Viscous([0, 1.0]))
+
+
+STRING = {"mesh": "joint", "model": "string", "bending_stiffness": 0.0}
+MAXWELL = bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3))
+CRANK = bd.CrankMotion(bd.PiecewiseLinear([0.0], [-20.0]), orders=[2.0], amplitudes=[0.05])
 CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
     "no ledger": (small, {"ledger": False}),
     "outputs": (small, {"outputs": ("span_tension", "pulleys.omega", "contact.pulley")}),
@@ -150,44 +165,11 @@ CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
     "samples twice, and late": (small, {"t_eval": [0.0, 0.0, 0.013, 0.013, 0.02]}),
     "breakpoints": (small, {"breakpoints": [0.007, 0.003], "max_step": 1e-4}),
     "steps": (small, {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}),
-    "string": (
-        lambda: small()._replace(
-            params=attrs.evolve(
-                small().params,
-                belt=attrs.evolve(
-                    small().params.belt, mesh="joint", model="string", bending_stiffness=0.0
-                ),
-            )
-        ),
-        {},
-    ),
-    "friction with states": (
-        lambda: small()._replace(
-            params=attrs.evolve(
-                small().params,
-                friction=bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3)),
-            )
-        ),
-        {},
-    ),
-    "an arm": (lambda: bd.scenes.get("tensioned-alternator")._replace(t_end=0.004), {}),
-    "motion": (
-        lambda: small()._replace(
-            motion={0: bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])}, torque_fn=bd.Viscous([0, 1.0])
-        ),
-        {},
-    ),
-    "motion with harmonics": (
-        lambda: small()._replace(
-            motion={
-                0: bd.CrankMotion(
-                    bd.PiecewiseLinear([0.0], [-20.0]), orders=[2.0], amplitudes=[0.05]
-                )
-            },
-            torque_fn=bd.Viscous([0, 1.0]),
-        ),
-        {},
-    ),
+    "string": (lambda: changed(belt=STRING), {}),
+    "friction with states": (lambda: changed(friction=MAXWELL), {}),
+    "an arm": (lambda: bd.scenes.get("tensioned-alternator")._replace(t_end=0.001), {}),
+    "motion": (lambda: moved(bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])), {}),
+    "motion with harmonics": (lambda: moved(CRANK), {}),
 }
 
 
@@ -197,7 +179,7 @@ def test_whatever_it_is_called_with_is_in_the_file(name: str, tmp_path: Path) ->
     scene, path = make(), tmp_path / "run"
     expected = bd.simulate(*scene, **options)
     bd.simulate(*scene, checkpoint=often(path), **options)
-    goes_on(path, expected, some(commits(path), 2))
+    goes_on(path, expected, some(path, 2))
 
 
 def test_it_begins_from_any_state(tmp_path: Path) -> None:
@@ -207,7 +189,7 @@ def test_it_begins_from_any_state(tmp_path: Path) -> None:
     first = attrs.evolve(first, t=-0.05)
     expected = bd.simulate(*scene[:2], -0.03, initial=first)
     bd.simulate(*scene[:2], -0.03, initial=first, checkpoint=often(path))
-    goes_on(path, expected, some(commits(path), 3))
+    goes_on(path, expected, some(path, 3))
 
 
 def test_many_samples_are_written_in_several_blocks(
@@ -216,7 +198,7 @@ def test_many_samples_are_written_in_several_blocks(
     monkeypatch.setattr(checkpoints, "_MOST_ROWS", 50_000)
     scene, path = small(), tmp_path / "run"
     bd.simulate(*scene[:3], checkpoint=path)
-    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+    with opened(path) as file:
         kinds = [block.kind for block in file.blocks]
         assert max(block.size for block in file.blocks if block.kind == b"rows") <= 50_000
     assert kinds.count(b"rows") > 10 and kinds.count(b"rest") == 1
@@ -231,8 +213,8 @@ def test_a_file_that_is_damaged_gives_the_run_or_is_refused(tmp_path: Path) -> N
     bd.simulate(*scene[:3], t_eval=t_eval, checkpoint=often(path))
     whole, head = path.read_bytes(), commits(path)[0]
     rng = random.Random(4)
-    flips = [rng.randrange(head) for _ in range(40)]
-    flips += [rng.randrange(head, len(whole)) for _ in range(30)]
+    flips = [rng.randrange(head) for _ in range(20)]
+    flips += [rng.randrange(head, len(whole)) for _ in range(10)]
     for at in flips:
         damaged = bytearray(whole)
         damaged[at] ^= 1 << rng.randrange(8)
@@ -244,7 +226,7 @@ def test_a_file_that_is_damaged_gives_the_run_or_is_refused(tmp_path: Path) -> N
             bd.resume(copy)
         assert "\n" not in str(no.value)
         assert copy.read_bytes() == damaged  # left as it is
-    for length in [*range(40), *(rng.randrange(head) for _ in range(40))]:
+    for length in [*range(10), *(rng.randrange(head) for _ in range(10))]:
         copy.write_bytes(whole[:length])
         with pytest.raises(ValueError, match="cannot go on from"):
             bd.resume(copy)
@@ -265,7 +247,7 @@ def called(name: str) -> tuple[bd.Scene, dict[str, Any]]:
     return plain_scene()._replace(t_end=t_end), options
 
 
-def child(name: str, path: Path, every: float = 0.0, out: str = "", kill_at: int = -1) -> None:
+def child(name: str, path: Path, out: str, kill_at: int) -> None:
     """Begin the run or go on with it; the process dies after so many bytes were written."""
     warnings.simplefilter("ignore")
     scene, options = called(name)
@@ -281,62 +263,88 @@ def child(name: str, path: Path, every: float = 0.0, out: str = "", kill_at: int
 
         BlockFile._write = write  # type: ignore[method-assign]
     if path.exists():
-        result = bd.resume(path, driven if name == "function" else None, every=every)
+        result = bd.resume(path, driven if name == "function" else None, every=0.0)
     else:
-        result = bd.simulate(*scene, checkpoint=bd.Checkpoint(path, every), **options)
+        result = bd.simulate(*scene, checkpoint=often(path), **options)
     if out:
         result.save(out)
-
-
-def started(*arguments: Any) -> subprocess.Popen[bytes]:
-    program = (
-        "from pathlib import PosixPath, WindowsPath\n"
-        "import test_checkpoints\n"
-        f"test_checkpoints.child{arguments!r}\n"
-    )
-    return subprocess.Popen(
-        [sys.executable, "-c", program], cwd=Path(__file__).parent, stderr=subprocess.PIPE
-    )
 
 
 def size_of(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
-def ended(process: subprocess.Popen[bytes]) -> int:
-    """Give how it ended; what it said if by an exception."""
-    _, said = process.communicate(timeout=120)
-    assert process.returncode in (0, -signal.SIGKILL), said.decode()
-    return process.returncode
+def nursery() -> None:
+    """What a process does that imports once: fork a child for each line, and print how it ended.
 
-
-def killed(name: str, path: Path, rng: random.Random) -> bool:
-    """Let a process work on the run and kill it at a random moment; whether it had not finished.
-
-    The moment is one of those in which it works on the run, however fast the machine: counted from
-    when the file exists, or has grown.
+    A child may be killed at a moment in which it works on the run, however fast the machine:
+    counted from when the file exists, or has grown; or, if not `grows`, from its birth.
     """
-    before = size_of(path)
-    process = started(name, path)
-    at_once = rng.random() < 0.2
-    while process.poll() is None and (size_of(path) == before and not at_once):
-        time.sleep(1e-3)
-    time.sleep(rng.uniform(0.0, 0.5 if at_once else 0.03))
-    process.kill()
-    return ended(process) == -signal.SIGKILL
+    for line in sys.stdin:
+        (name, where, *others), grows, after = eval(line)
+        path = Path(where)
+        before, pid = size_of(path), os.fork()
+        if not pid:
+            try:
+                child(name, path, *others)
+            except BaseException:
+                traceback.print_exc()
+                os._exit(1)
+            os._exit(0)
+        ended = (0, 0)
+        if after is not None:
+            while not ended[0] and grows and size_of(path) == before:
+                time.sleep(1e-3)
+                ended = os.waitpid(pid, os.WNOHANG)
+            if not ended[0]:
+                time.sleep(after)
+                os.kill(pid, signal.SIGKILL)
+        code = os.waitstatus_to_exitcode((ended if ended[0] else os.waitpid(pid, 0))[1])
+        print(code, flush=True)
 
 
-def survives(name: str, kills: int, tmp_path: Path, seed: int) -> None:
-    """Kill a run again and again, until it was killed so often, then let it finish.
+@pytest.fixture(scope="module")
+def in_child() -> Iterator[Callable[..., bool]]:
+    """Let a process work on the run; tell whether it was killed."""
+    command = [sys.executable, "-c", "import test_checkpoints; test_checkpoints.nursery()"]
+    with subprocess.Popen(
+        command, cwd=Path(__file__).parent, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        given, told = process.stdin, process.stdout
 
-    If it finishes before, it begins anew.
-    """
-    rng, path, out = random.Random(seed), tmp_path / "run", tmp_path / "out.npz"
+        def call(name: str, path: Path, out: str = "", kill_at: int = -1, grows: bool = True,
+                 after: float | None = None) -> bool:  # fmt: skip
+            print(((name, str(path), out, kill_at), grows, after), file=given, flush=True)
+            code = int(told.readline())
+            assert code in (0, -signal.SIGKILL)
+            return code != 0
+
+        yield call
+        given.close()
+
+
+CUT = "test_checkpoints.py::test_every_method_goes_on_from_anywhere"
+KILLED = ["auto", "tsit5", "rodas4", "lbdf2", "lie", "rk4", "rk4 fixed", "lbdf2 fixed", "function"]
+
+
+@pytest.mark.parametrize(
+    ("name", "kills"),
+    [pytest.param(name, 2, marks=pytest.mark.ci(guard=CUT)) for name in KILLED]
+    + [pytest.param(name, 20, marks=pytest.mark.extended(guard=CUT)) for name in KILLED],
+)
+def test_a_run_survives_kills(
+    name: str, kills: int, tmp_path: Path, in_child: Callable[..., bool]
+) -> None:
+    """Killed again and again, until it was so often, it is let finish; if it does before, it begins
+    anew."""
+    rng, path, out = random.Random(sum(map(ord, name))), tmp_path / "run", tmp_path / "out.npz"
     scene, options = called(name)
     expected = bd.simulate(*scene, **options)
     done = 0
     for _ in range(4 * kills):
-        if killed(name, path, rng):
+        grows = rng.random() > 0.2
+        if in_child(name, path, grows=grows, after=rng.uniform(0.0, 0.03 if grows else 0.3)):
             done += 1
         else:
             again = bd.resume(path, driven if name == "function" else None)
@@ -345,48 +353,34 @@ def survives(name: str, kills: int, tmp_path: Path, seed: int) -> None:
         if done >= kills:
             break
     assert done >= kills
-    assert ended(started(name, path, 0.0, str(out))) == 0
+    assert not in_child(name, path, str(out))
     assert same(bd.Result.load(out), expected)
     # what is left beside it are at most the beginnings of files whose process was killed then
     others = [other.name for other in tmp_path.iterdir() if other not in (path, out)]
     assert all(other.startswith(".run-") for other in others)
 
 
-@pytest.mark.parametrize("name", ["auto", "rk4 fixed"])
-def test_a_run_survives_kills(name: str, tmp_path: Path) -> None:
-    survives(name, 2, tmp_path, 5)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["auto", "tsit5", "rodas4", "lbdf2", "lie", "rk4", "lbdf2 fixed", "function"]
+    "places",
+    [
+        pytest.param(2, marks=pytest.mark.ci(guard=CUT)),
+        pytest.param(15, marks=pytest.mark.extended(guard=CUT)),
+    ],
 )
-def test_a_run_survives_twenty_kills(name: str, tmp_path: Path) -> None:
-    survives(name, 20, tmp_path, sum(map(ord, name)))
-
-
-def kill_in_writes(places: Callable[[int], list[int]], tmp_path: Path) -> None:
-    path = tmp_path / "run"
+def test_processes_killed_in_the_middle_of_writes(
+    places: int, tmp_path: Path, in_child: Callable[..., bool]
+) -> None:
+    rng, path = random.Random(6), tmp_path / "run"
     scene, options = called("rk4")
     expected = bd.simulate(*scene, **options)
-    assert ended(started("rk4", path)) == 0
+    assert not in_child("rk4", path)
     size = size_of(path)
-    for k, place in enumerate(places(size)):
+    for k, place in enumerate([size // 3, 0, *(rng.randrange(size // 2) for _ in range(places))]):
         path.unlink()
-        assert ended(started("rk4", path, 0.0, "", place)) == -signal.SIGKILL
-        with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
-            assert place == 0 or file.cut > 0 or k > 0  # in the middle of a write
+        assert in_child("rk4", path, kill_at=place)
+        with opened(path) as file:
+            assert file.cut > 0 or k > 0  # in the middle of a write
         assert same(bd.resume(path), expected)
-
-
-def test_a_process_killed_in_the_middle_of_a_write(tmp_path: Path) -> None:
-    kill_in_writes(lambda size: [size // 3], tmp_path)
-
-
-@pytest.mark.slow
-def test_processes_killed_in_the_middle_of_writes(tmp_path: Path) -> None:
-    rng = random.Random(6)
-    kill_in_writes(lambda size: [0, *(rng.randrange(size // 2) for _ in range(15))], tmp_path)
 
 
 # --- ended otherwise -----------------------------------------------------------------------------
@@ -404,12 +398,6 @@ class Stops:
             error, self.error = self.error, None
             raise error
         return [-50.0 * t / 0.02, -16.0 * float(omega[1])]
-
-
-def up_to(path: Path) -> float:
-    """Give the time up to which a file holds the run."""
-    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
-        return float(checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))[1])
 
 
 @pytest.mark.usefixtures("short_chunks")
@@ -534,24 +522,18 @@ def test_a_full_disk_does_not_end_the_run(
     assert same(bd.resume(path), expected)
 
 
-def spent(path: Path) -> list[float]:
-    """Give CPU and wall time spent up to the last write."""
-    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
-        return list(checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))[2:4])
-
-
 def test_times_add_up(tmp_path: Path) -> None:
     scene, path = small(), tmp_path / "run"
     with pytest.raises(bd.SimulationError, match="limit of 200 steps"):
         bd.simulate(*scene[:3], method="tsit5", max_steps=200, checkpoint=path)
-    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+    with opened(path) as file:
         start = start_of_run.unpack(file.content(file.blocks[0]))[0]
-    before = spent(path)
+    before = last_record(path)[2:4]
     for _ in range(2):  # the second time it has finished
         stats = bd.resume(path, max_steps=10**6).stats
         assert stats.cpu_time > before[0] > 0.0 and stats.wall_time > before[1] > 0.0
         assert stats.settle_time == start.settle_time > 0.0
-        later = spent(path)
+        later = last_record(path)[2:4]
         assert later > before or later == before
         before = later
 
@@ -582,27 +564,22 @@ def test_a_file_that_is_there_is_not_written_over(half: Path) -> None:
 
 
 def test_what_cannot_be_a_checkpoint(tmp_path: Path) -> None:
-    scene = small()
-
-    def run(**options: Any) -> bd.Result:
-        return bd.simulate(*scene[:3], **options)
-
-    for several in ({"verify": True}, {"budget": 5.0}):
-        with pytest.raises(ValueError, match="checkpoint is of one run"):
-            run(checkpoint=tmp_path / "run", **several)
-    with pytest.raises(TypeError, match="checkpoint must be a path"):
-        run(checkpoint=True)
-    with pytest.raises(FileNotFoundError):
-        run(checkpoint=tmp_path / "none" / "run")
-    with pytest.raises(ValueError, match=r"Checkpoint.every must be >= 0 s, got -1 s"):
-        bd.Checkpoint("run", every=-1.0)
-    with pytest.raises(TypeError, match=r"Checkpoint\.path"):
-        bd.Checkpoint(3)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"Checkpoint\.path"):
-        bd.Checkpoint("")
-    # what is wrong otherwise is found before there is a file
-    with pytest.raises(ValueError, match="rtol"):
-        run(checkpoint=tmp_path / "run", rtol=-1.0)
+    path, run = tmp_path / "run", lambda **options: bd.simulate(*small()[:3], **options)
+    cases: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: run(checkpoint=path, verify=True), ValueError, "checkpoint is of one run"),
+        (lambda: run(checkpoint=path, budget=5.0), ValueError, "checkpoint is of one run"),
+        (lambda: run(checkpoint=True), TypeError, "checkpoint must be a path"),
+        (lambda: run(checkpoint=tmp_path / "none" / "run"), FileNotFoundError, "No such file"),
+        (lambda: bd.Checkpoint("run", every=-1.0), ValueError,
+         r"Checkpoint.every must be >= 0 s, got -1 s"),
+        (lambda: bd.Checkpoint(3), TypeError, r"Checkpoint\.path"),  # type: ignore[arg-type]
+        (lambda: bd.Checkpoint(""), ValueError, r"Checkpoint\.path"),
+        # what is wrong otherwise is found before there is a file
+        (lambda: run(checkpoint=path, rtol=-1.0), ValueError, "rtol"),
+    ]  # fmt: skip
+    for call, kind, words in cases:
+        with pytest.raises(kind, match=words):
+            call()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -637,52 +614,50 @@ def test_another_torque_is_refused(half: Path) -> None:
     assert same(bd.resume(half, small().torque_fn), bd.simulate(*small()[:3]))
 
 
-def test_another_version_is_refused(half: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_core, "__version__", "99.0")
-    with refused(
-        ValueError,
-        f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is 99.0: "
-        "a run goes on in the version that began it",
-    ):
-        bd.resume(half)
-
-
-def test_another_instruction_level_is_refused(half: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_or_instruction_level_is_refused(
+    half: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(_core, "__version__", "99.0")
+        with refused(
+            ValueError,
+            f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is "
+            "99.0: a run goes on in the version that began it",
+        ):
+            bd.resume(half)
     level = _core.kernel_level()
     monkeypatch.setenv("BELTDYN_KERNELS", "baseline")
     if level == "baseline":
-        pytest.skip("there is no other")
+        pytest.skip("there is no other level")
     with pytest.raises(ValueError, match=f"set the environment variable BELTDYN_KERNELS={level}"):
         bd.resume(half)
     monkeypatch.setenv("BELTDYN_KERNELS", level)
     assert bd.resume(half).stats.kernels == level
 
 
-def test_a_file_that_is_only_read(half: Path) -> None:
+def test_a_file_that_is_only_read_or_written_by_another(half: Path) -> None:
+    expected = bd.simulate(*small()[:3])
+    with opened(half, write=True):
+        with pytest.raises(BlockingIOError, match="another run is writing to it"):
+            bd.resume(half)
+        assert bd.resume(half, checkpoint=False).success
     half.chmod(0o400)
     before = half.read_bytes()
-    assert same(bd.resume(half, checkpoint=False), bd.simulate(*small()[:3]))
+    assert same(bd.resume(half, checkpoint=False), expected)
     assert half.read_bytes() == before
     if os.geteuid() != 0:
         with pytest.raises(PermissionError):
             bd.resume(half)
 
 
-def test_one_process_writes(half: Path) -> None:
-    with BlockFile(half, checkpoints._MARK, b"rest", write=True):
-        with pytest.raises(BlockingIOError, match="another run is writing to it"):
-            bd.resume(half)
-        assert bd.resume(half, checkpoint=False).success
-
-
 def rewritten(path: Path, change: Callable[[bytes, bytes], Iterator[bytes]]) -> Path:
     """The same blocks with other contents, and check sums that are right."""
     forged = path.with_name("forged")
-    with BlockFile(path, checkpoints._MARK, b"rest", write=False) as file:
+    with opened(path) as file:
         found = [(block.kind, file.content(block)) for block in file.blocks]
     changed = [(kind, other) for kind, content in found for other in change(kind, content)]
     BlockFile.create(forged, checkpoints._MARK, *changed[0])
-    with BlockFile(forged, checkpoints._MARK, b"rest", write=True) as file:
+    with opened(forged, write=True) as file:
         file.append((kind, [memoryview(content)]) for kind, content in changed[1:])
     return forged
 

@@ -7,30 +7,22 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 from drives import plain_scene
 from test_checkpoints import same
-from test_cli import only_the_mesh, refused
+from test_cli import call, only_the_mesh, refused
 
 import beltdyn as bd
-from beltdyn import cli
 from beltdyn.blocks import BlockFile
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Result]:
+@pytest.fixture(autouse=True)
+def there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: object) -> Result:
-        return CliRunner().invoke(cli.main, [str(argument) for argument in arguments])
-
-    return call
 
 
 def command(folder: Path, *arguments: object) -> subprocess.Popen[str]:
@@ -47,6 +39,7 @@ def grows(process: subprocess.Popen[str], path: Path, size: int) -> None:
         time.sleep(2e-3)
 
 
+@pytest.mark.ci(guard="test_cli_checkpoints.py::test_options_reach_the_file")
 def test_a_run_that_is_killed_twice_and_stopped_once(tmp_path: Path) -> None:
     """By kill -9, again while it goes on, then by SIGTERM; the last part writes the whole run."""
     scene = plain_scene()._replace(t_end=1.0)
@@ -79,7 +72,7 @@ def test_a_run_that_is_killed_twice_and_stopped_once(tmp_path: Path) -> None:
     assert same(bd.Result.load(out), bd.simulate(*scene))
 
 
-def test_options_reach_the_file(call: Callable[..., Result], tmp_path: Path) -> None:
+def test_options_reach_the_file(tmp_path: Path) -> None:
     result = call(
         "run", "kubas-case-1", "--t-end", "0.004", "--checkpoint", "run", "--checkpoint-every", "7",
         "--method", "rodas4", "--rtol", "1e-3", "--outputs", "pulleys", "--quiet",
@@ -94,7 +87,7 @@ def test_options_reach_the_file(call: Callable[..., Result], tmp_path: Path) -> 
         refused(call("resume", "run", option, name), "draw from all outputs")
 
 
-def test_the_accuracy_asked_for_may_choose(call: Callable[..., Result], tmp_path: Path) -> None:
+def test_the_accuracy_asked_for_may_choose(tmp_path: Path) -> None:
     """--error chooses the run, which is then one."""
     found = call(
         "run", "kubas-case-1", "--t-end", "0.01", "--error", "0.2", "--checkpoint", "run",
@@ -105,7 +98,7 @@ def test_the_accuracy_asked_for_may_choose(call: Callable[..., Result], tmp_path
     assert same(*(bd.Result.load(tmp_path / name) for name in ("one.npz", "other.npz")))
 
 
-def test_what_is_refused(call: Callable[..., Result], tmp_path: Path) -> None:
+def test_what_is_refused(tmp_path: Path) -> None:
     short = ("run", "kubas-case-1", "--t-end", "0.002")
     there = tmp_path / "there"
     there.write_text("mine")
@@ -123,13 +116,11 @@ def test_what_is_refused(call: Callable[..., Result], tmp_path: Path) -> None:
     assert there.read_text() == "mine" and list(tmp_path.iterdir()) == [there]
 
 
-def test_runs_of_functions_are_for_python(call: Callable[..., Result]) -> None:
+def test_what_cannot_be_gone_on_with() -> None:
+    """Runs of functions are for Python, and of two at once one writes."""
     scene = bd.scenes.kubas_case_1()
-    bd.simulate(scene.params, lambda t, theta, omega: [0.0, 0.0], 0.001, checkpoint="run")
-    refused(call("resume", "run"), "beltdyn.resume('run', torque_fn=...)")
-
-
-def test_two_at_once(call: Callable[..., Result]) -> None:
-    bd.simulate(*bd.scenes.kubas_case_1()[:2], 0.001, checkpoint="run")
+    bd.simulate(scene.params, lambda t, theta, omega: [0.0, 0.0], 0.001, checkpoint="of Python")
+    refused(call("resume", "of Python"), "beltdyn.resume('of Python', torque_fn=...)")
+    bd.simulate(*scene[:2], 0.001, checkpoint="run")
     with BlockFile("run", b"beltdyn checkpoint 1\n", b"rest", write=True):
         refused(call("resume", "run"), "cannot read or write run: another run is writing to it")

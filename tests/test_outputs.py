@@ -46,15 +46,25 @@ def run(scene: bd.Scene, **options: Any) -> bd.Result:
     return bd.simulate(*scene, t_eval=T, **options)
 
 
+Pair = tuple[bd.Scene, bd.State, bd.Result]
+
+
 @pytest.fixture(scope="module", params=SCENES)
-def pair(request: pytest.FixtureRequest) -> tuple[bd.Scene, bd.Result]:
-    """A scene that begins settled, and its run with everything."""
+def pair(request: pytest.FixtureRequest) -> Pair:
+    """A scene, the settled state with which it begins, and its run with everything."""
     scene = SCENES[request.param]
-    return scene, run(scene, initial=bd.settle(scene.params))
+    start = bd.settle(scene.params)
+    return scene, start, run(scene, initial=start)
 
 
-def start(full: bd.Result) -> bd.State:
-    return bd.settle(full.params)
+@pytest.fixture(scope="module")
+def paper() -> bd.State:
+    return bd.settle(SCENES["paper"].params)
+
+
+@pytest.fixture(scope="module")
+def joint() -> bd.State:
+    return bd.settle(SCENES["joint"].params)
 
 
 def held(result: bd.Result) -> dict[str, NDArray[Any]]:
@@ -70,11 +80,10 @@ def held(result: bd.Result) -> dict[str, NDArray[Any]]:
 # --- what is asked for is the same, the rest is not there -----------------------------------------
 
 
-def test_each_output_alone_is_that_of_the_whole_run(pair: tuple[bd.Scene, bd.Result]) -> None:
+def test_each_output_alone_is_that_of_the_whole_run(pair: Pair) -> None:
     """To the bit: what is sampled feeds nothing back. The ledger is another variant of the kernels,
     which the compiler may sum in another order, so it is compared with itself."""
-    scene, full = pair
-    initial = start(full)
+    scene, initial, full = pair
     known = outputs.array_names()
     without = run(scene, initial=initial, ledger=False)
     for group, names in known.items():
@@ -96,12 +105,10 @@ def test_each_output_alone_is_that_of_the_whole_run(pair: tuple[bd.Scene, bd.Res
                 np.testing.assert_array_equal(array, held(reference)[one], err_msg=one)
 
 
-def test_a_group_is_its_arrays_and_order_does_not_matter() -> None:
-    scene = SCENES["joint"]
-    initial = bd.settle(scene.params)
+def test_a_group_is_its_arrays_and_order_does_not_matter(joint: bd.State) -> None:
     names = ("joints", "pulleys.omega", "span_tension")
-    runs = [run(scene, initial=initial, outputs=some) for some in itertools.permutations(names)]
-    runs += [run(scene, initial=initial, outputs=kind(names)) for kind in (list, set, frozenset)]
+    given = [*itertools.permutations(names), list(names), set(names), frozenset(names)]
+    runs = [run(SCENES["joint"], initial=joint, outputs=some) for some in given]
     expected = ("pulleys.omega", "joints.deformation", "joints.force", "span_tension")
     for one in runs:
         assert one.outputs == expected
@@ -110,16 +117,17 @@ def test_a_group_is_its_arrays_and_order_does_not_matter() -> None:
         np.testing.assert_array_equal(one.span_tension, runs[0].span_tension)
 
 
-def test_nothing_asked_for_runs_all_the_same() -> None:
+def test_nothing_asked_for_runs_all_the_same(paper: bd.State) -> None:
     scene = SCENES["paper"]
-    nothing = run(scene, outputs=())
+    nothing = run(scene, outputs=(), initial=paper)
     assert nothing.success and held(nothing) == {} and nothing.t.size == T.size
-    assert nothing.final_state == run(scene, ledger=False).final_state
+    assert nothing.final_state == run(scene, ledger=False, initial=paper).final_state
     assert "not asked for" in repr(nothing.belt) and "links" in repr(nothing)
 
 
-def test_an_array_that_was_not_asked_for_says_so() -> None:
-    result = run(SCENES["paper"], outputs=("pulleys.omega", "span_tension"))
+def test_an_array_that_was_not_asked_for_says_so(paper: bd.State) -> None:
+    names = ("pulleys.omega", "span_tension")
+    result = run(SCENES["paper"], outputs=names, initial=paper)
     for read, name in (
         (lambda: result.joints.force, "joints.force"),
         (lambda: result.pulleys.theta, "pulleys.theta"),
@@ -142,7 +150,7 @@ def test_an_array_that_was_not_asked_for_says_so() -> None:
     assert not hasattr(result.belt, "x") and getattr(result.belt, "y", None) is None
     with pytest.raises(AttributeError, match=r"^'BeltHistory' object has no attribute 'speed'$"):
         _ = result.belt.speed  # type: ignore[attr-defined]
-    of_slip = run(SCENES["paper"], outputs=("joints",))
+    of_slip = run(SCENES["paper"], outputs=("joints",), initial=paper)
     with pytest.raises(AttributeError, match=r"^span_tension was not asked .* 'span_tension'\)"):
         _ = of_slip.span_tension
     with pytest.raises(AttributeError, match=r"^pulleys\.omega was not asked for"):
@@ -184,9 +192,9 @@ def test_names_are_checked_before_anything_runs(
 # --- what it saves --------------------------------------------------------------------------------
 
 
-def test_bytes_are_those_of_what_was_asked_for(pair: tuple[bd.Scene, bd.Result]) -> None:
+def test_bytes_are_those_of_what_was_asked_for(pair: Pair) -> None:
     """Of the arrays that the core fills, and of what is counted as needed before the run."""
-    scene, full = pair
+    scene, initial, full = pair
     params, n_t = scene.params, T.size
     n_b, n_p, n_m = params.belt.n_bodies, len(params.pulleys), len(params.mounted)
     widths = {
@@ -200,7 +208,7 @@ def test_bytes_are_those_of_what_was_asked_for(pair: tuple[bd.Scene, bd.Result])
     for names, width in widths.items():
         of_core = outputs.of_core(outputs.chosen(names, True), ledger=False)
         sim = _core.Simulation(
-            params._model, start(full)._to_core(params), [], 1.0, ledger=False, motion=[]
+            params._model, initial._to_core(params), [], 1.0, ledger=False, motion=[]
         )
         arrays = sim.sample(T, of_core)
         assert sum(array.nbytes for array in arrays.values()) == n_t * width
@@ -211,10 +219,9 @@ def test_bytes_are_those_of_what_was_asked_for(pair: tuple[bd.Scene, bd.Result])
 
 
 @pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
-def test_the_ledger_is_left_out_unless_asked_for(method: str) -> None:
+def test_the_ledger_is_left_out_unless_asked_for(method: str, joint: bd.State) -> None:
     scene = SCENES["joint"]
-    initial = bd.settle(scene.params)
-    options: dict[str, Any] = {"initial": initial, "method": method, "rtol": 1e-3}
+    options: dict[str, Any] = {"initial": joint, "method": method, "rtol": 1e-3}
     full = run(scene, **options)
     without = run(scene, outputs=("pulleys",), **options)
     with_it = run(scene, outputs=("energy",), **options)
@@ -233,18 +240,20 @@ def test_the_ledger_is_left_out_unless_asked_for(method: str) -> None:
 # --- checks of the samples ------------------------------------------------------------------------
 
 
-def test_what_cannot_be_looked_for_is_listed() -> None:
+def test_what_cannot_be_looked_for_is_listed(joint: bd.State) -> None:
     scene = SCENES["joint"]
-    result = run(scene, outputs=("span_tension",))
+    result = run(scene, outputs=("span_tension",), initial=joint)
     assert result.unchecked == ("units", "full_slip")
     assert re.search(r"not looked for +units, full_slip, for want of outputs\n", str(result))
-    of_slip = ("contact.pulley", "contact.normal", "contact.friction", "contact.velocity")
-    assert run(scene, outputs=(*of_slip, "pulleys.torque")).unchecked == ("slack_span",)
-    spans = run(scene, outputs=("joints.force", "contact.pulley", "pulleys.torque"))
-    assert spans.unchecked == ("full_slip",)
+    slip = ("contact.pulley", "contact.normal", "contact.friction", "contact.velocity")
+    for names, missing in (
+        ((*slip, "pulleys.torque"), "slack_span"),
+        (("joints.force", "contact.pulley", "pulleys.torque"), "full_slip"),
+    ):
+        assert run(scene, outputs=names, initial=joint).unchecked == (missing,)
     free = scene._replace(params=attrs.evolve(scene.params, friction=None))
     assert run(free, outputs=("span_tension",)).unchecked == ("no_friction", "units")
-    for one in (run(scene), run(free)):
+    for one in (run(scene, initial=joint), run(free)):
         assert one.unchecked == () and "not looked for" not in str(one)
 
 
@@ -280,6 +289,13 @@ def test_files_hold_what_was_asked_for(tmp_path: Path, names: tuple[str, ...]) -
         np.testing.assert_array_equal(again.span_tension, result.span_tension)
     with pytest.raises(AttributeError, match=r"belt\.vx was not asked for"):
         _ = again.belt.vx
+
+    def damaged(words: str, **arrays: Any) -> None:
+        with open(path, "wb") as file:
+            np.savez(file, **whole | arrays)
+        with pytest.raises(ValueError, match=words):
+            bd.Result.load(path)
+
     with np.load(path) as file:
         whole = dict(file)
     assert ("span_tension" in whole) == ("span_tension" in names)
@@ -290,20 +306,14 @@ def test_files_hold_what_was_asked_for(tmp_path: Path, names: tuple[str, ...]) -
         ({"outputs": ["belt.z"]}, "there is no 'belt.z'"),
         ({"outputs": ["belt.y", "belt.x"]}, "names of arrays in order"),
     ):
-        with open(path, "wb") as file:
-            np.savez(file, **whole | {"meta.json": json.dumps(meta | change)})
-        with pytest.raises(ValueError, match=words):
-            bd.Result.load(path)
+        damaged(words, **{"meta.json": json.dumps(meta | change)})
     for name in ("belt.vx", "span_tension"):
         if name not in whole:
-            with open(path, "wb") as file:
-                np.savez(file, **whole | {name: np.zeros((T.size, 60))})
-            with pytest.raises(ValueError, match=f"{name} does not belong there"):
-                bd.Result.load(path)
+            damaged(f"{name} does not belong there", **{name: np.zeros((T.size, 60))})
 
 
-def test_copies_hold_what_was_asked_for() -> None:
-    result = run(SCENES["paper"], outputs=("joints.force", "span_tension"))
+def test_copies_hold_what_was_asked_for(paper: bd.State) -> None:
+    result = run(SCENES["paper"], outputs=("joints.force", "span_tension"), initial=paper)
     for again in (copy.copy(result), copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
         np.testing.assert_array_equal(again.joints.force, result.joints.force)
         np.testing.assert_array_equal(again.span_tension, result.span_tension)
@@ -311,23 +321,18 @@ def test_copies_hold_what_was_asked_for() -> None:
         assert again.pulleys.names == result.pulleys.names
 
 
-def test_a_record_is_that_of_any_outputs() -> None:
+def test_a_record_is_that_of_any_outputs(paper: bd.State) -> None:
     """A run that goes on from a restart record may sample something else."""
-    scene = SCENES["paper"]
-    initial = bd.settle(scene.params)
-
-    times = np.linspace(0.0, 0.05, 500)
-
-    def new() -> _core.Simulation:
-        terms = scene.torque_fn.terms()  # type: ignore[union-attr]
-        return _core.Simulation(scene.params._model, initial._to_core(scene.params), terms, 0.05)
-
-    first, whole = new(), new()
+    scene, times = SCENES["paper"], np.linspace(0.0, 0.05, 500)
+    terms = scene.torque_fn.terms()  # type: ignore[union-attr]
+    first, whole, second = (
+        _core.Simulation(scene.params._model, paper._to_core(scene.params), terms, 0.05)
+        for _ in range(3)
+    )
     first.sample(times, ["span_tension"])
     expected = whole.sample(times)["force"]
     while not first.samples > 3:
         first.advance(0.0)
-    second = new()
     force = second.sample(times, ["force"])["force"]
     second.import_record(first.export_record())
     assert second.advance(np.inf) and whole.advance(np.inf)
@@ -336,9 +341,9 @@ def test_a_record_is_that_of_any_outputs() -> None:
     np.testing.assert_array_equal(force[~left_out], expected[~left_out])
 
 
-def test_the_core_takes_names_it_knows_and_no_others() -> None:
+def test_the_core_takes_names_it_knows_and_no_others(paper: bd.State) -> None:
     params = SCENES["paper"].params
-    sim = _core.Simulation(params._model, bd.settle(params)._to_core(params), [], 1.0)
+    sim = _core.Simulation(params._model, paper._to_core(params), [], 1.0)
     for names, error in (("force", TypeError), (["belt.x"], ValueError), ([3], ValueError)):
         with pytest.raises(error, match="outputs"):
             sim.sample(T, names)
@@ -351,14 +356,14 @@ def test_the_core_takes_names_it_knows_and_no_others() -> None:
 
 
 def test_verified_and_budgeted_runs_keep_what_was_asked_for() -> None:
-    scene = bd.scenes.kubas_case_1()._replace(t_end=0.02)
+    scene = bd.scenes.kubas_case_1()._replace(t_end=0.005)
     names = ("span_tension", "pulleys.omega", "energy")
     result = bd.simulate(*scene, verify=True, rtol=1e-2, outputs=names)
     assert set(result.outputs or ()) == set(names)
     assert {name.partition(".")[0] for name in held(result)} == {"pulleys", "energy"}
     assert result.accuracy["tension"].space is not None and result.span_tension.shape == (1001, 2)
     assert result.unchecked == ("full_slip",)
-    budgeted = bd.simulate(*scene, budget=5.0, outputs=("span_tension",))
+    budgeted = bd.simulate(*scene, budget=0.5, outputs=("span_tension",))
     assert budgeted.outputs == ("span_tension",) and held(budgeted) == {}
 
 

@@ -7,6 +7,7 @@ form, and full slip. Slip arcs, hub loads and tensions of a loaded drive are hel
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import attrs
@@ -36,27 +37,35 @@ def at_rest(params: bd.Params) -> bd.Result:
     return bd.simulate(params, still, 1e-4, t_eval=[0.0, 1e-4])
 
 
+@cache
+def settled(layout: str, mesh: str) -> tuple[bd.Params, bd.Result]:
+    """Without bending."""
+    params = LAYOUTS[layout]()
+    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
+    params = drives.on_mesh(attrs.evolve(params, belt=belt), mesh)
+    return params, at_rest(params)
+
+
 # --- places ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_parts_of_the_line(layout: str) -> None:
+def test_parts_of_the_line() -> None:
     """Wraps and spans in turn, as long as the route has them."""
-    params = LAYOUTS[layout]()
-    line, radii = params.route, np.array([one.radius for one in params.pulleys])
-    wraps = places.line_parts(line, radii)
-    np.testing.assert_allclose(wraps[:, 1] - wraps[:, 0], radii * line.wraps, rtol=1e-12)
-    ends = np.r_[0.0, wraps[1:, 1]]
-    np.testing.assert_allclose(np.r_[wraps[1:, 0], wraps[0, 0]] - ends, line.spans, rtol=1e-12)
-    assert wraps[0, 1] == pytest.approx(line.length, rel=1e-12)
+    for make in LAYOUTS.values():
+        params = make()
+        line, radii = params.route, np.array([one.radius for one in params.pulleys])
+        wraps = places.line_parts(line, radii)
+        np.testing.assert_allclose(wraps[:, 1] - wraps[:, 0], radii * line.wraps, rtol=1e-12)
+        ends = np.r_[0.0, wraps[1:, 1]]
+        np.testing.assert_allclose(np.r_[wraps[1:, 0], wraps[0, 0]] - ends, line.spans, rtol=1e-12)
+        assert wraps[0, 1] == pytest.approx(line.length, rel=1e-12)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_links_lie_in_their_order_along_the_line(layout: str, mesh: str) -> None:
     """As far apart as they are long, where the belt crosses itself as well, to 5 %: that is what
     projecting a link that lies off the line where a wrap ends moves it."""
-    params = drives.on_mesh(LAYOUTS[layout](), mesh)
-    result = at_rest(params)
+    params, result = settled(layout, mesh)
     points = np.stack([result.belt.x, result.belt.y], axis=-1)
     lines, centers = places.routes(params, None)
     s = places.where(params, points, lines, centers)
@@ -86,17 +95,21 @@ def test_places_know_their_position() -> None:
     assert set(found.part) == {*params.pulley_names, "span 0 to 1", "span 1 to 2", "span 2 to 0"}
 
 
-def test_a_place_sees_other_links_pass() -> None:
-    """The tension of a span at a place in it is that of the span, whichever joints are there."""
+@pytest.fixture(scope="module")
+def loaded() -> bd.Result:
     params, torque, *_ = drives.idler_scene()
-    result = bd.simulate(params, torque, 0.05, t_eval=np.linspace(0.0, 0.05, 101))
-    found = result.along_belt()
+    return bd.simulate(params, torque, 0.05, t_eval=np.linspace(0.0, 0.05, 101))
+
+
+def test_a_place_sees_other_links_pass(loaded: bd.Result) -> None:
+    """The tension of a span at a place in it is that of the span, whichever joints are there."""
+    found = loaded.along_belt()
     for k, name in enumerate(("span 0 to 1", "span 1 to 2", "span 2 to 0")):
         on = np.flatnonzero(found.part == name)
         middle = found.values[:, on[len(on) // 2]]
         assert np.ptp(middle) > 10.0, "the load comes"
         # stretch waves within a span: a few per cent of the load
-        np.testing.assert_allclose(middle, result.span_tension[:, k], atol=0.01 * middle.mean())
+        np.testing.assert_allclose(middle, loaded.span_tension[:, k], atol=0.01 * middle.mean())
 
 
 def test_moving_axes_keep_places_in_their_part() -> None:
@@ -141,10 +154,7 @@ def test_what_is_refused() -> None:
 def test_at_rest_wraps_are_those_of_the_line(layout: str, mesh: str) -> None:
     """To a link, and nothing slips. With contact along the links and no bending to a tenth of one,
     of which compliance takes sqrt(T / c) / r of angle at either end."""
-    params = LAYOUTS[layout]()
-    belt = attrs.evolve(params.belt, bending_stiffness=0.0)
-    params = drives.on_mesh(attrs.evolve(params, belt=belt), mesh)
-    result = at_rest(params)
+    params, result = settled(layout, mesh)
     radii = np.array([one.radius for one in params.pulleys])
     off = (result.arcs.wrap - params.route.wraps) * radii / params.info["link_length"]
     soft = 2.0 * np.sqrt(params.info["mean_tension"] / params.contact.linear)
@@ -207,12 +217,6 @@ def test_directions_follow_the_travel() -> None:
 
 
 # --- pictures -------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def loaded() -> bd.Result:
-    params, torque, *_ = drives.idler_scene()
-    return bd.simulate(params, torque, 0.05, t_eval=np.linspace(0.0, 0.05, 51))
 
 
 @pytest.fixture

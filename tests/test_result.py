@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import pickle
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,12 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.histories import GROUPS, EnergyLedger, histories
+from beltdyn.histories import EnergyLedger, histories
 
 T_END = 0.02
 N_T = 41
+V, T = ValueError, TypeError
+Kind = type[Exception]
 
 
 @pytest.fixture(scope="module")
@@ -65,20 +66,15 @@ def test_simulate_settles_first_when_no_state_is_given(scene: bd.Scene, result: 
     assert result.stats.settle_time == 0.0
 
 
-def test_settling_by_moving_a_pulley_locks_friction(scene: bd.Scene) -> None:
+def test_settling_goes_its_ways(scene: bd.Scene, start: bd.State) -> None:
+    """By moving a pulley, which locks friction; from a state, whose time it keeps; or never."""
     moved = bd.settle(scene.params, friction=True, offset={1: (-0.002, 0.0)}, tolerance=1e-3)
     assert np.abs(moved.mu).max() > 0.0
     table = bd.settle(scene.params, friction=True, offset=[[0, 0], [-0.002, 0]], tolerance=1e-3)
     np.testing.assert_array_equal(table.x, moved.x)
-
-
-def test_settling_goes_on_from_a_state_and_keeps_its_time(scene: bd.Scene, start: bd.State) -> None:
     again = bd.settle(scene.params, initial=attrs.evolve(start, t=3.0), pulleys="free")
     assert again.t == 3.0
     np.testing.assert_allclose(again.x, start.x, atol=1e-6)
-
-
-def test_settling_that_does_not_finish(scene: bd.Scene) -> None:
     with pytest.raises(bd.SimulationError, match="did not come to rest") as caught:
         bd.settle(scene.params, max_time=1e-4)
     assert caught.value.symbol == "BD_ERR_NOT_SETTLED" and caught.value.result is None
@@ -87,44 +83,30 @@ def test_settling_that_does_not_finish(scene: bd.Scene) -> None:
 @pytest.mark.parametrize(
     ("option", "error", "message"),
     [
-        ({"pulleys": "loose"}, ValueError, "^pulleys must be one of held, free, got 'loose'"),
-        ({"pulleys": True}, TypeError, "^pulleys must be one of held, free, got True"),
-        ({"offset": {2: (0, 0)}}, ValueError, "^offset index must be that of one of the 2 pulley"),
-        ({"offset": {-1: (0, 0)}}, ValueError, "^offset index must be an integer from 0"),
-        ({"offset": {"a": (0, 0)}}, ValueError, "^offset: no pulley is called 'a'"),
-        ({"offset": {1.0: (0, 0)}}, TypeError, "^offset index must be an integer"),
-        ({"offset": {1: (0, 0, 0)}}, TypeError, r"^offset\[1\] must be a pair"),
-        ({"offset": [[0, 0]] * 3}, ValueError, "^offset index must be that of one of the 2 pulley"),
-        ({"offset": {1: (0, np.nan)}}, ValueError, r"^offset\[1\]\[1\] must be finite"),
-        ({"tolerance": 0}, ValueError, "^tolerance must be > 0"),
-        ({"tolerance": "1"}, TypeError, "^tolerance must be a real number"),
-        ({"max_time": -1}, ValueError, "^max_time must be > 0"),
-        ({"move_time": np.inf}, ValueError, "^move_time must be finite"),
-        ({"initial": 3}, TypeError, "^initial must be a State or None, got int"),
+        ({"pulleys": "loose"}, V, "^pulleys must be one of held, free, got 'loose'"),
+        ({"pulleys": True}, T, "^pulleys must be one of held, free, got True"),
+        ({"offset": {2: (0, 0)}}, V, "^offset index must be that of one of the 2 pulley"),
+        ({"offset": {-1: (0, 0)}}, V, "^offset index must be an integer from 0"),
+        ({"offset": {"a": (0, 0)}}, V, "^offset: no pulley is called 'a'"),
+        ({"offset": {1.0: (0, 0)}}, T, "^offset index must be an integer"),
+        ({"offset": {1: (0, 0, 0)}}, T, r"^offset\[1\] must be a pair"),
+        ({"offset": [[0, 0]] * 3}, V, "^offset index must be that of one of the 2 pulley"),
+        ({"offset": {1: (0, np.nan)}}, V, r"^offset\[1\]\[1\] must be finite"),
+        ({"tolerance": 0}, V, "^tolerance must be > 0"),
+        ({"tolerance": "1"}, T, "^tolerance must be a real number"),
+        ({"max_time": -1}, V, "^max_time must be > 0"),
+        ({"move_time": np.inf}, V, "^move_time must be finite"),
+        ({"initial": 3}, T, "^initial must be a State or None, got int"),
     ],
 )
 def test_bad_settling_options(
-    scene: bd.Scene, option: dict[str, Any], error: type[Exception], message: str
+    scene: bd.Scene, option: dict[str, Any], error: Kind, message: str
 ) -> None:
     with pytest.raises(error, match=message):
         bd.settle(scene.params, **option)
 
 
 # --- what a result holds -------------------------------------------------------------------------
-
-
-def test_groups_are_those_of_the_table(result: bd.Result) -> None:
-    groups: dict[str, list[str]] = {}
-    for name, group, *_ in _core.OUTPUTS:
-        groups.setdefault(group, []).append(name)
-    energy = [name for name, *_ in _core.ENERGY_TERMS]
-    for group, names in (groups | {"energy": energy}).items():
-        fields = {field.name for field in attrs.fields(GROUPS[group])}
-        assert fields - {"pulley", "passed", "names"} == set(names), group
-    counters = {name for name, _ in _core.STATS} - {"residual"}
-    fields = {field.name for field in attrs.fields(bd.Stats)}
-    of_package = {"method", "choice", "kernels", "cpu_time", "wall_time", "settle_time"}
-    assert counters <= fields and fields - counters == of_package
 
 
 def test_no_output_or_counter_of_the_core_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,7 +124,7 @@ def test_no_output_or_counter_of_the_core_is_dropped(monkeypatch: pytest.MonkeyP
     counters = dict.fromkeys([name for name, _ in _core.STATS], 0)
     others = {"method": "", "kernels": "", "cpu_time": 0.0, "wall_time": 0.0}
     assert bd.Stats._from_core(counters, **others).steps == 0
-    with pytest.raises(TypeError, match="heat"):
+    with pytest.raises(T, match="heat"):
         bd.Stats._from_core(counters | {"heat": 1}, **others)
 
 
@@ -182,26 +164,20 @@ def test_success(result: bd.Result, scene: bd.Scene) -> None:
 
 
 def test_set_torques_are_reported(result: bd.Result, scene: bd.Scene) -> None:
-    for k in range(N_T):
-        omega = result.pulleys.omega[k]
-        np.testing.assert_allclose(
-            result.pulleys.torque[k], scene.torque_fn(result.t[k], [0, 0], omega), rtol=1e-12
-        )
+    for t, omega, torque in zip(result.t, result.pulleys.omega, result.pulleys.torque, strict=True):
+        np.testing.assert_allclose(torque, scene.torque_fn(t, [0, 0], omega), rtol=1e-12)
 
 
-def test_default_samples(scene: bd.Scene, start: bd.State) -> None:
+def test_any_samples_within_the_run(scene: bd.Scene, start: bd.State) -> None:
+    for t_eval in ([], [0.0], [0.005], [0.0, 0.0, 0.002, 0.002, 0.005]):
+        run = bd.simulate(scene.params, scene.torque_fn, 0.005, initial=start, t_eval=t_eval)
+        assert run.t.tolist() == t_eval
+        assert run.belt.x.shape == (len(t_eval), 60)
+        assert run.final_state.t == 0.005
+        assert repr(run).startswith("Result(finished: ")
+        assert ("status", "finished") in run.summary()
     run = bd.simulate(scene.params, scene.torque_fn, 0.001, initial=start)
     np.testing.assert_array_equal(run.t, np.linspace(0.0, 0.001, 1001))
-
-
-@pytest.mark.parametrize("t_eval", [[], [0.0], [0.005], [0.0, 0.0, 0.002, 0.002, 0.005]])
-def test_any_samples_within_the_run(scene: bd.Scene, start: bd.State, t_eval: list[float]) -> None:
-    run = bd.simulate(scene.params, scene.torque_fn, 0.005, initial=start, t_eval=t_eval)
-    assert run.t.tolist() == t_eval
-    assert run.belt.x.shape == (len(t_eval), 60)
-    assert run.final_state.t == 0.005
-    assert repr(run).startswith("Result(finished: ")
-    assert ("status", "finished") in run.summary()
 
 
 def test_energy(result: bd.Result) -> None:
@@ -261,17 +237,14 @@ def test_without_friction(scene: bd.Scene) -> None:
     assert "no_friction" in [one.code for one in run.warnings]
 
 
-def test_restart_goes_on_where_the_run_ended(scene: bd.Scene, result: bd.Result) -> None:
-    half = bd.simulate(*scene[:2], T_END / 2, initial=None, t_eval=[T_END / 2])
+def test_restarts_and_methods_agree(scene: bd.Scene, start: bd.State, result: bd.Result) -> None:
+    half = bd.simulate(*scene[:2], T_END / 2, initial=start, t_eval=[T_END / 2])
     rest = bd.simulate(*scene, initial=half.final_state, t_eval=[T_END / 2, T_END])
-    np.testing.assert_allclose(rest.pulleys.omega[-1], result.pulleys.omega[-1], rtol=1e-4)
     assert rest.t[0] == half.final_state.t
-
-
-def test_methods_agree(scene: bd.Scene, start: bd.State, result: bd.Result) -> None:
-    run = bd.simulate(*scene, initial=start, t_eval=[T_END], method="rk4")
-    assert run.stats.method == "rk4"
-    np.testing.assert_allclose(run.pulleys.omega[-1], result.pulleys.omega[-1], rtol=1e-4)
+    other = bd.simulate(*scene, initial=start, t_eval=[T_END], method="rk4")
+    assert other.stats.method == "rk4"
+    for run in (rest, other):
+        np.testing.assert_allclose(run.pulleys.omega[-1], result.pulleys.omega[-1], rtol=1e-4)
 
 
 @pytest.mark.filterwarnings("ignore:strain:UserWarning")  # the published benchmark's 5 %
@@ -299,24 +272,17 @@ def test_span_tension_of_a_run(result: bd.Result) -> None:
 
 
 def test_span_tension_by_hand(result: bd.Result) -> None:
-    #        joint i is between links i-1 and i
-    pulley = [[-1, -1, -1, 1, 1, -1, -1, 0, 0, -1]]
-    force = [[1.0, 2.0, 4.0, 9, 9, 9, 8.0, 9, 9, 9]]
-    tension = with_contact(result, pulley, force).span_tension
-    np.testing.assert_allclose(tension, [[(1 + 2 + 4) / 3, 8.0]])
-
-
-def test_span_tension_leaves_out_links_lifted_off_within_a_wrap(result: bd.Result) -> None:
-    pulley = [[-1, -1, 1, -1, -1, 1, -1, -1, 0, 0]]
-    force = [[9.0, 3.0, 9, 9, 7.0, 9, 9, 5.0, 9, 9]]
-    np.testing.assert_allclose(with_contact(result, pulley, force).span_tension, [[3.0, 5.0]])
-
-
-def test_span_tension_is_nan_where_there_is_no_free_joint(result: bd.Result) -> None:
-    pulley = [[0, 0, -1, 1, 1, -1, -1, 0], [-1] * 8]
-    force = [[9.0, 9, 9, 9, 9, 9, 6.0, 9], [1.0] * 8]
-    expected = [[np.nan, 6.0], [np.nan, np.nan]]
-    np.testing.assert_array_equal(with_contact(result, pulley, force).span_tension, expected)
+    """Also with links lifted off within a wrap, and NaN where there is no free joint."""
+    for pulley, force, expected in (
+        #  joint i is between links i-1 and i
+        ([[-1, -1, -1, 1, 1, -1, -1, 0, 0, -1]], [[1.0, 2.0, 4.0, 9, 9, 9, 8.0, 9, 9, 9]],
+         [[(1 + 2 + 4) / 3, 8.0]]),
+        ([[-1, -1, 1, -1, -1, 1, -1, -1, 0, 0]], [[9.0, 3.0, 9, 9, 7.0, 9, 9, 5.0, 9, 9]],
+         [[3.0, 5.0]]),
+        ([[0, 0, -1, 1, 1, -1, -1, 0], [-1] * 8], [[9.0, 9, 9, 9, 9, 9, 6.0, 9], [1.0] * 8],
+         [[np.nan, 6.0], [np.nan, np.nan]]),
+    ):  # fmt: skip
+        np.testing.assert_allclose(with_contact(result, pulley, force).span_tension, expected)
 
 
 def test_slip_by_hand(result: bd.Result) -> None:
@@ -336,7 +302,9 @@ def test_slip_by_hand(result: bd.Result) -> None:
 # --- figures -------------------------------------------------------------------------------------
 
 
-def test_overview_draws_what_the_result_holds(result: bd.Result) -> None:
+def test_overview_draws_what_the_result_holds(
+    result: bd.Result, scene: bd.Scene, start: bd.State
+) -> None:
     from matplotlib.figure import Figure
 
     from beltdyn.plot import overview
@@ -352,13 +320,8 @@ def test_overview_draws_what_the_result_holds(result: bd.Result) -> None:
     assert drive.get_aspect() == 1.0
     for axes in (speeds, tensions, forces, drive):
         assert axes.get_title() and axes.get_xlabel() and "[" in axes.get_ylabel()
-
-
-def test_overview_of_nothing(scene: bd.Scene, start: bd.State) -> None:
-    from beltdyn.plot import overview
-
     empty = bd.simulate(scene.params, scene.torque_fn, 0.001, initial=start, t_eval=[])
-    with pytest.raises(ValueError, match="at least one sample"):
+    with pytest.raises(V, match="at least one sample"):
         overview(empty)
 
 
@@ -392,16 +355,22 @@ def test_load_something_else(result: bd.Result, tmp_path: Path) -> None:
     result.save(tmp_path / "cut.npz")
     (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:3000])
     for name in ("text.npz", "other.npz", "array.npy", "cut.npz"):
-        with pytest.raises(ValueError, match=f"{name} is not a saved Result"):
+        with pytest.raises(V, match=f"{name} is not a saved Result"):
             bd.Result.load(tmp_path / name)
-        with pytest.raises(ValueError, match=f"{name} is not a saved State"):
+        with pytest.raises(V, match=f"{name} is not a saved State"):
             bd.State.load(tmp_path / name)
 
 
-def test_save_and_load_a_state(result: bd.Result, start: bd.State, tmp_path: Path) -> None:
+def test_saved_and_copied_states_are_the_same(
+    result: bd.Result, start: bd.State, tmp_path: Path
+) -> None:
     for state in (start, result.final_state):
         state.save(tmp_path / "state.npz")
-        assert bd.State.load(tmp_path / "state.npz") == state
+        loaded = bd.State.load(tmp_path / "state.npz")
+        for other in (loaded, copy.deepcopy(state), pickle.loads(pickle.dumps(state))):
+            assert other == state and other is not state
+            assert other.residual == state.residual
+            assert not any(getattr(other, name).flags.writeable for name in ("x", "mu", "theta"))
 
 
 # --- states --------------------------------------------------------------------------------------
@@ -414,25 +383,25 @@ def test_what_a_state_is_not_given_is_zero() -> None:
     assert state == bd.State(x=[0, 1, 2], y=[0, 0, 0], phi=[0, 0, 0], theta=[1.0])
     assert state != attrs.evolve(state, t=1.0)
     assert state != attrs.evolve(state, x=[0, 1, 3])
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(V, match="read-only"):
         state.x[0] = 1.0
 
 
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"y": [0, 0]}, ValueError, r"^State\.y must have shape \(3,\) like x, got \(2,\)"),
-        ({"omega": [0, 0]}, ValueError, r"^State\.omega must have shape \(1,\) like theta"),
-        ({"x": [[0, 1, 2]]}, ValueError, r"^State\.x must have 1 dimension"),
-        ({"phi": [0, np.nan, 0]}, ValueError, r"^State\.phi must be finite, got nan at \[1\]"),
-        ({"vx": ["a", "b", "c"]}, TypeError, r"^State\.vx must hold real numbers"),
-        ({"mu": [1j, 0, 0]}, TypeError, r"^State\.mu must hold real numbers"),
-        ({"t": np.inf}, ValueError, r"^State\.t must be finite"),
-        ({"t": None}, TypeError, r"^State\.t must be a real number"),
-        ({"residual": "0"}, TypeError, r"^State\.residual must be a real number"),
+        ({"y": [0, 0]}, V, r"^State\.y must have shape \(3,\) like x, got \(2,\)"),
+        ({"omega": [0, 0]}, V, r"^State\.omega must have shape \(1,\) like theta"),
+        ({"x": [[0, 1, 2]]}, V, r"^State\.x must have 1 dimension"),
+        ({"phi": [0, np.nan, 0]}, V, r"^State\.phi must be finite, got nan at \[1\]"),
+        ({"vx": ["a", "b", "c"]}, T, r"^State\.vx must hold real numbers"),
+        ({"mu": [1j, 0, 0]}, T, r"^State\.mu must hold real numbers"),
+        ({"t": np.inf}, V, r"^State\.t must be finite"),
+        ({"t": None}, T, r"^State\.t must be a real number"),
+        ({"residual": "0"}, T, r"^State\.residual must be a real number"),
     ],
 )
-def test_bad_states(change: dict[str, Any], error: type[Exception], message: str) -> None:
+def test_bad_states(change: dict[str, Any], error: Kind, message: str) -> None:
     good: dict[str, Any] = {"x": [0, 1, 2], "y": [0, 0, 0], "phi": [0, 0, 0], "theta": [1.0]}
     with pytest.raises(error, match=message):
         bd.State(**(good | change))
@@ -444,17 +413,12 @@ def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
         for field in attrs.fields(bd.State)
         if getattr(start, field.name) is not None and np.shape(getattr(start, field.name)) == (60,)
     }
-    with pytest.raises(ValueError, match=r"^initial\.x must have shape \(60,\), got \(59,\)$"):
+    with pytest.raises(V, match=r"^initial\.x must have shape \(60,\), got \(59,\)$"):
         bd.simulate(*scene, initial=attrs.evolve(start, **fewer))
     other = attrs.evolve(start, theta=[0.0] * 3, omega=[0.0] * 3)
-    for call in (
-        lambda: bd.simulate(*scene, initial=other),
-        lambda: bd.settle(scene.params, initial=other),
-    ):
-        with pytest.raises(
-            ValueError, match=r"^initial\.theta must have shape \(2,\), got \(3,\)$"
-        ):
-            call()
+    for call in (bd.simulate, lambda *scene, initial: bd.settle(scene[0], initial=initial)):
+        with pytest.raises(V, match=r"^initial\.theta must have shape \(2,\), got \(3,\)$"):
+            call(*scene, initial=other)
 
 
 # --- wrong arguments -----------------------------------------------------------------------------
@@ -463,44 +427,40 @@ def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"t_end": 0}, ValueError, r"^t_end must be > initial\.t \(0 s\), got 0 s"),
-        ({"t_end": -1.0}, ValueError, r"^t_end must be > initial\.t \(0 s\), got -1 s"),
-        ({"t_end": np.nan}, ValueError, "^t_end must be finite"),
-        ({"t_end": np.inf}, ValueError, "^t_end must be finite"),
-        ({"t_end": "1"}, TypeError, "^t_end must be a real number"),
-        ({"t_end": None}, TypeError, "^t_end must be a real number"),
-        ({"t_eval": [0.0, 0.02, 0.01]}, ValueError, "^t_eval must be non-decreasing, got 0.02 s b"),
-        ({"t_eval": [0.0, 0.03]}, ValueError, r"^t_eval must lie within the run, \[0, 0\.02\] s"),
-        ({"t_eval": [-0.01, 0.01]}, ValueError, "^t_eval must lie within the run"),
-        ({"t_eval": [0.0, np.nan]}, ValueError, "^t_eval must be finite"),
-        ({"t_eval": 0.01}, ValueError, "^t_eval must have 1 dimension"),
-        ({"t_eval": 100}, ValueError, r"such as np\.linspace\(0, 0\.02, 100\), got 100$"),
-        ({"t_eval": [[0.0]]}, ValueError, "^t_eval must have 1 dimension"),
-        ({"t_eval": "all"}, TypeError, "^t_eval must hold real numbers"),
-        (
-            {"method": "euler"},
-            ValueError,
-            "^method must be one of auto, tsit5, rk4, lbdf2, .* got 'euler'",
-        ),
-        ({"method": None}, TypeError, "^method must be one of auto, tsit5, .* got None"),
-        ({"rtol": 0.0}, ValueError, "^rtol must be from 1e-12 to 1, got 0"),
-        ({"rtol": 2}, ValueError, "^rtol must be from 1e-12 to 1, got 2"),
-        ({"rtol": np.nan}, ValueError, "^rtol must be finite"),
-        ({"rtol": None}, TypeError, "^rtol must be a real number"),
-        ({"step": 0.0}, ValueError, "^step must be > 0"),
-        ({"step": "1"}, TypeError, "^step must be a real number"),
-        ({"max_step": -1e-5}, ValueError, "^max_step must be > 0"),
-        ({"max_steps": 0}, ValueError, "^max_steps must be an integer >= 1"),
-        ({"max_steps": 1e3}, TypeError, "^max_steps must be an integer >= 1"),
-        ({"breakpoints": [np.inf]}, ValueError, "^breakpoints must be finite"),
-        ({"breakpoints": 0.1}, ValueError, "^breakpoints must have 1 dimension"),
-        ({"initial": {}}, TypeError, "^initial must be a State or None, got dict"),
-        ({"params": {}}, TypeError, "^params must be a Params, got dict"),
-        ({"tend": 1.0}, TypeError, "tend"),
+        ({"t_end": 0}, V, r"^t_end must be > initial\.t \(0 s\), got 0 s"),
+        ({"t_end": -1.0}, V, r"^t_end must be > initial\.t \(0 s\), got -1 s"),
+        ({"t_end": np.nan}, V, "^t_end must be finite"),
+        ({"t_end": np.inf}, V, "^t_end must be finite"),
+        ({"t_end": "1"}, T, "^t_end must be a real number"),
+        ({"t_end": None}, T, "^t_end must be a real number"),
+        ({"t_eval": [0.0, 0.02, 0.01]}, V, "^t_eval must be non-decreasing, got 0.02 s b"),
+        ({"t_eval": [0.0, 0.03]}, V, r"^t_eval must lie within the run, \[0, 0\.02\] s"),
+        ({"t_eval": [-0.01, 0.01]}, V, "^t_eval must lie within the run"),
+        ({"t_eval": [0.0, np.nan]}, V, "^t_eval must be finite"),
+        ({"t_eval": 0.01}, V, "^t_eval must have 1 dimension"),
+        ({"t_eval": 100}, V, r"such as np\.linspace\(0, 0\.02, 100\), got 100$"),
+        ({"t_eval": [[0.0]]}, V, "^t_eval must have 1 dimension"),
+        ({"t_eval": "all"}, T, "^t_eval must hold real numbers"),
+        ({"method": "euler"}, V, "^method must be one of auto, tsit5, rk4, lbdf2, .* got 'euler'"),
+        ({"method": None}, T, "^method must be one of auto, tsit5, .* got None"),
+        ({"rtol": 0.0}, V, "^rtol must be from 1e-12 to 1, got 0"),
+        ({"rtol": 2}, V, "^rtol must be from 1e-12 to 1, got 2"),
+        ({"rtol": np.nan}, V, "^rtol must be finite"),
+        ({"rtol": None}, T, "^rtol must be a real number"),
+        ({"step": 0.0}, V, "^step must be > 0"),
+        ({"step": "1"}, T, "^step must be a real number"),
+        ({"max_step": -1e-5}, V, "^max_step must be > 0"),
+        ({"max_steps": 0}, V, "^max_steps must be an integer >= 1"),
+        ({"max_steps": 1e3}, T, "^max_steps must be an integer >= 1"),
+        ({"breakpoints": [np.inf]}, V, "^breakpoints must be finite"),
+        ({"breakpoints": 0.1}, V, "^breakpoints must have 1 dimension"),
+        ({"initial": {}}, T, "^initial must be a State or None, got dict"),
+        ({"params": {}}, T, "^params must be a Params, got dict"),
+        ({"tend": 1.0}, T, "tend"),
     ],
 )
 def test_wrong_arguments_are_refused_before_anything_runs(
-    scene: bd.Scene, arguments: dict[str, Any], error: type[Exception], message: str
+    scene: bd.Scene, arguments: dict[str, Any], error: Kind, message: str
 ) -> None:
     def never(t: float, theta: Any, omega: Any) -> Any:
         raise AssertionError("it ran")
@@ -511,7 +471,7 @@ def test_wrong_arguments_are_refused_before_anything_runs(
 
 def test_t_end_counts_from_the_time_of_the_state(scene: bd.Scene, start: bd.State) -> None:
     later = attrs.evolve(start, t=1.0)
-    with pytest.raises(ValueError, match=r"^t_end must be > initial\.t \(1 s\), got 0\.02 s"):
+    with pytest.raises(V, match=r"^t_end must be > initial\.t \(1 s\), got 0\.02 s"):
         bd.simulate(*scene, initial=later)
     run = bd.simulate(scene.params, scene.torque_fn, 1.002, initial=later)
     assert (run.t[0], run.t[-1]) == (1.0, 1.002)
@@ -536,15 +496,9 @@ def test_a_failed_run_keeps_what_was_computed(
     def torque(t: float, theta: Any, omega: Any) -> list[float]:
         return [-1e3 * t, 0.0 if t < 0.01 else np.nan]
 
+    options: dict[str, Any] = {"initial": start, "method": "tsit5"}
     with pytest.raises(bd.SimulationError) as caught:
-        bd.simulate(
-            scene.params,
-            torque,
-            T_END,
-            initial=start,
-            t_eval=np.linspace(0.0, T_END, N_T),
-            method="tsit5",
-        )
+        bd.simulate(scene.params, torque, T_END, t_eval=np.linspace(0.0, T_END, N_T), **options)
     partial = assert_partial(caught.value.result, 0.0101)
     assert partial.status == "failed" and partial.message == str(caught.value)
     assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
@@ -578,12 +532,3 @@ def test_progress_goes_to_stderr_only(
 ) -> None:
     bd.simulate(scene.params, scene.torque_fn, 0.002, progress=True)
     assert capfd.readouterr().out == ""
-
-
-@pytest.mark.parametrize("clone", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
-def test_copies_of_a_state_are_states(clone: Callable[[bd.State], bd.State]) -> None:
-    state = bd.settle(drives.plain())
-    other = clone(state)
-    assert other == state and other is not state
-    assert other.residual == state.residual
-    assert not any(getattr(other, name).flags.writeable for name in ("x", "mu", "theta"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import struct
 import zipfile
@@ -14,19 +13,12 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from fuzzed import EXAMPLES, fuzz
 from hypothesis import strategies as st
 
 import beltdyn as bd
 
 N_T = 6
-FUZZ = settings(
-    derandomize=True,
-    database=None,
-    deadline=None,
-    max_examples=150,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 Arrays = dict[str, Any]
 
 
@@ -129,18 +121,12 @@ def test_arrays_that_do_not_fit(
     refused(path, words)
 
 
-@pytest.mark.parametrize("name", ["t", "belt.x", "energy.drive", "final_state.mu", "meta.json"])
-def test_arrays_that_are_missing(good: Arrays, path: Path, name: str) -> None:
-    write(path, {key: value for key, value in good.items() if key != name})
-    refused(path, f"{name} is missing")
-
-
-def test_a_result_without_the_ledger(good: Arrays, path: Path) -> None:
+def test_arrays_that_are_missing_or_too_many(good: Arrays, path: Path) -> None:
+    for name in ("t", "belt.x", "energy.drive", "final_state.mu", "meta.json"):
+        write(path, {key: value for key, value in good.items() if key != name})
+        refused(path, f"{name} is missing")
     write(path, {key: value for key, value in good.items() if not key.startswith("energy.")})
-    assert bd.Result.load(path).energy is None
-
-
-def test_arrays_that_do_not_belong_there(good: Arrays, path: Path) -> None:
+    assert bd.Result.load(path).energy is None  # of a run without the ledger
     write(path, good | {"belt.z": np.zeros(3)})
     refused(path, "'belt.z.npy', which does not belong there")
 
@@ -172,36 +158,44 @@ def test_numbers_beyond_floats_only_where_a_run_may_have_them(good: Arrays, path
 # --- what describes the run ----------------------------------------------------------------------
 
 
+def also(**fields: Any) -> Callable[[dict[str, Any]], object]:
+    return lambda meta: meta.update(fields)
+
+
+def stats(**fields: Any) -> Callable[[dict[str, Any]], object]:
+    return lambda meta: meta["stats"].update(fields)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda m: m.update(format=1), "its format is 1, this version reads 4"),
-        (lambda m: m.update(format=True), "its format is True, this version reads 4"),
+        (also(format=1), "its format is 1, this version reads 4"),
+        (also(format=True), "its format is True, this version reads 4"),
         (lambda m: m.pop("format"), "meta.json.format is missing"),
         (lambda m: m.pop("stats"), "meta.json.stats is missing"),
-        (lambda m: m.update(success=1), "success must be true or false, got int 1"),
-        (lambda m: m.update(success=False), "success must be that of a run that finished"),
-        (lambda m: m.update(status="ok"), "status must be one of finished, failed, interrupted"),
-        (lambda m: m.update(status=[]), "status must be a text"),
-        (lambda m: m.update(message=None), "message must be a text"),
-        (lambda m: m.update(message="\ud800"), "message holds invalid characters"),
-        (lambda m: m.update(final_t="0"), "final_t must be a finite number"),
-        (lambda m: m.update(final_t=float("nan")), "final_t must be a finite number"),
-        (lambda m: m.update(final_t=10**400), "final_t must be a finite number"),
-        (lambda m: m.update(effects="all"), "effects must be a list"),
-        (lambda m: m.update(effects=[1]), "effects must be a text, got int 1"),
-        (lambda m: m.update(stats=3), "stats must be a table"),
+        (also(success=1), "success must be true or false, got int 1"),
+        (also(success=False), "success must be that of a run that finished"),
+        (also(status="ok"), "status must be one of finished, failed, interrupted"),
+        (also(status=[]), "status must be a text"),
+        (also(message=None), "message must be a text"),
+        (also(message="\ud800"), "message holds invalid characters"),
+        (also(final_t="0"), "final_t must be a finite number"),
+        (also(final_t=float("nan")), "final_t must be a finite number"),
+        (also(final_t=10**400), "final_t must be a finite number"),
+        (also(effects="all"), "effects must be a list"),
+        (also(effects=[1]), "effects must be a text, got int 1"),
+        (also(stats=3), "stats must be a table"),
         (lambda m: m["stats"].pop("steps"), "stats.steps is missing"),
         (lambda m: m["stats"].update(a=1), "stats holds 'a', which does not belong there"),
-        (lambda m: m["stats"].update(steps=1.5), "stats.steps must be a count, got float 1.5"),
-        (lambda m: m["stats"].update(steps=-1), "stats.steps must be a count, got int -1"),
-        (lambda m: m["stats"].update(steps=True), "stats.steps must be a count, got bool True"),
-        (lambda m: m["stats"].update(cpu_time=None), "stats.cpu_time must be a finite number"),
-        (lambda m: m["stats"].update(cpu_time=float("inf")), "stats.cpu_time must be a finite"),
-        (lambda m: m["stats"].update(method=1), "stats.method must be a text"),
-        (lambda m: m["stats"].update(local_error="-"), "stats.local_error must be a finite number"),
-        (lambda m: m.update(warnings={}), "warnings must be a list"),
-        (lambda m: m.update(warnings=[1]), "warnings[0] must be a table"),
+        (stats(steps=1.5), "stats.steps must be a count, got float 1.5"),
+        (stats(steps=-1), "stats.steps must be a count, got int -1"),
+        (stats(steps=True), "stats.steps must be a count, got bool True"),
+        (stats(cpu_time=None), "stats.cpu_time must be a finite number"),
+        (stats(cpu_time=float("inf")), "stats.cpu_time must be a finite"),
+        (stats(method=1), "stats.method must be a text"),
+        (stats(local_error="-"), "stats.local_error must be a finite number"),
+        (also(warnings={}), "warnings must be a list"),
+        (also(warnings=[1]), "warnings[0] must be a table"),
         (lambda m: m["warnings"][0].pop("text"), "warnings[0].text is missing"),
         (lambda m: m["warnings"][0].update(accuracy=0), "warnings[0].accuracy must be true or"),
         (lambda m: m["warnings"][0].update(t="now"), "warnings[0].t must be a finite number"),
@@ -214,40 +208,20 @@ def test_descriptions_that_are_wrong(
     refused(path, words)
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        "[]",
-        "1",
-        "null",
-        "{",
-        '{"format": 2}',
-        "[" * 100_000,
-        '{"a":' * 100_000,
-        '{"format": ' + "9" * 5000 + "}",
-        np.zeros(3),
-        np.array(["{}"]),
-        np.array(b"{}"),
+def test_descriptions_that_are_none(good: Arrays, path: Path) -> None:
+    for content in (
+        "", "[]", "1", "null", "{", '{"format": 2}', "[" * 100_000, '{"a":' * 100_000,
+        '{"format": ' + "9" * 5000 + "}", np.zeros(3), np.array(["{}"]), np.array(b"{}"),
         np.frombuffer(b"\xff" * 8, "<U2").reshape(()),
-    ],
-)
-def test_descriptions_that_are_none(good: Arrays, path: Path, content: Any) -> None:
-    write(path, good | {"meta.json": content})
-    refused(path)
-    write(path, good | {"params.toml": content})
-    refused(path)
+    ):  # fmt: skip
+        for name in ("meta.json", "params.toml"):
+            write(path, good | {name: content})
+            refused(path)
 
 
-def test_parameters_are_never_read_from_another_file(
+def test_parameters_that_are_wrong(
     good: Arrays, result: bd.Result, path: Path, tmp_path: Path
 ) -> None:
-    result.params.to_toml(tmp_path / "drive.toml")
-    write(path, good | {"params.toml": str(tmp_path / "drive.toml")})
-    refused(path, "params.toml: not valid TOML")
-
-
-def test_parameters_that_are_wrong(good: Arrays, path: Path) -> None:
     toml = str(good["params.toml"])
     for old, new, words in (
         ("n_bodies = 24", "n_bodies = 30", "must have shape (6, 30), got (6, 24)"),
@@ -258,6 +232,10 @@ def test_parameters_that_are_wrong(good: Arrays, path: Path) -> None:
         assert old in toml
         write(path, good | {"params.toml": toml.replace(old, new)})
         refused(path, words)
+    # they are never read from another file
+    result.params.to_toml(tmp_path / "drive.toml")
+    write(path, good | {"params.toml": str(tmp_path / "drive.toml")})
+    refused(path, "params.toml: not valid TOML")
 
 
 # --- the archive ---------------------------------------------------------------------------------
@@ -271,55 +249,50 @@ def described(shape: str, kind: str = "<f8") -> str:
     return f"{{'descr': {kind!r}, 'fortran_order': False, 'shape': {shape}, }}\n"
 
 
-@pytest.mark.parametrize(
-    "member",
-    [
-        npy(described("(1000000000000,)")),
-        npy(described("(1000000, 1000000, 1000000)"), bytes(64)),
-        npy(described(f"({10**30},)")),
-        npy(described("(-1,)")),
-        npy(described("(-2, -3)"), bytes(48)),
-        npy(described("(0, 1000000000000)"), bytes(8)),
-        npy(described("(2,)", "<U1000000000"), bytes(8)),
-        npy(described("(1,)", "O"), b"\x80\x04N."),
-        npy(described("(1,)", "V8"), bytes(8)),
-        npy(described("()", "<f16"), bytes(8)),
-        npy(described("(1,)", "nonsense"), bytes(8)),
-        npy("-" * 9000 + "1"),
-        npy("(" * 9000),
-        npy("[" * 90 + "]" * 90),
-        npy("__import__('os')"),
-        npy("{}"),
-        npy(described("(1,)"), bytes(8), b"\x03\x00"),
-        npy(described("(1,)"), bytes(8), b"\x09\x00"),
-        npy(described("(1,)"), bytes(7)),
-        npy(described("(1,)"), bytes(9)),
-        b"",
-        b"\x93NUMPY",
-        b"\x80\x04N.",
-    ],
-)
-def test_crafted_headers(path: Path, member: bytes) -> None:
-    for kind, name in ((bd.Result, "t"), (bd.State, "x")):
-        with zipfile.ZipFile(path, "w") as archive:
-            archive.writestr(f"{name}.npy", member)
-        refused(path, name, kind=kind)
-
-
-@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_compressed_members(path: Path, method: int) -> None:
-    content = io.BytesIO()
-    np.save(content, np.zeros(100_000))
-    with zipfile.ZipFile(path, "w", method) as archive:
-        archive.writestr("x.npy", content.getvalue())
-    refused(path, "x is compressed", kind=bd.State)
+CRAFTED = [
+    npy(described("(1000000000000,)")),
+    npy(described("(1000000, 1000000, 1000000)"), bytes(64)),
+    npy(described(f"({10**30},)")),
+    npy(described("(-1,)")),
+    npy(described("(-2, -3)"), bytes(48)),
+    npy(described("(0, 1000000000000)"), bytes(8)),
+    npy(described("(2,)", "<U1000000000"), bytes(8)),
+    npy(described("(1,)", "O"), b"\x80\x04N."),
+    npy(described("(1,)", "V8"), bytes(8)),
+    npy(described("()", "<f16"), bytes(8)),
+    npy(described("(1,)", "nonsense"), bytes(8)),
+    npy("-" * 9000 + "1"),
+    npy("(" * 9000),
+    npy("[" * 90 + "]" * 90),
+    npy("__import__('os')"),
+    npy("{}"),
+    npy(described("(1,)"), bytes(8), b"\x03\x00"),
+    npy(described("(1,)"), bytes(8), b"\x09\x00"),
+    npy(described("(1,)"), bytes(7)),
+    npy(described("(1,)"), bytes(9)),
+    b"",
+    b"\x93NUMPY",
+    b"\x80\x04N.",
+]
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_members_twice(path: Path) -> None:
-    with zipfile.ZipFile(path, "w") as archive:
-        for _ in range(2):
-            archive.writestr("x.npy", npy(described("(1,)"), bytes(8)))
+def test_archives_that_are_crafted(path: Path) -> None:
+    def archive(
+        name: str, content: bytes, times: int = 1, method: int = zipfile.ZIP_STORED
+    ) -> None:
+        with zipfile.ZipFile(path, "w", method) as archive:
+            for _ in range(times):
+                archive.writestr(f"{name}.npy", content)
+
+    for member in CRAFTED:
+        for kind, name in ((bd.Result, "t"), (bd.State, "x")):
+            archive(name, member)
+            refused(path, name, kind=kind)
+    for method in (zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        archive("x", npy(described("(9000,)"), bytes(72_000)), method=method)
+        refused(path, "x is compressed", kind=bd.State)
+    archive("x", npy(described("(1,)"), bytes(8)), times=2)
     refused(path, "'x.npy', which does not belong there", kind=bd.State)
 
 
@@ -369,55 +342,57 @@ def only_documented(path: Path) -> None:
             assert str(error).startswith(f"{path} is not a saved {kind.__name__}: ")
 
 
-@FUZZ
-@given(content=st.binary(max_size=400))
-def test_any_bytes(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "any.npz"
-    path.write_bytes(content)
-    only_documented(path)
+@EXAMPLES
+def test_any_bytes(examples: int, path: Path) -> None:
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        only_documented(path)
+
+    fuzz(examples, check, st.binary(max_size=400))
 
 
-@FUZZ
-@given(data=st.data())
-def test_any_bytes_within_a_good_file(good: Arrays, tmp_path: Path, data: st.DataObject) -> None:
-    path = tmp_path / "changed.npz"
+@EXAMPLES
+def test_any_bytes_within_a_good_file(examples: int, good: Arrays, path: Path) -> None:
     state = {name.removeprefix("final_state."): v for name, v in good.items() if "final" in name}
-    write(path, data.draw(st.sampled_from([good, state | {"t": np.float64(0.0)}])))
-    content = bytearray(path.read_bytes())
-    # The directory at the end, the heads of members and the rest are as likely.
-    places = st.one_of(
-        st.integers(max(len(content) - 3000, 0), len(content) - 1),
-        st.integers(0, 200),
-        st.integers(0, len(content) - 1),
-    )
-    for _ in range(data.draw(st.integers(1, 6))):
-        content[data.draw(places)] = data.draw(st.integers(0, 255))
-    if data.draw(st.booleans()):
-        del content[data.draw(places) :]
-    path.write_bytes(content)
-    only_documented(path)
+    whole = []
+    for values in (good, state | {"t": np.float64(0.0)}):
+        write(path, values)
+        whole.append(path.read_bytes())
+
+    def check(data: st.DataObject) -> None:
+        content = bytearray(data.draw(st.sampled_from(whole)))
+        # The directory at the end, the heads of members and the rest are as likely.
+        places = st.one_of(
+            st.integers(max(len(content) - 3000, 0), len(content) - 1),
+            st.integers(0, 200),
+            st.integers(0, len(content) - 1),
+        )
+        for _ in range(data.draw(st.integers(1, 6))):
+            content[data.draw(places)] = data.draw(st.integers(0, 255))
+        if data.draw(st.booleans()):
+            del content[data.draw(places) :]
+        path.write_bytes(content)
+        only_documented(path)
+
+    fuzz(examples, check, st.data())
 
 
-@FUZZ
-@given(
-    header=st.one_of(
-        st.text(st.characters(max_codepoint=255), max_size=80),
-        st.builds(
-            described,
-            st.one_of(
-                st.lists(st.integers(-3, 2**70), max_size=4).map(tuple).map(str), st.text("(),1a")
-            ),
-            st.sampled_from(["<f8", ">f8", "<i4", "O", "<U4", "V3", "f4,f8", "<M8[s]", "?", "S"]),
-        ),
-    ),
-    body=st.binary(max_size=64),
+KINDS = ["<f8", ">f8", "<i4", "O", "<U4", "V3", "f4,f8", "<M8[s]", "?", "S"]
+SHAPES = st.lists(st.integers(-3, 2**70), max_size=4).map(tuple).map(str) | st.text("(),1a")
+HEADERS = st.text(st.characters(max_codepoint=255), max_size=80) | st.builds(
+    described, SHAPES, st.sampled_from(KINDS)
 )
-def test_any_header(tmp_path: Path, header: str, body: bytes) -> None:
-    path = tmp_path / "any.npz"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("x.npy", npy(header, body))
-        archive.writestr("t.npy", npy(header, body))
-    only_documented(path)
+
+
+@EXAMPLES
+def test_any_header(examples: int, path: Path) -> None:
+    def check(header: str, body: bytes) -> None:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name in ("x.npy", "t.npy"):
+                archive.writestr(name, npy(header, body))
+        only_documented(path)
+
+    fuzz(examples, check, HEADERS, st.binary(max_size=64))
 
 
 JSON = st.recursive(
@@ -427,12 +402,13 @@ JSON = st.recursive(
 )
 
 
-@FUZZ
-@given(data=st.data())
-def test_any_description(good: Arrays, tmp_path: Path, data: st.DataObject) -> None:
-    meta = meta_of(good)
-    table = data.draw(st.sampled_from([meta, meta["stats"], meta["warnings"][0]]))
-    table[data.draw(st.sampled_from(sorted(table)) | st.text(max_size=5))] = data.draw(JSON)
-    path = tmp_path / "any.npz"
-    write(path, good | {"meta.json": json.dumps(meta)})
-    only_documented(path)
+@EXAMPLES
+def test_any_description(examples: int, good: Arrays, path: Path) -> None:
+    def check(data: st.DataObject) -> None:
+        meta = meta_of(good)
+        table = data.draw(st.sampled_from([meta, meta["stats"], meta["warnings"][0]]))
+        table[data.draw(st.sampled_from(sorted(table)) | st.text(max_size=5))] = data.draw(JSON)
+        write(path, good | {"meta.json": json.dumps(meta)})
+        only_documented(path)
+
+    fuzz(examples, check, st.data())

@@ -105,6 +105,10 @@ def test_histories_have_the_outputs_of_the_table() -> None:
     for group, cls in histories.GROUPS.items():
         rows = [row for row in _core.OUTPUTS if row[1] == group]
         texts = described(cls)
+        names = {row[0] for row in rows if group != "energy"}
+        names |= {name for name, *_ in _core.ENERGY_TERMS if group == "energy"}
+        of_package = {"pulley", "passed", "names"}
+        assert {field.name for field in attrs.fields(cls)} - of_package == names
         if group == "energy":
             columns = [name for name, *_ in _core.ENERGY_TERMS]
             assert sorted(texts) == sorted([*columns, "passed"])
