@@ -42,7 +42,7 @@ def first(n: int, cases: Iterable[Any]) -> list[Any]:
 
 
 def is_default(item: pytest.Item) -> bool:
-    return not any(item.get_closest_marker(name) for name in (*OUTSIDE, "slow"))
+    return not any(item.get_closest_marker(name) for name in OUTSIDE)
 
 
 @cache
