@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from itertools import product
 from typing import Any
 
 import attrs
@@ -13,9 +14,10 @@ import pytest
 from bridge import fields, oracle_of
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
+from tiers import extended_if
 
 import beltdyn as bd
-from beltdyn import _core, preload
+from beltdyn import _core, preload, sanity
 from beltdyn import parameters as names
 
 BELT: dict[str, Any] = {"n_bodies": 60, "linear_density": 0.1, "axial_stiffness": 70e3}
@@ -46,18 +48,36 @@ SCENES = {
     **{name: bd.scenes.get(name).params for name in drives.FIXED},
     **{name: drives.scene(name).params for name in drives.LAYOUTS},
 }
+#: Every scene, on one of both meshes and with one of both numbers of links.
+DEALT = [
+    (name, mesh, n_bodies)
+    for k, name in enumerate(SCENES)
+    for j, (mesh, n_bodies) in enumerate(product(("joint", "paper"), (60, 97)))
+    if (k + j) % 4 == 0
+]
 
 
 # --- the tension at rest --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mesh", ["joint", "paper"])
-@pytest.mark.parametrize("name", SCENES)
-def test_mean_tension_is_that_of_the_settled_belt(name: str, mesh: str) -> None:
-    """Laid with friction or without, on meshes whose polygon makes a quarter of the tension."""
-    for n_bodies in (60, 97):
-        params = on(SCENES[name], n_bodies=n_bodies, mesh=mesh)
-        assert params.info["mean_tension"] == pytest.approx(by_oracle(params), rel=PROMISED)
+@pytest.mark.parametrize(
+    ("name", "mesh", "n_bodies"),
+    extended_if(lambda case: case not in DEALT, product(SCENES, ("joint", "paper"), (60, 97))),
+)
+def test_mean_tension_and_preload_are_those_of_the_settled_belt(
+    name: str, mesh: str, n_bodies: int
+) -> None:
+    """Laid with friction or without, on meshes whose polygon makes a quarter of the tension.
+
+    With a length the drive tells the mean tension; with a preload the belt has what was asked for.
+    """
+    given = on(SCENES[name], n_bodies=n_bodies, mesh=mesh)
+    mean = given.info["mean_tension"]
+    assert mean == pytest.approx(by_oracle(given), rel=PROMISED)
+    params = on(given, length=None, preload=1.1 * mean)
+    assert by_oracle(params) == pytest.approx(1.1 * mean, rel=PROMISED)
+    assert params.info["mean_tension"] == pytest.approx(1.1 * mean, rel=PROMISED)
+    assert params.info["length"] < given.info["length"]
 
 
 def contact(share: float, compensate: bool) -> bd.Contact:
@@ -94,7 +114,7 @@ def test_closed_form_on_fine_links(name: str) -> None:
     assert (abs(of_strains / settled - 1.0) > PROMISED) == (name != "stiff")
 
 
-@pytest.mark.parametrize("bending", [0.0, 0.005, 0.02, 0.1])
+@pytest.mark.parametrize("bending", extended_if((0.005).__eq__, [0.0, 0.005, 0.02, 0.1]))
 def test_closed_form_of_the_ends_of_a_wrap(bending: float) -> None:
     """A beam on a foundation that only presses, bent into place by finite differences.
 
@@ -197,19 +217,6 @@ def test_closed_form_where_nothing_settles() -> None:
 # --- preload --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mesh", ["joint", "paper"])
-@pytest.mark.parametrize("name", SCENES)
-def test_settles_with_the_preload(name: str, mesh: str) -> None:
-    """Whatever the pulleys, contact, mesh and friction: the settled belt has what was asked for."""
-    for n_bodies in (60, 97):
-        given = on(SCENES[name], n_bodies=n_bodies, mesh=mesh)
-        target = 1.1 * given.info["mean_tension"]
-        params = on(given, length=None, preload=target)
-        assert by_oracle(params) == pytest.approx(target, rel=PROMISED)
-        assert params.info["mean_tension"] == pytest.approx(target, rel=PROMISED)
-        assert params.info["length"] < given.info["length"]
-
-
 def test_length_and_preload_are_two_names_of_one_belt() -> None:
     params = drive(preload=400.0, model="links")
     assert params.belt.length is None and params.belt.preload == 400.0
@@ -242,9 +249,9 @@ def test_changes_that_leave_the_rest_alone_do_not_settle_again(
     assert params.info["mean_tension"] == pytest.approx(400.0, rel=PROMISED)
 
 
-@pytest.mark.parametrize(
-    ("belt", "error", "message"),
-    [
+def test_bad_input_is_refused_before_anything_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preload._core, "Simulation", None)
+    rows: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"length": 1.2, "preload": 400.0}, ValueError, "belt.preload must not be given together"),
         ({}, ValueError, "belt.length or belt.preload must be given"),
         ({"preload": 0.0}, ValueError, "belt.preload must be > 0 N, got 0 N"),
@@ -252,22 +259,11 @@ def test_changes_that_leave_the_rest_alone_do_not_settle_again(
         ({"preload": math.nan}, ValueError, "belt.preload must be finite"),
         ({"preload": "400"}, TypeError, "belt.preload must be a real number"),
         ({"preload": 2e4}, ValueError, "belt.preload is too large: 20000 N would stretch"),
-        (
-            {"preload": 50.0, "mesh": "paper"},
-            ValueError,
-            "belt.preload is too small: 50 N, but straight links",
-        ),
-    ],
-)
-def test_bad_input_is_refused_before_anything_runs(
-    belt: dict[str, Any], error: type[Exception], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(preload._core, "Simulation", None)
-    with pytest.raises(error, match=f"^{message}"):
-        drive(**belt)
-
-
-def test_geometry_is_refused_as_with_a_length() -> None:
+        ({"preload": 50.0, "mesh": "paper"}, ValueError, "belt.preload is too small: 50 N, but s"),
+    ]  # fmt: skip
+    for belt, error, message in rows:
+        with pytest.raises(error, match=f"^{message}"):
+            drive(**belt)
     for belt in ({"preload": 400.0}, {"length": 0.5}):
         with pytest.raises(ValueError, match="overlap"):
             bd.Params(belt=bd.Belt(**BELT, **belt), pulleys=[PULLEYS[0], PULLEYS[0]])
@@ -282,7 +278,7 @@ def test_a_tension_that_no_length_gives(monkeypatch: pytest.MonkeyPatch) -> None
         bd.settle(params)
 
 
-def test_toml_and_pickle_and_print() -> None:
+def test_toml_pickle_print_and_names() -> None:
     params = drive(preload=400.0)
     text = params.to_toml()
     assert "preload = 400.0" in text and "length" not in text
@@ -295,10 +291,7 @@ def test_toml_and_pickle_and_print() -> None:
     assert "preload" not in str(drive(length=1.2).belt) + drive(length=1.2).to_toml()
     with pytest.raises(ValueError, match=r"^belt\.preload must not be given together"):
         bd.Params.from_toml(text.replace("preload", "length = 1.2\npreload"))
-
-
-def test_preload_has_a_name_for_identification() -> None:
-    params = drive(preload=400.0)
+    # it has a name for identification, in place of the length
     assert "belt.preload" in names.numbers(params)
     assert "belt.length" not in names.numbers(params)
     rule = names.rule_of(params, "belt.preload")
@@ -308,8 +301,6 @@ def test_preload_has_a_name_for_identification() -> None:
 
 
 def test_warnings_speak_of_what_was_given() -> None:
-    from beltdyn import sanity
-
     texts = {one.code: one.text for one in sanity.check(drive(preload=3000.0))}
     assert "is belt.preload = 3000 N right? With 2.1e+03 N it would be 3 %" in texts["strain"]
     # whose friction cannot carry the torque: more tension is what helps
@@ -330,20 +321,20 @@ def test_a_result_keeps_the_preload(tmp_path: Any) -> None:
 # --- tensions of a state --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["three-pulleys", "kubas-case-1"])
-def test_a_state_tells_its_tensions_as_a_run_does(name: str) -> None:
+def test_a_state_tells_its_tensions_as_a_run_does() -> None:
     """At rest and under load, joint dampers included; by the oracle's formulas too."""
-    scene = bd.scenes.get(name)
-    result = bd.simulate(*scene[:2], 0.05, t_eval=[0.0, 0.05])
-    for k, state in enumerate((bd.settle(scene.params), result.final_state)):
-        seen = state.tension(scene.params)
-        np.testing.assert_allclose(seen.joints, result.joints.force[k], rtol=1e-9)
-        np.testing.assert_allclose(seen.spans, result.span_tension[k], rtol=1e-9)
-        assert seen.mean == pytest.approx(float(np.mean(result.joints.force[k])), rel=1e-12)
-        assert str(seen).startswith(f"mean tension {seen.mean:.5g} N; spans ")
-    oracle = oracle_of(scene.params)
-    force = oracle.joints(oracle.pack(fields(result.final_state)))[1]
-    np.testing.assert_allclose(seen.joints, force, rtol=1e-9)
+    for name in ("three-pulleys", "kubas-case-1"):
+        scene = bd.scenes.get(name)
+        result = bd.simulate(*scene[:2], 0.02, t_eval=[0.0, 0.02])
+        for k, state in enumerate((bd.settle(scene.params), result.final_state)):
+            seen = state.tension(scene.params)
+            np.testing.assert_allclose(seen.joints, result.joints.force[k], rtol=1e-9)
+            np.testing.assert_allclose(seen.spans, result.span_tension[k], rtol=1e-9)
+            assert seen.mean == pytest.approx(float(np.mean(result.joints.force[k])), rel=1e-12)
+            assert str(seen).startswith(f"mean tension {seen.mean:.5g} N; spans ")
+        oracle = oracle_of(scene.params)
+        force = oracle.joints(oracle.pack(fields(result.final_state)))[1]
+        np.testing.assert_allclose(seen.joints, force, rtol=1e-9)
 
 
 def test_tensions_are_of_one_drive() -> None:
