@@ -35,7 +35,8 @@ def sweep(name: str, executor: Any) -> Any:
 
 
 ONE = {"torque.scale": [1.0]}
-ci = pytest.mark.ci(guard="test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes")
+GUARD = "test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes"
+ci = pytest.mark.ci(guard=GUARD)
 
 
 # --- the same numbers ----------------------------------------------------------------------------
@@ -193,7 +194,7 @@ def test_clients_that_cannot_be_waited_for(client: Any) -> None:
         do(plain(), ONE, MEASURE, executor=closed)
 
 
-@ci
+@pytest.mark.extended(guard=GUARD)
 def test_a_cluster_that_begins_without_workers() -> None:
     with sweep_runs.cluster(workers=0, processes=False) as client:
         client.cluster.adapt(minimum=0, maximum=1, interval="50ms")

@@ -10,16 +10,10 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from identify_common import (
-    COARSE,
-    SPEED,
-    T_END,
-    TIMES,
-    TORQUE,
-    changed,
-    curves,
-    free_pulley,
-)
+from identify_common import COARSE, SPEED, T_END, TIMES, TORQUE, changed, curves, free_pulley
+from scipy import stats
+from sweep_runs import Sent
+from tiers import ci_if, first
 
 import beltdyn as bd
 from beltdyn.identification import linear
@@ -59,8 +53,12 @@ def count(
     return single.tolist(), half.tolist(), joint
 
 
-# Below, two tests hold intervals to closed forms, and are not slow.
-@pytest.mark.slow
+FILE = "identify/test_identify.py::"
+CLOSED = FILE + "test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form"
+STUDENT = FILE + "test_intervals_with_unknown_noise_are_those_of_student"
+
+
+@pytest.mark.extended(guard=CLOSED)
 def test_known_parameters_lie_within_their_intervals_in_90_of_100_draws(
     rig: bd.Params, truth: bd.Result
 ) -> None:
@@ -70,7 +68,7 @@ def test_known_parameters_lie_within_their_intervals_in_90_of_100_draws(
     assert HALF[0] <= min(half) and max(half) <= HALF[1]
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard=STUDENT)
 def test_so_they_do_when_the_noise_is_unknown(rig: bd.Params, truth: bd.Result) -> None:
     true = {"pulleys[1].inertia": 0.03, "friction.mu_k": 0.8}
     single, half, joint = count(rig, truth, true, 1.05, known=False)
@@ -139,17 +137,22 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
+@pytest.mark.parametrize("elsewhere", ci_if("processes".__eq__, ["bytes", "processes"]))
 def test_the_result_does_not_depend_on_where_runs_are_done(
-    rig: bd.Params, targets: list[bd.Target]
+    rig: bd.Params, targets: list[bd.Target], elsewhere: str
 ) -> None:
     start = changed(rig, {"friction.mu_k": 0.9})
-    with ThreadPoolExecutor(2) as executor:
+    free = ["friction.mu_k", "belt.axial_stiffness"]
+    with ThreadPoolExecutor(2) as threads, Sent() as sent:
         one, *others = (
-            bd.identify(start, ["friction.mu_k", "belt.axial_stiffness"], targets, **where)
+            bd.identify(start, free, targets, **where)
             for where in (
-                {"workers": 1}, {"workers": 2}, {"executor": "processes"}, {"executor": executor}
+                {"workers": 1},
+                {"workers": 2},
+                {"executor": threads},
+                {"executor": sent if elsewhere == "bytes" else elsewhere},
             )
-        )  # fmt: skip
+        )
     for two in others:
         assert one.values == two.values
         assert one.intervals == two.intervals
@@ -204,7 +207,7 @@ def test_a_prior_counts_like_one_more_measurement(
     assert math.log(both.values["friction.mu_k"] / 0.8) == pytest.approx(std / 2.0, rel=0.1)
 
 
-@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
+@pytest.mark.parametrize("loss", first(1, ["soft_l1", "huber", "cauchy"]))
 def test_an_outlier_counts_less_with_a_robust_loss(
     rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, loss: str
 ) -> None:
@@ -240,8 +243,6 @@ def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form
 
 def test_intervals_with_unknown_noise_are_those_of_student() -> None:
     """One parameter, n measurements of omega = M t/I: the textbook's mean and its interval."""
-    from scipy import stats
-
     draws = np.random.default_rng(3).normal(2.0, 0.01, 6)
     run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
     data = run.number(lambda r: np.full(6, r.pulleys.omega[-1, 1]), draws, t=[0.02], name="final")
