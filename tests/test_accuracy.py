@@ -116,7 +116,7 @@ def test_what_is_read_at_rest() -> None:
 
 def test_creep_and_friction_are_those_of_the_drive() -> None:
     """A steady drive: friction carries the torque, and creep is the loss of speed."""
-    run = verified()
+    run = verified("joint")
     seen, late = observe(run), run.t >= 0.8 * run.t[-1]
     radii = np.array([pulley.radius for pulley in run.params.pulleys])
     speed = np.abs(np.mean(run.pulleys.omega[late], axis=0) * radii)
@@ -357,6 +357,7 @@ def fails_after_a_run(scene: bd.Scene, error: BaseException) -> Any:
 
 
 def test_a_verification_that_fails_keeps_the_run() -> None:
+    """Or is interrupted by Ctrl-C, which goes on as one, with the run."""
     scene = short()
     torque = fails_after_a_run(scene, RuntimeError("the file of torques is at its end"))
     run = bd.simulate(scene.params, torque, scene.t_end, verify=True)
@@ -367,6 +368,11 @@ def test_a_verification_that_fails_keeps_the_run() -> None:
     assert all("at its end" in note for note in run.accuracy.notes)
     assert run.accuracy["tension"].time == run.stats.error  # what is known without other runs
     assert run.accuracy["speed"].time is None
+    torque = fails_after_a_run(scene, KeyboardInterrupt())
+    with pytest.raises(bd.Interrupted, match="it had itself finished") as caught:
+        bd.simulate(scene.params, torque, scene.t_end, verify=True)
+    assert caught.value.result is not None
+    assert caught.value.result.success and not caught.value.result.accuracy.verified
 
 
 def test_a_mesh_that_cannot_run_is_said() -> None:
@@ -375,16 +381,6 @@ def test_a_mesh_that_cannot_run_is_said() -> None:
     (note,) = run.accuracy.notes
     assert note.startswith("6 links with rodas4")
     assert run.accuracy["span_mean"].space is not None  # from the finer mesh
-
-
-def test_ctrl_c_while_verifying_keeps_the_run() -> None:
-    scene = short()
-    torque = fails_after_a_run(scene, KeyboardInterrupt())
-    with pytest.raises(bd.Interrupted, match="it had itself finished") as caught:
-        bd.simulate(scene.params, torque, scene.t_end, verify=True)
-    assert caught.value.result is not None
-    assert caught.value.result.success
-    assert not caught.value.result.accuracy.verified
 
 
 def test_bad_arguments_are_refused_by_name() -> None:

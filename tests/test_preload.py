@@ -229,16 +229,6 @@ def test_length_and_preload_are_two_names_of_one_belt() -> None:
     assert belt.length == pytest.approx(LINE / (1.0 + 400.0 / 70e3), rel=3e-3 * 400.0 / 70e3)
 
 
-def test_length_is_found_anew_for_every_mesh() -> None:
-    params = on(drive(preload=400.0), mesh="paper")
-    fine = on(params, n_bodies=120)
-    # straight links, longer than their arcs, need a longer belt: by l0^2 / 12 sum(wrap / R)
-    longer = 2.0 * math.pi / 0.1 * LINE**2 / 12.0 * (1 / 60**2 - 1 / 120**2)
-    assert params.info["length"] - fine.info["length"] == pytest.approx(longer, rel=0.05)
-    for each in (params, fine):
-        assert by_oracle(each) == pytest.approx(400.0, rel=PROMISED)
-
-
 def test_changes_that_leave_the_rest_alone_do_not_settle_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -308,14 +298,6 @@ def test_warnings_speak_of_what_was_given() -> None:
     with pytest.warns(bd.BeltdynWarning):
         result = bd.simulate(slippery, bd.PiecewiseLinear([0, 0.05], [[0, 0], [-60, 60]]), 0.1)
     assert any("raise belt.preload" in one.text for one in result.warnings)
-
-
-def test_a_result_keeps_the_preload(tmp_path: Any) -> None:
-    params = drive(preload=400.0)
-    result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-3, t_eval=[0.0, 1e-3])
-    assert np.mean(result.joints.force[0]) == pytest.approx(400.0, rel=PROMISED)
-    result.save(tmp_path / "run.npz")
-    assert bd.Result.load(tmp_path / "run.npz").params == params
 
 
 # --- tensions of a state --------------------------------------------------------------------------

@@ -82,7 +82,7 @@ def test_exploring_is_the_same_for_any_number_of_threads() -> None:
     assert one[0].params != other[0].params
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_search.py::test_targets_are_the_table_in_two_runs")
 def test_a_trade_off_pulls_its_quantity_towards_the_paper(published: search.Trial) -> None:
     at = bd.identify(
         published.params,

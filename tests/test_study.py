@@ -264,11 +264,6 @@ def test_more_budget_buys_more_accuracy_and_is_kept() -> None:
     assert errors[-1] < 0.5 * errors[0]
 
 
-def test_a_budget_too_small_is_refused_with_what_it_takes() -> None:
-    with pytest.raises(ValueError, match=r"budget is too small: .* take about .* got 1e-05 s"):
-        Counted().plan(1e-5)
-
-
 def test_a_given_state_keeps_its_mesh() -> None:
     state = bd.settle(SHORT.params)
     plan = Counted().plan(0.1, initial=state)
@@ -285,14 +280,16 @@ def test_a_budget_that_was_exceeded_is_a_warning() -> None:
     exceeded, (warning,) = plan.judge(run, 1.5)
     assert warning.code == "budget" and warning in exceeded.warnings
     assert "1.5 s" in warning.text and "1 s" in warning.text
+    with pytest.raises(ValueError, match=r"budget is too small: .* take about .* got 1e-05 s"):
+        Counted().plan(1e-5)
 
 
 def test_simulate_says_what_it_chose() -> None:
-    result = bd.simulate(*SHORT, budget=2.0)
+    result = bd.simulate(*SHORT, budget=0.5)
     assert result.success
     assert f"with {result.params.belt.n_bodies} links" in result.message
-    assert "chosen for 2 s" in result.message
-    assert "chosen for 2 s" in dict(result.summary(verbose=True))["method"]
+    assert "chosen for 0.5 s" in result.message
+    assert "chosen for 0.5 s" in dict(result.summary(verbose=True))["method"]
 
 
 # --- studies ---
@@ -443,7 +440,7 @@ def test_a_table_csv_and_figure_hold_all_runs(study: bd.accuracy.Study, tmp_path
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Path:
     path = tmp_path / "drive.toml"
-    SHORT._replace(params=bd.accuracy.with_links(SHORT.params, 30)).to_toml(path)
+    SHORT._replace(params=bd.accuracy.with_links(SHORT.params, 30), t_end=4e-3).to_toml(path)
     return path
 
 

@@ -103,6 +103,11 @@ def test_no_run_finishes(folder: Path) -> None:
     assert (table(folder / "sweep.nc")["status"] == "refused").all()
 
 
+def read(folder: Path, text: str) -> Any:
+    (folder / "s.toml").write_text('scene = "kubas-case-1"\n' + text)
+    return sweep_file.read(folder / "s.toml").over
+
+
 def test_values_of_every_kind(tmp_path: Path) -> None:
     lines = [
         '"friction" = [{ kind = "coulomb", mu = 0.5, v_reg = 0.01 }, { mu_k = 0.7, sigma = 1e4 }]',
@@ -110,17 +115,12 @@ def test_values_of_every_kind(tmp_path: Path) -> None:
         '"contact.quadratic" = { from = 1e9, to = 1e11, count = 3, spacing = "geometric" }',
         '"method" = ["tsit5", "rodas4"]',
     ]
-    (tmp_path / "s.toml").write_text('scene = "kubas-case-1"\n[over]\n' + "\n".join(lines))
-    found = sweep_file.read(tmp_path / "s.toml")
-    assert found.over["friction"] == [bd.Coulomb(mu=0.5, v_reg=0.01), bd.Dahl(mu_k=0.7, sigma=1e4)]
-    assert found.over["torque"] == [bd.Viscous([0.1, 0.0])]
-    np.testing.assert_allclose(found.over["contact.quadratic"], [1e9, 1e10, 1e11], rtol=1e-12)
-    assert found.over["method"] == ["tsit5", "rodas4"]
-
-
-def test_samples_in_a_file(tmp_path: Path) -> None:
+    over = read(tmp_path, "\n".join(["[over]", *lines]))
+    assert over["friction"] == [bd.Coulomb(mu=0.5, v_reg=0.01), bd.Dahl(mu_k=0.7, sigma=1e4)]
+    assert over["torque"] == [bd.Viscous([0.1, 0.0])]
+    np.testing.assert_allclose(over["contact.quadratic"], [1e9, 1e10, 1e11], rtol=1e-12)
+    assert over["method"] == ["tsit5", "rodas4"]
     text = """
-        scene = "kubas-case-1"
         [sample]
         n = 8
         method = "latin-hypercube"
@@ -130,8 +130,7 @@ def test_samples_in_a_file(tmp_path: Path) -> None:
         "belt.axial_stiffness" = { normal = [90e3, 4e3] }
         "contact.quadratic" = { lognormal = [5e10, 0.2] }
     """
-    (tmp_path / "s.toml").write_text(text)
-    found = sweep_file.read(tmp_path / "s.toml").over
+    found = read(tmp_path, text)
     ranges = {
         "friction.mu_k": (0.6, 0.9),
         "belt.axial_stiffness": stats.norm(90e3, 4e3),

@@ -103,20 +103,6 @@ def check_lost(executor: Any, survivors: Any) -> None:
     assert tensions[[0, 2, 3]].tobytes() == survivors.tobytes()
 
 
-def check_followers(survivors: Any) -> None:
-    """Runs that start from the end of a lost one have no start; the others are not touched."""
-    frictions = {"friction.mu_k": [0.5, 0.7]}
-    over = {"torque": [lethal, harmless], **frictions}
-    swept = do(plain(), over, MEASURE, executor="processes", warm="torque")
-    assert swept.counts == {"lost": 4}
-    assert "the run from whose end it starts was lost" in str(swept.dataset.message.values[1, 0])
-    over = {"torque": [harmless, lethal], **frictions}
-    swept = do(plain(), over, MEASURE, executor="processes", warm="torque")
-    assert list(swept.dataset.status.values[0]) == ["finished"] * 2
-    tensions = swept.dataset["span_tension.final"].values[0]
-    assert tensions.tobytes() == survivors[:2].tobytes()
-
-
 def test_a_run_that_kills_its_worker_is_lost_alone(
     survivors: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,7 +116,15 @@ def test_a_run_that_kills_its_worker_is_lost_alone(
     monkeypatch.setattr(pools._Processes, "_new", new)
     check_lost("processes", survivors)
     assert len(made) > 1, "no other workers have taken over"
-    check_followers(survivors)
+    # runs that start from the end of a lost one have no start; the others are not touched
+    for torques, counts in (([lethal, harmless], {"lost": 4}), ([harmless, lethal], None)):
+        over = {"torque": torques, "friction.mu_k": [0.5, 0.7]}
+        swept = do(plain(), over, MEASURE, executor="processes", warm="torque")
+        assert swept.counts == (counts or {"finished": 2, "lost": 2})
+        message = str(swept.dataset.message.values[1, 0])
+        assert ("the run from whose end it starts was lost" in message) == (counts is not None)
+    tensions = swept.dataset["span_tension.final"].values[0]
+    assert tensions.tobytes() == survivors[:2].tobytes()
 
 
 def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path) -> None:
@@ -154,11 +148,6 @@ def test_a_process_killed(tmp_path: Path, expected: Any) -> None:
 @ci
 def test_a_run_that_kills_its_process(survivors: Any) -> None:
     check_lost("processes", survivors)
-
-
-@pytest.mark.extended(guard=GUARD)
-def test_runs_after_a_lost_one_are_lost(survivors: Any) -> None:
-    check_followers(survivors)
 
 
 @pytest.mark.ci(guard="test_sweep_deaths.py::test_workers_of_the_users_that_die_are_an_error")

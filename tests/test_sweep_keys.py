@@ -178,12 +178,6 @@ class Load:
         return [self.call(), 0.0]
 
 
-HEAD = "class B:\n  def g(self): return {}\n"
-SLOTS = "class G:\n  __slots__ = ('k',)\n  def __call__(self, t): return self.k\nf = G(); f.k = {}"
-ATTRS = "import attrs\n@attrs.frozen\nclass G:\n  k: int\n  def __call__(self, t): return {}\n"
-CALLS = "class G(B):\n  def __call__(self, t): return self.g()\nf = G()"
-
-
 def of_code(text: str) -> Any:
     """What a script or notebook with this text defines as f."""
     module = types.ModuleType("__main__")
@@ -191,61 +185,44 @@ def of_code(text: str) -> Any:
     return module.__dict__["f"]
 
 
-#: Texts of which no two do the same.
+OBJECT = "class G:\n  def __call__(self, t): return {}\nf = G()"
+CALLS = "class B:\n  g = lambda self: {}\nclass G(B):\n  def __call__(self, t): self.g()\nf = G()"
+SLOTS = "class G:\n  __slots__ = ('k',)\n  def __call__(self, t): return self.k\nf = G(); f.k = {}"
+ATTRS = (
+    "import attrs\n@attrs.frozen\nclass G:\n  k: int\n  def __call__(self, t): return {}\nf = G({})"
+)
+#: Texts of which no two do the same, with what stands at their {}.
 DIFFERENT = [
-    "def f(t): return 1.0 * t",
-    "def f(t): return 2.0 * t",
-    "def f(t, k=2.0): return k * t",
-    "def f(t, k=3.0): return k * t",
-    "def f(t, *, k=3.0): return k * t",
-    "GAIN = 1.0\ndef f(t): return GAIN * t",
-    "GAIN = 2.0\ndef f(t): return GAIN * t",
-    "def g(t): return t\ndef f(t): return g(t)",
-    "def g(t): return -t\ndef f(t): return g(t)",
-    "def h(t): return 1\ndef g(t): return h(t)\ndef f(t): return g(t)",
-    "def h(t): return 2\ndef g(t): return h(t)\ndef f(t): return g(t)",
-    "def g(k):\n  def f(t): return k * t\n  return f\nf = g(1)",
-    "def g(k):\n  def f(t): return k * t\n  return f\nf = g(2)",
-    "def g(k):\n  def f(t): return k * t\n  return f\nf = g(1.0)",
-    "f = lambda t: [t for _ in range(3)]",
-    "f = lambda t: [t for _ in range(4)]",
-    "import math\nf = lambda t: math.sin(t)",
-    "import math\nf = lambda t: math.cos(t)",
-    "def f(t):\n  try: return 1 / t\n  except ZeroDivisionError: return 0.0",
-    "def f(t):\n  try: return 1 / t\n  except OverflowError: return 0.0",
-    "class G:\n  def __call__(self, t): return 1\nf = G()",
-    "class G:\n  def __call__(self, t): return 2\nf = G()",
-    "class G:\n  k = 1\n  def __call__(self, t): return self.k\nf = G()",
-    "class G:\n  k = 2\n  def __call__(self, t): return self.k\nf = G()",
-    HEAD.format(1) + CALLS,
-    HEAD.format(2) + CALLS,
-    SLOTS.format(1),
-    SLOTS.format(2),
-    ATTRS.format("self.k") + "f = G(1)",
-    ATTRS.format("self.k") + "f = G(2)",
-    ATTRS.format("5") + "f = G(2)",
-    "import functools\nf = functools.partial(lambda k, t: k * t, 1)",
-    "import functools\nf = functools.partial(lambda k, t: k * t, 2)",
-    "import functools\nf = functools.partial(lambda k, t: k + t, 1)",
-    "import functools\nf = functools.lru_cache(lambda t: t)",
-    "import functools\nf = functools.lru_cache(lambda t: -t)",
-    "import numpy as np\nf = np.sin",
-    "import numpy as np\nf = np.cos",
-    "import numpy as np\nK = np.array([1.0, 2.0])\nf = lambda t: K * t",
-    "import numpy as np\nK = np.array([1.0, 3.0])\nf = lambda t: K * t",
-    "import numpy as np\nK = np.array([1, 2])\nf = lambda t: K * t",
-    "def f(t): return f(t - 1) if t > 0 else 1",
-    "def f(t): return f(t - 1) if t > 0 else 2",
-    "def g(t): return f(t)\ndef f(t): return g(t)",
-]
+    ("def f(t): return {} * t", "1.0", "2.0"),
+    ("def f(t, k={}): return k * t", "2.0", "3.0"),
+    ("def f(t, *, k={}): return k * t", "3.0"),
+    ("GAIN = {}\ndef f(t): return GAIN * t", "1.0", "2.0"),
+    ("def g(t): return {}\ndef f(t): return g(t)", "t", "-t", "f(t)"),
+    ("def h(t): return {}\ndef g(t): return h(t)\ndef f(t): return g(t)", "1", "2"),
+    ("def g(k):\n  def f(t): return k * t\n  return f\nf = g({})", "1", "2", "1.0"),
+    ("f = lambda t: [t for _ in range({})]", "3", "4"),
+    ("import math\nf = lambda t: math.{}(t)", "sin", "cos"),
+    ("def f(t):\n  try: return 1 / t\n  except {}: return 0.0", "ValueError", "OverflowError"),
+    (OBJECT, "1", "2"),
+    ("class G:\n  k = {}\n  def __call__(self, t): return self.k\nf = G()", "1", "2"),
+    (CALLS, "1", "2"),
+    (SLOTS, "1", "2"),
+    (ATTRS.format("self.k", "{}"), "1", "2"),
+    (ATTRS.format("5", "{}"), "2"),
+    ("import functools\nf = functools.partial(lambda k, t: {}, 1)", "k * t", "k + t"),
+    ("import functools\nf = functools.partial(lambda k, t: k * t, {})", "2"),
+    ("import functools\nf = functools.lru_cache(lambda t: {})", "t", "-t"),
+    ("import numpy as np\nf = np.{}", "sin", "cos"),
+    ("import numpy as np\nK = np.array({})\nf = lambda t: K * t", "[1., 2.]", "[1., 3.]", "[1, 2]"),
+    ("def f(t): return f(t - 1) if t > 0 else {}", "1", "2"),
+]  # fmt: skip
 
 
 def test_what_does_something_else_has_another_token() -> None:
-    tokens = [token(of_code(text)) for text in DIFFERENT]
-    of = dict(zip(DIFFERENT, tokens, strict=True))
-    assert len(of) == len(DIFFERENT)
-    assert len(set(tokens)) == len(tokens), [text for text in of if tokens.count(of[text]) > 1]
-    assert tokens == [token(of_code(text)) for text in DIFFERENT]
+    texts = [text.format(what) for text, *some in DIFFERENT for what in some]
+    tokens = [token(of_code(text)) for text in texts]
+    assert len({*tokens}) == len(texts), [t for k, t in enumerate(texts) if tokens[k] in tokens[:k]]
+    assert tokens == [token(of_code(text)) for text in texts]
 
 
 def test_what_does_the_same_has_the_same_token() -> None:
