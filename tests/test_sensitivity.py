@@ -1,4 +1,4 @@
-"""Sensitivities against closed forms: Ishigami's function and Sobol's g function; runs that failed.
+"""Sensitivities against closed forms: Ishigami's function; runs that failed.
 
 Saltelli's estimators are means over N independent groups, so errors fall as 1/sqrt(N), with
 scrambled Sobol' points faster; the confidence is 1.96 standard deviations of resampled groups,
@@ -38,20 +38,6 @@ def ishigami_indices(a: float = 7.0, b: float = 0.1) -> tuple[Values, Values, Va
     return np.array([v1, v2, 0.0]) / v, np.array([v1 + v13, v2, v13]) / v, second
 
 
-WEIGHTS = np.array([0.0, 1.0, 4.5, 9.0, 99.0])
-
-
-def g_function(x: Values) -> Values:
-    return np.prod((np.abs(4.0 * x - 2.0) + WEIGHTS) / (1.0 + WEIGHTS), axis=1)
-
-
-def g_indices() -> tuple[Values, Values]:
-    """First and total: Saltelli and Sobol' (1995)."""
-    alone = 1.0 / (3.0 * (1.0 + WEIGHTS) ** 2)
-    all_of = np.prod(1.0 + alone)
-    return alone / (all_of - 1.0), alone * all_of / (1.0 + alone) / (all_of - 1.0)
-
-
 def cube(n: int, method: str = "saltelli", **options: Any) -> bd.Samples:
     return bd.sample({name: (-PI, PI) for name in ("a", "b", "c")}, n, method, **options)
 
@@ -88,15 +74,6 @@ def test_second_indices_of_ishigami(seed: int) -> None:
     close(found.second.isel(pairs), found.second_conf.isel(pairs), second[upper], 0.15)
     assert np.isnan(found.second.values[np.tril_indices(3)]).all()
     assert found.second.dims == ("parameter", "other")
-
-
-@pytest.mark.parametrize("seed", first(1, [0, 1, 2]))
-def test_g_function(seed: int) -> None:
-    samples = bd.sample({f"x{k}": (0.0, 1.0) for k in range(5)}, 2048, "saltelli", seed=seed)
-    found = bd.sensitivity(swept.of_samples(samples, g_function(samples.values)))
-    exact_first, exact_total = g_indices()
-    close(found.first, found.first_conf, exact_first, 0.08)
-    close(found.total, found.total_conf, exact_total, 0.08)
 
 
 @pytest.mark.parametrize("method", first(1, ["sobol", "halton", "latin-hypercube", "random"]))

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import sweep_runs
 from sweep_runs import do, plain, same
+from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn import pools
@@ -127,16 +128,19 @@ def test_a_run_that_kills_its_worker_is_lost_alone(
     assert tensions.tobytes() == survivors[:2].tobytes()
 
 
-def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path) -> None:
-    """Their executor is broken for good; what was done before is kept."""
+@pytest.mark.parametrize("kind", ci_if("processes".__eq__, ["bytes", "processes"]))
+def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path, kind: str) -> None:
+    """Their executor is broken for good, and the error says so; what was done before is kept."""
 
     def few(torque: Any, executor: Any = "threads") -> Any:
         over = {"torque": [harmless, torque], "friction.mu_k": [0.5, 0.6]}
         return do(plain(), over, MEASURE, combine="zip", executor=executor, store=tmp_path)
 
-    few(harmless, sweep_runs.Sent())
-    with pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="):
-        few(lethal, sweep_runs.Sent())
+    spawn = get_context("spawn")
+    with sweep_runs.Sent() if kind == "bytes" else ProcessPoolExecutor(2, spawn) as workers:
+        few(harmless, workers)
+        with pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="):
+            few(lethal, workers)
     assert few(harmless).stored == 2
 
 
@@ -148,26 +152,6 @@ def test_a_process_killed(tmp_path: Path, expected: Any) -> None:
 @ci
 def test_a_run_that_kills_its_process(survivors: Any) -> None:
     check_lost("processes", survivors)
-
-
-@pytest.mark.ci(guard="test_sweep_deaths.py::test_workers_of_the_users_that_die_are_an_error")
-def test_a_process_of_the_users_killed(tmp_path: Path, expected: Any) -> None:
-    """The executor is broken for good: an error that says so, and nothing done is lost."""
-    runs, store = tmp_path / "runs", tmp_path / "store"
-    runs.mkdir()
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
-        # first some runs that end
-        few = {"torque.scale": OVER["torque.scale"][:3]}
-        do(sleeping(runs), few, MEASURE, executor=processes, store=store)
-        for one in runs.iterdir():
-            one.unlink()
-        killer = when_begun(runs, kill_one)
-        with pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="):
-            do(sleeping(runs), OVER, MEASURE, executor=processes, store=store)
-        killer.join()
-    swept = do(sleeping(runs), OVER, MEASURE, store=store)
-    assert swept.stored >= 3 and swept.stored + swept.computed == 12
-    same(swept.dataset, expected)
 
 
 @ci

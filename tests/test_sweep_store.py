@@ -269,7 +269,10 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
     assert counts(tmp_path, over=listed) == (1, 0)
     # the factor 1 is the scene itself
     assert counts(tmp_path, over={"friction.mu_k": [mu_k]}) == (1, 0)
-    # what makes a difference
+    # what makes a difference: of Python torques what they do
+    assert counts(tmp_path, under_function(40.0)) == (0, 2)
+    assert counts(tmp_path, under_function(40.0)) == (2, 0)
+    assert counts(tmp_path, under_function(41.0)) == (0, 2)
     assert counts(tmp_path, t_eval=[1e-3, 1.5e-3]) == (0, 2)
     assert counts(tmp_path, t_eval=np.array(TIMES)) == (2, 0)
     assert counts(tmp_path, measure=["stats.steps"]) == (0, 2)
@@ -279,17 +282,6 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
     assert counts(tmp_path, over={"torque.scale": [0.5, 1.0]}, warm="torque.scale") == (0, 2)
     monkeypatch.setattr(content._core, "__version__", "0.0.0")
     assert counts(tmp_path) == (0, 2)
-
-
-def test_python_torques_are_known_by_what_they_do(tmp_path: Path) -> None:
-    assert counts(tmp_path, under_function(40.0)) == (0, 2)
-    assert counts(tmp_path, under_function(40.0)) == (2, 0)
-    assert counts(tmp_path, under_function(41.0)) == (0, 2)
-
-    def other(_t: float, _theta: Any, omega: Any) -> list[float]:
-        return [-40.0, -2.0 * float(omega[1])]
-
-    assert counts(tmp_path, plain()._replace(torque_fn=other)) == (0, 2)
 
 
 def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
