@@ -22,11 +22,10 @@ def test_both_cases_have_one_and_the_same_drive() -> None:
     assert bd.scenes.kubas_case_1().params == bd.scenes.kubas_case_2().params
 
 
+@pytest.mark.ci(guard="test_search.py::test_misfit_and_cost_of_a_trial")
 def test_the_published_set_holds_every_demand_and_beats_both_starts(
     published: search.Trial,
 ) -> None:
-    assert published.links == LINKS
-    assert published.missed == ()
     ways = (
         bd.Tensioning(),
         bd.Tensioning(friction=True),
@@ -39,6 +38,8 @@ def test_the_published_set_holds_every_demand_and_beats_both_starts(
 
 
 def test_misfit_and_cost_of_a_trial(published: search.Trial) -> None:
+    assert published.links == LINKS
+    assert published.missed == ()  # it holds every demand
     z = residuals(published.values)
     assert set(z) == {q.name for q in QUANTITIES}
     assert published.misfit == pytest.approx(sum(value**2 for value in z.values()))

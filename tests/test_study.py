@@ -444,6 +444,7 @@ def scene_file(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.ci(guard="test_study.py::test_a_table_csv_and_figure_hold_all_runs")
 def test_the_command_accuracy_writes_what_is_asked(scene_file: Path, tmp_path: Path) -> None:
     out, plot = tmp_path / "price.csv", tmp_path / "price.png"
     arguments = ["accuracy", str(scene_file), "--quick", "--quantity", "speed"]

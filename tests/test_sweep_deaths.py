@@ -149,7 +149,7 @@ def test_a_process_killed(tmp_path: Path, expected: Any) -> None:
     kill_in(tmp_path, expected, "processes")
 
 
-@ci
+@pytest.mark.extended(guard=GUARD)
 def test_a_run_that_kills_its_process(survivors: Any) -> None:
     check_lost("processes", survivors)
 

@@ -89,6 +89,7 @@ def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[
     assert found.params == changed(rig, found.values)
 
 
+@pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
 def test_numbers_do_as_well_as_curves_and_runs_may_differ(rig: bd.Params) -> None:
     """Two runs, one on softer friction joints, from numbers alone.
 
@@ -164,6 +165,9 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         bd.identify(start, ["friction.mu_k"], targets, workers=1, executor="threads")
 
 
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_the_result_does_not_depend_on_where_runs_are_done"
+)
 def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
     rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -296,6 +300,9 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Param
     assert both.std["pulleys[*].inertia"] < 0.3 * min(found.std.values())
 
 
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_contact_that_hardly_bends_says_nothing_of_its_curvature"
+)
 def test_a_parameter_without_effect_is_reported_and_harms_no_other(
     rig: bd.Params, truth: bd.Result
 ) -> None:
