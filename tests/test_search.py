@@ -73,6 +73,7 @@ def test_targets_are_the_table_in_two_runs(published: search.Trial) -> None:
     assert 2.0 * at.cost == pytest.approx(published.cost, rel=1e-12)
 
 
+@pytest.mark.ci(guard="test_search.py::test_targets_are_the_table_in_two_runs")
 def test_exploring_is_the_same_for_any_number_of_threads() -> None:
     def explore(workers: int, seed: int) -> list[search.Trial]:
         return search.explore(search.BEGIN, generations=1, population=4, seed=seed, workers=workers)
