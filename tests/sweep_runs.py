@@ -1,10 +1,14 @@
-"""Sweeps for tests of how they are done: short runs of a coarse belt, given in every way."""
+"""Short runs of a coarse belt for tests of sweeps: scenes, the same by hand, and every executor."""
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import math
+import pickle
+import time
 from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +22,7 @@ import pytest
 from numpy.typing import NDArray
 
 import beltdyn as bd
+from beltdyn.sweeping import dispatch, store
 from beltdyn.sweeping.sweep import Swept, run_sweep
 
 #: Texts at the start of a program in another process, which then finds the modules of the tests.
@@ -36,11 +41,38 @@ def plain(t_end: float = 2e-3) -> bd.Scene:
     return coarse(drives.plain_scene(), t_end)
 
 
+def small(t_end: float = 2e-3) -> bd.Scene:
+    """Two named pulleys, a torque and a load of its own, which have fields to be swept."""
+    scene = coarse(drives.plain_scene(), t_end, 24)
+    crank, fan = scene.params.pulleys
+    named = attrs.evolve(crank, name="crank"), attrs.evolve(fan, name="fan")
+    torque = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-40.0, 0.0]])
+    return scene._replace(
+        params=attrs.evolve(scene.params, pulleys=named),
+        torque_fn=torque + bd.Load("fan", viscous=0.5, quadratic=1e-3),
+    )
+
+
+def alone(scene: bd.Scene, **options: Any) -> bd.Result:
+    """A run by itself."""
+    return bd.simulate(scene.params, scene.torque_fn, scene.t_end, scene.motion, **options)
+
+
+def with_belt(scene: bd.Scene, **changes: Any) -> bd.Scene:
+    """The scene with numbers of the belt changed."""
+    belt = attrs.evolve(scene.params.belt, **changes)
+    return scene._replace(params=attrs.evolve(scene.params, belt=belt))
+
+
+def bits(values: Any) -> bytes:
+    """All bits of numbers."""
+    return np.ascontiguousarray(np.asarray(values, dtype=float)).tobytes()
+
+
 def moved() -> bd.Scene:
     """Its first pulley follows a speed, from running on."""
-    scene = plain()
     speed = bd.PiecewiseLinear([0.0, 1e-3, 2e-3], [-10.0, -11.0, -11.0])
-    return scene._replace(motion={0: speed}, torque_fn=bd.Viscous([0.0, 2.0]))
+    return plain()._replace(motion={0: speed}, torque_fn=bd.Viscous([0.0, 2.0]))
 
 
 def mounted() -> bd.Scene:
@@ -56,6 +88,44 @@ def under_function(gain: float = 40.0) -> bd.Scene:
         return [-gain * min(1.0, t / 1e-3), -2.0 * float(omega[1])]
 
     return plain()._replace(torque_fn=torque)
+
+
+DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+@ctypes.CFUNCTYPE(None, ctypes.c_double, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p)
+def compiled(_t: float, _theta: Any, omega: Any, torque: Any, _user: Any) -> None:
+    torque[0], torque[1] = -20.0, -omega[1]
+
+
+def _sent(payload: bytes) -> Any:
+    work, args = pickle.loads(payload)
+    return pickle.loads(pickle.dumps(work(*args)))
+
+
+class Sent(Executor):
+    """Workers in this process that are told everything in bytes, as those in others are.
+
+    A batch in which "lethal" stands kills them all, as one that ends its process does.
+    """
+
+    def __init__(self) -> None:
+        self._threads, self._dead, self.jobs = ThreadPoolExecutor(2), False, 0
+
+    def submit(self, work: Any, /, *args: Any, **_: Any) -> Future[Any]:
+        self.jobs += 1
+        if self._dead:
+            raise BrokenExecutor("a worker died before")
+        payload = pickle.dumps((work, args))
+        if b"lethal" in payload:
+            self._dead = True
+            killed: Future[Any] = Future()
+            killed.set_exception(BrokenExecutor("a worker died"))
+            return killed
+        return self._threads.submit(_sent, payload)
+
+    def shutdown(self, wait: bool = True, **_: Any) -> None:
+        self._threads.shutdown(wait)
 
 
 @contextmanager
@@ -94,6 +164,21 @@ def do(scene: Any, over: Any, measure: Any = None, **options: Any) -> Swept:
         "version": "",
     }
     return run_sweep(scene, over, measure, **{**given, **options})
+
+
+def go_on_slowly(folder: str, parts: int) -> None:
+    """Have this process write parts whenever it can, and once there are some go on slowly.
+
+    So that signals reach a sweep on its way, however loaded the machine.
+    """
+    store._LEAST = 0.0
+    hand_out = dispatch.Dispatch._hand_out
+
+    def slowly(self: dispatch.Dispatch) -> None:
+        time.sleep(0.5 if len(list(Path(folder).glob("part-*.nc"))) >= parts else 0.0)
+        hand_out(self)
+
+    dispatch.Dispatch._hand_out = slowly  # type: ignore[method-assign]
 
 
 #: What tests measure: numbers and histories, none of them a time that something took.
@@ -149,12 +234,3 @@ def same(one: Any, other: Any) -> None:
 
 def _bytes(values: NDArray[Any]) -> bytes:
     return repr(values.tolist()).encode() if values.dtype.kind in "OT" else values.tobytes()
-
-
-def of_loop(scene: bd.Scene, runs: list[bd.Scene], options: list[dict[str, Any]]) -> NDArray[Any]:
-    """Tensions (n, n_t, n_p) of spans by a loop written by hand, NaN of what cannot be run."""
-    found = []
-    for run, given in zip(runs, options, strict=True):
-        result = bd.simulate(*run, t_eval=TIMES, **given)
-        found.append(result.span_tension)
-    return np.array(found)

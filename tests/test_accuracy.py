@@ -15,6 +15,7 @@ import drives
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tiers import first
 
 import beltdyn as bd
 from beltdyn import cli, sanity
@@ -41,7 +42,7 @@ def short(mesh: str = "joint", links: int = 24) -> bd.Scene:
 
 
 @cache
-def verified(mesh: str = "joint", rtol: float = 1e-4) -> bd.Result:
+def verified(mesh: str = "paper", rtol: float = 1e-4) -> bd.Result:
     return bd.simulate(*on(drives.scene_u(), mesh), rtol=rtol, verify=True)
 
 
@@ -50,14 +51,23 @@ def verified_short() -> bd.Result:
     return bd.simulate(*short(), verify=True)
 
 
-def relative_to(reference: Observed, run: Observed) -> Observed:
-    """The reference with the scales of the run, which its estimates are relative to."""
-    return attrs.evolve(reference, scales=run.scales)
-
-
 def true_errors(run: bd.Result, exact: bd.Result) -> dict[str, float]:
+    """Errors relative to the scales of the run, which its estimates are relative to."""
     seen = observe(run)
-    return differences(seen, relative_to(observe(exact), seen))
+    return differences(seen, attrs.evolve(observe(exact), scales=seen.scales))
+
+
+def check_ratios(run: bd.Result, exact: bd.Result, part: str, floor: float, most: float) -> None:
+    """What a run says of its errors is right to a factor; of means, to ``most`` times that.
+
+    A mean agrees better than its history now and then, which the estimate does not believe.
+    """
+    true = true_errors(run, exact)
+    for name in QUANTITIES:
+        said = getattr(run.accuracy[name], part)
+        ratio = said / max(floor, true[name])
+        allowed = FACTOR if name in HISTORIES else most * FACTOR
+        assert 1.0 / FACTOR <= ratio <= allowed, (name, said, true[name])
 
 
 # --------------------------------------------------------------------- what is read off a run
@@ -94,22 +104,19 @@ def test_what_is_read_at_rest() -> None:
     assert (at_rest.creep == 0.0).all()
     assert at_rest.scales["speed"] == at_rest.scales["power"] == 0.0
     assert set(differences(at_rest, at_rest).values()) == {0.0}
-
-
-def test_the_middle_of_a_span_is_a_place() -> None:
-    """A linear force along the upper span is read where the span's middle is, between joints."""
-    params = drives.on_mesh(drives.plain(), "joint")
-    run = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-4, t_eval=[0.0, 1e-4])
+    # the middle of a span is a place, between joints: a force along x is read there
     half = 0.5 * params.info["link_length"]
     x = run.belt.x - half * np.cos(run.belt.phi)  # left ends of the links: joints, at rest
-    force = 500.0 + 1000.0 * x
-    seen = observe(attrs.evolve(run, joints=attrs.evolve(run.joints, force=force)))
-    assert seen.tension == pytest.approx(500.0 + 1000.0 * 0.145, rel=1e-3)
+    along = attrs.evolve(run, joints=attrs.evolve(run.joints, force=500.0 + 1000.0 * x))
+    assert observe(along).tension == pytest.approx(500.0 + 1000.0 * 0.145, rel=1e-3)
+    for last in (0.0, 1.5, -0.1):
+        with pytest.raises(ValueError, match="last must be > 0 and <= 1"):
+            observe(run, last=last)
 
 
 def test_creep_and_friction_are_those_of_the_drive() -> None:
     """A steady drive: friction carries the torque, and creep is the loss of speed."""
-    run = verified()
+    run = verified("joint")
     seen, late = observe(run), run.t >= 0.8 * run.t[-1]
     radii = np.array([pulley.radius for pulley in run.params.pulleys])
     speed = np.abs(np.mean(run.pulleys.omega[late], axis=0) * radii)
@@ -132,22 +139,13 @@ def test_differences_are_relative_to_the_scales_of_the_second() -> None:
     doubled = attrs.evolve(b, scales={name: 2.0 * scale for name, scale in b.scales.items()})
     assert differences(off, doubled)["creep"] == pytest.approx(0.01)
 
-
-def test_differences_up_to_a_time() -> None:
-    a = observed()
     tension = a.tension.copy()
     tension[6:] += 50.0
-    b = attrs.evolve(a, tension=tension)
-    assert differences(a, b, until=0.5)["tension"] == 0.0
-    assert differences(a, b)["tension"] > 0.3
+    late = attrs.evolve(a, tension=tension)
+    assert differences(a, late, until=0.5)["tension"] == 0.0
+    assert differences(a, late)["tension"] > 0.3
     with pytest.raises(ValueError, match="same times"):
         differences(a, attrs.evolve(b, t=2.0 * b.t))
-
-
-@pytest.mark.parametrize("last", [0.0, 1.5, -0.1])
-def test_the_last_part_is_a_part(last: float) -> None:
-    with pytest.raises(ValueError, match="last must be > 0 and <= 1"):
-        observe(verified_short(), last=last)
 
 
 def test_with_links_changes_the_mesh_alone() -> None:
@@ -167,16 +165,21 @@ def off_by(error: float, other: float = 0.0) -> Observed:
     return observed(span_mean=np.array([100.0 * (1.0 + other), 100.0 * (1.0 + error)]))
 
 
-@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
-def test_a_trend_is_extrapolated(order: float) -> None:
+def test_a_trend_is_extrapolated() -> None:
     """Errors C/n^p: the finer mesh alone gives p and C; the coarser one assumes order 2."""
-    error = {ratio: 0.1 * ratio**-order for ratio in (0.5, 1.0, 1.5)}
-    found, seen = space_error(
-        "span_mean", off_by(error[1.0]), (0.5, off_by(error[0.5])), (1.5, off_by(error[1.5]))
-    )
-    richardson = (error[0.5] - error[1.0]) / 3.0
-    assert found == pytest.approx(math.sqrt((0.1**2 + richardson**2) / 2.0), rel=1e-2)
-    assert seen == pytest.approx(order, rel=1e-2)
+    for order in (1.0, 1.5, 2.0):
+        error = {ratio: 0.1 * ratio**-order for ratio in (0.5, 1.0, 1.5)}
+        coarse, fine = (0.5, off_by(error[0.5])), (1.5, off_by(error[1.5]))
+        found, seen = space_error("span_mean", off_by(error[1.0]), coarse, fine)
+        richardson = (error[0.5] - error[1.0]) / 3.0
+        assert found == pytest.approx(math.sqrt((0.1**2 + richardson**2) / 2.0), rel=1e-2)
+        assert seen == pytest.approx(order, rel=1e-2)
+    # one other mesh is better than none
+    assert space_error("span_mean", off_by(0.1), None, None) == (None, None)
+    for meshes in ((None, (1.5, off_by(0.1 * 1.5**-2))), ((0.5, off_by(0.4)), None)):
+        found, seen = space_error("span_mean", off_by(0.1), *meshes)
+        assert found == pytest.approx(0.1, rel=0.7)
+        assert seen is None
 
 
 def test_meshes_that_agree_by_chance() -> None:
@@ -185,67 +188,40 @@ def test_meshes_that_agree_by_chance() -> None:
         found, _ = space_error("span_mean", off_by(run), (0.5, off_by(coarse)), (1.5, off_by(fine)))
         assert found is not None
         assert 0.04 < found < 0.3
+    # no order where there is no trend
+    others = (0.5, off_by(0.0, 0.2)), (1.5, off_by(0.0, -0.2))
+    assert space_error("span_mean", off_by(0.1), *others)[1] is None
 
 
-def test_no_order_where_there_is_no_trend() -> None:
-    run, coarse, fine = off_by(0.1), off_by(0.0, 0.2), off_by(0.0, -0.2)
-    assert space_error("span_mean", run, (0.5, coarse), (1.5, fine))[1] is None
-
-
-def test_one_other_mesh_is_better_than_none() -> None:
-    assert space_error("span_mean", off_by(0.1), None, None) == (None, None)
-    for meshes in ((None, (1.5, off_by(0.1 * 1.5**-2))), ((0.5, off_by(0.4)), None)):
-        found, order = space_error("span_mean", off_by(0.1), *meshes)
-        assert found == pytest.approx(0.1, rel=0.7)
-        assert order is None
-
-
-@pytest.mark.parametrize("mesh", ["paper", "joint"])
+@pytest.mark.parametrize("mesh", first(1, ["paper", "joint"]))
 def test_the_error_of_the_mesh_is_that_against_a_fine_one(mesh: str) -> None:
     """Drive U with 60 links, against 480: within a factor of three."""
     run = verified(mesh)
-    true = true_errors(run, bd.simulate(*on(drives.scene_u(), mesh, 480), rtol=1e-3))
-    for name in QUANTITIES:
-        space = run.accuracy[name].space
-        assert space is not None
-        ratio = space / max(SPACE_FLOOR, true[name])
-        assert 1.0 / FACTOR <= ratio <= FACTOR, (name, space, true[name])
+    fine = bd.simulate(*on(drives.scene_u(), mesh, 480), rtol=1e-3)
+    check_ratios(run, fine, "space", SPACE_FLOOR, 1.0)
     assert run.accuracy.verified
     if mesh == "paper":  # the polygon: tensions converge with order 2
         assert run.accuracy["span_mean"].order == pytest.approx(2.0, abs=0.3)
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
+@pytest.mark.parametrize("rtol", first(1, [1e-2, 1e-3]))
 def test_the_error_in_time_is_that_against_a_tight_run(rtol: float) -> None:
-    """The reference is by another method than the check."""
+    """The reference is by another method than the check; looser tolerances have larger errors."""
     run = verified("paper", rtol)
     exact = bd.simulate(*on(drives.scene_u(), "paper"), method="rodas4", rtol=1e-6)
-    true = true_errors(run, exact)
-    for name in QUANTITIES:
-        time = run.accuracy[name].time
-        assert time is not None
-        ratio = time / max(TIME_FLOOR, true[name])
-        # a mean agrees better than its history now and then, which the estimate does not believe
-        most = FACTOR if name in HISTORIES else 2.0 * FACTOR
-        assert 1.0 / FACTOR <= ratio <= most, (name, time, true[name])
+    check_ratios(run, exact, "time", TIME_FLOOR, 2.0)
+    tight = verified("paper").accuracy["tension"].time
+    assert tight is not None and run.accuracy["tension"].time > 2.0 * tight
 
 
-@pytest.mark.parametrize("mesh", ["paper", "joint"])
-def test_when_the_check_in_time_begins_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, mesh: str
-) -> None:
+def test_when_the_check_in_time_begins_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside the run, by the method that it seems to need; at the end, by the one it does need."""
-    scene = on(drives.scene_u(), mesh)
-    for begun in (0.05, 2.0):
+    found = []
+    for begun in (verification.BEGUN, 0.05, 2.0):
         monkeypatch.setattr(verification, "BEGUN", begun)
-        run = bd.simulate(*scene, rtol=1e-2, verify=True)
-        assert run.accuracy.errors == verified(mesh, 1e-2).accuracy.errors
-
-
-def test_looser_tolerances_have_larger_errors() -> None:
-    loose, tight = (verified("paper", rtol).accuracy["tension"].time for rtol in (1e-2, 1e-3))
-    assert loose is not None and tight is not None
-    assert loose > 2.0 * tight
+        scene = on(drives.scene_u()._replace(t_end=0.1), "joint")
+        found.append(bd.simulate(*scene, rtol=1e-2, verify=True).accuracy.errors)
+    assert found[0] == found[1] == found[2]
 
 
 # ----------------------------------------------------------------------- what a result says
@@ -269,54 +245,37 @@ def test_without_verification_there_is_what_costs_nothing() -> None:
         known["colour"]
 
 
-def test_the_run_itself_is_the_same() -> None:
-    plain, with_others = bd.simulate(*short()), verified_short()
-    assert (plain.joints.force == with_others.joints.force).all()
-    assert plain.stats.steps == with_others.stats.steps
-    assert with_others.energy is not None
-
-
-def test_the_sum_is_that_of_its_parts() -> None:
-    for one in verified_short().accuracy.errors:
+def test_a_verified_run_is_the_same_and_says_so(tmp_path: Path) -> None:
+    plain, run = bd.simulate(*short()), verified_short()
+    assert (plain.joints.force == run.joints.force).all()
+    assert plain.stats.steps == run.stats.steps
+    assert run.energy is not None
+    for one in run.accuracy.errors:
         assert one.time is not None and one.space is not None and one.compliance is not None
         assert one.total == one.time + one.space + one.compliance
         assert one.time >= TIME_FLOOR and one.space >= SPACE_FLOOR
-
-
-def test_a_printed_result_says_that_it_was_verified() -> None:
-    assert "accuracy, measured" in str(verified_short())
-    plain = str(bd.simulate(*short()))
-    assert "accuracy, estimated" in plain and "accuracy, measured" not in plain
-
-
-def test_the_runs_are_named() -> None:
-    runs = verified_short().accuracy.runs
+    assert "accuracy, measured" in str(run)
+    assert "accuracy, estimated" in str(plain) and "accuracy, measured" not in str(plain)
+    runs = run.accuracy.runs
     assert len(runs) == 3
     assert runs[0].startswith("tsit5 at rtol = 1e-05 on the same mesh, ")  # rodas4 ran it
     assert runs[1].startswith("12 links with rodas4 at rtol = 0.001, ")
     assert runs[2].startswith("36 links with auto at rtol = 0.001, ")
+    run.save(tmp_path / "run.npz")
+    assert bd.Result.load(tmp_path / "run.npz").accuracy == run.accuracy
 
 
-@pytest.mark.parametrize(
-    ("options", "check"),
-    [
+def test_another_method_where_it_is_affordable() -> None:
+    for options, check in (
         ({"method": "tsit5"}, "rodas4 at rtol = 1e-05"),
         ({"method": "rodas4"}, "tsit5 at rtol = 1e-05"),
         ({"method": "lbdf2", "rtol": 1e-2}, "tsit5 at rtol = 0.001"),
         ({"method": "rk4"}, "tsit5 at rtol = 1e-05"),
         ({"method": "lie", "step": 1e-4}, "tsit5 at rtol = 1e-05"),
-    ],
-)
-def test_another_method_where_it_is_affordable(options: dict[str, Any], check: str) -> None:
-    accuracy = bd.simulate(*short(), verify=True, **options).accuracy
-    assert accuracy.verified
-    assert accuracy.runs[0].startswith(check)
-
-
-def test_saved_results_say_that_they_were_verified(tmp_path: Path) -> None:
-    path, run = tmp_path / "run.npz", verified_short()
-    run.save(path)
-    assert bd.Result.load(path).accuracy == run.accuracy
+    ):
+        accuracy = bd.simulate(*short(), verify=True, **options).accuracy
+        assert accuracy.verified
+        assert accuracy.runs[0].startswith(check), options
 
 
 def test_files_of_earlier_versions_and_crafted_ones(tmp_path: Path) -> None:
@@ -361,10 +320,6 @@ def test_the_command_line_prints_the_errors(tmp_path: Path) -> None:
 # --------------------------------------------------------------- loads given by functions
 
 
-def as_function(torque: Any) -> Any:
-    return lambda t, theta, omega: torque(t, theta, omega)
-
-
 def test_python_torques_are_called_in_this_thread_alone() -> None:
     scene = short()
     threads = set()
@@ -402,6 +357,7 @@ def fails_after_a_run(scene: bd.Scene, error: BaseException) -> Any:
 
 
 def test_a_verification_that_fails_keeps_the_run() -> None:
+    """Or is interrupted by Ctrl-C, which goes on as one, with the run."""
     scene = short()
     torque = fails_after_a_run(scene, RuntimeError("the file of torques is at its end"))
     run = bd.simulate(scene.params, torque, scene.t_end, verify=True)
@@ -412,6 +368,11 @@ def test_a_verification_that_fails_keeps_the_run() -> None:
     assert all("at its end" in note for note in run.accuracy.notes)
     assert run.accuracy["tension"].time == run.stats.error  # what is known without other runs
     assert run.accuracy["speed"].time is None
+    torque = fails_after_a_run(scene, KeyboardInterrupt())
+    with pytest.raises(bd.Interrupted, match="it had itself finished") as caught:
+        bd.simulate(scene.params, torque, scene.t_end, verify=True)
+    assert caught.value.result is not None
+    assert caught.value.result.success and not caught.value.result.accuracy.verified
 
 
 def test_a_mesh_that_cannot_run_is_said() -> None:
@@ -422,24 +383,13 @@ def test_a_mesh_that_cannot_run_is_said() -> None:
     assert run.accuracy["span_mean"].space is not None  # from the finer mesh
 
 
-def test_ctrl_c_while_verifying_keeps_the_run() -> None:
-    scene = short()
-    torque = fails_after_a_run(scene, KeyboardInterrupt())
-    with pytest.raises(bd.Interrupted, match="it had itself finished") as caught:
-        bd.simulate(scene.params, torque, scene.t_end, verify=True)
-    assert caught.value.result is not None
-    assert caught.value.result.success
-    assert not caught.value.result.accuracy.verified
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"motion": [1.0]}, {"rtol": "fine"}, {"method": 5}, {"t_eval": ["now"]}, {"verify": "yes"}],
-)
-def test_bad_arguments_are_refused_by_name(wrong: dict[str, Any]) -> None:
-    (name,) = wrong
-    with pytest.raises(TypeError, match=f"^{name}"):
-        bd.simulate(*short()[:3], **{"verify": True, **wrong})
+def test_bad_arguments_are_refused_by_name() -> None:
+    wrong: tuple[dict[str, Any], ...] = (
+        {"motion": [1.0]}, {"rtol": "fine"}, {"method": 5}, {"t_eval": ["now"]}, {"verify": "yes"}
+    )  # fmt: skip
+    for one in wrong:
+        with pytest.raises(TypeError, match=f"^{next(iter(one))}"):
+            bd.simulate(*short()[:3], **{"verify": True, **one})
 
 
 def test_a_run_that_fails_ends_its_verification() -> None:
@@ -508,7 +458,7 @@ def test_histories_that_part_are_judged_up_to_there() -> None:
     assert time is not None and time < 0.005
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_accuracy.py::test_histories_that_part_are_judged_up_to_there")
 def test_growth_that_the_run_has_noticed() -> None:
     run = bd.simulate(*chattering(0.35), verify=True)
     (growth,) = (one.t for one in run.warnings if one.code == "growth")

@@ -6,6 +6,7 @@ Times are only asked to be times: what they are is measured by ``benchmarks/expl
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import attrs
@@ -13,13 +14,17 @@ import drives
 import pytest
 from click.testing import CliRunner
 from laws import EXAMPLES, STRIBECK
-from module_common import INF, make_model, make_simulation, same_bits
+from module_common import INF, make_simulation, same_bits
 
 import beltdyn as bd
 from beltdyn import _core, cli
 from beltdyn.explaining.effects import parts_of
 
-QUICK: dict[str, Any] = {"budget": 0.3}
+PARAMS, TORQUE, _, _ = bd.scenes.kubas_case_1()
+
+
+def quickly(params: bd.Params, torque: Any = TORQUE, t_end: float = 2e-3, **more: Any) -> Any:
+    return bd.explain(params, torque, t_end, budget=0.05, **more)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +34,7 @@ def alternator() -> bd.Scene:
 
 @pytest.fixture(scope="module")
 def explained(alternator: bd.Scene) -> bd.Explanation:
-    return bd.explain(alternator.params, alternator.torque_fn, 0.01, alternator.motion, **QUICK)
+    return bd.explain(alternator.params, alternator.torque_fn, 0.01, alternator.motion, budget=0.3)
 
 
 def reasons(explanation: bd.Explanation) -> str:
@@ -46,6 +51,20 @@ def test_every_effect_says_what_calls_for_it() -> None:
     assert words == groups - {"pulley"} | {"gravity", "motion", "torque", "friction", "path"}
 
 
+@pytest.fixture(scope="module")
+def timed(model: Any, rest: Any) -> Callable[..., Any]:
+    """Make a run at its start, of which the passes of a step can be timed."""
+
+    def make(*given: Any, **options: Any) -> Any:
+        sim = make_simulation(model, rest, *given, **options)
+        with pytest.raises(RuntimeError, match="has made a step"):
+            sim.time_passes(3)
+        sim.advance(0.0)
+        return sim
+
+    return make
+
+
 @pytest.mark.parametrize(
     ("method", "rates", "solutions"),
     # The last stage of an explicit method is the first of the next step (tsit5: Tsitouras 2011, 7
@@ -53,53 +72,37 @@ def test_every_effect_says_what_calls_for_it() -> None:
     # rate at the end. BDF, linearly implicit: one of each.
     [("tsit5", 6, 0), ("rk4", 4, 0), ("rodas4", 6, 6), ("lbdf2", 1, 1), ("lie", 1, 1)],
 )
-def test_passes_are_those_of_the_plan_in_order(method: str, rates: int, solutions: int) -> None:
-    model = make_model()
-    rest = _core.Simulation.settle(model)
-    assert rest.advance(INF)
-    sim = make_simulation(model, rest.state(), method=method)
-    with pytest.raises(RuntimeError, match="has made a step"):
-        sim.time_passes(3)
-    sim.advance(0.0)
+def test_passes_are_those_of_the_plan_in_order(
+    method: str, rates: int, solutions: int, timed: Callable[..., Any]
+) -> None:
+    sim = timed(method=method)
     before = sim.state()
     *passes, whole = sim.time_passes(3)
     of_plan = [name for name in sim.passes if name != "energy ledger"]
     split = ["contact: normal force", "contact: friction"]
     expected = [one for name in of_plan for one in (split if "contact" in name else [name])]
-    rows = [name for name, calls, _ in passes if name in expected]
-    assert rows == expected
+    assert [name for name, _, _ in passes if name in expected] == expected
     calls = {name: calls for name, calls, _ in passes}
     assert {calls[name] for name in expected} == {rates}
     assert calls.get("solution of the linear system", 0) == solutions
     assert ("Jacobian" in calls) == ("factorisation" in calls) == (solutions > 0)
     assert calls["energy ledger"] == whole[1] == 1
     # differences of two measured times may come out below 0 where nothing is to be paid
-    assert all(
-        seconds > 0.0 for name, _, seconds in passes if name not in ("energy ledger", *split)
-    )
+    free = ("energy ledger", *split)
+    assert all(seconds > 0.0 for name, _, seconds in passes if name not in free)
     assert whole[0] == "whole step" and whole[2] > 0.0
-    assert same_bits(sim.state(), before) and sim.advance(INF) is True
-
-
-def test_time_passes_checks_its_argument() -> None:
-    model = make_model()
-    rest = _core.Simulation.settle(model)
-    assert rest.advance(INF)
-    sim = make_simulation(model, rest.state())
-    sim.advance(0.0)
+    assert same_bits(sim.state(), before)
     for rounds in (0, 102, 10**12, -5):
         with pytest.raises(ValueError, match="rounds must be from 1 to 101"):
             sim.time_passes(rounds)
     with pytest.raises(TypeError):
-        sim.time_passes(1.5)  # type: ignore[arg-type]
+        sim.time_passes(1.5)
+    assert sim.advance(INF) is True
 
 
-def test_time_passes_refuses_what_does_not_run() -> None:
-    with pytest.raises(RuntimeError, match="has made a step"):
-        _core.Simulation.settle(make_model()).time_passes(3)
-
-
-def test_an_exception_of_a_torque_comes_out_unchanged() -> None:
+def test_an_exception_of_a_torque_comes_out_unchanged(
+    timed: Callable[..., Any], model: Any
+) -> None:
     broken = False
 
     def torque(t: float, theta: Any, omega: Any) -> list[float]:
@@ -107,14 +110,12 @@ def test_an_exception_of_a_torque_comes_out_unchanged() -> None:
             raise LookupError("no such torque")
         return [0.0, 0.0]
 
-    model = make_model()
-    rest = _core.Simulation.settle(model)
-    assert rest.advance(INF)
-    sim = make_simulation(model, rest.state(), [("call", torque)])
-    sim.advance(0.0)
+    sim = timed([("call", torque)])
     broken = True
     with pytest.raises(LookupError, match="no such torque"):
         sim.time_passes(3)
+    with pytest.raises(RuntimeError, match="has made a step"):
+        _core.Simulation.settle(model).time_passes(3)
 
 
 # --- effects --------------------------------------------------------------------------------------
@@ -151,10 +152,13 @@ def test_every_number_that_calls_for_an_effect_is_named(explained: bd.Explanatio
 
 
 def test_an_effect_goes_when_its_number_does() -> None:
-    params, torque, _, _ = bd.scenes.kubas_case_1()
-    drag = attrs.evolve(params.pulleys[1], drag=bd.Drag(viscous=2e-4))
-    with_both = attrs.evolve(params, gravity=(0.0, -9.81), pulleys=(params.pulleys[0], drag))
-    on, off = (bd.explain(one, torque, 2e-3, **QUICK) for one in (with_both, params))
+    drag = attrs.evolve(PARAMS.pulleys[1], drag=bd.Drag(viscous=2e-4))
+    with_both = attrs.evolve(PARAMS, gravity=(0.0, -9.81), pulleys=(PARAMS.pulleys[0], drag))
+
+    def start_up(t: float, theta: Any, omega: Any) -> list[float]:
+        return [-50.0 * t, -16.0 * omega[1]]
+
+    on, off = (quickly(one, start_up) for one in (with_both, PARAMS))
     at = {effect.name: effect for effect in on.effects}
     assert at["gravity"].on and at["gravity"].because == ("gravity = (0, -9.81) m/s^2",)
     assert at["bearing drag"].because == ("pulley 1: drag.viscous = 0.0002 N m s",)
@@ -162,6 +166,7 @@ def test_an_effect_goes_when_its_number_does() -> None:
     gone = {effect.name: effect for effect in off.effects}
     assert not gone["gravity"].on and not gone["bearing drag"].on
     assert len(on.passes) == len(off.passes) + 2
+    assert "torque: function start_up" in reasons(on)
 
 
 # --- state ----------------------------------------------------------------------------------------
@@ -181,32 +186,27 @@ def test_state_is_counted_by_part(explained: bd.Explanation) -> None:
     assert sum(parts.values()) <= explained.state.numbers < explained.state.simulation / 8
 
 
-def test_a_drive_without_friction_has_no_state_of_it() -> None:
-    params, torque, _, _ = bd.scenes.kubas_case_1()
-    without = bd.explain(attrs.evolve(params, friction=None), torque, 2e-3, **QUICK)
+def test_states_that_a_drive_lacks_are_not_counted() -> None:
+    """Of friction without friction, of angles of a string."""
+    without = quickly(attrs.evolve(PARAMS, friction=None))
     assert without.state.parts["friction"] == 0
     names = [one.name for one in without.passes]
     assert "contact without friction" in names and "contact: friction" not in names
+    params = drives.on_mesh(drives.plain(), "string")
+    seen = quickly(params)
+    assert seen.state.parts["links"] == 4 * params.belt.n_bodies
+    assert sum(seen.state.parts.values()) <= seen.state.numbers
+    assert not {"phi", "vphi"} & set(seen.state.fields["links"])
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_law_is_explained_with_its_states(name: str) -> None:
     """However many a link has, and what calls for it; with its Stribeck curve in the ablation."""
-    params, torque, _, _ = bd.scenes.kubas_case_1()
     law = STRIBECK.get(name, EXAMPLES[name])
-    seen = bd.explain(attrs.evolve(params, friction=law), torque, 2e-3, **QUICK)
-    assert seen.state.parts["friction"] == (law.n_states + 1) * params.belt.n_bodies
+    seen = quickly(attrs.evolve(PARAMS, friction=law))
+    assert seen.state.parts["friction"] == (law.n_states + 1) * PARAMS.belt.n_bodies
     assert any("friction." in line for effect in seen.effects for line in effect.because)
-    offered = "Stribeck" in str(seen)
-    assert offered == (name in STRIBECK)
-
-
-def test_the_state_of_a_string_has_no_angles() -> None:
-    params = drives.on_mesh(drives.plain(), "string")
-    seen = bd.explain(params, bd.Viscous([0.0, 1.0]), 2e-3, **QUICK)
-    assert seen.state.parts["links"] == 4 * params.belt.n_bodies
-    assert sum(seen.state.parts.values()) <= seen.state.numbers
-    assert not {"phi", "vphi"} & set(seen.state.fields["links"])
+    assert ("Stribeck" in str(seen)) == (name in STRIBECK)
 
 
 # --- as a whole -----------------------------------------------------------------------------------
@@ -227,27 +227,17 @@ def test_text_and_dictionary(explained: bd.Explanation) -> None:
 
 
 def test_arguments_are_checked() -> None:
-    params, torque, _, _ = bd.scenes.kubas_case_1()
     with pytest.raises(TypeError, match="params must be a Params"):
-        bd.explain("serpentine", torque)  # type: ignore[arg-type]
+        bd.explain("serpentine", TORQUE)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="error must be > 0"):
-        bd.explain(params, torque, error=0.0)
+        bd.explain(PARAMS, TORQUE, error=0.0)
     with pytest.raises(ValueError, match="method must be one of"):
-        bd.explain(params, torque, method="euler")
-
-
-def test_a_torque_function_is_named() -> None:
-    params = bd.scenes.kubas_case_1().params
-
-    def start_up(t: float, theta: Any, omega: Any) -> list[float]:
-        return [-50.0 * t, -16.0 * omega[1]]
-
-    assert "torque: function start_up" in reasons(bd.explain(params, start_up, 2e-3, **QUICK))
+        bd.explain(PARAMS, TORQUE, method="euler")
 
 
 def test_command_line() -> None:
     run = CliRunner().invoke(
-        cli.main, ["explain", "kubas-case-1", "--t-end", "0.002", "--budget", "0.3"]
+        cli.main, ["explain", "kubas-case-1", "--t-end", "0.002", "--budget", "0.05"]
     )
     assert run.exit_code == 0, run.output
     for word in ("belt.bending_stiffness = ", "contact with Dahl friction", "ns a step", "links"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import matplotlib
@@ -16,6 +17,7 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from pictures import SIZES, check_room
 from scipy import stats
+from tiers import extended_if
 
 import beltdyn as bd
 from beltdyn.plot.swept import FAILED_LOOKS, scale_of
@@ -31,15 +33,25 @@ def capacity(preload: float, mu: float) -> float:
     return 0.2 * preload * np.tanh(1.5 * mu)
 
 
+def over_grid(value: Callable[..., Any] = capacity) -> xr.Dataset:
+    return swept.of_grid({"belt.preload": PRELOADS, "friction.mu_k": FRICTIONS}, value)
+
+
 def grid() -> xr.Dataset:
     """Runs that failed in every way, in corners and in the middle."""
-    data = swept.of_grid({"belt.preload": PRELOADS, "friction.mu_k": FRICTIONS}, capacity)
+    data = over_grid()
     for k in range(3):
         swept.fail(data, "failed", belt__preload=k, friction__mu_k=0)
     for k, status in enumerate(("refused", "measure", "lost", "missing")):
         swept.fail(data, status, belt__preload=6, friction__mu_k=7 - k)
     data["q"][3, 4] = np.nan
     return data
+
+
+@pytest.fixture(scope="module")
+def mapped() -> tuple[xr.Dataset, Axes]:
+    data = grid()
+    return data, bd.plot.map(data, "q")
 
 
 def cube() -> xr.Dataset:
@@ -98,19 +110,43 @@ def one(ax: Axes, kind: type) -> Any:
 # --- map -----------------------------------------------------------------------------------------
 
 
-def test_cells_hold_the_values_and_lie_round_their_places() -> None:
-    data = grid()
-    ax = bd.plot.map(data, "q")
-    mesh = one(ax, QuadMesh)
-    np.testing.assert_array_equal(mesh.get_array().filled(np.nan), data["q"].values.T)
-    corners = mesh.get_coordinates()
-    edges = corners[0, :, 0]
-    np.testing.assert_allclose(edges, [225, 275, 325, 375, 450, 550, 700, 900])
+def cells(ax: Axes) -> Any:
+    """Values of a map, NaN where there are none."""
+    return one(ax, QuadMesh).get_array().filled(np.nan)
+
+
+def ticks(axis: Any) -> list[str]:
+    return [text.get_text() for text in axis.get_ticklabels()]
+
+
+def test_cells_hold_the_values_and_lie_round_their_places(mapped: tuple[xr.Dataset, Axes]) -> None:
+    """Whichever way round, in whatever order, from a file as well."""
+    data, ax = mapped
+    np.testing.assert_array_equal(cells(ax), data["q"].values.T)
+    corners = one(ax, QuadMesh).get_coordinates()
+    np.testing.assert_allclose(corners[0, :, 0], [225, 275, 325, 375, 450, 550, 700, 900])
     np.testing.assert_allclose(corners[:, 0, 1], np.linspace(0.25, 1.05, 9))
     assert ax.get_xlabel() == "preload [N]" and ax.get_ylabel() == "friction coefficient [1]"
     bar = ax.figure.axes[-1]
     assert bar.get_ylabel() == "largest torque [N m]"
     assert (ax.get_xscale(), ax.get_yscale()) == ("linear", "linear")
+    for turned in ({"x": "friction.mu_k"}, {"y": "belt.preload"}):
+        other = bd.plot.map(data, "q", **turned)
+        np.testing.assert_array_equal(cells(other), data["q"].values)
+        assert other.get_xlabel() == "friction coefficient [1]"
+    order = {"belt.preload": [3, 0, 6, 1, 5, 2, 4], "friction.mu_k": slice(None, None, -1)}
+    mixed = bd.plot.map(data.isel(order), "q")
+    np.testing.assert_array_equal(cells(mixed), cells(ax))
+    np.testing.assert_allclose(one(mixed, QuadMesh).get_coordinates(), corners)
+
+
+def test_a_sweep_from_a_file_looks_the_same(mapped: tuple[xr.Dataset, Axes], tmp_path: Any) -> None:
+    data, ax = mapped
+    data.to_netcdf(tmp_path / "sweep.nc")
+    with xr.open_dataset(tmp_path / "sweep.nc") as read:
+        again = bd.plot.map(read, "q")
+        assert legend(again) == legend(ax)
+        np.testing.assert_array_equal(cells(again), cells(ax))
 
 
 def test_parameters_stand_at_axes_without_the_numbers_of_their_equations() -> None:
@@ -125,27 +161,8 @@ def test_parameters_stand_at_axes_without_the_numbers_of_their_equations() -> No
     assert bar.get_ylabel() == "torque of run (2) in figure (a.1) [N m]"
 
 
-def test_axes_can_be_turned() -> None:
-    data = grid()
-    ax = bd.plot.map(data, "q", "friction.mu_k")
-    np.testing.assert_array_equal(one(ax, QuadMesh).get_array().filled(np.nan), data["q"].values)
-    same = bd.plot.map(data, "q", y="belt.preload")
-    assert same.get_xlabel() == ax.get_xlabel() == "friction coefficient [1]"
-
-
-def test_values_in_any_order_give_the_same_map() -> None:
-    data = grid()
-    mixed = data.isel(
-        {"belt.preload": [3, 0, 6, 1, 5, 2, 4], "friction.mu_k": slice(None, None, -1)}
-    )
-    maps = [one(bd.plot.map(each, "q"), QuadMesh) for each in (data, mixed)]
-    np.testing.assert_array_equal(maps[0].get_array(), maps[1].get_array())
-    np.testing.assert_allclose(maps[0].get_coordinates(), maps[1].get_coordinates())
-
-
-def test_failed_runs_are_hatched_and_counted() -> None:
-    data = grid()
-    ax = bd.plot.map(data, "q")
+def test_failed_runs_are_hatched_and_counted(mapped: tuple[xr.Dataset, Axes]) -> None:
+    _, ax = mapped
     assert legend(ax) == [
         "refused: 1 run",
         "failed: 3 runs",
@@ -158,27 +175,26 @@ def test_failed_runs_are_hatched_and_counted() -> None:
     assert [item.get_hatch() for item in hatched] == [
         look[0] or None for name, look in FAILED_LOOKS.items() if name != "infinite"
     ]
-    cells = [path.get_extents() for path in hatched[1].get_paths()]
+    failed = [path.get_extents() for path in hatched[1].get_paths()]
     edges = one(ax, QuadMesh).get_coordinates()[0, :, 0]
-    assert [(cell.x0, cell.x1) for cell in cells] == [tuple(edges[k : k + 2]) for k in range(3)]
-    np.testing.assert_allclose([(cell.y0, cell.y1) for cell in cells], [(0.25, 0.35)] * 3)
+    assert [(cell.x0, cell.x1) for cell in failed] == [tuple(edges[k : k + 2]) for k in range(3)]
+    np.testing.assert_allclose([(cell.y0, cell.y1) for cell in failed], [(0.25, 0.35)] * 3)
+    data = grid()
+    swept.fail(data, "failed", belt__preload=slice(None), friction__mu_k=slice(None))
+    ax = bd.plot.map(data, "q")
+    assert legend(ax) == ["failed: 56 runs"] and len(ax.figure.axes) == 1
 
 
 def test_values_without_end_are_marked_and_counted() -> None:
     """Margins of pulleys that no load makes slip."""
-    data = swept.of_grid(
-        {"belt.preload": PRELOADS, "friction.mu_k": FRICTIONS},
-        lambda preload, mu: np.inf if preload > 500.0 and mu > 0.9 else capacity(preload, mu),
-    )
+    data = over_grid(lambda a, mu: np.inf if a > 500.0 and mu > 0.9 else capacity(a, mu))
     for draw in (bd.plot.map, bd.plot.lines):
         assert legend(draw(data, "q"))[-1] == "without end: 2 runs"
 
 
 def test_contours_are_where_the_values_are() -> None:
     """Of the plane a + 100 b they are exact: on each the plane has the value of the line."""
-    data = swept.of_grid(
-        {"belt.preload": PRELOADS, "friction.mu_k": FRICTIONS}, lambda a, b: a + 100.0 * b
-    )
+    data = over_grid(lambda a, b: a + 100.0 * b)
     ax = bd.plot.map(data, "q", contours=(400.0, 500.0, 5000.0))
     lines = one(ax, QuadContourSet)
     assert list(lines.levels) == [400.0, 500.0]
@@ -190,11 +206,7 @@ def test_contours_are_where_the_values_are() -> None:
     many = one(bd.plot.map(data, "q", contours=4), QuadContourSet).levels
     assert 2 <= len(many) <= 5
 
-
-def test_no_contour_runs_through_a_failed_run() -> None:
-    data = swept.of_grid(
-        {"belt.preload": PRELOADS, "friction.mu_k": FRICTIONS}, lambda a, b: a + 100.0 * b
-    )
+    # none runs through a failed run
     swept.fail(data, "failed", belt__preload=3, friction__mu_k=4)
     lines = one(bd.plot.map(data, "q", contours=20), QuadContourSet)
     points = np.concatenate([path.vertices for path in lines.get_paths()])
@@ -208,30 +220,24 @@ def test_geometric_values_have_a_logarithmic_axis() -> None:
     assert ax.get_xscale() == "log" and ax.get_yscale() == "linear"
     edges = one(ax, QuadMesh).get_coordinates()[0, :, 0]
     np.testing.assert_allclose(edges, np.geomspace(10**7.75, 10**11.25, 8))
-    assert [text.get_text() for text in ax.get_yticklabels()] == LAWS
+    assert ticks(ax.yaxis) == LAWS
     assert legend(ax) == ["worker lost: 1 run"]
 
 
-@pytest.mark.parametrize(
-    ("values", "log"),
-    [
-        (np.linspace(1.0, 2.0, 5), False),
-        (np.linspace(1.0, 100.0, 5), False),
-        (PRELOADS, False),
-        (np.geomspace(1.0, 2.0, 5), False),
-        (np.geomspace(1.0, 100.0, 4), True),
-        ([1, 2, 5, 10, 20, 50], True),
-        ([0.0, 1.0, 10.0, 100.0], False),
-        ([-1.0, -10.0, -100.0], False),
-        ([1.0, 100.0], False),
-        (stats.loguniform(1e8, 1e11).ppf((np.arange(100) + 0.5) / 100), True),
-        (stats.uniform(1.0, 99.0).ppf((np.arange(100) + 0.5) / 100), False),
-        (stats.norm(50.0, 10.0).ppf((np.arange(100) + 0.5) / 100), False),
-    ],
-)
-def test_which_values_are_geometric(values: Any, log: bool) -> None:
-    data = xr.Dataset(coords={"a": ("a", np.asarray(values))})
-    assert scale_of(data, "a").log == log
+def test_which_values_are_geometric() -> None:
+    shares = (np.arange(100) + 0.5) / 100
+    linear = [
+        np.linspace(1.0, 2.0, 5), np.linspace(1.0, 100.0, 5), PRELOADS, np.geomspace(1.0, 2.0, 5),
+        [0.0, 1.0, 10.0, 100.0], [-1.0, -10.0, -100.0], [1.0, 100.0],
+        stats.uniform(1.0, 99.0).ppf(shares), stats.norm(50.0, 10.0).ppf(shares),
+    ]  # fmt: skip
+    geometric = [
+        np.geomspace(1.0, 100.0, 4), [1, 2, 5, 10, 20, 50], stats.loguniform(1e8, 1e11).ppf(shares)
+    ]  # fmt: skip
+    for log, rows in ((False, linear), (True, geometric)):
+        for values in rows:
+            data = xr.Dataset(coords={"a": ("a", np.asarray(values))})
+            assert scale_of(data, "a").log == log, values
 
 
 def test_other_dimensions_are_chosen() -> None:
@@ -242,7 +248,7 @@ def test_other_dimensions_are_chosen() -> None:
     assert ax.get_title() == "friction coefficient 0.5"
     assert ax.get_yscale() == "log"
     ax = bd.plot.map(by_pulley(), "load")
-    assert [text.get_text() for text in ax.get_yticklabels()] == ["crank", "alternator"]
+    assert ticks(ax.yaxis) == ["crank", "alternator"]
 
 
 def test_runs_at_random_are_points() -> None:
@@ -257,13 +263,6 @@ def test_runs_at_random_are_points() -> None:
     crosses = np.concatenate([line.get_xydata() for line in ax.lines])
     assert sorted(crosses.tolist()) == sorted(np.stack([x, y], axis=1)[~good].tolist())
     assert (ax.get_xscale(), ax.get_yscale()) == ("linear", "log")
-
-
-def test_a_map_without_any_value() -> None:
-    data = grid()
-    swept.fail(data, "failed", belt__preload=slice(None), friction__mu_k=slice(None))
-    ax = bd.plot.map(data, "q")
-    assert legend(ax) == ["failed: 56 runs"] and len(ax.figure.axes) == 1
 
 
 # --- lines ---------------------------------------------------------------------------------------
@@ -293,8 +292,7 @@ def test_colours_of_numbers_grow_lighter_and_the_bar_has_the_values() -> None:
     light = np.array(colours) @ [0.2126, 0.7152, 0.0722]
     assert len(light) == 8 and (np.diff(light) > 0.0).all() and light[-1] < 0.8
     bar = ax.figure.axes[-1]
-    ticks = [text.get_text() for text in bar.get_yticklabels()]
-    assert ticks == ["0.3", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1"]
+    assert ticks(bar.yaxis) == ["0.3", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1"]
     assert bar.get_ylabel() == "friction coefficient [1]" and legend(ax) == []
 
 
@@ -381,18 +379,16 @@ def test_texts_of_runs_in_a_list_are_categories() -> None:
     given = xr.Dataset({"q": ("run", np.arange(6.0))}, coords, {"design": '{"kind": "list"}'})
     data = swept.finished(given, ("run",))
     ax = bd.plot.map(data, "q", "belt.preload", "friction.kind")
-    assert [text.get_text() for text in ax.get_yticklabels()] == ["dahl", "lugre", "coulomb"]
+    assert ticks(ax.yaxis) == ["dahl", "lugre", "coulomb"]
     expected = np.stack([preload, [0, 1, 0, 2, 1, 0]], axis=1)
     np.testing.assert_array_equal(one(ax, PathCollection).get_offsets(), expected)
     ax = bd.plot.lines(data, "q", "belt.preload", "friction.kind")
     assert legend(ax) == ["dahl", "lugre", "coulomb"]
     assert [list(line.get_ydata()) for line in ax.lines] == [[0.0, 2.0, 5.0], [4.0, 1.0], [3.0]]
 
-
-def test_runs_zipped_are_joined() -> None:
-    data = sampled(16)
-    data.attrs["design"] = '{"kind": "zip"}'
-    line = bd.plot.lines(data, "y", "belt.preload").lines[0]
+    zipped = sampled(16)
+    zipped.attrs["design"] = '{"kind": "zip"}'
+    line = bd.plot.lines(zipped, "y", "belt.preload").lines[0]
     assert line.get_linestyle() == "-" and (np.diff(line.get_xdata()) >= 0.0).all()
 
 
@@ -412,8 +408,13 @@ PICTURES: dict[str, tuple[Callable[[], xr.Dataset], str, str, dict[str, Any]]] =
 }
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("picture", PICTURES)
+@pytest.mark.parametrize(
+    ("picture", "size"),
+    extended_if(
+        lambda case: case not in zip(("map at", "points", "lines of laws"), SIZES, strict=True),
+        product(PICTURES, SIZES),
+    ),
+)
 def test_texts_have_room(picture: str, size: tuple[float, float, float]) -> None:
     make, kind, quantity, options = PICTURES[picture]
     width, height, points = size
@@ -424,20 +425,8 @@ def test_texts_have_room(picture: str, size: tuple[float, float, float]) -> None
         assert ax.get_window_extent().height > 0.4 * figure.bbox.height
 
 
-def test_a_sweep_from_a_file_looks_the_same(tmp_path: Any) -> None:
-    data = grid()
-    data.to_netcdf(tmp_path / "sweep.nc")
-    with xr.open_dataset(tmp_path / "sweep.nc") as read:
-        ax, again = (bd.plot.map(each, "q") for each in (data, read))
-        assert legend(again) == legend(ax)
-        maps = [one(each, QuadMesh).get_array() for each in (ax, again)]
-    np.testing.assert_array_equal(*maps)
-
-
-@pytest.mark.parametrize("kind", ["map", "lines"])
-@pytest.mark.parametrize(
-    ("error", "words", "quantity", "options"),
-    [
+def test_what_is_refused() -> None:
+    rows: list[tuple[type[Exception], str, Any, dict[str, Any]]] = [
         (ValueError, "quantity must be one of q, got 'p'", "p", {}),
         (TypeError, "quantity must be a name", 3, {}),
         (ValueError, "quantity must be one of q, got 'status'", "status", {}),
@@ -449,34 +438,22 @@ def test_a_sweep_from_a_file_looks_the_same(tmp_path: Any) -> None:
         (ValueError, r"at\['friction.mu_k'\] must be one of .*, got 'a'", "q", {"at": NO_NUMBER}),
         (TypeError, "at must be a dict", "q", {"at": 3}),
         (TypeError, "ax must be matplotlib axes", "q", {"ax": 3, "at": {"friction.mu_k": 0.5}}),
-    ],
-)  # fmt: skip
-def test_what_is_refused(
-    kind: str, error: type[Exception], words: str, quantity: Any, options: dict[str, Any]
-) -> None:
-    named = {
-        ("y" if kind == "map" else "by") if key == "2" else key: options[key] for key in options
-    }
-    with pytest.raises(error, match=f"^{words}"):
-        getattr(bd.plot, kind)(cube(), quantity, **named)
-
-
-@pytest.mark.parametrize(
-    ("words", "draw"),
-    [
+    ]
+    data = cube()
+    for draw, second in ((bd.plot.map, "y"), (bd.plot.lines, "by")):
+        for error, words, quantity, options in rows:
+            named = {second if key == "2" else key: value for key, value in options.items()}
+            with pytest.raises(error, match=f"^{words}"):
+                draw(data, quantity, **named)
+    for words, wrong in (
         ("q varies along belt.preload alone", lambda: bd.plot.map(by_pulley(), "q")),
         ("x and y must be two of", lambda: bd.plot.map(sampled(), "y")),
         ("x must be named, one of", lambda: bd.plot.lines(sampled(), "y")),
         ("contours must be", lambda: bd.plot.map(grid(), "q", contours=-1)),
         ("contours must be finite", lambda: bd.plot.map(grid(), "q", contours=(np.nan,))),
         ("dataset must be that of bd.sweep", lambda: bd.plot.map(grid().drop_vars("status"), "q")),
-    ],
-)
-def test_what_else_is_refused(words: str, draw: Callable[[], Axes]) -> None:
-    with pytest.raises(ValueError, match=f"^{words}"):
-        draw()
-
-
-def test_no_dataset() -> None:
+    ):
+        with pytest.raises(ValueError, match=f"^{words}"):
+            wrong()
     with pytest.raises(TypeError, match=r"^dataset must be the xarray\.Dataset of bd\.sweep"):
         bd.plot.map({"q": 1}, "q")

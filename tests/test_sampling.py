@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 import beltdyn as bd
+from beltdyn import optional
 from beltdyn.sweeping.sampling import METHODS
 
 RANGES: dict[str, Any] = {
@@ -25,31 +26,31 @@ def shares(samples: bd.Samples) -> np.ndarray:
     return np.stack([(first - 300.0) / 200.0, stats.norm.cdf(second, 0.8, 0.1)], axis=1)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_seed_gives_the_same_bits_and_another_others(method: str) -> None:
-    one, same, other = (bd.sample(RANGES, 32, method, seed=seed) for seed in (5, 5, 6))
-    assert one.values.tobytes() == same.values.tobytes()
-    assert not (one.values == other.values).any()
-    assert one.names == ("belt.preload", "friction.mu_k")
-    assert not one.values.flags.writeable
+def test_a_seed_gives_the_same_bits_and_another_others() -> None:
+    for method in METHODS:
+        one, same, other = (bd.sample(RANGES, 32, method, seed=seed) for seed in (5, 5, 6))
+        assert one.values.tobytes() == same.values.tobytes(), method
+        assert not (one.values == other.values).any(), method
+        assert one.names == ("belt.preload", "friction.mu_k")
+        assert not one.values.flags.writeable
 
 
-@pytest.mark.parametrize("method", SINGLE)
-def test_values_follow_their_distributions(method: str) -> None:
+def test_values_follow_their_distributions() -> None:
     """Kolmogorov's test of each column; no seed is chosen, and 1e-4 is missed once in 10 000."""
-    samples = bd.sample(RANGES, 512, method)
-    assert len(samples) == 512
-    for column in shares(samples).T:
-        assert stats.kstest(column, "uniform").pvalue > 1e-4
-    assert abs(np.corrcoef(samples.values.T)[0, 1]) < 4.0 / np.sqrt(512)
+    for method in SINGLE:
+        samples = bd.sample(RANGES, 512, method)
+        assert len(samples) == 512
+        for column in shares(samples).T:
+            assert stats.kstest(column, "uniform").pvalue > 1e-4, method
+        assert abs(np.corrcoef(samples.values.T)[0, 1]) < 4.0 / np.sqrt(512), method
 
 
-@pytest.mark.parametrize("method", ["sobol", "latin-hypercube"])
-def test_each_of_n_slices_has_one_value(method: str) -> None:
+def test_each_of_n_slices_has_one_value() -> None:
     """By construction of a Latin hypercube, and of a Sobol' net of a power of two."""
-    slices = np.floor(128 * shares(bd.sample(RANGES, 128, method, seed=2))).astype(int)
-    for column in slices.T:
-        assert sorted(column) == list(range(128))
+    for method in ("sobol", "latin-hypercube"):
+        slices = np.floor(128 * shares(bd.sample(RANGES, 128, method, seed=2))).astype(int)
+        for column in slices.T:
+            assert sorted(column) == list(range(128)), method
 
 
 def test_fewer_sobol_points_are_the_first_of_more() -> None:
@@ -59,21 +60,20 @@ def test_fewer_sobol_points_are_the_first_of_more() -> None:
     assert "power of two" not in str(most)
 
 
-@pytest.mark.parametrize("second_order", [False, True])
-def test_groups_of_saltelli(second_order: bool) -> None:
+def test_groups_of_saltelli() -> None:
     """Row A, rows A with one column of B, for second indices B with one of A, row B."""
     k, n = 3, 8
     ranges = {name: (0.0, 1.0) for name in "abc"}
-    samples = bd.sample(ranges, n, "saltelli", second_order=second_order)
-    size = 2 * k + 2 if second_order else k + 2
-    assert len(samples) == n * size
-    for group in samples.values.reshape(n, size, k):
-        a, b = group[0], group[-1]
-        assert (a != b).all()
-        for j in range(k):
-            np.testing.assert_array_equal(group[1 + j], np.where(np.arange(k) == j, b, a))
+    for second_order, size in ((False, k + 2), (True, 2 * k + 2)):
+        samples = bd.sample(ranges, n, "saltelli", second_order=second_order)
+        assert len(samples) == n * size
+        for group in samples.values.reshape(n, size, k):
+            a, b = group[0], group[-1]
+            rows = [np.where(np.arange(k) == j, b, a) for j in range(k)]
             if second_order:
-                np.testing.assert_array_equal(group[1 + k + j], np.where(np.arange(k) == j, a, b))
+                rows += [np.where(np.arange(k) == j, a, b) for j in range(k)]
+            assert (a != b).all()
+            np.testing.assert_array_equal(group[1:-1], rows)
 
 
 def test_the_design_says_how_they_were_made() -> None:
@@ -108,9 +108,6 @@ def test_no_share_is_0_or_1() -> None:
         assert samples.design["distributions"] == {"a": "Asked"}
 
 
-INFINITE = np.full(8, np.inf)
-
-
 class Wrong:
     def __init__(self, values: Any) -> None:
         self.values = values
@@ -119,37 +116,38 @@ class Wrong:
         return self.values
 
 
-@pytest.mark.parametrize(
-    ("error", "words", "arguments"),
-    [
-        (TypeError, r"ranges must be a dict", {"ranges": [("a", (0, 1))]}),
-        (ValueError, r"ranges must have at least one", {"ranges": {}}),
-        (TypeError, r"ranges must have names", {"ranges": {1: (0, 1)}}),
-        (TypeError, r"ranges\['a'\] must be a pair \(low, high\) or", {"ranges": {"a": 1.0}}),
-        (TypeError, r"ranges\['a'\] must be a pair \(low, high\)", {"ranges": {"a": "ab"}}),
-        (TypeError, r"ranges\['a'\] must be a pair of real", {"ranges": {"a": (1, 2, 3)}}),
-        (ValueError, r"ranges\['a'\] must have low < high, got 2 and 1", {"ranges": {"a": (2, 1)}}),
-        (ValueError, r"ranges\['a'\]\[1\] must be finite", {"ranges": {"a": (0, np.inf)}}),
-        (ValueError, r"ranges\['a'\]\.ppf must give finite", {"ranges": {"a": Wrong(INFINITE)}}),
-        (ValueError, r"ranges\['a'\]\.ppf must give a real", {"ranges": {"a": Wrong("x")}}),
-        (ValueError, r"method must be one of sobol, ", {"method": "grid"}),
-        (ValueError, r"n must be an integer from 1 to", {"n": 0}),
-        (TypeError, r"n must be an integer", {"n": 8.0}),
-        (ValueError, r"n must be a power of two .* 8 or 16", {"n": 12, "method": "saltelli"}),
-        (ValueError, r"seed must be an integer >= 0", {"seed": -1}),
-        (TypeError, r"seed must be an integer", {"seed": None}),
-        (TypeError, r"second_order must be a bool", {"second_order": 1}),
-        (ValueError, r"second_order is for method=\"saltelli\" alone", {"second_order": True}),
-    ],
-)  # fmt: skip
-def test_what_is_refused(error: type[Exception], words: str, arguments: dict[str, Any]) -> None:
-    with pytest.raises(error, match=f"^{words}"):
-        bd.sample(**{"ranges": {"a": (0.0, 1.0)}, "n": 8, **arguments})
+INFINITE = Wrong(np.full(8, np.inf))
+
+
+REFUSED: list[tuple[type[Exception], str, dict[str, Any]]] = [
+    (TypeError, r"ranges must be a dict", {"ranges": [("a", (0, 1))]}),
+    (ValueError, r"ranges must have at least one", {"ranges": {}}),
+    (TypeError, r"ranges must have names", {"ranges": {1: (0, 1)}}),
+    (TypeError, r"ranges\['a'\] must be a pair \(low, high\) or", {"ranges": {"a": 1.0}}),
+    (TypeError, r"ranges\['a'\] must be a pair \(low, high\)", {"ranges": {"a": "ab"}}),
+    (TypeError, r"ranges\['a'\] must be a pair of real", {"ranges": {"a": (1, 2, 3)}}),
+    (ValueError, r"ranges\['a'\] must have low < high, got 2 and 1", {"ranges": {"a": (2, 1)}}),
+    (ValueError, r"ranges\['a'\]\[1\] must be finite", {"ranges": {"a": (0, np.inf)}}),
+    (ValueError, r"ranges\['a'\]\.ppf must give finite", {"ranges": {"a": INFINITE}}),
+    (ValueError, r"ranges\['a'\]\.ppf must give a real", {"ranges": {"a": Wrong("x")}}),
+    (ValueError, r"method must be one of sobol, ", {"method": "grid"}),
+    (ValueError, r"n must be an integer from 1 to", {"n": 0}),
+    (TypeError, r"n must be an integer", {"n": 8.0}),
+    (ValueError, r"n must be a power of two .* 8 or 16", {"n": 12, "method": "saltelli"}),
+    (ValueError, r"seed must be an integer >= 0", {"seed": -1}),
+    (TypeError, r"seed must be an integer", {"seed": None}),
+    (TypeError, r"second_order must be a bool", {"second_order": 1}),
+    (ValueError, r"second_order is for method=\"saltelli\" alone", {"second_order": True}),
+]  # fmt: skip
+
+
+def test_what_is_refused() -> None:
+    for error, words, arguments in REFUSED:
+        with pytest.raises(error, match=f"^{words}"):
+            bd.sample(**{"ranges": {"a": (0.0, 1.0)}, "n": 8, **arguments})
 
 
 def test_without_salib_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    from beltdyn import optional
-
     def missing(name: str) -> Any:
         raise ModuleNotFoundError(name=name.partition(".")[0])
 

@@ -17,15 +17,18 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner, Result
-from sweeps import bits, small
+from scipy import stats
+from sweep_runs import PATH, bits, small
 
 import beltdyn as bd
 from beltdyn import cli
 from beltdyn.sweeping import file as sweep_file
 from beltdyn.sweeping.measure import as_measure
+from beltdyn.sweeping.store import Store
 
 pytestmark = pytest.mark.filterwarnings("ignore:long_links")
 
+extended = pytest.mark.extended(guard="test_sweep_cli.py::test_an_interrupted_sweep_goes_on")
 SWEEP = """
 scene = "drive.toml"
 measure = ["span_tension.final", "stats.steps"]
@@ -68,15 +71,10 @@ def test_a_sweep_from_a_file(folder: Path) -> None:
     assert "9 runs: 6 finished, 3 refused; 9 computed by 2 thread(s)" in done.stdout
     assert "belt.length is too short" in done.stdout and "span_tension.final" in done.stdout
     assert sorted(one.name for one in folder.iterdir()) == ["drive.toml", "sweep.nc", "sweep.toml"]
-    quiet = call(folder / "sweep.toml", "--out", out, "--quiet")
-    assert (quiet.exit_code, quiet.stdout) == (0, "")
-
-
-def test_a_store_that_is_named_stays_and_is_used_again(folder: Path) -> None:
-    arguments = (folder / "sweep.toml", "--out", folder / "sweep.nc", "--store", folder / "kept")
-    assert call(*arguments).exit_code == 0
-    again = call(*arguments)
-    # what is refused costs nothing and is refused again
+    # a store that is named stays and is used again; what is refused costs nothing, and is so again
+    kept = (folder / "sweep.toml", "--out", out, "--store", folder / "kept")
+    assert call(*kept, "--quiet").stdout == ""
+    again = call(*kept)
     assert "9 runs: 6 finished, 3 refused; 3 computed by" in again.stdout
     assert "6 found in the store" in again.stdout
 
@@ -105,30 +103,24 @@ def test_no_run_finishes(folder: Path) -> None:
     assert (table(folder / "sweep.nc")["status"] == "refused").all()
 
 
+def read(folder: Path, text: str) -> Any:
+    (folder / "s.toml").write_text('scene = "kubas-case-1"\n' + text)
+    return sweep_file.read(folder / "s.toml").over
+
+
 def test_values_of_every_kind(tmp_path: Path) -> None:
-    scene = small().to_toml()
-    tables = scene.replace("[belt]", "[scene.belt]").replace("[friction]", "[scene.friction]")
     lines = [
         '"friction" = [{ kind = "coulomb", mu = 0.5, v_reg = 0.01 }, { mu_k = 0.7, sigma = 1e4 }]',
         '"torque" = [[{ kind = "viscous", coefficients = [0.1, 0.0] }]]',
         '"contact.quadratic" = { from = 1e9, to = 1e11, count = 3, spacing = "geometric" }',
         '"method" = ["tsit5", "rodas4"]',
     ]
-    text = 'scene = "kubas-case-1"\n[over]\n' + "\n".join(lines)
-    (tmp_path / "s.toml").write_text(text)
-    found = sweep_file.read(tmp_path / "s.toml")
-    assert found.over["friction"] == [bd.Coulomb(mu=0.5, v_reg=0.01), bd.Dahl(mu_k=0.7, sigma=1e4)]
-    assert found.over["torque"] == [bd.Viscous([0.1, 0.0])]
-    np.testing.assert_allclose(found.over["contact.quadratic"], [1e9, 1e10, 1e11], rtol=1e-12)
-    assert found.over["method"] == ["tsit5", "rodas4"]
-    assert "[scene.belt]" in tables
-
-
-def test_samples_in_a_file(tmp_path: Path) -> None:
-    from scipy import stats
-
+    over = read(tmp_path, "\n".join(["[over]", *lines]))
+    assert over["friction"] == [bd.Coulomb(mu=0.5, v_reg=0.01), bd.Dahl(mu_k=0.7, sigma=1e4)]
+    assert over["torque"] == [bd.Viscous([0.1, 0.0])]
+    np.testing.assert_allclose(over["contact.quadratic"], [1e9, 1e10, 1e11], rtol=1e-12)
+    assert over["method"] == ["tsit5", "rodas4"]
     text = """
-        scene = "kubas-case-1"
         [sample]
         n = 8
         method = "latin-hypercube"
@@ -138,52 +130,47 @@ def test_samples_in_a_file(tmp_path: Path) -> None:
         "belt.axial_stiffness" = { normal = [90e3, 4e3] }
         "contact.quadratic" = { lognormal = [5e10, 0.2] }
     """
-    (tmp_path / "s.toml").write_text(text)
-    found = sweep_file.read(tmp_path / "s.toml").over
-    expected = bd.sample(
-        {
-            "friction.mu_k": (0.6, 0.9),
-            "belt.axial_stiffness": stats.norm(90e3, 4e3),
-            "contact.quadratic": stats.lognorm(0.2, scale=5e10),
-        },
-        8,
-        "latin-hypercube",
-        seed=4,
-    )
+    found = read(tmp_path, text)
+    ranges = {
+        "friction.mu_k": (0.6, 0.9),
+        "belt.axial_stiffness": stats.norm(90e3, 4e3),
+        "contact.quadratic": stats.lognorm(0.2, scale=5e10),
+    }
+    expected = bd.sample(ranges, 8, "latin-hypercube", seed=4)
     assert found.names == expected.names and bits(found.values) == bits(expected.values)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('scene = "drive.toml"', "", "scene: missing"),
-        ('scene = "drive.toml"', "scene = 3", "scene: must be a table"),
-        ('scene = "drive.toml"', 'scene = "driv"', "no scene is called"),
-        ("measure", "mesure", "mesure: unknown field (did you mean 'measure'?)"),
-        ("[over]", "[ower]", "ower: unknown field"),
-        ("count = 3", "number = 3", "over.torque.scale.number: unknown field"),
-        ("from = 0.5, ", "", "over.torque.scale.from: missing"),
-        ("count = 3", "count = 0", "over.torque.scale.count"),
-        ("count = 3", 'count = 3, spacing = "log"', "spacing must be one of even, geometric"),
-        ("from = 0.5", "from = -1, spacing = 'geometric'", "must not reach or pass 0"),
-        ("rtol = 1e-3", "rtoll = 1e-3", "did you mean 'rtol'"),
-        ("rtol = 1e-3", "store = 'x'", "options.store"),
-        ("[1.198, 1.2, 0.2]", "1.2", "over.belt.length: must be a list of values, or a range"),
-        ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
-        ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
-        ("belt.length", "belt.lenght", "did you mean 'belt.length'"),
-        ("span_tension.final", "span_tension.last", "did you mean"),
-        ("[options]", "[sample]\nn = 3\n[options]", "either over or sample"),
-        ("[over]", "over = 3\n[x]", "x: unknown field"),
-    ],
-)
-def test_what_files_are_refused_for(folder: Path, old: str, new: str, words: str) -> None:
-    assert old in SWEEP
-    (folder / "sweep.toml").write_text(SWEEP.replace(old, new))
-    done = call(folder / "sweep.toml", "--out", folder / "sweep.nc")
-    assert done.exit_code == 2, done.stdout
-    assert words in done.stderr and done.stderr.count("\n") == 1
-    assert not (folder / "sweep.nc").exists()
+WRONG = [
+    ('scene = "drive.toml"', "", "scene: missing"),
+    ('scene = "drive.toml"', "scene = 3", "scene: must be a table"),
+    ('scene = "drive.toml"', 'scene = "driv"', "no scene is called"),
+    ("measure", "mesure", "mesure: unknown field (did you mean 'measure'?)"),
+    ("[over]", "[ower]", "ower: unknown field"),
+    ("count = 3", "number = 3", "over.torque.scale.number: unknown field"),
+    ("from = 0.5, ", "", "over.torque.scale.from: missing"),
+    ("count = 3", "count = 0", "over.torque.scale.count"),
+    ("count = 3", 'count = 3, spacing = "log"', "spacing must be one of even, geometric"),
+    ("from = 0.5", "from = -1, spacing = 'geometric'", "must not reach or pass 0"),
+    ("rtol = 1e-3", "rtoll = 1e-3", "did you mean 'rtol'"),
+    ("rtol = 1e-3", "store = 'x'", "options.store"),
+    ("[1.198, 1.2, 0.2]", "1.2", "over.belt.length: must be a list of values, or a range"),
+    ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
+    ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
+    ("belt.length", "belt.lenght", "did you mean 'belt.length'"),
+    ("span_tension.final", "span_tension.last", "did you mean"),
+    ("[options]", "[sample]\nn = 3\n[options]", "either over or sample"),
+    ("[over]", "over = 3\n[x]", "x: unknown field"),
+]
+
+
+def test_what_files_are_refused_for(folder: Path) -> None:
+    for old, new, words in WRONG:
+        assert old in SWEEP
+        (folder / "sweep.toml").write_text(SWEEP.replace(old, new))
+        done = call(folder / "sweep.toml", "--out", folder / "sweep.nc")
+        assert done.exit_code == 2 and words in done.stderr, (new, done.stderr)
+        assert done.stderr.count("\n") == 1
+        assert not (folder / "sweep.nc").exists()
 
 
 def test_bad_usage(folder: Path) -> None:
@@ -201,24 +188,65 @@ def test_bad_usage(folder: Path) -> None:
     assert missing.exit_code == 2 and "cannot read" in missing.stderr
 
 
-def command(folder: Path) -> list[str]:
-    """The command line of a sweep of some 40 runs, in a process of its own."""
+#: The command in a process of its own, which goes on slowly once there is a part.
+SLOWED = (
+    PATH
+    + """
+import sweep_runs
+from beltdyn.cli import main
+sweep_runs.go_on_slowly(sys.argv[4] + ".runs", 1)
+main()
+"""
+)
+MANY = {"torque.scale": np.linspace(0.5, 1.5, 20), "belt.length": [1.198, 1.2]}
+
+
+def of_many(folder: Path) -> list[str]:
+    """Arguments for a sweep of 40 runs."""
     text = SWEEP.replace("count = 3", "count = 20").replace(", 0.2]", "]")
     (folder / "sweep.toml").write_text(text)
-    small(0.05).to_toml(folder / "drive.toml")
     out = str(folder / "sweep.nc")
-    arguments = ["sweep", str(folder / "sweep.toml"), "--out", out, "--workers", "1"]
-    return [sys.executable, "-m", "beltdyn", *arguments]
+    return ["sweep", str(folder / "sweep.toml"), "--out", out, "--workers", "1"]
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def check_went_on(folder: Path) -> None:
+    assert not (folder / "sweep.nc.runs").exists()
+    measure = ["span_tension.final", "stats.steps"]
+    whole = bd.sweep(small(), MANY, measure, rtol=1e-3, progress=False)
+    xr.testing.assert_equal(table(folder / "sweep.nc"), whole)
+
+
+def test_an_interrupted_sweep_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def tend(self: Any) -> None:
+        self.flush()
+        raise KeyboardInterrupt
+
+    begin = of_many(folder)
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "tend", tend)
+        done = call(*begin[1:])
+    assert done.exit_code == 130 and "go on with the same command" in done.stderr
+    status = table(folder / "sweep.nc")["status"]
+    assert (status == "missing").any() and (status == "finished").any()
+    again = call(*begin[1:])
+    assert f"{int((status == 'finished').sum())} found in the store" in again.stdout
+    check_went_on(folder)
+
+
+@pytest.mark.ci(guard="test_sweep_cli.py::test_an_interrupted_sweep_goes_on")
+@pytest.mark.parametrize(
+    "sent", [signal.SIGINT, signal.SIGKILL, pytest.param(signal.SIGTERM, marks=extended)]
+)
 def test_a_stopped_sweep_goes_on_with_the_same_command(folder: Path, sent: signal.Signals) -> None:
-    begin, out, parts = command(folder), folder / "sweep.nc", folder / "sweep.nc.runs"
-    running = subprocess.Popen(begin, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120.0
-    wanted = 1 if sent is signal.SIGKILL else 0  # of a killed one, some part must have been written
-    while not (parts.is_dir() and len(list(parts.glob("part-*"))) >= wanted):
-        assert running.poll() is None and time.monotonic() < deadline
+    arguments, out, parts = of_many(folder), folder / "sweep.nc", folder / "sweep.nc.runs"
+    running = subprocess.Popen(
+        [sys.executable, "-c", SLOWED, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not list(parts.glob("part-*")):
+        assert running.poll() is None
         time.sleep(0.02)
     os.kill(running.pid, sent)
     _, said = running.communicate(timeout=60)
@@ -226,13 +254,8 @@ def test_a_stopped_sweep_goes_on_with_the_same_command(folder: Path, sent: signa
         assert running.returncode == -signal.SIGKILL and not out.exists()
     else:
         assert running.returncode == 130 and "go on with the same command" in said
-        status = table(out)["status"]
-        assert (status == "missing").any()
-    again = subprocess.run(begin, capture_output=True, text=True, check=True)
-    if sent is signal.SIGKILL:
-        assert " found in the store" in again.stdout
-    assert not parts.exists()
-    over: dict[str, Any] = {"torque.scale": np.linspace(0.5, 1.5, 20), "belt.length": [1.198, 1.2]}
-    measure = ["span_tension.final", "stats.steps"]
-    whole = bd.sweep(small(0.05), over, measure, rtol=1e-3, progress=False)
-    xr.testing.assert_equal(table(out), whole)
+        assert (table(out)["status"] == "missing").any()
+    command = [sys.executable, "-m", "beltdyn", *arguments]
+    again = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert " found in the store" in again.stdout
+    check_went_on(folder)

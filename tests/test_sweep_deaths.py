@@ -16,11 +16,15 @@ import numpy as np
 import pytest
 import sweep_runs
 from sweep_runs import do, plain, same
+from tiers import ci_if
 
 import beltdyn as bd
+from beltdyn import pools
 
 MEASURE = ["span_tension.final"]
 OVER = {"torque.scale": [float(k) for k in range(12)]}
+GUARD = "test_sweep_deaths.py::test_a_run_that_kills_its_worker_is_lost_alone"
+ci = pytest.mark.ci(guard=GUARD)
 
 
 def sleeping(begun: Path) -> bd.Scene:
@@ -44,30 +48,33 @@ def harmless(_t: float, _theta: Any, omega: Any) -> list[float]:
     return [-10.0, -float(omega[1])]
 
 
-def kill_one(begun: Path, killed: list[int]) -> None:
-    """Wait until a run is on its way in some process, and kill that."""
-    for _ in range(600):
-        found = [int(one.name) for one in begun.iterdir()]
-        if len(found) > 0:
-            assert os.getpid() not in found
-            os.kill(found[0], signal.SIGKILL)
-            killed.append(found[0])
-            return
-        time.sleep(0.05)
+def when_begun(begun: Path, act: Callable[[list[int]], None]) -> threading.Thread:
+    """Start a thread that acts once runs are on their way in some processes."""
+
+    def wait() -> None:
+        for _ in range(2400):
+            if found := [int(one.name) for one in begun.iterdir()]:
+                act(found)
+                return
+            time.sleep(0.05)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
 
 
-def kill_in(tmp_path: Path, run: Callable[[], Any]) -> Any:
-    """Do a sweep of which a worker is killed."""
-    killed: list[int] = []
-    killer = threading.Thread(target=kill_one, args=(tmp_path, killed))
-    killer.start()
-    try:
-        swept = run()
-    finally:
-        killer.join()
-    assert killed, "no run has begun"
-    assert len(list(tmp_path.iterdir())) > 1, "no other worker has taken over"
-    return swept
+def kill_one(found: list[int]) -> None:
+    assert os.getpid() not in found
+    os.kill(found[0], signal.SIGKILL)
+
+
+def kill_in(begun: Path, expected: Any, executor: Any) -> None:
+    """Do a sweep of which a worker is killed: another takes over, and the Dataset is the same."""
+    killer = when_begun(begun, kill_one)
+    swept = do(sleeping(begun), OVER, MEASURE, executor=executor)
+    killer.join()
+    assert len(list(begun.iterdir())) > 1, "no other worker has taken over"
+    same(swept.dataset, expected)
 
 
 @pytest.fixture(scope="module")
@@ -79,87 +86,91 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
 def survivors() -> Any:
     """What the runs that kill nothing give."""
     torques = {"torque": [harmless] * 3, "friction.mu_k": [0.5, 0.7, 1.0]}
-    return do(plain(), torques, MEASURE, combine="zip").dataset
+    return do(plain(), torques, MEASURE, combine="zip").dataset["span_tension.final"].values
 
 
-def check_lost(swept: Any, survivors: Any) -> None:
+LETHAL = {"torque": [harmless, lethal, harmless, harmless], "friction.mu_k": [0.5, 0.6, 0.7, 1.0]}
+
+
+def check_lost(executor: Any, survivors: Any) -> None:
     """One run of four is lost, with a message, and the others are as they would be without it."""
+    swept = do(plain(), LETHAL, MEASURE, combine="zip", executor=executor)
     assert swept.counts == {"finished": 3, "lost": 1}
     dataset = swept.dataset
     assert list(dataset.status.values) == ["finished", "lost", "finished", "finished"]
     assert "the worker process died in this run" in str(dataset.message.values[1])
     tensions = dataset["span_tension.final"].values
     assert np.isnan(tensions[1]).all()
-    assert tensions[[0, 2, 3]].tobytes() == survivors["span_tension.final"].values.tobytes()
+    assert tensions[[0, 2, 3]].tobytes() == survivors.tobytes()
 
 
-LETHAL = {"torque": [harmless, lethal, harmless, harmless], "friction.mu_k": [0.5, 0.6, 0.7, 1.0]}
+def test_a_run_that_kills_its_worker_is_lost_alone(
+    survivors: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With workers in this process that die as processes do; and runs after a lost one are lost."""
+    made: list[sweep_runs.Sent] = []
+
+    def new(_pool: Any, _count: int) -> Any:
+        made.append(sweep_runs.Sent())
+        return made[-1]
+
+    monkeypatch.setattr(pools._Processes, "_new", new)
+    check_lost("processes", survivors)
+    assert len(made) > 1, "no other workers have taken over"
+    # runs that start from the end of a lost one have no start; the others are not touched
+    for torques, counts in (([lethal, harmless], {"lost": 4}), ([harmless, lethal], None)):
+        over = {"torque": torques, "friction.mu_k": [0.5, 0.7]}
+        swept = do(plain(), over, MEASURE, executor="processes", warm="torque")
+        assert swept.counts == (counts or {"finished": 2, "lost": 2})
+        message = str(swept.dataset.message.values[1, 0])
+        assert ("the run from whose end it starts was lost" in message) == (counts is not None)
+    tensions = swept.dataset["span_tension.final"].values[0]
+    assert tensions.tobytes() == survivors[:2].tobytes()
 
 
-def test_a_process_killed(tmp_path: Path, expected: Any) -> None:
-    run = lambda: do(sleeping(tmp_path), OVER, MEASURE, executor="processes")  # noqa: E731
-    same(kill_in(tmp_path, run).dataset, expected)
+@pytest.mark.parametrize("kind", ci_if("processes".__eq__, ["bytes", "processes"]))
+def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path, kind: str) -> None:
+    """Their executor is broken for good, and the error says so; what was done before is kept."""
 
+    def few(torque: Any, executor: Any = "threads") -> Any:
+        over = {"torque": [harmless, torque], "friction.mu_k": [0.5, 0.6]}
+        return do(plain(), over, MEASURE, combine="zip", executor=executor, store=tmp_path)
 
-def test_a_run_that_kills_its_process(survivors: Any) -> None:
-    check_lost(do(plain(), LETHAL, MEASURE, combine="zip", executor="processes"), survivors)
-
-
-def test_a_process_of_the_users_killed(tmp_path: Path, expected: Any) -> None:
-    """The executor is broken for good: an error that says so, and nothing done is lost."""
-    runs, store = tmp_path / "runs", tmp_path / "store"
-    runs.mkdir()
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
-        # first some runs that end
-        few = {"torque.scale": OVER["torque.scale"][:3]}
-        do(sleeping(tmp_path / "runs"), few, MEASURE, executor=processes, store=store)
-        for one in runs.iterdir():
-            one.unlink()
-        killed: list[int] = []
-        killer = threading.Thread(target=kill_one, args=(runs, killed))
-        killer.start()
+    spawn = get_context("spawn")
+    with sweep_runs.Sent() if kind == "bytes" else ProcessPoolExecutor(2, spawn) as workers:
+        few(harmless, workers)
         with pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="):
-            do(sleeping(runs), OVER, MEASURE, executor=processes, store=store)
-        killer.join()
-    swept = do(sleeping(runs), OVER, MEASURE, store=store)
-    assert swept.stored >= 3 and swept.stored + swept.computed == 12
-    same(swept.dataset, expected)
+            few(lethal, workers)
+    assert few(harmless).stored == 2
 
 
+@ci
+def test_a_process_killed(tmp_path: Path, expected: Any) -> None:
+    kill_in(tmp_path, expected, "processes")
+
+
+@pytest.mark.extended(guard=GUARD)
+def test_a_run_that_kills_its_process(survivors: Any) -> None:
+    check_lost("processes", survivors)
+
+
+@ci
 def test_a_dask_worker_killed(tmp_path: Path, expected: Any, survivors: Any) -> None:
     """Its nanny starts another, the scheduler does its batch again; one that kills all is lost."""
     with sweep_runs.cluster() as client:
-        run = lambda: do(sleeping(tmp_path), OVER, MEASURE, executor=client)  # noqa: E731
-        same(kill_in(tmp_path, run).dataset, expected)
-        check_lost(do(plain(), LETHAL, MEASURE, combine="zip", executor=client), survivors)
+        kill_in(tmp_path, expected, client)
+        check_lost(client, survivors)
 
 
+@pytest.mark.extended(guard="test_sweep_deaths.py::test_workers_of_the_users_that_die_are_an_error")
 def test_a_cluster_that_is_closed(tmp_path: Path) -> None:
     with sweep_runs.cluster(1) as client:
 
-        def close() -> None:
-            for _ in range(600):
-                if any(tmp_path.iterdir()):
-                    client.cluster.scale(0)
-                    client.close()
-                    return
-                time.sleep(0.05)
+        def close(_found: list[int]) -> None:
+            client.cluster.scale(0)
+            client.close()
 
-        closer = threading.Thread(target=close)
-        closer.start()
+        closer = when_begun(tmp_path, close)
         with pytest.raises(RuntimeError, match="the executor or the cluster was closed"):
             do(sleeping(tmp_path), OVER, MEASURE, executor=client)
         closer.join()
-
-
-def test_runs_after_a_lost_one_are_lost(survivors: Any) -> None:
-    """Runs that start from the end of a lost one have no start; the others are not touched."""
-    over = {"torque": [lethal, harmless], "friction.mu_k": [0.5, 0.7]}
-    swept = do(plain(), over, MEASURE, executor="processes", warm="torque")
-    assert swept.counts == {"lost": 4}
-    assert "the run from whose end it starts was lost" in str(swept.dataset.message.values[1, 0])
-    over = {"torque": [harmless, lethal], "friction.mu_k": [0.5, 0.7]}
-    swept = do(plain(), over, MEASURE, executor="processes", warm="torque")
-    assert list(swept.dataset.status.values[0]) == ["finished"] * 2
-    tensions = swept.dataset["span_tension.final"].values[0]
-    assert tensions.tobytes() == survivors["span_tension.final"].values[:2].tobytes()

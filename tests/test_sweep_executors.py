@@ -1,119 +1,47 @@
-"""A sweep gives the same Dataset, to the last bit, wherever its runs are done, and as a loop of
-simulate written by hand; Python torques go to processes, compiled ones stay; batches stay few.
+"""A sweep gives the same Dataset, to the last bit, wherever its runs are done; Python torques go to
+processes, compiled ones stay; batches stay few; ten thousand runs need bounded memory.
 """
 
 from __future__ import annotations
 
-import ctypes
+import gc
 import subprocess
 import sys
 import threading
+import weakref
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from typing import Any
 
-import attrs
 import numpy as np
 import pytest
 import sweep_runs
-from sweep_runs import MEASURE, TIMES, cases, do, plain, same, under_function
+from sweep_runs import MEASURE, TIMES, cases, compiled, do, plain, same, under_function
 
 import beltdyn as bd
-
-DOUBLES = ctypes.POINTER(ctypes.c_double)
-PROTOTYPE = ctypes.CFUNCTYPE(None, ctypes.c_double, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p)
+from beltdyn import pools
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 
-@PROTOTYPE
-def compiled(_t: float, _theta: Any, omega: Any, torque: Any, _user: Any) -> None:
-    torque[0], torque[1] = -20.0, -omega[1]
-
-
 @pytest.fixture(scope="module")
 def expected() -> dict[str, Any]:
-    """What one thread gives of every case."""
-    return {name: sweep(name, 1, alone=True) for name in cases()}
+    """What one thread gives of every case: test_sweep.py holds it to loops written by hand."""
+    with ThreadPoolExecutor(1) as one:
+        return {name: sweep(name, one) for name in cases()}
 
 
-def sweep(name: str, executor: Any, alone: bool = False) -> Any:
-    """Do a case; ``alone``: in this very thread's interpreter, also if the torque is Python."""
-    if alone:
-        with ThreadPoolExecutor(1) as one:
-            return sweep(name, one)
+def sweep(name: str, executor: Any) -> Any:
     return do(measure=MEASURE, t_eval=TIMES, executor=executor, **cases()[name]).dataset
 
 
+ONE = {"torque.scale": [1.0]}
+GUARD = "test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes"
+ci = pytest.mark.ci(guard=GUARD)
+
+
 # --- the same numbers ----------------------------------------------------------------------------
-
-
-def test_of_a_loop_written_by_hand(expected: dict[str, Any]) -> None:
-    """The swept values put into the scene by hand, as a user would without sweeps."""
-    scene = plain()
-
-    def with_friction(mu_k: float) -> bd.Params:
-        return attrs.evolve(scene.params, friction=attrs.evolve(scene.params.friction, mu_k=mu_k))
-
-    runs = [
-        scene._replace(params=with_friction(mu_k), torque_fn=scene.torque_fn * scale)
-        for scale in sweep_runs.SCALES
-        for mu_k in (0.5, 1.0)
-    ]
-    tensions = sweep_runs.of_loop(scene, runs, [{}] * 6)
-    found = expected["grid"]["span_tension"].values
-    assert found.tobytes() == tensions.tobytes() and found.shape == (3, 2, 2, 2)
-    assert np.ptp(found[:, 0, -1]) > 1.0  # the torque tells
-
-    moved = sweep_runs.moved()
-    ((_, speed),) = moved.motion.items() if moved.motion else ()
-    of_belts = [sweep_runs.coarse(moved, 2e-3, n) for n in (20, 24)]
-    runs = [run._replace(motion={0: speed * scale}) for scale in (1.0, 2.0) for run in of_belts]
-    tensions = sweep_runs.of_loop(moved, runs, [{}] * 4)
-    assert expected["motion"]["span_tension"].values.tobytes() == tensions.tobytes()
-
-    mounted = sweep_runs.mounted()
-    pulley = mounted.params.pulleys[1]
-    drives = [
-        attrs.evolve(
-            mounted.params,
-            pulleys=[
-                attrs.evolve(one, mount=attrs.evolve(one.mount, stiffness=stiffness))
-                if one is pulley
-                else one
-                for one in mounted.params.pulleys
-            ],
-        )
-        for stiffness in (15.0, 20.0)
-    ]
-    runs = [mounted._replace(params=params) for params in drives for _ in range(2)]
-    tensions = sweep_runs.of_loop(mounted, runs, [{"rtol": 1e-3}, {"rtol": 1e-4}] * 2)
-    assert expected["mount"]["span_tension"].values.tobytes() == tensions.tobytes()
-
-    runs = [under_function()._replace(torque_fn=scaled(scale)) for scale in sweep_runs.SCALES]
-    tensions = sweep_runs.of_loop(plain(), runs, [{}] * 3)
-    assert expected["closure"]["span_tension"].values.tobytes() == tensions.tobytes()
-
-
-def scaled(scale: float) -> Any:
-    inner: Any = under_function().torque_fn
-    return lambda *args: [scale * one for one in inner(*args)]
-
-
-def test_of_a_chain_written_by_hand(expected: dict[str, Any]) -> None:
-    """warm: each run from the end of the one before along this name."""
-    scene = plain()
-    found = expected["warm"]["span_tension"].values
-    for k, mu_k in enumerate((0.5, 1.0)):
-        friction = attrs.evolve(scene.params.friction, mu_k=mu_k)
-        params = attrs.evolve(scene.params, friction=friction)
-        state = None
-        for j, scale in enumerate(sweep_runs.SCALES):
-            run = bd.simulate(params, scene.torque_fn * scale, 2e-3, t_eval=TIMES, initial=state)
-            assert found[j, k].tobytes() == run.span_tension.tobytes(), (j, k)
-            state = attrs.evolve(run.final_state, t=0.0)
-    assert not expected["warm"].identical(expected["grid"])
 
 
 def test_two_threads(expected: dict[str, Any]) -> None:
@@ -123,11 +51,22 @@ def test_two_threads(expected: dict[str, Any]) -> None:
         same(sweep("warm", threads), expected["warm"])
 
 
+def test_workers_that_are_told_everything_in_bytes(expected: dict[str, Any]) -> None:
+    """As processes and clusters are, of which the tests below are run in CI."""
+    with sweep_runs.Sent() as sent:
+        for name in cases():
+            same(sweep(name, sent), expected[name])
+        assert sent.jobs > len(cases())
+        assert do(plain(), ONE, MEASURE, executor=sent).workers.endswith("worker(s) of Sent")
+
+
+@ci
 def test_processes(expected: dict[str, Any]) -> None:
     for name in ("warm", "lambda"):
         same(sweep(name, "processes"), expected[name])
 
 
+@ci
 def test_processes_of_the_users(expected: dict[str, Any]) -> None:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
         for name in cases():
@@ -141,12 +80,16 @@ def client() -> Iterator[Any]:
         yield client
 
 
+@ci
 def test_a_dask_cluster(expected: dict[str, Any], client: Any) -> None:
     for name in cases():
         same(sweep(name, client), expected[name])
-    assert "Dask" in do(plain(), {"torque.scale": [1.0]}, MEASURE, executor=client).workers
+    assert "Dask" in do(plain(), ONE, MEASURE, executor=client).workers
+    with pytest.raises(TypeError, match="compiled function"):
+        do(plain()._replace(torque_fn=compiled), ONE, MEASURE, executor=client)
 
 
+@ci
 def test_a_function_of_a_script(tmp_path: Any) -> None:
     """Functions of __main__, as in a notebook, which other processes cannot import."""
     script = tmp_path / "script.py"
@@ -173,17 +116,20 @@ def test_a_function_of_a_script(tmp_path: Any) -> None:
 # --- where runs go -------------------------------------------------------------------------------
 
 
-def test_python_torques_go_to_processes_and_it_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    over = {"torque.scale": [1.0]}
-    swept = do(under_function(), over, MEASURE, executor=None, progress=True)
+def test_python_torques_go_to_processes_and_it_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pools._Processes, "_new", lambda *_: sweep_runs.Sent())
+    swept = do(under_function(), ONE, MEASURE, executor=None, progress=True)
     assert "process" in swept.workers
     said = capsys.readouterr().err
     assert "process" in said and "the torque is a Python function" in said
-    swept = do(plain(), over, MEASURE, executor=None, progress=True)
+    assert "process" in do(plain(), ONE, ["report.spans.tension"], executor=None).workers
+    swept = do(plain(), ONE, MEASURE, executor=None, progress=True)
     assert "thread" in swept.workers and capsys.readouterr().err == ""
 
 
-def test_compiled_functions_stay_in_this_process(client: Any) -> None:
+def test_compiled_functions_stay_in_this_process() -> None:
     scene = plain()._replace(torque_fn=compiled)
     over = {"friction.mu_k": [0.5, 1.0]}
     objects = plain()._replace(
@@ -196,7 +142,7 @@ def test_compiled_functions_stay_in_this_process(client: Any) -> None:
     np.testing.assert_allclose(
         found.dataset["span_tension"], expected.dataset["span_tension"], rtol=1e-6
     )
-    for executor in ("processes", client):
+    for executor in ("processes", sweep_runs.Sent()):
         with pytest.raises(TypeError, match=r'compiled function.*executor="threads"'):
             do(scene, over, MEASURE, executor=executor)
         with pytest.raises(TypeError, match="compiled function"):
@@ -212,33 +158,28 @@ def test_what_cannot_be_sent_is_said() -> None:
 
     scene = plain()._replace(torque_fn=torque)
     with pytest.raises(TypeError, match=r'cannot be sent.*executor="threads"'):
-        do(scene, {"torque.scale": [1.0]}, MEASURE, executor="processes")
-    assert do(scene, {"torque.scale": [1.0]}, MEASURE).counts == {"finished": 1}
+        do(scene, ONE, MEASURE, executor="processes")
+    assert do(scene, ONE, MEASURE).counts == {"finished": 1}
 
 
-@pytest.mark.parametrize(
-    ("executor", "error", "says"),
-    [
-        ("process", ValueError, '"threads" or "processes"'),
-        (0, ValueError, "executor must be"),
-        (2.5, TypeError, "concurrent.futures.Executor"),
-        (object(), TypeError, "Dask"),
-    ],
-)
-def test_what_is_no_executor(executor: Any, error: type[Exception], says: str) -> None:
-    with pytest.raises(error, match=says):
-        do(plain(), {"torque.scale": [1.0]}, MEASURE, executor=executor)
-
-
-def test_futures_of_another_kind_are_refused() -> None:
+def test_what_is_no_executor() -> None:
     class Odd:
         def submit(self, *_: Any) -> str:
             return "later"
 
-    with pytest.raises(TypeError, match="submit of Odd gives str"):
-        do(plain(), {"torque.scale": [1.0]}, MEASURE, executor=Odd())
+    refused: list[tuple[Any, type[Exception], str]] = [
+        ("process", ValueError, '"threads" or "processes"'),
+        (0, ValueError, "executor must be"),
+        (2.5, TypeError, "concurrent.futures.Executor"),
+        (object(), TypeError, "Dask"),
+        (Odd(), TypeError, "submit of Odd gives str"),
+    ]
+    for executor, error, says in refused:
+        with pytest.raises(error, match=says):
+            do(plain(), ONE, MEASURE, executor=executor)
 
 
+@pytest.mark.ci(guard="test_sweep_executors.py::test_what_is_no_executor")
 def test_clients_that_cannot_be_waited_for(client: Any) -> None:
     distributed = pytest.importorskip("distributed")
 
@@ -246,15 +187,16 @@ def test_clients_that_cannot_be_waited_for(client: Any) -> None:
         address = client.scheduler.address
         async with distributed.Client(address, asynchronous=True) as other:
             with pytest.raises(ValueError, match="asynchronous"):
-                do(plain(), {"torque.scale": [1.0]}, MEASURE, executor=other)
+                do(plain(), ONE, MEASURE, executor=other)
 
     client.sync(asynchronous)
     closed = distributed.Client(client.scheduler.address)
     closed.close()
     with pytest.raises(ValueError, match="closed"):
-        do(plain(), {"torque.scale": [1.0]}, MEASURE, executor=closed)
+        do(plain(), ONE, MEASURE, executor=closed)
 
 
+@pytest.mark.extended(guard=GUARD)
 def test_a_cluster_that_begins_without_workers() -> None:
     with sweep_runs.cluster(workers=0, processes=False) as client:
         client.cluster.adapt(minimum=0, maximum=1, interval="50ms")
@@ -308,25 +250,63 @@ def test_batches_are_few_for_short_runs_and_never_many_at_a_time() -> None:
     assert counting.most <= 4
     with Counting(2) as counting:
         counting.seconds = 0.3
-        do(
-            plain(1e-4),
-            {"torque.scale": [k / 40 for k in range(40)]},
-            ["stats.steps"],
-            executor=counting,
-        )
+        over = {"torque.scale": [k / 40 for k in range(40)]}
+        do(plain(1e-4), over, ["stats.steps"], executor=counting)
     assert counting.sizes == [1] * 40 and counting.most <= 4
 
 
-def test_settled_states_and_drives_are_shared() -> None:
-    """One state for all runs that differ in loads alone, one for each drive, in threads."""
-    loads = {"torque.scale": [k / 20 for k in range(20)]}
-    for executor in (1, 2, "threads"):
-        assert do(plain(), loads, ["stats.steps"], executor=executor).settled == 1
-    both = {**loads, "friction.mu_k": [0.5, 0.6, 0.7]}
-    assert do(plain(), both, ["stats.steps"]).settled == 3
-    speeds = {"motion.scale": [1.0, 1.5], "torque.scale": [0.5, 1.0]}
-    assert do(sweep_runs.moved(), speeds, ["stats.steps"]).settled == 2  # it runs at the speed
-    state = bd.settle(plain().params)
-    assert do(plain(), loads, ["stats.steps"], initial=state).settled == 0
-    over = {"torque.scale": [0.0, 0.5, 1.0], "friction.mu_k": [0.5, 1.0]}
-    assert do(plain(), over, ["stats.steps"], warm="torque.scale").settled == 2
+# --- many runs -----------------------------------------------------------------------------------
+
+MANY = (
+    sweep_runs.PATH
+    + """
+import resource
+import sweep_runs
+n = int(sys.argv[1])
+over = {"torque.scale": [k / n for k in range(n)]}
+swept = sweep_runs.do(sweep_runs.plain(), over, ["span_tension.least"], t_eval=sweep_runs.TIMES,
+                      store=sys.argv[2])
+assert swept.counts == {"finished": n} and swept.settled == 1, (swept.counts, swept.settled)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+)
+
+
+@pytest.mark.extended(guard="test_sweep_executors.py::test_results_are_let_go")
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss is in KiB on Linux")
+def test_memory_of_ten_thousand_runs(tmp_path: Any) -> None:
+    """Nine thousand runs more take what the table holds of them.
+
+    Of a run that is 16 bytes of tensions in an array (130 with its head) and in the Dataset, value
+    and number (200), key (100), a status, a message and one text of warnings of some 400 letters:
+    that twice, as a text and, four bytes a letter and the same for all, in the Dataset, which is
+    put together from a copy: 4 kB in all. A Result is 30 kB, a State 4 kB.
+    """
+    peaks = []
+    for n in (1000, 10_000):
+        command = [sys.executable, "-c", MANY, str(n), str(tmp_path / str(n))]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        peaks.append(1024 * int(done.stdout))
+    assert peaks[1] - peaks[0] < 9000 * 5000, peaks
+
+
+def test_results_are_let_go() -> None:
+    """The same in short: no Result nor State outlives its run, neither while others go on."""
+    held: list[Any] = []
+    alive: list[int] = []
+
+    def measure(result: bd.Result) -> float:
+        if len(held) == 2 * 99:
+            gc.collect()
+            alive.append(sum(one() is not None for one in held))
+        held.extend([weakref.ref(result), weakref.ref(result.final_state)])
+        return float(result.span_tension[-1].max())
+
+    over = {"torque.scale": [k / 100 for k in range(100)]}
+    with ThreadPoolExecutor(1) as one:
+        swept = do(plain(), over, measure, t_eval=TIMES, executor=one)
+    assert swept.counts == {"finished": 100}
+    assert alive[0] <= 2 and len(held) == 200  # those of the run before, at most
+    gc.collect()
+    assert not any(one() is not None for one in held)

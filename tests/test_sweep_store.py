@@ -21,32 +21,45 @@ import xarray
 from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 
 import beltdyn as bd
-from beltdyn.sweeping import content, store
+from beltdyn.sweeping import SweepInterrupted, content, store
 from beltdyn.sweeping.rows import Outcome
 
 N = 60
 OVER = {"torque.scale": [k / N for k in range(N)], "friction.mu_k": [0.5, 1.0]}
+GUARD = "test_sweep_store.py::test_what_an_interrupted_sweep_leaves_is_gone_on_with"
+ci, extended = pytest.mark.ci(guard=GUARD), pytest.mark.extended(guard=GUARD)
+linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
 
-#: A sweep in a process of its own, with parts far oftener than they would be. Arguments: folder,
-#: executor.
+#: A sweep in a process of its own, which writes a part whenever it can and after two of them goes
+#: on slowly, so that signals reach it on its way. Arguments: folder, executor.
 SCRIPT = (
     sweep_runs.PATH
     + """
+import signal
 import sweep_runs, test_sweep_store as of
-from beltdyn.sweeping import store
-store._LEAST = 0.02
+from beltdyn.sweeping import SweepInterrupted, store
+sweep_runs.go_on_slowly(sys.argv[1], 2)
+def go(executor):
+    try:
+        of.sweep(sys.argv[1], executor)
+    except SweepInterrupted as error:
+        status = error.dataset.status
+        print("interrupted", *(int((status == one).sum()) for one in ("finished", "missing")))
+signal.signal(signal.SIGINT, signal.default_int_handler)
 print("begun", flush=True)
-of.sweep(sys.argv[1], sys.argv[2])
-print("done", flush=True)
+if sys.argv[2] == "dask":
+    with sweep_runs.cluster() as client:
+        go(client)
+else:
+    go(sys.argv[2])
 """
 )
 #: The same, killed while it writes a part.
 IN_A_PART = SCRIPT.replace(
     'print("begun"',
     """
-import os, signal
-write = store.Store._dataset
-def dying(self, layout, rows):
+import os, pathlib
+def dying(self, layout, rows, write=store.Store._dataset):
     dataset = write(self, layout, rows)
     class Half:
         def to_netcdf(self, path, **options):
@@ -54,9 +67,9 @@ def dying(self, layout, rows):
             with open(path, "r+b") as file:
                 file.truncate(1000)
             os.kill(os.getpid(), signal.SIGKILL)
-    return dataset if not list(self._path.glob("part-*")) else Half()
+    return Half() if list(pathlib.Path(sys.argv[1]).glob("part-*.nc")) else dataset
 store.Store._dataset = dying
-print(\"begun\"""",
+print("begun\"""",
 )
 
 
@@ -79,6 +92,44 @@ def keys(folder: Path) -> list[str]:
     return found
 
 
+def check_resumed(folder: Path, expected: Any) -> None:
+    """Go on with a sweep that was ended: what was kept is not repeated, and nothing is missing."""
+    before = keys(folder)
+    assert 0 < len(before) == len(set(before)) < 2 * N
+    swept = sweep(folder, "threads")
+    assert (swept.stored, swept.computed) == (len(before), 2 * N - len(before))
+    same(swept.dataset, expected)
+    after = keys(folder)
+    assert len(after) == len(set(after)) == 2 * N and set(before) <= set(after)
+    again = sweep(folder, "threads")
+    assert (again.stored, again.computed, again.settled) == (2 * N, 0, 0)
+    same(again.dataset, expected)
+
+
+def test_what_an_interrupted_sweep_leaves_is_gone_on_with(
+    tmp_path: Path, expected: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By Ctrl-C after some parts; beside them one of which a kill let only the half be written."""
+
+    def tend(self: Any) -> None:
+        self.flush()
+        if len(list(tmp_path.glob("part-*.nc"))) == 2:
+            (whole, *_) = tmp_path.glob("part-*.nc")
+            (tmp_path / f".{whole.name}.half").write_bytes(whole.read_bytes()[:1000])
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(SweepInterrupted) as caught:
+        patch.setattr(store.Store, "tend", tend)
+        sweep(tmp_path, "threads")
+    status = list(caught.value.dataset["status"].values.ravel())
+    assert status.count("finished") == len(keys(tmp_path))
+    assert status.count("finished") + status.count("missing") == 2 * N
+    check_resumed(tmp_path, expected)
+
+
+# --- killed --------------------------------------------------------------------------------------
+
+
 def start(script: str, folder: Path, executor: str = "threads") -> subprocess.Popen[str]:
     command = [sys.executable, "-c", script, str(folder), executor]
     process = subprocess.Popen(
@@ -89,36 +140,29 @@ def start(script: str, folder: Path, executor: str = "threads") -> subprocess.Po
 
 
 def until(parts: int, folder: Path, process: subprocess.Popen[str]) -> None:
-    for _ in range(3000):
-        if process.poll() is not None or len(list(folder.glob("part-*.nc"))) >= parts:
-            return
+    while process.poll() is None and len(list(folder.glob("part-*.nc"))) < parts:
         time.sleep(0.01)
 
 
-def check_resumed(folder: Path, expected: Any, most: int = 2 * N) -> int:
-    """Go on with a sweep that was killed: what was kept is not repeated, and nothing is missing."""
-    before = keys(folder)
-    assert len(before) == len(set(before)) and len(before) < most
-    swept = sweep(folder, "threads")
-    assert (swept.stored, swept.computed) == (len(before), 2 * N - len(before))
-    same(swept.dataset, expected)
-    after = keys(folder)
-    assert len(after) == len(set(after)) == 2 * N and set(before) <= set(after)
-    again = sweep(folder, "threads")
-    assert (again.stored, again.computed, again.settled) == (2 * N, 0, 0)
-    same(again.dataset, expected)
-    return len(before)
-
-
+@ci
 def test_the_client_killed(tmp_path: Path, expected: Any) -> None:
     process = start(SCRIPT, tmp_path)
     until(2, tmp_path, process)
     process.kill()
     process.communicate()
-    assert check_resumed(tmp_path, expected) > 0
+    check_resumed(tmp_path, expected)
 
 
-@pytest.mark.slow
+@ci
+def test_the_client_killed_while_it_writes_a_part(tmp_path: Path, expected: Any) -> None:
+    process = start(IN_A_PART, tmp_path)
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert list(tmp_path.glob(".part-*")), "nothing was being written"
+    check_resumed(tmp_path, expected)
+
+
+@extended
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_the_client_killed_at_any_moment_again_and_again(
     executor: str, tmp_path: Path, expected: Any
@@ -138,69 +182,41 @@ def test_the_client_killed_at_any_moment_again_and_again(
     same(sweep(tmp_path, "threads").dataset, expected)
 
 
-def test_the_client_killed_while_it_writes_a_part(tmp_path: Path, expected: Any) -> None:
-    process = start(IN_A_PART, tmp_path)
-    process.communicate()
-    assert process.returncode == -signal.SIGKILL
-    assert list(tmp_path.glob(".part-*")), "nothing was being written"
-    assert check_resumed(tmp_path, expected) > 0
+def stat(process: int | str) -> list[str]:
+    """State, parent and more of a process, of one that has ended nothing."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return []
 
 
 def children(process: int) -> list[int]:
     """Give the processes that one has started, and theirs."""
     found: list[int] = []
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(entry.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-        if parent == process:
-            found += [int(entry.parent.name), *children(int(entry.parent.name))]
+    for entry in Path("/proc").glob("[0-9]*"):
+        if stat(entry.name)[1:2] == [str(process)]:
+            found += [int(entry.name), *children(int(entry.name))]
     return found
 
 
-def living(processes: list[int]) -> list[int]:
-    """Give those that have not ended, nor are just waiting to be asked how."""
-    found = []
-    for one in processes:
-        try:
-            state = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()[0]
-        except OSError:
-            continue
-        found += [one] if state != "Z" else []
-    return found
+def ended(processes: list[int]) -> bool:
+    """Wait until all have ended, if only to be asked how."""
+    for _ in range(1200):
+        if not any(stat(one)[:1] not in ([], ["Z"]) for one in processes):
+            return True
+        time.sleep(0.05)
+    return False
 
 
-INTERRUPTED = SCRIPT.replace(
-    "of.sweep(sys.argv[1], sys.argv[2])",
-    """
-import signal
-import beltdyn as bd
-signal.signal(signal.SIGINT, signal.default_int_handler)
-def go(executor):
-    try:
-        of.sweep(sys.argv[1], executor)
-    except bd.sweeping.SweepInterrupted as error:
-        done = int((error.dataset.status == "finished").sum())
-        missing = int((error.dataset.status == "missing").sum())
-        print("interrupted", done, missing, flush=True)
-if __name__ == "__main__":
-    if sys.argv[2] == "dask":
-        with sweep_runs.cluster() as client:
-            go(client)
-    else:
-        go(sys.argv[2])
-""",
-)
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@linux
 @pytest.mark.parametrize(
-    "executor", ["threads", pytest.param("processes"), pytest.param("dask", marks=pytest.mark.slow)]
-)
+    "executor",
+    [pytest.param(one, marks=ci if one == "processes" else extended) for one in
+     ("threads", "processes", "dask")],
+)  # fmt: skip
 def test_ctrl_c(executor: str, tmp_path: Path, expected: Any) -> None:
     """What is done is given and kept; no process stays behind."""
-    process = start(INTERRUPTED, tmp_path, executor)
+    process = start(SCRIPT, tmp_path, executor)
     until(2, tmp_path, process)
     workers = children(process.pid)
     assert bool(workers) == (executor != "threads")
@@ -208,27 +224,20 @@ def test_ctrl_c(executor: str, tmp_path: Path, expected: Any) -> None:
     said, errors = process.communicate(timeout=120)
     assert said.startswith("interrupted"), errors
     _, done, missing = said.splitlines()[0].split()
-    assert int(done) == len(keys(tmp_path)) > 0 and int(done) + int(missing) == 2 * N
-    for _ in range(200):
-        if not living(workers):
-            break
-        time.sleep(0.05)
-    assert not living(workers)
+    assert int(done) == len(keys(tmp_path)) and int(done) + int(missing) == 2 * N
+    assert ended(workers)
     check_resumed(tmp_path, expected)
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@linux
+@ci
 def test_workers_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
     process = start(SCRIPT, tmp_path, "processes")
     until(1, tmp_path, process)
     workers = children(process.pid)
     process.kill()
     process.communicate()
-    for _ in range(600):
-        if not living(workers):
-            break
-        time.sleep(0.05)
-    assert workers and not living(workers)
+    assert workers and ended(workers)
 
 
 # --- what is found again -------------------------------------------------------------------------
@@ -260,7 +269,10 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
     assert counts(tmp_path, over=listed) == (1, 0)
     # the factor 1 is the scene itself
     assert counts(tmp_path, over={"friction.mu_k": [mu_k]}) == (1, 0)
-    # what makes a difference
+    # what makes a difference: of Python torques what they do
+    assert counts(tmp_path, under_function(40.0)) == (0, 2)
+    assert counts(tmp_path, under_function(40.0)) == (2, 0)
+    assert counts(tmp_path, under_function(41.0)) == (0, 2)
     assert counts(tmp_path, t_eval=[1e-3, 1.5e-3]) == (0, 2)
     assert counts(tmp_path, t_eval=np.array(TIMES)) == (2, 0)
     assert counts(tmp_path, measure=["stats.steps"]) == (0, 2)
@@ -270,17 +282,6 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
     assert counts(tmp_path, over={"torque.scale": [0.5, 1.0]}, warm="torque.scale") == (0, 2)
     monkeypatch.setattr(content._core, "__version__", "0.0.0")
     assert counts(tmp_path) == (0, 2)
-
-
-def test_python_torques_are_known_by_what_they_do(tmp_path: Path) -> None:
-    assert counts(tmp_path, under_function(40.0)) == (0, 2)
-    assert counts(tmp_path, under_function(40.0)) == (2, 0)
-    assert counts(tmp_path, under_function(41.0)) == (0, 2)
-
-    def other(_t: float, _theta: Any, omega: Any) -> list[float]:
-        return [-40.0, -2.0 * float(omega[1])]
-
-    assert counts(tmp_path, plain()._replace(torque_fn=other)) == (0, 2)
 
 
 def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
@@ -332,11 +333,11 @@ def test_anything_that_can_be_measured_comes_back(tmp_path: Path) -> None:
 
 
 def test_chains_go_on_where_they_were(tmp_path: Path) -> None:
+    given: Any = {"warm": "torque.scale", "t_eval": TIMES}
     over = {"torque.scale": [0.0, 0.5, 1.0], "friction.mu_k": [0.5, 1.0]}
-    expected = do(plain(), over, MEASURE, warm="torque.scale", t_eval=TIMES)
-    few = {**over, "torque.scale": [0.0, 0.5]}
-    do(plain(), few, MEASURE, warm="torque.scale", t_eval=TIMES, store=tmp_path)
-    swept = do(plain(), over, MEASURE, warm="torque.scale", t_eval=TIMES, store=tmp_path)
+    expected = do(plain(), over, MEASURE, **given)
+    do(plain(), {**over, "torque.scale": [0.0, 0.5]}, MEASURE, store=tmp_path, **given)
+    swept = do(plain(), over, MEASURE, store=tmp_path, **given)
     assert (swept.stored, swept.computed, swept.settled) == (4, 2, 0)
     same(swept.dataset, expected.dataset)
 
