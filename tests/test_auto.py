@@ -7,15 +7,18 @@ Steps are weighed, not timed: a try of the implicit method, six stages and a fac
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import Any
 
 import attrs
 import numpy as np
 import pytest
+from tiers import extended_if
 
 import beltdyn as bd
 
 WORTH = 5.2
+SCENES = ("kubas-case-1", "kubas-case-2", "three-pulleys")
 
 
 def coarse(name: str) -> bd.Scene:
@@ -69,17 +72,20 @@ def test_coarse_tolerances_take_the_second_order() -> None:
     assert result.stats.choice.startswith("lbdf2: ")
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4])
-@pytest.mark.parametrize("name", ["kubas-case-1", "kubas-case-2", "three-pulleys"])
+@pytest.mark.parametrize(
+    ("name", "rtol"),
+    extended_if(
+        lambda case: case not in {(SCENES[0], 1e-3), (SCENES[1], 1e-4), (SCENES[2], 1e-2)},
+        product(SCENES, (1e-2, 1e-3, 1e-4)),
+    ),
+)
 def test_costs_about_what_the_better_of_both_costs(name: str, rtol: float) -> None:
     """At most half as much again, the looks at the other method included."""
     scene = bd.scenes.get(name)
     start = bd.settle(scene.params)
-    t_end = min(scene.t_end, 0.4)
+    given = {"t_end": min(scene.t_end, 0.25), "initial": start, "rtol": rtol}
     costs = {
-        method: weight(
-            bd.simulate(*scene[:2], t_end, initial=start, method=method, rtol=rtol).stats
-        )
+        method: weight(bd.simulate(*scene[:2], method=method, **given).stats)
         for method in ("tsit5", "rodas4", "auto")
     }
     assert costs["auto"] <= 1.5 * min(costs["tsit5"], costs["rodas4"]), costs
@@ -101,7 +107,10 @@ def test_changes_its_mind_and_says_so() -> None:
     assert "switched" in dict(result.summary(verbose=True))["method"]
 
 
-@pytest.mark.parametrize("name", ["three-pulleys", "unequal-pulleys", "flywheel-start"])
+@pytest.mark.parametrize(
+    "name",
+    extended_if("unequal-pulleys".__ne__, ["three-pulleys", "unequal-pulleys", "flywheel-start"]),
+)
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")  # the flywheel's does
 @pytest.mark.filterwarnings("ignore:mesh:UserWarning")
 def test_is_as_exact_as_asked_across_its_changes(name: str) -> None:
@@ -131,7 +140,7 @@ def test_is_as_exact_as_asked_across_its_changes(name: str) -> None:
 @pytest.mark.filterwarnings("ignore:mesh:UserWarning")
 def test_repeats_to_the_last_bit() -> None:
     scene = coarse("three-pulleys")
-    one, other = (bd.simulate(*scene[:2], 0.3, rtol=1e-3) for _ in range(2))
+    one, other = (bd.simulate(*scene[:2], 0.2, rtol=1e-3) for _ in range(2))
     assert one.stats.changes == other.stats.changes > 0
     assert one.stats.choice == other.stats.choice
     assert np.array_equal(one.joints.force, other.joints.force)
@@ -139,8 +148,9 @@ def test_repeats_to_the_last_bit() -> None:
 
 def test_a_named_method_is_kept() -> None:
     scene = bd.scenes.kubas_case_1()
+    start = bd.settle(scene.params)
     for method in ("tsit5", "rodas4", "lbdf2", "lie"):
-        result = bd.simulate(*scene[:2], 2e-3, method=method)
+        result = bd.simulate(*scene[:2], 2e-3, initial=start, method=method)
         assert result.stats.method == method
         assert result.stats.choice == f"{method}, as asked"
         assert "asked" not in result.message

@@ -15,7 +15,6 @@ import attrs
 import numpy as np
 import pytest
 import reference
-from slow import slow_if
 
 import beltdyn as bd
 
@@ -27,9 +26,18 @@ pytestmark = pytest.mark.filterwarnings(
 SCENES = ("kubas-case-1", "three-pulleys")
 METHODS = ("lbdf2", "lie")
 STEPS = (1e-4, 4e-4)  # s
-FINE = (60, 240, 960, 3840)
-LONGEST = {("kubas-case-1", 3840)}.__contains__
-FINEST = {(name, 3840) for name in SCENES}.__contains__
+DEFAULT = {("three-pulleys", 60), ("three-pulleys", 240), ("kubas-case-1", 240)}
+
+
+def sizes(*links: int, default: Any = DEFAULT) -> Any:
+    """Each scene on finer and finer belts: some by default, in CI up to 960 links."""
+
+    def marks(case: tuple[str, int]) -> Any:
+        mark = pytest.mark.extended if case[1] > 960 else pytest.mark.ci
+        return () if case in default else mark(guard="other cases")
+
+    cases = [pytest.param(*case, marks=marks(case)) for case in product(SCENES, links)]
+    return pytest.mark.parametrize(("name", "n"), cases)
 
 
 @cache
@@ -55,10 +63,10 @@ def drive(
 
 
 def belt_line(params: bd.Params) -> bd.State:
-    centers = np.array([p.center for p in params.pulleys])
-    radii = np.array([p.radius for p in params.pulleys])
-    belt = params.belt
-    x, y, phi, _, _ = reference.belt_line(centers, radii, belt.length, belt.n_bodies)
+    centers, radii = (
+        np.array([getattr(p, k) for p in params.pulleys]) for k in ("center", "radius")
+    )
+    x, y, phi, _, _ = reference.belt_line(centers, radii, params.belt.length, params.belt.n_bodies)
     return bd.State(x=x, y=y, phi=phi, theta=np.zeros(len(radii)))
 
 
@@ -136,15 +144,15 @@ def most_tension(name: str, start: bd.State, params: bd.Params, t_end: float) ->
 
 
 def matrix(n: int) -> list[tuple[float, float, float]]:
-    """Sigma, damping, contact: all of them for coarse belts, one at a time for fine ones."""
+    """Sigma, damping, contact: all of them for a coarse belt, one at a time for fine ones."""
     sigmas, dampings, contacts = (1e4, 1e6, 1e8), (1.0, 0.0, 100.0), (1.0, 100.0)
     every = list(product(sigmas, dampings, contacts))
     usual = (1e4, 1.0, 1.0)
     fine = [c for c in every if sum(a != b for a, b in zip(c, usual, strict=True)) <= 1]
-    return every if n <= 240 else fine
+    return every if n <= 60 else fine
 
 
-@pytest.mark.parametrize(("name", "n"), slow_if(FINEST, product(SCENES, FINE)))
+@sizes(60, 240, 960, 3840, default=DEFAULT - {("three-pulleys", 240)})
 def test_nothing_fails(name: str, n: int) -> None:
     """From rest up, 40 ms: no step fails, and energy does not come from nowhere.
 
@@ -164,7 +172,7 @@ def test_nothing_fails(name: str, n: int) -> None:
             assert made_up(result) <= 1e-2 * result.energy.axial[0], where
 
 
-@pytest.mark.parametrize(("name", "n"), slow_if(LONGEST, product(SCENES, FINE)))
+@sizes(60, 240, 960, 3840, default=DEFAULT - {("three-pulleys", 240)})
 def test_contact_a_thousand_times_stiffer(name: str, n: int) -> None:
     """Steps of 1e-4 s, and steps chosen by rtol = 1e-2, which see links bounce, within micrometres.
     Errors are 1 % of a stretch at most, so what is made up stays below 1 % of the energy of that.
@@ -179,7 +187,7 @@ def test_contact_a_thousand_times_stiffer(name: str, n: int) -> None:
         assert made_up(result) <= 1e-2 * result.energy.axial[0], options
 
 
-@pytest.mark.parametrize(("name", "n"), slow_if(LONGEST, product(SCENES, FINE[1:])))
+@sizes(240, 960, 3840)
 def test_a_start_out_of_balance_comes_to_rest(name: str, n: int) -> None:
     """Links pressed 0.5 mm deep fly off, and the steps take their energy away: none is made, and
     after 20 ms the belt carries no more than from rest, by a quarter for what still shakes.
@@ -227,11 +235,7 @@ def developed(name: str, n: int) -> bd.State:
 LADDER = (4e-4, 2e-4, 1e-4, 5e-5)  # s
 
 
-@pytest.mark.parametrize(
-    ("name", "n"),
-    [("kubas-case-1", 60), ("kubas-case-1", 240), ("kubas-case-1", 960),
-     ("three-pulleys", 60), ("three-pulleys", 240)],
-)  # fmt: skip
+@sizes(60, 240, default={("three-pulleys", 60)})
 def test_results_are_those_of_a_tight_run(name: str, n: int) -> None:
     """40 ms against rodas4 at 3e-7 (itself against the explicit pair where that can be had).
 
