@@ -43,33 +43,33 @@ def weight(stats: bd.Stats) -> float:
     return (explicit + WORTH * sum(counts.values())) * (1 + stats.rejected / stats.steps)
 
 
-def test_tight_tolerances_on_a_coarse_belt_are_explicit() -> None:
-    scene = bd.scenes.kubas_case_2()
-    result = bd.simulate(*scene[:2], 0.02, rtol=1e-7)
-    assert result.stats.method == "tsit5"
-    assert result.stats.changes == result.stats.nlu == 0
-    bound = scene.params.info["spectral_bound"]
-    assert f"spectral bound {bound:.3g} 1/s" in result.stats.choice
-    assert result.stats.choice in result.message
-
-
-@pytest.mark.parametrize("change", [{"n_bodies": 240}, {"axial_damping": 3.64}])
-def test_fine_or_heavily_damped_belts_are_implicit(change: dict[str, float]) -> None:
-    scene = bd.scenes.kubas_case_1()
-    params = with_belt(scene.params, **change)
-    result = bd.simulate(params, scene.torque_fn, 0.05, rtol=1e-3)
-    assert result.stats.method == "rodas4"
-    assert result.stats.changes == 0
-    assert "implicit ones are cheaper" in result.stats.choice
-    # the explicit method would need this many
-    assert 0.05 / (0.93 * 3.5 / params.info["spectral_bound"]) > 20 * result.stats.steps
-
-
-def test_coarse_tolerances_take_the_second_order() -> None:
-    scene = bd.scenes.kubas_case_2()
-    result = bd.simulate(*scene[:2], 0.1, rtol=0.03)
-    assert result.stats.method == "lbdf2"
-    assert result.stats.choice.startswith("lbdf2: ")
+@pytest.mark.parametrize(
+    ("case", "change", "rtol", "method", "words"),
+    [
+        (2, {}, 1e-7, "tsit5", "spectral bound"),
+        (1, {"n_bodies": 240}, 1e-3, "rodas4", "implicit ones are cheaper"),
+        (1, {"axial_damping": 3.64}, 1e-3, "rodas4", "implicit ones are cheaper"),
+        (2, {}, 0.03, "lbdf2", "lbdf2: "),
+    ],
+)
+def test_what_is_chosen(
+    case: int, change: dict[str, Any], rtol: float, method: str, words: str
+) -> None:
+    """Explicit on a coarse belt with a tight tolerance, implicit on fine or heavily damped ones, of
+    second order for a coarse tolerance; and it says why.
+    """
+    scene = bd.scenes.get(f"kubas-case-{case}")
+    params, t_end = with_belt(scene.params, **change), 0.1 if method == "lbdf2" else 0.05
+    result = bd.simulate(params, scene.torque_fn, t_end, rtol=rtol)
+    stats, bound = result.stats, params.info["spectral_bound"]
+    assert stats.method == method and stats.changes == 0
+    assert words in stats.choice and stats.choice in result.message
+    if method == "tsit5":
+        assert stats.nlu == 0 and f"spectral bound {bound:.3g} 1/s" in stats.choice
+    if method == "rodas4":  # the explicit method would need this many
+        assert t_end / (0.93 * 3.5 / bound) > 20 * stats.steps
+    if method == "lbdf2":
+        assert stats.choice.startswith(words)
 
 
 @pytest.mark.parametrize(

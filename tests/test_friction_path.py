@@ -74,27 +74,6 @@ def test_nested_loops_follow_the_exact_path() -> None:
     assert np.max(np.abs(found - exact)) <= 40 * 20 * EPS
 
 
-def test_dissipation_is_positive_over_a_closed_loop() -> None:
-    """Sliding there and back costs energy: the area of the hysteresis loop, in closed form.
-
-    From saturation, over a stroke s: the loop between the two exponentials, integrated by the
-    trapezoidal rule on 1e4 points (error of (sigma s / mu_k)^2 / 12 (5000)^2 = 5e-8 of the area).
-    """
-    stroke = 3e-4
-    x = np.concatenate([np.linspace(0, stroke, 5001), np.linspace(stroke, 0, 5001)[1:]])
-    many = np.concatenate([x] + [x[1:]] * 3)
-    mu = _core.dahl_path(many, 0.0, 0.8, 1e4)
-    last = slice(-10001, None)
-    area = np.trapezoid(mu[last], many[last])
-    z = 1e4 * stroke / 0.8
-    peak = 0.8 * math.tanh(z / 2)  # periodic loop: mu swings between -peak and peak
-    assert mu[last].max() == pytest.approx(peak, rel=1e-4)
-    # two branches, each mu_k s - (mu_k + peak) (mu_k / sigma) (1 - exp(-z))
-    exact = 2 * (0.8 * stroke - (0.8 + peak) * (0.8 / 1e4) * (-math.expm1(-z)))
-    assert area == pytest.approx(exact, rel=1e-4)
-    assert area > 0
-
-
 # -------------------------------------------------------------------- every law along a path
 
 
@@ -103,29 +82,38 @@ def there_and_back(points: int = 2000) -> Array:
     return np.concatenate([out, out[-2::-1], -out[1:]])
 
 
-def test_lugre_ends_in_steady_sliding() -> None:
-    """In one move of 1 m, 20000 times mu / sigma; the terms of the force are below 1 and round."""
-    for v, way in ((v, way) for v in (1e-4, 0.02, 0.5) for way in (1.0, -1.0)):
-        g = LUGRE.mu_k + (LUGRE.mu_s - LUGRE.mu_k) * np.exp(-((v / LUGRE.v_stribeck) ** 2))
-        found = LUGRE.coefficient([0.0, way], velocity=v, normal=NORMAL)[1]
-        assert found == pytest.approx(way * (g + LUGRE.viscous * v), abs=20 * EPS)
+LOOPS = [
+    (0.0, 4e-5, -4e-5) * 2,
+    (0.0, -4e-4, 4e-4) * 2,
+    np.cumsum([0.0, 3e-4, -1e-4, 1e-4, -1e-5, 2e-3]),
+    (0.0, 1.0, -1.0),
+]
+LOOPED = [bd.Dahl(mu_k=0.8, sigma=1e4), bd.Dahl(mu_k=0.8, sigma=1e4, mu_s=1.0, v_stribeck=0.02)]
 
 
-def test_lugre_in_slow_loops_is_dahl_with_the_static_coefficient() -> None:
-    """At v = 1e-4 v_stribeck, g = mu_s / (1 + q) with q = (1 - mu_k / mu_s) 1e-8 and a little.
-
-    With s = |v| t: dz/ds = sigma (+-1 - z / g) differs from Dahl's by sigma q at most, and two
-    states approach each other by exp(-sigma s / mu_s): z differs by mu_s q at most. The force, over
-    N, differs by that, by the damping's 2 d |v| and the viscous e |v|.
+@pytest.mark.parametrize("law", [*LOOPED, LUGRE])
+def test_hysteresis_loop_has_its_closed_form(law: Any) -> None:
+    """(2.9) from turn to turn; for LuGre as well, and with a Stribeck curve: at constant velocity
+    g is a constant. With the limit +-g, z - limit falls as exp(-sigma |x| / g), and F / N is
+    z + d dz/dt / sigma + e v. At 1e-4 of v_stribeck, which is Dahl's law of the static coefficient,
+    at it, and far above; loops of half of mu / sigma, of five times that, nested ones, and of so
+    long moves that they end in steady sliding, z = g and F / N = g + e v. Each move rounds the
+    state, and the closed form as often.
     """
-    v = 1e-4 * LUGRE.v_stribeck
-    turning = np.cumsum([0.0, 2e-4, -1e-4, 0.5e-4, -3e-4, 3e-4, -3e-4])  # mu_s / sigma = 75 um
-    dahl = reference.dahl_path_exact(turning, LUGRE.mu_s, LUGRE.sigma).astype(float)
-    found = LUGRE.coefficient(turning, velocity=v, normal=NORMAL)
-    by_state = LUGRE.mu_s * 1.01 * (1.0 - LUGRE.mu_k / LUGRE.mu_s) * 1e-8
-    by_speed = (2 * LUGRE.damping + LUGRE.viscous) * v
-    assert by_state + by_speed < 2e-6
-    assert np.max(np.abs(found - dahl)) <= by_state + by_speed
+    for turns, v in ((turns, v) for turns in LOOPS for v in (2e-6, 2e-4, 0.02, 1.0)):
+        rise = (law.mu_s or law.mu_k) - law.mu_k
+        g = law.mu_k + rise * math.exp(-((v / (law.v_stribeck or 1.0)) ** 2))
+        z, exact = 0.0, [0.0]
+        for move in np.diff(turns):
+            way = math.copysign(1.0, move)
+            z = way * g + (z - way * g) * math.exp(-law.sigma * abs(move) / g)
+            bristles = getattr(law, "damping", 0.0) * (way * v - v * z / g)
+            exact.append(z + bristles + getattr(law, "viscous", 0.0) * way * v)
+        found = law.coefficient(np.array(turns), velocity=v, normal=NORMAL)
+        assert found == pytest.approx(np.array(exact), abs=len(turns) * 20 * EPS)
+        if abs(turns[1]) == 1.0:
+            steady = g + getattr(law, "viscous", 0.0) * v
+            assert found[1:] == pytest.approx(steady * np.sign(turns[1:]), abs=20 * EPS)
 
 
 def test_lugre_does_not_depend_on_the_number_of_points() -> None:

@@ -1,6 +1,6 @@
 """Runs with every friction law of the table, and with laws mixed on the pulleys: the ledger, the
-bounds, the memory, the methods against each other, states that are refused, settling, what is not
-used costing nothing, warnings. Kernels, records and files of every law: test_drive_table.py.
+bounds, the memory, the methods against each other, states that are refused, settling,
+warnings. Kernels, records and files of every law: test_drive_table.py.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pytest
 from bridge import fields, oracle_of
 from drives import METHODS
 from laws import EXAMPLES, PLAIN_LUGRE, STRIBECK, UNDAMPED_LUGRE, scaled, with_laws
-from module_common import INF, TORQUE, make_model, same_bits
+from module_common import INF, TORQUE, make_model
 from tiers import extended_if
 
 import beltdyn as bd
@@ -416,86 +416,28 @@ def test_the_bound_is_that_of_the_pulley_that_a_link_touches() -> None:
         bd.simulate(params, STILL, 1e-6, initial=attrs.evolve(settled(), mu=5e-6 * another))
 
 
-# -------------------------------------------------------------------- what is off costs nothing
-
-
-def test_off_costs_nothing() -> None:
-    """No pass, no slot, no number in the state, the same bits, whichever way it is off."""
-    runs = []
-    for friction, own in ((None, None), (None, [None, None])):
-        model = make_model(friction=friction, pulley_friction=own)
-        assert model.info["n_slots"] == 0
-        assert [row[0] for row in model.friction] == ["none", "none"]
-        settling = _core.Simulation.settle(model, tolerance=1e-5)
-        assert settling.advance(INF) is True
-        state = settling.state()
-        assert state["mu"].size == 0 and state["slip"].size == 0
-        sim = _core.Simulation(model, state, TORQUE, 0.02, method="rodas4")
-        samples = sim.sample(np.linspace(0.0, 0.02, 9))
-        sim.advance(0.0)
-        record = sim.export_record()
-        assert sim.advance(INF) is True
-        assert "contact without friction" in sim.passes
-        runs.append((sim, samples, record))
-    (plain, samples, record), (other, its_samples, its_record) = runs
-    assert other.passes == plain.passes and its_record == record
-    assert same_bits(its_samples, samples)
-
-
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_a_law_costs_one_slot_and_no_more(name: str) -> None:
-    """All laws the same: passes, outputs, columns of energy, bytes of a record, whether the law is
-    the drive's, or the pulleys' own, or one of two. One without a state has the slip of its slot
-    and nothing else: of each vector in the record, a block of links less; one with several a block
-    more for each.
+def test_laws_of_the_pulleys_cost_what_that_of_the_drive_does(name: str) -> None:
+    """One slot, passes, outputs, columns of energy, bytes of a record; of two laws, what the one
+    of more states does. What none costs, and each law more: test_off_is_free.py.
     """
     law = EXAMPLES[name]._to_core()
 
-    def facts(**changes: Any) -> tuple[Any, ...]:
-        model = make_model(**changes)
+    def facts(friction: Any, own: Any = None) -> tuple[Any, ...]:
+        model = make_model(friction=friction, pulley_friction=own)
         settling = _core.Simulation.settle(model, tolerance=1e-5)
         assert settling.advance(INF) is True
         sim = _core.Simulation(model, settling.state(), TORQUE, 0.02, method="tsit5")
-        arrays = sim.sample(np.linspace(0.0, 0.02, 9))
-        shapes = {key: (rows.shape, rows.dtype) for key, rows in arrays.items()}
-        size = len(sim.export_record())
-        passes = [name for name in sim.passes if not name.startswith("contact with")]
+        shapes = {key: (a.shape, a.dtype) for key, a in sim.sample([0.0, 0.02]).items()}
+        passes = [one for one in sim.passes if not one.startswith("contact with")]
         assert len(passes) == len(sim.passes) - 1
-        return passes, model.energy_terms, model.info["n_slots"], shapes, size
+        size = len(sim.export_record())
+        return size, passes, model.energy_terms, model.info["n_slots"], shapes
 
-    dahl = facts()
-    assert dahl[2] == 1
-    own = facts(friction=law)
-    assert own[:4] == dahl[:4]
-    assert facts(friction=None, pulley_friction=[law, law]) == own
-    assert facts(friction=None, pulley_friction=[law, None]) == own
-    most = max((dahl, own), key=lambda found: found[4])
-    assert facts(friction=None, pulley_friction=[law, DAHL._to_core()]) == most
-    without, states = facts(friction=None), EXAMPLES[name].n_states
-    assert without[4] < own[4] and without[2] == 0
-    assert np.sign(own[4] - dahl[4]) == np.sign(states - 1)
-    if states > 1:
-        block = dahl[4] - facts(friction=EXAMPLES["coulomb"]._to_core())[4]
-        assert own[4] - dahl[4] == (states - 1) * block
-    if EXAMPLES[name].n_states == 0:  # a block as large as that of the slip, and the link's owner
-        blocks, owners = dahl[4] - own[4], own[4] - without[4] - (dahl[4] - own[4])
-        assert blocks > 0 and blocks % 8 == 0 and 0 < owners < blocks
-    assert without[:2] == dahl[:2]
-    assert dahl[3].items() - without[3].items() == {
-        (column, dahl[3][column]) for column in ("friction", "mu", "slip")
-    }
-
-
-def test_a_law_of_its_own_that_is_the_drives_changes_nothing() -> None:
-    """To the last bit, for each law."""
-    for law in EXAMPLES.values():
-        base = attrs.evolve(coarse(), friction=law)
-        one, other = (
-            bd.simulate(params, pull(), 0.005, initial=settled(), method="rodas4")
-            for params in (base, with_laws(base, law, law))
-        )
-        assert np.array_equal(one.joints.force, other.joints.force)
-        assert one.effects == other.effects
+    dahl, own = facts(DAHL._to_core()), facts(law)
+    assert own[1:] == dahl[1:] and dahl[3] == 1
+    assert facts(None, [law, law]) == facts(None, [law, None]) == own
+    assert facts(None, [law, DAHL._to_core()]) == max(dahl, own, key=lambda found: found[0])
 
 
 # -------------------------------------------------------------------- settling
