@@ -364,12 +364,11 @@ def test_a_record_of_another_law_is_refused() -> None:
     variants += [(scaled(law, 1.01), law) for law in laws] + [(laws[0], None), (None, laws[0])]
     records = [make(*pair).export_record() for pair in variants]
     for k, pair in enumerate(variants):
-        for other, record in enumerate(records):
-            if other == k:
-                make(*pair).import_record(record)
-            else:
-                with pytest.raises(ValueError, match="the record is of another run"):
-                    make(*pair).import_record(record)
+        simulation = make(*pair)
+        for other in (record for at, record in enumerate(records) if at != k):
+            with pytest.raises(ValueError, match="the record is of another run"):
+                simulation.import_record(other)
+        simulation.import_record(records[k])
 
 
 def touching(params: bd.Params, state: bd.State) -> np.ndarray:

@@ -233,17 +233,13 @@ def test_stiffnesses_that_are_chosen_are_those_of_the_core() -> None:
     ):
         (k,) = params.mounted
         pulley = params.pulleys[k]
-        assert isinstance(pulley.mount, (bd.Arm, bd.Slider))
-        given = attrs.evolve(
-            pulley.mount,
-            friction_stiffness=friction_stiffness(pulley.mount, pulley.radius),
-            stop_stiffness=stop_stiffness(
-                pulley.mount,
-                np.array(pulley.center),
-                params.belt.axial_stiffness,
-                float(params.info["length"]),
-            ),
+        mount, center = pulley.mount, np.array(pulley.center)
+        assert isinstance(mount, (bd.Arm, bd.Slider))
+        stop = stop_stiffness(
+            mount, center, params.belt.axial_stiffness, float(params.info["length"])
         )
+        friction = friction_stiffness(mount, pulley.radius)
+        given = attrs.evolve(mount, friction_stiffness=friction, stop_stiffness=stop)
         pulleys = [*params.pulleys[:k], attrs.evolve(pulley, mount=given), *params.pulleys[k + 1 :]]
         state = bd.settle(params)
         pressed = attrs.evolve(state, travel=state.travel + 0.2, travel_speed=np.array([0.3]))

@@ -182,9 +182,8 @@ def test_random_pulse(seed: int) -> None:
 @pytest.mark.parametrize("seed", sample(*range(4), ci=range(8), rest=range(40)))
 def test_visible_torques_are_right(seed: int) -> None:
     """The bound above is of torques: without their riddle every method keeps it."""
-    pulse = Pulse.draw(seed)
+    pulse, options = Pulse.draw(seed), ASKED[method_of(seed)]
     exact = reference(pulse.visible(), PULSE_END)
-    options = ASKED[method_of(seed)]
     hold_to(pulse.visible(), PULSE_END, exact, options)
     edges = {"breakpoints": [pulse.begin, pulse.end]}
     hold_to(pulse.opaque(), PULSE_END, exact, options | edges)
@@ -288,15 +287,9 @@ def test_noise_of_one_percent_on_the_plain_drive(asked: tuple[str, float]) -> No
 # ---------------------------------------------------------------- relays and steps of the speed
 
 
-@attrs.frozen
-class Riddle:
-    """A torque function, the course of what it means, and how far off a run may be."""
-
-    function: Function
-    exact: Course
-    allowed: tuple[float, float] = (RIGHT, RIGHT)
-
-
+#: A torque function, the course of what it means, and how far off a run may be.
+Riddle = tuple[Function, Course, tuple[float, float]]
+KEPT = (RIGHT, RIGHT)
 RIDDLE_END = 0.06
 
 
@@ -322,7 +315,7 @@ def relay(seed: int) -> Riddle:
     width = 2e-3 * w0  # a tenth of what is asserted
     smooth = loaded(lambda t, _, w: -torque * min(max((w[0] - w0) / width, -1.0), 1.0))
     exact = reference(smooth, RIDDLE_END, max_step=5e-5)
-    return Riddle(loaded(lambda t, _, w: -math.copysign(torque, w[0] - w0)), exact)
+    return loaded(lambda t, _, w: -math.copysign(torque, w[0] - w0)), exact, KEPT
 
 
 def quantised_speed(seed: int) -> Riddle:
@@ -336,7 +329,7 @@ def quantised_speed(seed: int) -> Riddle:
 
     ramps = smoothed(law, step, 2e-3 * w0)
     exact = reference(loaded(lambda t, _, w: ramps(w[0])), RIDDLE_END, max_step=5e-5)
-    return Riddle(loaded(lambda t, _, w: law(w[0])), exact)
+    return loaded(lambda t, _, w: law(w[0])), exact, KEPT
 
 
 def hysteresis(torque: float, w0: float, band: float) -> Function:
@@ -412,7 +405,7 @@ def relay_with_hysteresis(seed: int) -> Riddle:
     peak = np.max(np.abs(exact.omega))
     inertia = sum(pulley.inertia for pulley in drive()[0].pulleys) + 1.2 * 0.1 * 0.1**2
     across = inertia * w0 * 2.0 * band / exact.passed
-    return Riddle(hysteresis(torque, w0, band), exact, (RIGHT + 2.0 * band / peak, RIGHT + across))
+    return hysteresis(torque, w0, band), exact, (RIGHT + 2.0 * band / peak, RIGHT + across)
 
 
 # ---------------------------------------------------------------- controllers with memory
@@ -442,7 +435,7 @@ def sample_and_hold(seed: int) -> Riddle:
     for k in range(math.ceil(RIDDLE_END / period)):
         push = table([0.0], [gain * (w0 - legs.state.omega[0])])
         legs.go(push, (k + 1) * period)
-    return Riddle(sampled(gain, w0, period), legs.course())
+    return sampled(gain, w0, period), legs.course(), KEPT
 
 
 def latest(gain: float, w0: float, delay: float) -> Function:
@@ -491,16 +484,17 @@ def delayed(seed: int, kind: Any = latest) -> Riddle:
         seen = legs.peek(push, end, 200)
         times, speeds = seen.t, seen.pulleys.omega[:, 0]
         legs.go(push, end)
-    return Riddle(kind(gain, w0, delay), legs.course())
+    return kind(gain, w0, delay), legs.course(), KEPT
 
 
-def delayed_in_order(seed: int) -> Riddle:
-    return delayed(seed, in_order)
-
-
-RIDDLES = {make.__name__: make for make in (
-    relay, quantised_speed, relay_with_hysteresis, sample_and_hold, delayed, delayed_in_order,
-)}  # fmt: skip
+RIDDLES: dict[str, Callable[[int], Riddle]] = {
+    "relay": relay,
+    "quantised speed": quantised_speed,
+    "relay with hysteresis": relay_with_hysteresis,
+    "sample and hold": sample_and_hold,
+    "delayed": delayed,
+    "delayed, in order": functools.partial(delayed, kind=in_order),
+}
 CASES = [(name, seed) for seed in range(16) for name in RIDDLES]
 #: One of each by default, with each of the methods.
 SHOWN = zip(RIDDLES, (0, 1, 3, 2, 1, 3), strict=True)
@@ -510,5 +504,5 @@ SHOWN = zip(RIDDLES, (0, 1, 3, 2, 1, 3), strict=True)
 def test_controllers_and_relays(case: tuple[str, int]) -> None:
     """Each is right, or says that it may not be."""
     name, seed = case
-    riddle = RIDDLES[name](seed)
-    hold_to(riddle.function, RIDDLE_END, riddle.exact, ASKED[method_of(seed)], riddle.allowed)
+    function, exact, allowed = RIDDLES[name](seed)
+    hold_to(function, RIDDLE_END, exact, ASKED[method_of(seed)], allowed)
