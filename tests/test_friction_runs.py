@@ -54,9 +54,9 @@ def dealt(methods: Any) -> Any:
 
 
 def coarse(mesh: str = "paper") -> bd.Params:
-    """The plain drive with 31 links, so that the last vector is not full."""
+    """The plain drive with 41 links, so that the last vector is not full."""
     base = drives.on_mesh(drives.plain(), mesh)
-    return attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=31))
+    return attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=41))
 
 
 def mesh_of(pair: str) -> str:
