@@ -1,16 +1,20 @@
-"""The friction coefficient along a path of slip, ``Friction.coefficient``, against closed forms; in
-steady slip."""
+"""Friction along a path of slip against published numbers and closed forms: Dahl's (2.9) and
+``Friction.coefficient`` of every law; and in steady slip.
+"""
 
 from __future__ import annotations
 
+import math
 import re
+from itertools import pairwise
 from typing import Any
 
 import attrs
 import drives
 import numpy as np
 import pytest
-from laws import EXAMPLES, scaled
+import reference
+from laws import EXAMPLES, STRIBECK, scaled
 
 import beltdyn as bd
 from beltdyn import _core
@@ -25,6 +29,52 @@ ELASTIC = bd.ElasticPlastic(mu=0.5, stiffness=4e7, damping=2.5e3)  # mu N / k = 
 KNOWN: dict[type[bd.Friction], bd.Friction] = {bd.LuGre: LUGRE, bd.ElasticPlastic: ELASTIC}
 #: One of each law of the table.
 EACH = {name: KNOWN.get(law) or scaled(EXAMPLES[name], 1.25) for name, law in LAWS.items()}
+MAXWELL = EXAMPLES["maxwell_slip"]
+assert isinstance(MAXWELL, bd.MaxwellSlip)
+
+
+# -------------------------------------------------------------------- Dahl's law
+
+
+def test_published_values() -> None:
+    """CHECKS section 1, seven digits: from rest, after a reversal, and of a belt slid over a locked
+    drum, T2/T1 = exp(mu(x) pi).
+    """
+    mu = _core.dahl_slide(np.array([1e-5, 5e-5, 1e-4, 5e-4]), 0.0, 0.8, 1e4)
+    assert mu == pytest.approx([0.0940025, 0.3717909, 0.5707962, 0.7984556], abs=5e-8)
+    assert np.exp(np.pi * mu) == pytest.approx([1.343553, 3.215605, 6.008704, 12.285533], rel=3e-7)
+    path = np.array([0.0, 2e-4, 2e-4 - 1.5e-4])
+    assert _core.dahl_path(path, 0.0, 0.8, 1e4)[-1] == pytest.approx(-0.5647026, abs=5e-8)
+
+
+@pytest.mark.parametrize("mu_k", [0.3, 1.0, 1e9])
+def test_closed_form_keeps_its_digits(mu_k: float) -> None:
+    """Against extended precision, from 1e-12 m, and at a mu_k where the paper's form cancels."""
+    for sign, mu0 in ((s, m) for s in (1, -1) for m in (0.0, 0.2, -0.29)):
+        dx = sign * np.geomspace(1e-12, 1e-2, 60)
+        exact = np.array([float(reference.dahl_closed(x, 0.0, mu0, mu_k, 1e4, sign)) for x in dx])
+        got = _core.dahl_slide(dx, mu0, mu_k, 1e4)
+        # two roundings of mu and one of the exponent; for mu_k = 1e9 the yardstick itself, the
+        # paper's form in 64 bits of mantissa, cancels to mu_k * 2^-64
+        assert np.max(np.abs(got - exact)) <= 4e-16 * max(1.0, np.max(np.abs(exact))) + mu_k * 2e-19
+
+
+def test_nested_loops_follow_the_exact_path() -> None:
+    """From however few points; and so does the path of a law, within a rounding of the state for
+    each of the moves, and as many of the closed form.
+    """
+    rng = np.random.default_rng(3)
+    turning = np.concatenate([[0.0], np.cumsum(rng.choice([-1, 1], 40) * rng.uniform(0, 3e-4, 40))])
+    exact = np.array([float(v) for v in reference.dahl_path_exact(turning, 0.8, 1e4)])
+    fine = np.concatenate([np.linspace(a, b, 50, endpoint=False) for a, b in pairwise(turning)])
+    got = _core.dahl_path(np.append(fine, turning[-1]), 0.0, 0.8, 1e4)[::50]
+    assert np.max(np.abs(got - exact)) <= 1e-14
+    assert np.max(np.abs(got)) <= 0.8
+    found = bd.Dahl(mu_k=0.8, sigma=1e4).coefficient(turning, velocity=0.37, normal=NORMAL)
+    assert np.max(np.abs(found - exact)) <= 40 * 20 * EPS
+
+
+# -------------------------------------------------------------------- every law along a path
 
 
 def there_and_back(points: int = 2000) -> Array:
@@ -32,23 +82,38 @@ def there_and_back(points: int = 2000) -> Array:
     return np.concatenate([out, out[-2::-1], -out[1:]])
 
 
-def test_dahl_is_the_closed_form_from_however_few_points() -> None:
-    """A rounding of the state for each of the 20 moves, and as many of the closed form."""
-    law = bd.Dahl(mu_k=0.8, sigma=1e4)
-    slip = np.cumsum(np.random.default_rng(1).uniform(-3e-4, 3e-4, 20))
-    found = law.coefficient(slip, velocity=0.37, normal=NORMAL)
-    assert found[0] == 0.0
-    exact = _core.dahl_path(slip, 0.0, law.mu_k, law.sigma)
-    assert np.max(np.abs(found - exact)) <= 20 * 20 * EPS
+LOOPS = [
+    (0.0, 4e-5, -4e-5) * 2,
+    (0.0, -4e-4, 4e-4) * 2,
+    np.cumsum([0.0, 3e-4, -1e-4, 1e-4, -1e-5, 2e-3]),
+    (0.0, 1.0, -1.0),
+]
+LOOPED = [bd.Dahl(mu_k=0.8, sigma=1e4), bd.Dahl(mu_k=0.8, sigma=1e4, mu_s=1.0, v_stribeck=0.02)]
 
 
-@pytest.mark.parametrize("v", [1e-4, 0.02, 0.5])
-def test_lugre_ends_in_steady_sliding(v: float) -> None:
-    """In one move of 1 m, 20000 times mu / sigma; the terms of the force are below 1 and round."""
-    g = LUGRE.mu_k + (LUGRE.mu_s - LUGRE.mu_k) * np.exp(-((v / LUGRE.v_stribeck) ** 2))
-    for way in (1.0, -1.0):
-        found = LUGRE.coefficient([0.0, way], velocity=v, normal=NORMAL)[1]
-        assert found == pytest.approx(way * (g + LUGRE.viscous * v), abs=20 * EPS)
+@pytest.mark.parametrize("law", [*LOOPED, LUGRE])
+def test_hysteresis_loop_has_its_closed_form(law: Any) -> None:
+    """(2.9) from turn to turn; for LuGre as well, and with a Stribeck curve: at constant velocity
+    g is a constant. With the limit +-g, z - limit falls as exp(-sigma |x| / g), and F / N is
+    z + d dz/dt / sigma + e v. At 1e-4 of v_stribeck, which is Dahl's law of the static coefficient,
+    at it, and far above; loops of half of mu / sigma, of five times that, nested ones, and of so
+    long moves that they end in steady sliding, z = g and F / N = g + e v. Each move rounds the
+    state, and the closed form as often.
+    """
+    for turns, v in ((turns, v) for turns in LOOPS for v in (2e-6, 2e-4, 0.02, 1.0)):
+        rise = (law.mu_s or law.mu_k) - law.mu_k
+        g = law.mu_k + rise * math.exp(-((v / (law.v_stribeck or 1.0)) ** 2))
+        z, exact = 0.0, [0.0]
+        for move in np.diff(turns):
+            way = math.copysign(1.0, move)
+            z = way * g + (z - way * g) * math.exp(-law.sigma * abs(move) / g)
+            bristles = getattr(law, "damping", 0.0) * (way * v - v * z / g)
+            exact.append(z + bristles + getattr(law, "viscous", 0.0) * way * v)
+        found = law.coefficient(np.array(turns), velocity=v, normal=NORMAL)
+        assert found == pytest.approx(np.array(exact), abs=len(turns) * 20 * EPS)
+        if abs(turns[1]) == 1.0:
+            steady = g + getattr(law, "viscous", 0.0) * v
+            assert found[1:] == pytest.approx(steady * np.sign(turns[1:]), abs=20 * EPS)
 
 
 def test_lugre_does_not_depend_on_the_number_of_points() -> None:
@@ -78,7 +143,7 @@ def test_elastic_plastic_sticks_then_slips() -> None:
 
 @pytest.mark.parametrize("name", EACH)
 def test_every_law_has_a_mirror_image_and_resists(name: str) -> None:
-    law, slip = EACH[name], np.append(there_and_back(), there_and_back()[-1])
+    law, slip = EACH[name], np.append(there_and_back(200), there_and_back(200)[-1])
     found = law.coefficient(slip, velocity=0.01, normal=NORMAL)
     np.testing.assert_array_equal(law.coefficient(-slip, velocity=0.01, normal=NORMAL), -found)
     assert found[-1] == found[-2]  # the same point again
@@ -102,10 +167,90 @@ def test_what_is_refused(change: dict[str, Any], message: str) -> None:
         LUGRE.coefficient(**given)
 
 
+# -------------------------------------------------------------------- Maxwell slip
+
+
+def prandtl(law: bd.MaxwellSlip, slip: Array) -> Array:
+    """Friction coefficient along a slow path from rest: each element's stop operator in turn.
+
+    An element follows the path with its stiffness and is held at its limit (Prandtl, Ishlinskii).
+    """
+    total = np.zeros_like(slip)
+    for mu, stiffness in zip(law.mu, law.stiffness, strict=True):
+        force = 0.0
+        for k in range(1, slip.size):
+            force += stiffness / NORMAL * float(slip[k] - slip[k - 1])
+            force = min(max(force, -mu), mu)
+            total[k] += force
+    return total
+
+
+STEP = 5e-7  # m
+
+
+def path_of(*turns: float) -> Array:
+    """Straight from turn to turn, from 0."""
+    legs = [np.zeros(1)]
+    for begin, end in zip((0.0, *turns), turns, strict=False):
+        legs.append(np.linspace(begin, end, round(abs(end - begin) / STEP) + 1)[1:])
+    return np.concatenate(legs)
+
+
+TURNS = (2e-4, -1e-4, 3e-5, -6e-5, 1e-5, 2.5e-4, -2.5e-4)
+
+
+def test_a_slow_path_has_the_closed_form_of_stops_in_parallel() -> None:
+    """At 1e-7 m/s dampers carry next to nothing, d v / k = 3e-12 m of 1e-5; an element that begins
+    to slip notices at the next point, a step of 0.5 um, of which its stiffness makes the error.
+    """
+    slip = path_of(*TURNS)
+    found = MAXWELL.coefficient(slip, velocity=1e-7, normal=NORMAL)
+    error = np.max(np.abs(found - prandtl(MAXWELL, slip)))
+    assert error <= 1.01 * sum(MAXWELL.stiffness) / NORMAL * STEP
+    # the first two slip, the third nearly
+    assert 0.9 < np.max(np.abs(found)) / sum(MAXWELL.mu) < 1.0
+
+
+def test_loops_have_the_work_and_the_memory_of_masing() -> None:
+    """The work of a loop of amplitude a is 4 mu_e (a - mu_e n / k_e) of every element that slips;
+    a small loop inside closes, and the path goes on as if it had not been.
+    """
+    a = 1.5e-4
+    loop = path_of(a, -a, a)
+    mu = MAXWELL.coefficient(loop, velocity=1e-7, normal=NORMAL)
+    closed = slice(int(np.argmax(loop)), None)
+    work = np.sum(0.5 * (mu[closed][1:] + mu[closed][:-1]) * np.diff(loop[closed]))
+    onset = [m * NORMAL / k for m, k in zip(MAXWELL.mu, MAXWELL.stiffness, strict=True)]
+    exact = sum(4 * m * (a - s) for m, s in zip(MAXWELL.mu, onset, strict=True) if s < a)
+    assert onset[0] < onset[1] < a < onset[2]  # two of three slip
+    # two corners a loop, at each of which a triangle of a step is wrong
+    assert work == pytest.approx(exact, rel=1e-3)
+    inner = path_of(a, 4e-5, 9e-5, 4e-5, -a)
+    straight = path_of(a, -a)
+    end = MAXWELL.coefficient(inner, velocity=1e-7, normal=NORMAL)[-1]
+    other = MAXWELL.coefficient(straight, velocity=1e-7, normal=NORMAL)[-1]
+    # up to how far the three are past their corners when they notice
+    assert end == pytest.approx(other, abs=2 * STEP * sum(MAXWELL.stiffness) / NORMAL)
+
+
+def test_in_full_slip_with_a_stribeck_curve_the_sum_is_that_curve() -> None:
+    law = STRIBECK["maxwell_slip"]
+    assert isinstance(law, bd.MaxwellSlip)
+    path = np.linspace(0.0, 1e-2, 401)
+    for v in (1e-4, 0.02, 0.05, 0.3):
+        kinetic = sum(law.mu)
+        exact = kinetic + (law.mu_s - kinetic) * np.exp(-((v / law.v_stribeck) ** 2))
+        found = law.coefficient(path, velocity=v, normal=NORMAL)[-1]
+        assert found == pytest.approx(exact, rel=1e-12)
+
+
+# -------------------------------------------------------------------- in steady slip
+
+
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_coefficients_in_slip_are_those_at_the_end_of_a_long_path(name: str) -> None:
     """Friction develops over 0.1 mm: after 10 mm it is that of slip, whatever the law."""
-    law, path = EXAMPLES[name], np.linspace(0.0, 1e-2, 2001)
+    law, path = EXAMPLES[name], np.linspace(0.0, 1e-2, 401)
     params = attrs.evolve(drives.plain(), friction=law)
     kinetic = float(params._slip_limits[0][0])
     for speed in (1e-4, 0.03, 1.0):

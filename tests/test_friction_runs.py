@@ -1,11 +1,12 @@
 """Runs with every friction law of the table, and with laws mixed on the pulleys: the ledger, the
-bounds, the methods and the kernels against each other, records, settling, what is not used costing
-nothing, warnings.
+bounds, the memory, the methods against each other, states that are refused, settling,
+warnings. Kernels, records and files of every law: test_drive_table.py.
 """
 
 from __future__ import annotations
 
 import functools
+from itertools import cycle, product
 from typing import Any
 
 import attrs
@@ -15,8 +16,8 @@ import pytest
 from bridge import fields, oracle_of
 from drives import METHODS
 from laws import EXAMPLES, PLAIN_LUGRE, STRIBECK, UNDAMPED_LUGRE, scaled, with_laws
-from module_common import INF, TORQUE, make_model, same_bits
-from test_kernels import available
+from module_common import INF, TORQUE, make_model
+from tiers import extended_if
 
 import beltdyn as bd
 from beltdyn import _core, run_warnings, sanity
@@ -24,53 +25,68 @@ from beltdyn import _core, run_warnings, sanity
 Laws = tuple[bd.Friction | None, ...]
 
 LUGRE, ELASTIC, COULOMB = (EXAMPLES[name] for name in ("lugre", "elastic_plastic", "coulomb"))
-DAHL = EXAMPLES["dahl"]
+DAHL, MAXWELL = EXAMPLES["dahl"], EXAMPLES["maxwell_slip"]
 #: On the two pulleys of the plain drive, with the paper's mesh or with contact of the joints.
 PAIRS: dict[str, Laws] = {
-    **{name: (law, law) for name, law in EXAMPLES.items()},
+    "dahl": (DAHL, DAHL),
     "lugre, undamped": (UNDAMPED_LUGRE, UNDAMPED_LUGRE),
-    "mixed": (scaled(LUGRE, 1.2), ELASTIC),
+    "joints, mixed": (scaled(LUGRE, 1.2), ELASTIC),
     "one without": (ELASTIC, None),
     "no state and one": (COULOMB, LUGRE),
-    "joints, coulomb": (COULOMB, COULOMB),
     "joints, no state and one": (ELASTIC, scaled(COULOMB, 0.7)),
-    "joints, dahl": (EXAMPLES["dahl"], EXAMPLES["dahl"]),
-    "joints, mixed": (scaled(LUGRE, 1.2), ELASTIC),
-    "joints, one without": (ELASTIC, None),
-    "several states and one": (EXAMPLES["maxwell_slip"], STRIBECK["dahl"]),
+    "joints, no states": (EXAMPLES["creep_rate"], EXAMPLES["threlfall"]),
+    "several states and one": (MAXWELL, STRIBECK["dahl"]),
     "joints, several states and none": (STRIBECK["maxwell_slip"], STRIBECK["coulomb"]),
 }
+_USED = {law.law for pair in PAIRS.values() for law in pair if law is not None}
+PAIRS |= {name: (law, law) for name, law in EXAMPLES.items() if name not in _USED}
 T_END = 0.05
 TIMES = np.linspace(0.0, T_END, 101)
 
 pytestmark = pytest.mark.filterwarnings("ignore:(mesh|full_slip):UserWarning")
 
 
+def dealt(methods: Any) -> Any:
+    """Cases of pair and method: by default one method for each pair, by turns."""
+    default = set(zip(PAIRS, cycle(methods), strict=False))
+    cases = extended_if(lambda case: case not in default, product(PAIRS, methods))
+    return pytest.mark.parametrize(("pair", "method"), cases)
+
+
+def coarse(mesh: str = "paper") -> bd.Params:
+    """The plain drive with 41 links, so that the last vector is not full."""
+    base = drives.on_mesh(drives.plain(), mesh)
+    return attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=41))
+
+
+def mesh_of(pair: str) -> str:
+    return "joint" if pair.startswith("joints") else "paper"
+
+
 def drive(pair: str) -> bd.Params:
-    mesh = "joint" if pair.startswith("joints") else "paper"
-    return with_laws(drives.on_mesh(drives.plain(), mesh), *PAIRS[pair])
+    return with_laws(coarse(mesh_of(pair)), *PAIRS[pair])
 
 
 @functools.cache
-def rest(pair: str) -> bd.State:
-    return bd.settle(drive(pair))
-
-
-def n_states(params: bd.Params) -> int:
-    states: int = params.info["n_states"]
-    return states
+def settled(mesh: str = "paper") -> bd.State:
+    """Without friction in it, a state is one of any law."""
+    return bd.settle(with_laws(coarse(mesh), None, None))
 
 
 def core_rest(pair: str) -> dict[str, Any]:
-    return rest(pair)._to_core(drive(pair))
+    return settled(mesh_of(pair))._to_core(drive(pair))
 
 
 def pull() -> bd.Torque:
     return bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]]) + bd.Viscous([0.0, 16.0])
 
 
+HARD = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-150.0, 0.0]])
+STILL = bd.Viscous([0.0, 0.0])
+
+
 def run(pair: str, method: str, **options: Any) -> bd.Result:
-    given = {**METHODS[method], "t_eval": TIMES, "initial": rest(pair), **options}
+    given = {**METHODS[method], "t_eval": TIMES, "initial": settled(mesh_of(pair)), **options}
     return bd.simulate(drive(pair), pull(), T_END, method=method, **given)
 
 
@@ -79,41 +95,47 @@ def tight(pair: str) -> bd.Result:
     return run(pair, "tsit5", rtol=1e-8)
 
 
-# -------------------------------------------------------------------- energy
+# -------------------------------------------------------------------- energy, methods
 
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_the_ledger_closes(pair: str) -> None:
     """Explicit, at a tight tolerance: a millionth of what passes through, as with Dahl's law; every
-    kink of sticking and slipping is found by the error control. And friction has lost some.
+    kink of sticking and slipping is found by the error control. Friction has lost some, at the rate
+    of the oracle, but for rounding; and the run says which laws it has, each once, in the order of
+    the table.
     """
     result = tight(pair)
     assert np.max(np.abs(result.energy.residual)) <= 1e-6 * result.energy.passed[-1]
     assert result.energy.friction_loss[-1] > 1e-5 * result.energy.passed[-1]
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("pair", PAIRS)
-def test_the_ledger_of_every_method(pair: str, method: str) -> None:
-    """It errs by a small part of what passes through, and by far less than friction takes."""
-    energy = run(pair, method).energy
-    most = 10 * METHODS[method].get("rtol", 1e-4) * energy.passed[-1]
-    assert np.max(np.abs(energy.residual)) <= most
-
-
-@pytest.mark.parametrize("pair", PAIRS)
-def test_terms_of_the_ledger_are_the_oracles(pair: str) -> None:
-    """Rates of all works at a running state, from two codes; rounding only."""
-    result = tight(pair)
     oracle, state = oracle_of(result.params), fields(result.final_state)
     y = oracle.pack(state)
     powers = oracle.rhs(state["t"], y, pull())[-5:]
-    friction = oracle.contacts(y)
-    sample = result.contact
+    friction, sample = oracle.contacts(y), result.contact
     assert float(powers[3]) == pytest.approx(
         float(np.sum(sample.friction[-1] * sample.velocity[-1])),
         abs=1e-12 * float(np.sum(np.abs(friction.friction * friction.velocity))),
     )
+    used = {law.law for law in PAIRS[pair] if law is not None}
+    words = " and ".join(text for name, _, text in _core.LAWS if name in used)
+    assert f"contact with {words} friction" in result.effects
+
+
+@dealt(METHODS)
+def test_methods_agree(pair: str, method: str) -> None:
+    """Errors are what runs claim, by five at most (README); fixed steps claim nothing, and that of
+    rk4 is a thousandth. The ledger errs by a small part of what passes through, and by far less
+    than friction takes.
+    """
+    exact, result = tight(pair), run(pair, method)
+    rest_tension = exact.params.info["strain_tension"]
+    error = np.sqrt(np.mean((result.joints.force - exact.joints.force) ** 2)) / rest_tension
+    claim, energy = result.stats.error, result.energy
+    assert method == "rk4" or claim is not None
+    assert error <= 5 * (1e-3 / 5 if claim is None else claim)
+    assert error <= 5 * METHODS[method].get("rtol", 1e-3)
+    most = 10 * METHODS[method].get("rtol", 1e-4) * energy.passed[-1]
+    assert np.max(np.abs(energy.residual)) <= most
 
 
 # -------------------------------------------------------------------- bounds
@@ -133,23 +155,21 @@ def _bounds(pair: str, state: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return np.max(np.where(touch, bounds[:, :, None], 0.0), axis=1), rubs.any(axis=0)
 
 
-@pytest.mark.parametrize("method", ["tsit5", "lbdf2", "rodas4"])
-@pytest.mark.parametrize("pair", PAIRS)
+@dealt(["tsit5", "lbdf2", "rodas4"])
 def test_states_keep_their_bounds(pair: str, method: str) -> None:
     """At a tolerance that would let them out, at every eighth accepted step; and that of links that
     touch nothing, or a pulley without friction, is 0. A law without a state has none in the run.
     """
     params = drive(pair)
-    hard = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-150.0, 0.0]])
     sim = _core.Simulation(
-        params._model, core_rest(pair), hard.terms(), 0.03, method=method, rtol=1e-2
+        params._model, core_rest(pair), HARD.terms(), 0.03, method=method, rtol=1e-2
     )
     looked, finished, reached = 0, False, 0.0
     while not finished:
         finished = sim.advance(0.0)
         state = sim.state()
         bounds, rubs = _bounds(pair, state)
-        states, n = n_states(params), rubs.size
+        states, n = params.info["n_states"], rubs.size
         assert not state["slip"][~rubs].any() and state["mu"].size == states * n
         if states:
             mu = np.abs(state["mu"].reshape(states, n))
@@ -164,21 +184,29 @@ def test_states_keep_their_bounds(pair: str, method: str) -> None:
     assert reached > 0.7 or not finite
 
 
-@pytest.mark.parametrize("method", ["tsit5", "lbdf2", "rodas4"])
-def test_elastic_plastic_friction_keeps_its_limit(method: str) -> None:
+@pytest.mark.parametrize(("method", "mu"), [("tsit5", 0.4), ("lbdf2", 0.6), ("rodas4", 0.4)])
+def test_elastic_plastic_friction_keeps_its_limit(method: str, mu: float) -> None:
     """|F| <= mu N to rounding in every sample, and it gets there."""
-    hard = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-150.0, 0.0]])
-    for coefficient in (0.4, 0.8):
-        law = attrs.evolve(ELASTIC, mu=coefficient)
-        params = with_laws(drives.plain(), law, law)
-        result = bd.simulate(
-            params, hard, 0.03, initial=rest("elastic_plastic"), method=method, rtol=1e-2
-        )
-        limit = coefficient * result.contact.normal
-        size = np.abs(result.contact.friction)
-        assert np.all(size <= limit * (1 + 4 * np.finfo(float).eps))
-        assert np.all(np.abs(result.contact.mu) <= coefficient * (1 + 4 * np.finfo(float).eps))
-        assert np.mean(size[limit > 0] > 0.999 * limit[limit > 0]) > 0.1
+    law = attrs.evolve(ELASTIC, mu=mu)
+    params = with_laws(coarse(), law, law)
+    result = bd.simulate(params, HARD, 0.03, initial=settled(), method=method, rtol=1e-2)
+    limit, size = mu * result.contact.normal, np.abs(result.contact.friction)
+    assert np.all(size <= limit * (1 + 4 * np.finfo(float).eps))
+    assert np.all(np.abs(result.contact.mu) <= mu * (1 + 4 * np.finfo(float).eps))
+    assert np.mean(size[limit > 0] > 0.999 * limit[limit > 0]) > 0.1
+
+
+# at this tolerance spans may shake, by rounding, on some processors: not what is asked here
+@pytest.mark.filterwarnings("ignore:growth:UserWarning")
+@pytest.mark.parametrize("sigma", [1e4, 1e5, 1e6])
+def test_coefficient_never_leaves_its_bounds(sigma: float) -> None:
+    """|mu| <= mu_k to the last bit, in and between steps, at a tolerance that would let it out."""
+    scene = bd.scenes.kubas_case_2(sigma=sigma)
+    result = bd.simulate(*scene[:2], 0.25, rtol=1e-2)
+    mu_k = scene.params.friction.mu_k
+    assert np.max(np.abs(result.contact.mu)) <= mu_k
+    assert np.max(np.abs(result.final_state.mu)) <= mu_k
+    assert np.max(np.abs(result.contact.mu)) >= 0.9 * mu_k  # and it gets there
 
 
 def test_nothing_is_reported_where_nothing_presses() -> None:
@@ -202,154 +230,133 @@ def test_nothing_is_reported_where_nothing_presses() -> None:
         assert np.all(sample["mu"][0][lifted] == given)
 
 
+# -------------------------------------------------------------------- the memory of the contact
+
+
+def test_integrated_state_form_follows_the_closed_form() -> None:
+    """Case 2, links that stay on a pulley: (2.9) evaluated along the slip they report.
+
+    Between samples the slip may turn unseen; what that can hide is 2 sigma times the distance slid
+    between two samples, which is added up from the relative velocities.
+    """
+    scene = bd.scenes.kubas_case_2()
+    mu_k, sigma = scene.params.friction.mu_k, scene.params.friction.sigma
+    times = np.linspace(0.0, 0.1, 20001)
+    result = bd.simulate(*scene[:2], 0.1, t_eval=times, rtol=1e-7)
+    contact = result.contact
+    stays = np.all(contact.pulley == contact.pulley[0], axis=0) & (contact.pulley[0] >= 0)
+    assert stays.sum() >= 20
+    checked = 0
+    for i in np.flatnonzero(stays)[::4]:
+        slip = contact.slip[:, i]
+        expected = _core.dahl_path(slip, contact.mu[0, i], mu_k, sigma)
+        # only where the velocity keeps its sign over the neighbouring samples is a turn excluded
+        unseen = np.abs(np.diff(slip)).max()
+        error = np.max(np.abs(contact.mu[:, i] - expected))
+        assert error <= 2 * sigma * unseen + 1e-6
+        assert error <= 2e-2
+        checked += np.max(np.abs(contact.mu[:, i])) > 0.1
+    assert checked >= 3
+
+
+def test_memory_is_lost_with_the_contact() -> None:
+    """MODEL section 4: where no pulley is touched, mu and slip are 0; gained anew from 0."""
+    scene = bd.scenes.three_pulleys()
+    result = bd.simulate(*scene, t_eval=np.linspace(0, scene.t_end, 4001))
+    off = result.contact.pulley < 0
+    assert off.any()
+    assert not result.contact.mu[off].any()
+    assert not result.contact.slip[off].any()
+    arrived = (~off[1:]) & off[:-1]
+    assert arrived.sum() > 20
+    # right after arrival the slip is what slid within one sample at most
+    slid = np.abs(result.contact.velocity).max() * np.diff(result.t).max()
+    assert np.max(np.abs(result.contact.slip[1:][arrived])) <= slid
+
+
+def test_memory_given_off_the_pulleys_is_forgotten() -> None:
+    """An initial state with mu on links that touch nothing runs like the one without."""
+    scene = bd.scenes.kubas_case_1()
+    state = bd.simulate(*scene[:2], 0.1, t_eval=[0.1])
+    off = state.contact.pulley[-1] < 0
+    clean = state.final_state
+    tainted = attrs.evolve(
+        clean, mu=np.where(off, -0.9, clean.mu), slip=np.where(off, 1e-3, clean.slip)
+    )
+    one, other = (bd.simulate(*scene[:2], 0.16, initial=s) for s in (clean, tainted))
+    assert np.array_equal(one.contact.mu, other.contact.mu)
+    assert np.array_equal(one.final_state.mu, other.final_state.mu)
+    arrived = (one.contact.pulley[-1] >= 0) & off
+    assert arrived.any()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_memory_does_not_pass_from_pulley_to_pulley(way: float) -> None:
+    """Two pulleys that touch: a link crosses from one to the other within a step, either way."""
+    n, radius, ring = 5, 0.1, 0.25  # five links on a circle round both, one of them moved inside
+    model = _core.Model(
+        (2 * np.pi * ring, n, 0.1, 1e-3, 0.0, 0.0, 0.0),
+        np.array([[0.0, 0.0], [0.2, 0.0]]), [radius] * 2, [1.0] * 2,
+        (0.0, 1e-6, 0.0, 0, 0.0), ("dahl", (1.0, 1e-3, 0.0, 0.0)), (0.0, 0.0),
+    )  # fmt: skip
+    zero = np.zeros(n)
+    state = {name: zero.copy() for name in ("x", "y", "vx", "vy", "vphi", "mu", "slip")}
+    place = -np.pi / 2 - 2 * np.pi / n * (np.arange(n) - 3)
+    state |= {"phi": place - np.pi / 2, "t": 0.0}
+    state |= {"theta": np.zeros(2), "omega": np.zeros(2)}
+    state["x"], state["y"] = 0.1 + ring * np.cos(place), ring * np.sin(place)
+    state["x"][3], state["vx"][3], state["mu"][3] = 0.1 - way * 1e-6, way, 0.5
+    state["y"][3] = 0.0
+    sim = _core.Simulation(model, state, [], 2e-5, method="rk4", step=1e-5)
+    while not sim.advance(1.0):
+        pass
+    end = sim.state()
+    assert (end["x"][3] - 0.1) * way > 0.0
+    assert abs(end["mu"][3]) <= 1e-6
+
+
 # -------------------------------------------------------------------- LuGre as Dahl's law
 
 
-def as_dahl(mu: float) -> tuple[bd.Dahl, bd.LuGre]:
-    return bd.Dahl(mu_k=mu, sigma=1e4), attrs.evolve(PLAIN_LUGRE, mu_k=mu, mu_s=mu)
-
-
-@pytest.mark.parametrize("method", ["rk4", "tsit5"])
-def test_lugre_without_its_additions_runs_like_dahl(method: str) -> None:
+@pytest.mark.parametrize(
+    ("method", "mu"),
+    [("rk4", 1.0), ("tsit5", 1.0), ("tsit5", 0.7), ("auto", 0.7), ("rodas4", 1.0), ("lbdf2", 0.7),
+     ("lie", 0.7)],
+)  # fmt: skip
+def test_lugre_without_its_additions_runs_like_dahl(method: str, mu: float) -> None:
     """With mu_k = 1, z / mu_k and z times its inverse are the same number, and d h + e v is 0, so
     that every step of an explicit method is the same to the last bit, and so are their numbers.
-    """
-    step = {"step": 5e-6} if method == "rk4" else {}
-    runs = []
-    for law in as_dahl(1.0):
-        params = with_laws(drives.plain(), law, law)
-        start = bd.settle(drives.plain())
-        runs.append(
-            bd.simulate(params, pull(), T_END, initial=start, t_eval=TIMES, method=method, **step)
-        )
-    dahl, lugre = runs
-    assert dahl.stats.steps == lugre.stats.steps and dahl.stats.rejected == lugre.stats.rejected
-    assert np.array_equal(dahl.joints.force, lugre.joints.force)
-    assert np.array_equal(dahl.final_state.mu, lugre.final_state.mu)
-    assert np.array_equal(dahl.energy.friction_loss, lugre.energy.friction_loss)
 
-
-@pytest.mark.parametrize("method", [name for name in METHODS if name != "rk4"])
-@pytest.mark.parametrize("mu", [1.0, 0.7])
-def test_lugre_without_its_additions_makes_the_steps_of_dahl(method: str, mu: float) -> None:
-    """Rounding differs by some bits a step, of the forces of joints at rest by 1e-13 (positions
-    rounded to 5e-17 m, over stretches of 1e-4 m); the drive is damped, so that it adds up at most
-    over the steps, here some thousands. Steps are chosen in rungs, so that they are the same.
+    Otherwise rounding differs by some bits a step, of the forces of joints at rest by 1e-13
+    (positions rounded to 5e-17 m, over stretches of 1e-4 m); the drive is damped, so that it adds
+    up at most over the steps, here some thousands. Steps are chosen in rungs, so that they are the
+    same.
     """
-    runs = []
-    for law in as_dahl(mu):
-        params = with_laws(drives.plain(), law, law)
-        start = bd.settle(drives.plain())
-        runs.append(
-            bd.simulate(params, pull(), T_END, initial=start, t_eval=TIMES, method=method,
-                        **METHODS[method])
-        )  # fmt: skip
-    dahl, lugre = runs
+    options = {"step": 5e-6} if method == "rk4" else METHODS[method]
+    laws = bd.Dahl(mu_k=mu, sigma=1e4), attrs.evolve(PLAIN_LUGRE, mu_k=mu, mu_s=mu)
+    dahl, lugre = (
+        bd.simulate(with_laws(coarse(), law, law), pull(), T_END, initial=settled(), t_eval=TIMES,
+                    method=method, **options)
+        for law in laws
+    )  # fmt: skip
     assert dahl.stats.steps == lugre.stats.steps and dahl.stats.rejected == lugre.stats.rejected
+    if mu == 1.0 and method in ("rk4", "tsit5"):
+        assert np.array_equal(dahl.joints.force, lugre.joints.force)
+        assert np.array_equal(dahl.final_state.mu, lugre.final_state.mu)
+        assert np.array_equal(dahl.energy.friction_loss, lugre.energy.friction_loss)
     error = np.max(np.abs(dahl.joints.force - lugre.joints.force))
     assert error <= 1e-13 * dahl.stats.steps * np.max(dahl.joints.force)
 
 
-# -------------------------------------------------------------------- methods, kernels
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("pair", PAIRS)
-def test_methods_agree(pair: str, method: str) -> None:
-    """Errors are what runs claim, by five at most (README); fixed steps claim nothing, and that of
-    rk4 is a thousandth.
-    """
-    exact = tight(pair)
-    result = run(pair, method)
-    rest_tension = exact.params.info["strain_tension"]
-    error = np.sqrt(np.mean((result.joints.force - exact.joints.force) ** 2)) / rest_tension
-    claim = result.stats.error
-    assert method == "rk4" or claim is not None
-    assert error <= 5 * (1e-3 / 5 if claim is None else claim)
-    assert error <= 5 * METHODS[method].get("rtol", 1e-3)
-
-
-@pytest.mark.parametrize("pair", PAIRS)
-def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch, pair: str) -> None:
-    """One rate, by rounding alone; 2 ms of a run, by what that grows to. 61 links: the last vector
-    is not full.
-    """
-    base = drive(pair)
-    belt = attrs.evolve(base.belt, n_bodies=61)
-    start: bd.State | None = None
-    rates, runs = [], []
-    for level in available(monkeypatch):
-        monkeypatch.setenv("BELTDYN_KERNELS", level)
-        params = attrs.evolve(base, belt=belt)
-        if start is None:
-            start = bd.simulate(params, pull(), 0.03, t_eval=[0.03]).final_state
-        core = start._to_core(params)
-        rates.append(params._model.rate(core, np.array([-10.0, 2.0])))
-        times = np.linspace(0.03, 0.032, 3)
-        runs.append(
-            [
-                bd.simulate(params, pull(), 0.032, initial=start, t_eval=times, method=method)
-                for method in ("tsit5", "rodas4")
-            ]
-        )
-        assert runs[-1][0].stats.kernels == level
-    acceleration = params.info["strain_tension"] / params.info["link_mass"]
-    for rate, pair_of_runs in zip(rates[1:], runs[1:], strict=True):
-        for name, expected in rates[0].items():
-            scale = {"vx": acceleration, "vy": acceleration}.get(
-                name, np.max(np.abs(expected), initial=0.0)
-            )
-            scale = 6 * acceleration / params.info["link_length"] if name == "vphi" else scale
-            assert np.max(np.abs(rate[name] - expected), initial=0.0) <= 1e-11 * scale, name
-        for one, other in zip(pair_of_runs, runs[0], strict=True):
-            tension = np.max(np.abs(other.joints.force))
-            assert np.max(np.abs(one.joints.force - other.joints.force)) <= 1e-10 * tension
-            assert one.stats.steps == other.stats.steps
-
-
-@pytest.mark.parametrize("pair", PAIRS)
-def test_a_run_is_the_same_every_time(pair: str) -> None:
-    one, other = (run(pair, "auto") for _ in range(2))
-    assert np.array_equal(one.joints.force, other.joints.force)
-    assert np.array_equal(one.final_state.mu, other.final_state.mu)
-
-
 # -------------------------------------------------------------------- records and states
-
-
-@pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
-@pytest.mark.parametrize("pair", PAIRS)
-def test_a_run_goes_on_from_its_record_bit_for_bit(pair: str, method: str) -> None:
-    """In a simulation of its own; in another process: tests/test_record.py."""
-
-    def make() -> tuple[Any, dict[str, Any]]:
-        state = core_rest(pair)
-        sim = _core.Simulation(drive(pair)._model, state, pull().terms(), 0.02, method=method)
-        return sim, sim.sample(np.linspace(0.0, 0.02, 21))
-
-    whole, expected = make()
-    assert whole.advance(INF) is True
-    stopped, _ = make()
-    for _ in range(5):
-        stopped.advance(0.0)
-    record = stopped.export_record()
-    later, samples = make()
-    later.import_record(record)
-    first = later.samples
-    assert later.advance(INF) is True
-    assert same_bits(later.state(), whole.state())
-    assert same_bits(
-        {name: rows[first:] for name, rows in samples.items()},
-        {name: rows[first:] for name, rows in expected.items()},
-    )
 
 
 def test_a_record_of_another_law_is_refused() -> None:
     """Of another law, of other numbers, of another pulley's."""
 
     def make(*laws: bd.Friction | None) -> Any:
-        params = with_laws(drives.plain(), *laws)
-        state = rest("dahl")._to_core(params)
+        params = with_laws(coarse(), *laws)
+        state = settled()._to_core(params)
         return _core.Simulation(params._model, state, pull().terms(), 0.02, method="tsit5")
 
     laws = list(EXAMPLES.values())
@@ -357,53 +364,31 @@ def test_a_record_of_another_law_is_refused() -> None:
     variants += [(scaled(law, 1.01), law) for law in laws] + [(laws[0], None), (None, laws[0])]
     records = [make(*pair).export_record() for pair in variants]
     for k, pair in enumerate(variants):
-        for other, record in enumerate(records):
-            if other == k:
-                make(*pair).import_record(record)
-            else:
-                with pytest.raises(ValueError, match="the record is of another run"):
-                    make(*pair).import_record(record)
+        simulation = make(*pair)
+        for other in (record for at, record in enumerate(records) if at != k):
+            with pytest.raises(ValueError, match="the record is of another run"):
+                simulation.import_record(other)
+        simulation.import_record(records[k])
 
 
-@pytest.mark.parametrize("pair", PAIRS)
-def test_a_state_goes_out_and_in(pair: str, tmp_path: Any) -> None:
-    """Split in two, a run with a fixed step is that in one, to rounding of the places' origin.
-
-    Friction without a state is a damper mu N / v_reg near v = 0, of a link at 1e6 / s here.
-    """
-    halves = TIMES[:51], TIMES[50:]
-    sticks = all(law is None or law.n_states for law in PAIRS[pair])
-    step = 5e-6 if sticks else 2e-6
-    options: dict[str, Any] = {"method": "rk4", "step": step}
-    whole = run(pair, "rk4", step=step)
-    first = bd.simulate(
-        drive(pair), pull(), halves[0][-1], initial=rest(pair), t_eval=halves[0], **options
-    )
-    first.final_state.save(tmp_path / "state.npz")
-    middle = bd.State.load(tmp_path / "state.npz")
-    assert np.array_equal(middle.mu, first.final_state.mu)
-    second = bd.simulate(drive(pair), pull(), T_END, initial=middle, t_eval=halves[1], **options)
-    assert np.max(np.abs(second.joints.force - whole.joints.force[50:])) <= 1e-8 * np.max(
-        whole.joints.force
-    )
+def touching(params: bd.Params, state: bd.State) -> np.ndarray:
+    oracle = oracle_of(params)
+    return oracle.penetration(oracle.pack(fields(state))) > 0
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_state_beyond_the_bound_is_refused(name: str) -> None:
     """By its name, before anything runs; within a bit of it, and where nothing is touched, not."""
     law = EXAMPLES[name]
-    params = with_laws(drives.plain(), law, None)
-    oracle = oracle_of(params)
-    bound = oracle.laws[0].bound if oracle.laws[0] is not None else 0.0
-    state = bd.settle(params)
-    touch = oracle.penetration(oracle.pack(fields(state))) > 0
+    params = with_laws(coarse(), law, None)
+    bound, state = oracle_of(params).laws[0].bound, bd.settle(params)
+    touch = touching(params, state)
     link = int(np.flatnonzero(touch[0])[3])
-    still = bd.Viscous([0.0, 0.0])
 
     def started_with(value: float, at: int = link) -> bd.Result:
         mu = np.zeros_like(state.mu)
         mu[..., at] = value
-        return bd.simulate(params, still, 1e-6, initial=attrs.evolve(state, mu=mu))
+        return bd.simulate(params, STILL, 1e-6, initial=attrs.evolve(state, mu=mu))
 
     if not np.isfinite(bound):
         started_with(1e-3)
@@ -422,124 +407,49 @@ def test_a_state_beyond_the_bound_is_refused(name: str) -> None:
 
 
 def test_the_bound_is_that_of_the_pulley_that_a_link_touches() -> None:
-    dahl = bd.Dahl(mu_k=0.3, sigma=1e4)
     for other in (ELASTIC, bd.Dahl(mu_k=0.9, sigma=1e4), LUGRE):
-        params = with_laws(drives.plain(), dahl, other)
-        oracle, state = oracle_of(params), bd.settle(params)
-        touch = oracle.penetration(oracle.pack(fields(state))) > 0
-        for pulley, fits in ((0, False), (1, True)):
-            mu = np.where(touch[pulley], 0.5, 0.0)
-            start = attrs.evolve(state, mu=mu if pulley == 0 else 1e-5 * mu)
-            if fits:
-                bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-6, initial=start)
-            else:
-                with pytest.raises(ValueError, match=r"^state mu\[\d+\] must lie within \+-0\.3"):
-                    bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-6, initial=start)
-
-
-# -------------------------------------------------------------------- what is off costs nothing
-
-
-def test_off_costs_nothing() -> None:
-    """No pass, no slot, no number in the state, the same bits, whichever way it is off."""
-    runs = []
-    for friction, own in ((None, None), (None, [None, None])):
-        model = make_model(friction=friction, pulley_friction=own)
-        assert model.info["n_slots"] == 0
-        assert [row[0] for row in model.friction] == ["none", "none"]
-        settling = _core.Simulation.settle(model, tolerance=1e-5)
-        assert settling.advance(INF) is True
-        state = settling.state()
-        assert state["mu"].size == 0 and state["slip"].size == 0
-        sim = _core.Simulation(model, state, TORQUE, 0.02, method="rodas4")
-        samples = sim.sample(np.linspace(0.0, 0.02, 9))
-        sim.advance(0.0)
-        record = sim.export_record()
-        assert sim.advance(INF) is True
-        assert "contact without friction" in sim.passes
-        runs.append((sim, samples, record))
-    (plain, samples, record), (other, its_samples, its_record) = runs
-    assert other.passes == plain.passes and its_record == record
-    assert same_bits(its_samples, samples)
+        params = with_laws(coarse(), bd.Dahl(mu_k=0.3, sigma=1e4), other)
+        one, another = touching(params, settled())
+        with pytest.raises(ValueError, match=r"^state mu\[\d+\] must lie within \+-0\.3"):
+            bd.simulate(params, STILL, 1e-6, initial=attrs.evolve(settled(), mu=0.5 * one))
+        bd.simulate(params, STILL, 1e-6, initial=attrs.evolve(settled(), mu=5e-6 * another))
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_a_law_costs_one_slot_and_no_more(name: str) -> None:
-    """All laws the same: passes, outputs, columns of energy, bytes of a record, whether the law is
-    the drive's, or the pulleys' own, or one of two. One without a state has the slip of its slot
-    and nothing else: of each vector in the record, a block of links less; one with several a block
-    more for each.
+def test_laws_of_the_pulleys_cost_what_that_of_the_drive_does(name: str) -> None:
+    """One slot, passes, outputs, columns of energy, bytes of a record; of two laws, what the one
+    of more states does. What none costs, and each law more: test_off_is_free.py.
     """
     law = EXAMPLES[name]._to_core()
 
-    def facts(**changes: Any) -> tuple[Any, ...]:
-        model = make_model(**changes)
+    def facts(friction: Any, own: Any = None) -> tuple[Any, ...]:
+        model = make_model(friction=friction, pulley_friction=own)
         settling = _core.Simulation.settle(model, tolerance=1e-5)
         assert settling.advance(INF) is True
         sim = _core.Simulation(model, settling.state(), TORQUE, 0.02, method="tsit5")
-        arrays = sim.sample(np.linspace(0.0, 0.02, 9))
-        shapes = {key: (rows.shape, rows.dtype) for key, rows in arrays.items()}
-        size = len(sim.export_record())
-        passes = [name for name in sim.passes if not name.startswith("contact with")]
+        shapes = {key: (a.shape, a.dtype) for key, a in sim.sample([0.0, 0.02]).items()}
+        passes = [one for one in sim.passes if not one.startswith("contact with")]
         assert len(passes) == len(sim.passes) - 1
-        return passes, model.energy_terms, model.info["n_slots"], shapes, size
+        size = len(sim.export_record())
+        return size, passes, model.energy_terms, model.info["n_slots"], shapes
 
-    dahl = facts()
-    assert dahl[2] == 1
-    own = facts(friction=law)
-    assert own[:4] == dahl[:4]
-    assert facts(friction=None, pulley_friction=[law, law]) == own
-    assert facts(friction=None, pulley_friction=[law, None]) == own
-    most = max((dahl, own), key=lambda found: found[4])
-    assert facts(friction=None, pulley_friction=[law, DAHL._to_core()]) == most
-    without, states = facts(friction=None), EXAMPLES[name].n_states
-    assert without[4] < own[4] and without[2] == 0
-    assert np.sign(own[4] - dahl[4]) == np.sign(states - 1)
-    if states > 1:
-        block = dahl[4] - facts(friction=EXAMPLES["coulomb"]._to_core())[4]
-        assert own[4] - dahl[4] == (states - 1) * block
-    if EXAMPLES[name].n_states == 0:  # a block as large as that of the slip, and the link's owner
-        blocks, owners = dahl[4] - own[4], own[4] - without[4] - (dahl[4] - own[4])
-        assert blocks > 0 and blocks % 8 == 0 and 0 < owners < blocks
-    assert without[:2] == dahl[:2]
-    assert dahl[3].items() - without[3].items() == {
-        (column, dahl[3][column]) for column in ("friction", "mu", "slip")
-    }
-
-
-@pytest.mark.parametrize("pair", PAIRS)
-def test_a_run_says_which_laws_it_has(pair: str) -> None:
-    """Each once, in the order of the table."""
-    texts = {name: text for name, _, text in _core.LAWS}
-    used = {law.law for law in PAIRS[pair] if law is not None}
-    words = " and ".join(text for name, text in texts.items() if name in used)
-    assert f"contact with {words} friction" in tight(pair).effects
-
-
-def test_a_law_of_its_own_that_is_the_drives_changes_nothing() -> None:
-    """To the last bit, for each law."""
-    for name, law in EXAMPLES.items():
-        base = attrs.evolve(drives.plain(), friction=law)
-        one, other = (
-            bd.simulate(params, pull(), 0.01, initial=rest(name), method="rodas4")
-            for params in (base, with_laws(base, law, law))
-        )
-        assert np.array_equal(one.joints.force, other.joints.force)
-        assert one.effects == other.effects
+    dahl, own = facts(DAHL._to_core()), facts(law)
+    assert own[1:] == dahl[1:] and dahl[3] == 1
+    assert facts(None, [law, law]) == facts(None, [law, None]) == own
+    assert facts(None, [law, DAHL._to_core()]) == max(dahl, own, key=lambda found: found[0])
 
 
 # -------------------------------------------------------------------- settling
 
 
-@pytest.mark.parametrize("pulleys", ["held", "free"])
-@pytest.mark.parametrize("pair", PAIRS)
-def test_settling_with_friction(pair: str, pulleys: str) -> None:
+@dealt(["free", "held"])
+def test_settling_with_friction(pair: str, method: str) -> None:
     """From the belt line, pulley 1 moved to its place: still, balanced, and within the bounds."""
     params = drive(pair)
-    state = bd.settle(params, friction=True, pulleys=pulleys, offset={1: (-0.002, 0.0)})
+    state = bd.settle(params, friction=True, pulleys=method, offset={1: (-0.002, 0.0)})
     assert not any(getattr(state, v).any() for v in ("vx", "vy", "vphi", "omega"))
     assert state.residual is not None and state.residual <= 1e-9
-    assert state.mu.any() == (n_states(params) > 0)
+    assert state.mu.any() == (params.info["n_states"] > 0)
     core = fields(state)
     assert np.all(np.abs(state.mu) <= _bounds(pair, core)[0])
     oracle = oracle_of(params)
@@ -547,14 +457,14 @@ def test_settling_with_friction(pair: str, pulleys: str) -> None:
     acceleration = oracle.links(rate)[1]
     force = oracle.mass * np.hypot(acceleration[0], acceleration[1])
     assert force.max() <= 1.1e-9 * params.info["strain_tension"]
-    if pulleys == "free":
+    if method == "free":
         contacts = oracle.contacts(oracle.pack(core))
         torque = np.sum(contacts.friction * contacts.distance, axis=1)
         assert np.max(np.abs(torque)) <= 1e-8 * params.info["strain_tension"]
     # it stays at rest when it is let go
-    result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 2e-3, initial=state, rtol=1e-6)
+    result = bd.simulate(params, STILL, 2e-3, initial=state, rtol=1e-6)
     moved = np.max(np.abs(result.joints.force - result.joints.force[0]))
-    assert moved <= 1e-6 * params.info["strain_tension"] or pulleys == "held"
+    assert moved <= 1e-6 * params.info["strain_tension"] or method == "held"
 
 
 # -------------------------------------------------------------------- warnings
@@ -566,9 +476,8 @@ def test_full_slip_is_seen_with_every_law(name: str) -> None:
     strong, weak = scaled(EXAMPLES[name], 2.0), scaled(EXAMPLES[name], 0.25)
     torque = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-60.0, 0.0]]) + bd.Viscous([0.0, 16.0])
     for laws, slipping in (((weak, strong), "pulley 0"), ((strong, strong), None)):
-        params = with_laws(drives.plain(), *laws)
         with run_warnings.silenced():
-            result = bd.simulate(params, torque, 0.08)
+            result = bd.simulate(with_laws(coarse(), *laws), torque, 0.08, initial=settled())
         seen = [one.where for one in result.warnings if one.code == "full_slip"]
         assert seen == ([] if slipping is None else [slipping])
 
@@ -599,19 +508,13 @@ def test_what_sticks_by_static_friction_does_not_slip() -> None:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_units_of_friction_are_doubted_with_every_law(name: str) -> None:
     """A coefficient in percent, a stiffness per mm, of the drive or of one pulley; each once."""
-    law = EXAMPLES[name]
-    percent = scaled(law, 100.0 / 2)
+    law, percent = EXAMPLES[name], scaled(EXAMPLES[name], 100.0 / 2)
     base = attrs.evolve(drives.plain(), friction=law)
-
-    def doubts(params: bd.Params) -> list[tuple[str | None, str]]:
-        return [(one.where, one.text) for one in sanity.check(params) if one.code == "units"]
-
-    assert doubts(base) == []
-    (one,) = doubts(attrs.evolve(base, friction=percent))
-    assert one[0] == "friction" and "percent" in one[1]
-    own = with_laws(base, law, percent)
-    (one,) = doubts(own)
-    assert one[0] == "pulley 1" and "percent" in one[1]
-    both = with_laws(base, percent, percent)
-    (one,) = doubts(both)
-    assert one[0] == "pulley 0"
+    assert not [one for one in sanity.check(base) if one.code == "units"]
+    for params, where in (
+        (attrs.evolve(base, friction=percent), "friction"),
+        (with_laws(base, law, percent), "pulley 1"),
+        (with_laws(base, percent, percent), "pulley 0"),
+    ):
+        (one,) = (one for one in sanity.check(params) if one.code == "units")
+        assert one.where == where and "percent" in one.text

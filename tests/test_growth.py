@@ -7,6 +7,7 @@ from functools import cache
 import attrs
 import numpy as np
 import pytest
+from tiers import extended_if
 
 import beltdyn as bd
 
@@ -39,75 +40,73 @@ def drive(contact_damping: float = 1e3, axial_damping: float = 1.4) -> tuple[bd.
     return params, bd.settle(params)
 
 
-def parted(params: bd.Params, state: bd.State, t_end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times, and how far two runs part over the mean tension whose starts differ by 1e-11 m."""
-    other = attrs.evolve(state, x=state.x + 1e-11 * np.cos(7.0 * np.arange(state.x.size)))
-    times = np.linspace(0.0, t_end, 101)
-    with pytest.warns(bd.BeltdynWarning) as _:
-        force = [
-            bd.simulate(params, RAMP, t_end, initial=one, rtol=1e-6, t_eval=times).joints.force
-            for one in (state, other)
-        ]
-    rms = np.sqrt(np.mean((force[0] - force[1]) ** 2, axis=1))
-    return times, rms / np.mean(force[0])
-
-
-@pytest.mark.parametrize(("method", "rtol"), SETTINGS)
-def test_a_drive_that_chatters(method: str, rtol: float) -> None:
+@cache
+def chattering(method: str, rtol: float) -> bd.Result:
     """Contact damping 100 for 1000: off by 0.16 once, with a claim of 1e-4."""
     params, state = drive(contact_damping=100.0)
     with pytest.warns(bd.AccuracyWarning, match="^growth: small differences grow exponentially"):
-        run = bd.simulate(params, RAMP, 0.35, initial=state, method=method, rtol=rtol)
+        return bd.simulate(params, RAMP, 0.35, initial=state, method=method, rtol=rtol)
+
+
+@pytest.mark.parametrize(("method", "rtol"), extended_if(SETTINGS[1].__eq__, SETTINGS))
+def test_a_drive_that_chatters(method: str, rtol: float) -> None:
+    run = chattering(method, rtol)
     (growth,) = (one for one in run.warnings if one.code == "growth")
     assert run.stats.error is None
-    assert growth.accuracy
-    assert growth.t is not None
+    assert growth.accuracy and growth.t is not None
     # e-foldings a second: the displaced runs below part by 1e5 in less than 0.06 s
     assert run.stats.growth > 100.0
 
 
 def test_from_when_on_and_no_later() -> None:
-    """Where two runs that were displaced have parted by a hundredth, the warning's time is past;
-    and before half of it they had not parted.
+    """Where two runs whose starts differ by 1e-11 m have parted by a hundredth of the mean tension,
+    the warning's time is past; and before half of it they had not parted.
     """
     params, state = drive(contact_damping=100.0)
-    times, apart = parted(params, state, 0.35)
-    with pytest.warns(bd.AccuracyWarning, match="^growth"):
-        run = bd.simulate(params, RAMP, 0.35, initial=state)
-    (growth,) = (one for one in run.warnings if one.code == "growth")
+    other = attrs.evolve(state, x=state.x + 1e-11 * np.cos(7.0 * np.arange(state.x.size)))
+    times = np.linspace(0.0, 0.28, 81)
+    with pytest.warns(bd.BeltdynWarning):
+        one, another = (
+            bd.simulate(params, RAMP, 0.28, initial=start, rtol=1e-5, t_eval=times).joints.force
+            for start in (state, other)
+        )
+    apart = np.sqrt(np.mean((one - another) ** 2, axis=1)) / np.mean(one)
+    (growth,) = (w for w in chattering(*SETTINGS[0]).warnings if w.code == "growth")
     assert growth.t is not None
     assert np.max(apart) > 0.01
     assert growth.t < times[np.argmax(apart > 0.01)]
     assert np.all(apart[times < 0.5 * growth.t] < 1e-4)
 
 
-@pytest.mark.parametrize(("method", "rtol"), SETTINGS)
-@pytest.mark.parametrize("axial_damping", [1.4, 0.14])
-def test_drives_that_do_not(method: str, rtol: float, axial_damping: float) -> None:
-    """With axial damping / 10 differences grow a thousandfold in 0.3 s, then no more: the estimate
-    has to hold, within its factor of five.
-    """
+#: With axial damping / 10 differences grow a thousandfold in 0.3 s, then no more. At 6000 rpm links
+#: come and go at 8 kHz, which adds errors up, and chattering is none of it.
+FAST = bd.PiecewiseLinear([0.0, 0.1], [[0.0, 0.0], [-60.0, 0.0]]) + bd.Viscous([0.0, 0.019])
+CALM = {"usual": (1.4, RAMP, 0.3), "undamped": (0.14, RAMP, 0.6), "6000 rpm": (1.4, FAST, 0.3)}
+
+
+@cache
+def calm(name: str, method: str, rtol: float) -> bd.Result:
+    axial_damping, torque, t_end = CALM[name]
     params, state = drive(axial_damping=axial_damping)
-    times = np.linspace(0.0, 0.6, 301)
-    run = bd.simulate(params, RAMP, 0.6, initial=state, method=method, rtol=rtol, t_eval=times)
+    times = np.linspace(0.0, t_end, 301)
+    return bd.simulate(params, torque, t_end, initial=state, method=method, rtol=rtol, t_eval=times)
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "rtol"),
+    extended_if(
+        lambda case: (
+            case[:2] not in {("usual", "rodas4"), ("undamped", "auto"), ("6000 rpm", "lbdf2")}
+        ),
+        [(name, *setting) for name in CALM for setting in SETTINGS],
+    ),
+)
+def test_drives_that_do_not(name: str, method: str, rtol: float) -> None:
+    """Nothing is said, and the estimate holds, within its factor of five."""
+    run, exact = calm(name, method, rtol), calm(name, "tsit5", 1e-7)
     assert run.stats.growth == 0.0
     assert {one.code for one in run.warnings} == {"mesh"}
-    exact = bd.simulate(params, RAMP, 0.6, initial=state, method="tsit5", rtol=1e-7, t_eval=times)
-    error = np.sqrt(np.mean((run.joints.force - exact.joints.force) ** 2))
-    assert run.stats.error is not None
-    assert error <= 5.0 * run.stats.error * np.mean(exact.joints.force)
-
-
-@pytest.mark.parametrize(("method", "rtol"), SETTINGS)
-def test_thousands_of_turns_a_minute(method: str, rtol: float) -> None:
-    """6000 rpm: links come and go at 8 kHz, which adds errors up, and chattering is none of it."""
-    params, state = drive()
-    torque = bd.PiecewiseLinear([0.0, 0.1], [[0.0, 0.0], [-60.0, 0.0]]) + bd.Viscous([0.0, 0.019])
-    times = np.linspace(0.0, 0.3, 301)
-    run = bd.simulate(params, torque, 0.3, initial=state, method=method, rtol=rtol, t_eval=times)
-    assert np.all(run.pulleys.omega[-1] < -600.0)
-    assert {one.code for one in run.warnings} == {"mesh"}
-    exact = bd.simulate(params, torque, 0.3, initial=state, method="tsit5", rtol=1e-7, t_eval=times)
+    assert np.all(run.pulleys.omega[-1] < -600.0) == (name == "6000 rpm")
     error = np.sqrt(np.mean((run.joints.force - exact.joints.force) ** 2))
     assert run.stats.error is not None
     assert error <= 5.0 * run.stats.error * np.mean(exact.joints.force)

@@ -1,5 +1,5 @@
-"""Maxwell slip: one element is the elastic/perfectly plastic law, several have the closed form of
-their loops, and a state of several rows goes through runs, files and settling.
+"""Maxwell slip: one element is the elastic/perfectly plastic law, and a state of several rows goes
+through runs, files and settling. Closed forms of its loops: test_friction_path.py.
 """
 
 from __future__ import annotations
@@ -14,20 +14,10 @@ import pytest
 from laws import EXAMPLES, STRIBECK, with_laws
 
 import beltdyn as bd
-from beltdyn.checks import Array
 
-METHODS = ("tsit5", "rk4", "rodas4", "lbdf2", "lie")
 MAXWELL = EXAMPLES["maxwell_slip"]
 assert isinstance(MAXWELL, bd.MaxwellSlip)
-NORMAL = 5e3  # N/m
 STILL = bd.PiecewiseLinear([0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]])
-
-
-def alone(law: bd.ElasticPlastic) -> bd.MaxwellSlip:
-    return bd.MaxwellSlip(
-        mu=(law.mu,), stiffness=(law.stiffness,), damping=(law.damping,), mu_s=law.mu_s,
-        v_stribeck=law.v_stribeck,
-    )  # fmt: skip
 
 
 def run(params: bd.Params, **options: Any) -> bd.Result:
@@ -38,25 +28,27 @@ def run(params: bd.Params, **options: Any) -> bd.Result:
     return bd.simulate(params, torque, t_end=0.01, t_eval=np.linspace(0.0, 0.01, 6), **options)
 
 
-# -------------------------------------------------------------------- one element
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("mesh", ["paper", "joint"])
-@pytest.mark.parametrize("curve", [False, True])
+@pytest.mark.parametrize(
+    ("method", "mesh", "curve"),
+    [("tsit5", "paper", False), ("rk4", "joint", True), ("rodas4", "paper", True),
+     ("lbdf2", "joint", False), ("lie", "paper", False)],
+)  # fmt: skip
 def test_one_element_is_elastic_plastic_to_the_last_bit(
     method: str, mesh: str, curve: bool
 ) -> None:
     """Force, state and every step of the run: the same operations in the same order."""
     law = (STRIBECK if curve else EXAMPLES)["elastic_plastic"]
     assert isinstance(law, bd.ElasticPlastic)
+    alone = bd.MaxwellSlip(
+        mu=(law.mu,), stiffness=(law.stiffness,), damping=(law.damping,), mu_s=law.mu_s,
+        v_stribeck=law.v_stribeck,
+    )  # fmt: skip
     base = drives.on_mesh(drives.plain(), mesh)
-    one, other = (run(with_laws(base, each, each), method=method) for each in (law, alone(law)))
+    one, other = (run(with_laws(base, each, each), method=method) for each in (law, alone))
     assert one.stats.steps == other.stats.steps and one.contact.friction.any()
-    for group, name in (("joints", "force"), ("pulleys", "omega"), ("contact", "friction")):
-        np.testing.assert_array_equal(
-            getattr(getattr(one, group), name), getattr(getattr(other, group), name)
-        )
+    np.testing.assert_array_equal(one.joints.force, other.joints.force)
+    np.testing.assert_array_equal(one.pulleys.omega, other.pulleys.omega)
+    np.testing.assert_array_equal(one.contact.friction, other.contact.friction)
     assert one.final_state.mu.shape == other.final_state.mu.shape == (base.belt.n_bodies,)
     np.testing.assert_array_equal(one.final_state.mu, other.final_state.mu)
 
@@ -77,84 +69,7 @@ def test_equal_elements_are_one_of_their_sum() -> None:
     assert mu.shape == (4, base.belt.n_bodies) and (mu == mu[0]).all() and mu.any()
 
 
-# -------------------------------------------------------------------- loops
-
-
-def prandtl(law: bd.MaxwellSlip, slip: Array) -> Array:
-    """Friction coefficient along a slow path from rest: each element's stop operator in turn.
-
-    An element follows the path with its stiffness and is held at its limit (Prandtl, Ishlinskii).
-    """
-    total = np.zeros_like(slip)
-    for mu, stiffness in zip(law.mu, law.stiffness, strict=True):
-        force = 0.0
-        for k in range(1, slip.size):
-            force += stiffness / NORMAL * float(slip[k] - slip[k - 1])
-            force = min(max(force, -mu), mu)
-            total[k] += force
-    return total
-
-
-def path_of(*turns: float, step: float = 1e-7) -> Array:
-    """Straight from turn to turn, from 0."""
-    legs = [np.zeros(1)]
-    for begin, end in zip((0.0, *turns), turns, strict=False):
-        legs.append(np.linspace(begin, end, round(abs(end - begin) / step) + 1)[1:])
-    return np.concatenate(legs)
-
-
-TURNS = (2e-4, -1e-4, 3e-5, -6e-5, 1e-5, 2.5e-4, -2.5e-4)
-
-
-def test_a_slow_path_has_the_closed_form_of_stops_in_parallel() -> None:
-    """At 1e-7 m/s dampers carry next to nothing, d v / k = 3e-12 m of 1e-5; an element that begins
-    to slip notices at the next point, a step of 1e-7 m, of which its stiffness makes the error.
-    """
-    slip = path_of(*TURNS)
-    found = MAXWELL.coefficient(slip, velocity=1e-7, normal=NORMAL)
-    error = np.max(np.abs(found - prandtl(MAXWELL, slip)))
-    assert error <= 1.01 * sum(MAXWELL.stiffness) / NORMAL * 1e-7
-    # the first two slip, the third nearly
-    assert 0.9 < np.max(np.abs(found)) / sum(MAXWELL.mu) < 1.0
-
-
-def test_loops_have_the_work_and_the_memory_of_masing() -> None:
-    """The work of a loop of amplitude a is 4 mu_e (a - mu_e n / k_e) of every element that slips;
-    a small loop inside closes, and the path goes on as if it had not been.
-    """
-    a = 1.5e-4
-    loop = path_of(a, -a, a)
-    mu = MAXWELL.coefficient(loop, velocity=1e-7, normal=NORMAL)
-    closed = slice(int(np.argmax(loop)), None)
-    work = np.sum(0.5 * (mu[closed][1:] + mu[closed][:-1]) * np.diff(loop[closed]))
-    onset = [m * NORMAL / k for m, k in zip(MAXWELL.mu, MAXWELL.stiffness, strict=True)]
-    exact = sum(4 * m * (a - s) for m, s in zip(MAXWELL.mu, onset, strict=True) if s < a)
-    assert onset[0] < onset[1] < a < onset[2]  # two of three slip
-    # two corners a loop, at each of which a triangle of a step is wrong
-    assert work == pytest.approx(exact, rel=1e-3)
-    inner = path_of(a, 4e-5, 9e-5, 4e-5, -a)
-    straight = path_of(a, -a)
-    end = MAXWELL.coefficient(inner, velocity=1e-7, normal=NORMAL)[-1]
-    other = MAXWELL.coefficient(straight, velocity=1e-7, normal=NORMAL)[-1]
-    # up to how far the three are past their corners when they notice
-    assert end == pytest.approx(other, abs=2e-7 * sum(MAXWELL.stiffness) / NORMAL)
-
-
-def test_in_full_slip_with_a_stribeck_curve_the_sum_is_that_curve() -> None:
-    law = STRIBECK["maxwell_slip"]
-    assert isinstance(law, bd.MaxwellSlip)
-    path = np.linspace(0.0, 1e-2, 2001)
-    for v in (1e-4, 0.02, 0.05, 0.3):
-        kinetic = sum(law.mu)
-        exact = kinetic + (law.mu_s - kinetic) * np.exp(-((v / law.v_stribeck) ** 2))
-        found = law.coefficient(path, velocity=v, normal=NORMAL)[-1]
-        assert found == pytest.approx(exact, rel=1e-12)
-
-
-# -------------------------------------------------------------------- states of several rows
-
-
-def test_states_of_several_rows_are_saved_and_run_on(tmp_path: Path) -> None:
+def test_states_and_results_of_several_rows_are_saved_and_run_on(tmp_path: Path) -> None:
     base = with_laws(drives.plain(), MAXWELL, EXAMPLES["dahl"])
     first = run(base, method="rodas4")
     state, n = first.final_state, base.belt.n_bodies
@@ -164,18 +79,12 @@ def test_states_of_several_rows_are_saved_and_run_on(tmp_path: Path) -> None:
     assert not state.mu[1:, on == 1].any() and state.mu[0, on == 1].any()
     assert state.mu[1:, on == 0].any()
     state.save(tmp_path / "state.npz")
-    again = bd.State.load(tmp_path / "state.npz")
-    assert again == state
+    first.save(tmp_path / "result.npz")
+    again, result = bd.State.load(tmp_path / "state.npz"), bd.Result.load(tmp_path / "result.npz")
+    assert again == state == result.final_state
+    np.testing.assert_array_equal(result.joints.force, first.joints.force)
     one, other = (bd.simulate(base, STILL, t_end=0.012, initial=each) for each in (state, again))
     np.testing.assert_array_equal(one.joints.force, other.joints.force)
-
-
-def test_results_of_several_rows_are_saved(tmp_path: Path) -> None:
-    result = run(with_laws(drives.plain(), MAXWELL, EXAMPLES["dahl"]))
-    result.save(tmp_path / "result.npz")
-    again = bd.Result.load(tmp_path / "result.npz")
-    assert again.final_state == result.final_state
-    np.testing.assert_array_equal(again.joints.force, result.joints.force)
 
 
 def test_a_drive_goes_on_from_its_own_state_however_laws_differ() -> None:
