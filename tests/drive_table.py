@@ -24,6 +24,8 @@ import beltdyn as bd
 T_END, N_SAMPLES = 0.012, 21
 #: Speed of the first pulley where a drive begins at speed [rad/s].
 SPEED = -40.0
+#: Times of a kink and a jump of the torque functions [s].
+KINKS = (0.003, 0.0071)
 
 #: The columns of `ROWS`, and the values of each.
 VALUES: dict[str, tuple[str, ...]] = {
@@ -335,8 +337,8 @@ def _engine(n: int, crank: int | str, driven: int | str, _w: float) -> Loads:
 
 
 def _pulse(t: float) -> float:
-    """A ramp with a jump that no breakpoint names."""
-    return -6.0 if t > 0.0071 else -4.0 * min(1.0, t / 0.003)
+    """A ramp and a jump."""
+    return -6.0 if t > KINKS[1] else -4.0 * min(1.0, t / KINKS[0])
 
 
 def _function(n: int, _crank: int | str, _driven: int | str, _w: float) -> Loads:
