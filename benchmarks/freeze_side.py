@@ -316,7 +316,7 @@ def main() -> None:
         built_in(name, level, with_texts, forces)
     if with_texts:
         further(drives)
-        told["message"] |= {f"refused: {k}": tried(v) for k, v in refused().items() if only in k}
+        told["message"] |= {f"refused: {k}": tried(v) for k, v in refused().items()}
     np.savez(out.with_suffix(".npz"), **forces)
     out.write_text(json.dumps(told, indent=0), "utf-8")
 

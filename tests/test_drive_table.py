@@ -8,7 +8,6 @@ is promised of another process.
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 import subprocess
 import sys
@@ -255,9 +254,26 @@ def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch) -> None:
             params, end = drive.scene.params, result.final_state._to_core(drive.scene.params)
             torque = np.linspace(-4.0, 3.0, len(params.pulleys))
             one, other = (p._model.rate(end, torque) for p in (first.scene.params, params))
-            worst = max(np.max(np.abs(one[k] - other[k]), initial=0.0)/max(np.max(np.abs(one[k]), initial=0.0),1e-300) for k in one)
+            worst = max(
+                np.max(np.abs(one[k] - other[k]), initial=0.0)
+                / max(np.max(np.abs(one[k]), initial=0.0), 1e-300)
+                for k in one
+            )
             times = np.linspace(0.0, 0.003, 4)
-            runs = [bd.simulate(*d.scene[:2], 0.003, d.scene.motion, initial=start, t_eval=times, **d.options) for d in (first, drive)]
+            runs = [
+                bd.simulate(
+                    *d.scene[:2], 0.003, d.scene.motion, initial=start, t_eval=times, **d.options
+                )
+                for d in (first, drive)
+            ]
             assert runs[0].stats.kernels != runs[1].stats.kernels
-            a,b=[r.joints.force for r in runs]
-            print("LEVEL", level, name, f"{worst:.1e} {np.max(np.abs(a-b))/a.mean():.1e}", runs[0].stats.steps, runs[1].stats.steps, drive.options)
+            a, b = [r.joints.force for r in runs]
+            print(
+                "LEVEL",
+                level,
+                name,
+                f"{worst:.1e} {np.max(np.abs(a - b)) / a.mean():.1e}",
+                runs[0].stats.steps,
+                runs[1].stats.steps,
+                drive.options,
+            )
