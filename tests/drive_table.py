@@ -255,9 +255,13 @@ def _pulleys(row: Row) -> list[bd.Pulley]:
 
 
 def _mount(row: Row) -> tuple[int, bd.Arm | bd.Slider | bd.Path | None]:
-    """The mounted pulley and its mount; an arm is on the back of the belt where there is one."""
+    """The mounted pulley and its mount; an arm is on the back of the belt where there is one.
+
+    Stops are so near that arms run into them, or rest on them.
+    """
     kind, at = row["mount"], _driven(row)
-    stops = {"friction": 0.3, "stops": (-0.03, 0.02)} if kind == "stops" else {}
+    near = (-0.02, 0.002) if row["layout"] == "back" else (-0.001, 0.01)
+    stops = {"friction": 0.3, "stops": near} if kind == "stops" else {}
     if kind in ("arm", "stops") and row["layout"] == "back":
         return 1, bd.Arm(
             pivot=(0.215, 0.105), inertia=0.0025, mass=0.2, stiffness=10.0, preload=6.0,

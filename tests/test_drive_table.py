@@ -181,7 +181,7 @@ class Stopped(NamedTuple):
 
 @pytest.fixture(scope="module")
 def stopped() -> dict[str, Stopped]:
-    """Of each drive records before it begins, after 8, 32, 128 ... steps, and the run to its end."""
+    """Of each drive records before it begins, after 8, 40, 168 ... steps, and a whole run."""
     found = {}
     for name in table.names():
         simulation, samples = simulation_of(*ran(name)[:2])
@@ -302,12 +302,15 @@ def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
 
 @of_each
 def test_the_method_of_its_row_finds_the_same_motion(name: str) -> None:
-    """Within what it is asked for, of all forces in the belt; fixed steps within 2 %."""
+    """Within what it is asked for, of all forces in the belt; within 2 % with fixed steps, and where
+    a function of the user jumps."""
     drive, _, result = ran(name)
     exact = tight(name).joints.force
     apart = np.sqrt(np.mean((result.joints.force - exact) ** 2)) / np.mean(exact)
-    fixed = "step" in drive.options or drive.options["method"] == "rk4"
-    assert apart <= (0.02 if fixed else 3.0 * drive.options.get("rtol", 1e-4))
+    loose = drive.row["loads"] in ("function", "compiled") or drive.row["method"] in (
+        "rk4", "lbdf2-h", "lie-h",
+    )  # fmt: skip
+    assert apart <= (0.02 if loose else 3.0 * drive.options.get("rtol", 1e-4))
 
 
 def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch) -> None:
