@@ -136,13 +136,19 @@ def array_change(one: Any, other: Any) -> tuple[str, ...]:
 
 def differences(one: Any, other: Any) -> Iterator[tuple[str, tuple[str, ...], list[str]]]:
     """Kind, change and the names that have it."""
+    runs = [side.get("trajectory", {}) for side in (one, other)]
+    apart = {name for name in {**runs[0], **runs[1]} if runs[0].get(name) != runs[1].get(name)}
     for kind in {**one, **other}:
         before, after = one.get(kind, {}), other.get(kind, {})
         found: dict[tuple[str, ...], list[str]] = defaultdict(list)
         for name in {**before, **after}:
-            if before.get(name) != after.get(name):
-                change = array_change if kind == "trajectory" else text_change
-                found[change(before.get(name), after.get(name))].append(name)
+            if before.get(name) == after.get(name):
+                continue
+            if kind == "counters" and name in apart:
+                found[("as their trajectories do",)].append(name)
+                continue
+            change = array_change if kind == "trajectory" else text_change
+            found[change(before.get(name), after.get(name))].append(name)
         for change, names in found.items():
             yield kind, change, names
 

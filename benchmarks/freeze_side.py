@@ -172,7 +172,7 @@ def explained(name: str, scene: bd.Scene) -> None:
 def swept(name: str, scene: bd.Scene) -> None:
     over = {"belt.axial_stiffness": [18e3, -1.0, 22e3], "torque.scale": [0.5, 1.0]}
     measure = ["report.pulleys.margin", "span_tension.least", "pulleys.omega.mean", "stats.steps"]
-    options = {"executor": 1, "progress": False, "rtol": 1e-3}
+    options = {"executor": "threads", "progress": False, "rtol": 1e-3}
     told["sweep"][name] = tried(lambda: dataset_text(bd.sweep(scene, over, measure, **options)))
     told["sweep"][f"all of {name}"] = tried(
         lambda: dataset_text(bd.sweep(scene, {"t_end": [0.004, 0.008]}, **options))

@@ -125,16 +125,16 @@ def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> N
     assert np.abs(on.contact.normal - off.contact.normal).max() <= 1e-9 * scale
 
 
-def test_motions_and_loads(mesh: str = "joint") -> None:
+def test_motions_and_loads() -> None:
     """A prescribed motion takes two passes and bytes, and nothing without; loads are terms of the
     one pass of the pulleys, in bytes what their numbers take."""
-    off = Counted(bare(mesh))
-    moved = Counted(bare(mesh), motion={0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])})
+    off = Counted(bare("joint"))
+    moved = Counted(bare("joint"), motion={0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])})
     assert len(moved.passes) == len(off.passes) + 2 and moved.sizes["bytes"] > off.sizes["bytes"]
     assert moved.sizes["state"] == off.sizes["state"] and moved.widths == off.widths
-    none = Counted(bare(mesh), motion={})
+    none = Counted(bare("joint"), motion={})
     assert (none.passes, none.sizes) == (off.passes, off.sizes)
-    loaded = Counted(bare(mesh), torque=bd.Viscous([0.0, 0.0]) + bd.Load(pulley=1, viscous=0.1))
+    loaded = Counted(bare("joint"), torque=bd.Viscous([0.0, 0.0]) + bd.Load(pulley=1, viscous=0.1))
     assert loaded.passes == off.passes and loaded.sizes["state"] == off.sizes["state"]
     assert loaded.sizes["bytes"] > off.sizes["bytes"]
 
@@ -184,7 +184,7 @@ def test_the_order_of_loads_changes_nothing_but_rounding() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "mesh"), zip(STRIBECK, itertools.cycle(["paper", "joint"]), strict=False)
+    ("name", "mesh"), list(zip(STRIBECK, itertools.cycle(["paper", "joint"]), strict=False))
 )
 def test_a_stribeck_curve_costs_no_counter_and_equal_coefficients_are_none(
     name: str, mesh: str
