@@ -270,7 +270,7 @@ def _mount(row: Row) -> tuple[int, bd.Arm | bd.Slider | bd.Path | None]:
     if kind in ("arm", "stops"):
         return at, bd.Arm(
             pivot=(0.30, -0.10), inertia=0.02, mass=0.8, stiffness=200.0, free_angle=-0.14,
-            damping=1.0, **stops,
+            damping=1.0, stop_stiffness=2e4, stop_damping=20.0, **stops,
         )  # fmt: skip
     if kind == "spring":
         return at, bd.Slider(
