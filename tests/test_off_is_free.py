@@ -16,7 +16,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from effects import CASES, EFFECTS, bare
+from effects import EFFECTS, bare
 from laws import EXAMPLES, STRIBECK, with_laws, without_curve
 
 import beltdyn as bd
@@ -28,7 +28,12 @@ T_END = 4e-3
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
-cases = pytest.mark.parametrize(("name", "mesh"), CASES)
+#: Every effect, and both meshes in turn; that effects are there only in drives that call for them,
+#: and the ledger off, are in ``test_drive_table.py``.
+cases = pytest.mark.parametrize(
+    ("name", "mesh"),
+    [(name, EFFECTS[name].meshes[k % len(EFFECTS[name].meshes)]) for k, name in enumerate(EFFECTS)],
+)
 
 
 class Counted:
@@ -120,30 +125,16 @@ def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> N
     assert np.abs(on.contact.normal - off.contact.normal).max() <= 1e-9 * scale
 
 
-@pytest.mark.parametrize("mesh", ["paper", "joint"])
-@pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
-def test_the_ledger_off(mesh: str, method: str) -> None:
-    """One pass less, no column, no evaluation in the middle of a step."""
-    on, off = (Counted(bare(mesh), method, ledger=ledger) for ledger in (True, False))
-    assert set(on.passes) - set(off.passes) == {"energy ledger"}
-    assert on.sizes == off.sizes, "the works stay in the state: the balance of energy needs them"
-    assert set(on.widths) - set(off.widths) == {"energy"}
-    counted, without = on.run(), off.run()
-    more = counted["steps"] if method == "rodas4" else 0
-    assert counted["nfev"] == without["nfev"] + more
-
-
-@pytest.mark.parametrize("mesh", ["paper", "joint"])
-def test_motions_and_loads(mesh: str) -> None:
+def test_motions_and_loads() -> None:
     """A prescribed motion takes two passes and bytes, and nothing without; loads are terms of the
     one pass of the pulleys, in bytes what their numbers take."""
-    off = Counted(bare(mesh))
-    moved = Counted(bare(mesh), motion={0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])})
+    off = Counted(bare("joint"))
+    moved = Counted(bare("joint"), motion={0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])})
     assert len(moved.passes) == len(off.passes) + 2 and moved.sizes["bytes"] > off.sizes["bytes"]
     assert moved.sizes["state"] == off.sizes["state"] and moved.widths == off.widths
-    none = Counted(bare(mesh), motion={})
+    none = Counted(bare("joint"), motion={})
     assert (none.passes, none.sizes) == (off.passes, off.sizes)
-    loaded = Counted(bare(mesh), torque=bd.Viscous([0.0, 0.0]) + bd.Load(pulley=1, viscous=0.1))
+    loaded = Counted(bare("joint"), torque=bd.Viscous([0.0, 0.0]) + bd.Load(pulley=1, viscous=0.1))
     assert loaded.passes == off.passes and loaded.sizes["state"] == off.sizes["state"]
     assert loaded.sizes["bytes"] > off.sizes["bytes"]
 
@@ -192,8 +183,9 @@ def test_the_order_of_loads_changes_nothing_but_rounding() -> None:
         assert np.abs(other.joints.force - first.joints.force).max() <= 1e-10 * scale
 
 
-@pytest.mark.parametrize("name", STRIBECK)
-@pytest.mark.parametrize("mesh", ["paper", "joint"])
+@pytest.mark.parametrize(
+    ("name", "mesh"), list(zip(STRIBECK, itertools.cycle(["paper", "joint"]), strict=False))
+)
 def test_a_stribeck_curve_costs_no_counter_and_equal_coefficients_are_none(
     name: str, mesh: str
 ) -> None:

@@ -1,8 +1,13 @@
-"""A run stopped anywhere goes on from its record as if it had not been stopped, bit for bit, in
-another process, too."""
+"""What a restart record is refused for, and runs that leave something to remember but their state.
+
+That any drive of the table goes on from its record in another process, bit for bit, is in
+``test_drive_table.py``; here are a twin that runs beside a lightly damped drive and a torque
+function that jumps all the time, with every method.
+"""
 
 from __future__ import annotations
 
+import itertools
 import pickle
 import subprocess
 import sys
@@ -12,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from laws import EXAMPLES
 from module_common import INF, TORQUE, make_model, refused, same_bits
 
 from beltdyn import SimulationError, _core
@@ -32,17 +36,11 @@ METHODS: list[dict[str, Any]] = [
 ]
 
 
-def driven(t: float, _theta: Any, omega: Any) -> list[float]:
-    """A torque function with a jump that nobody names, so that twins and looks have something."""
-    return [-60.0 if 0.004 < t < 0.006 else -30.0 * t / 0.02, -16.0 * float(omega[1])]
-
-
 def relay(_t: float, _theta: Any, omega: Any) -> list[float]:
     """It jumps all the time, and that is remembered."""
     return [-60.0 if omega[0] > -1.0 else 0.0, 0.0]
 
 
-FUNCTIONS = {"driven": driven, "relay": relay}
 #: One of each load, with factors that jump and that change.
 LOADS: list[tuple[Any, ...]] = [
     TORQUE[0],
@@ -50,30 +48,22 @@ LOADS: list[tuple[Any, ...]] = [
     ("table", 1, [1.0, 3.0, 30.0], [0.5, 2.0, 3.0], ([0.005, 0.005], [0.0, 1.0])),
     ("harmonics", 0, 1, [2.0, 3.5], [3.0, 1.0], [0.0, 0.7], None),
 ]
-MIXED = [EXAMPLES[name]._to_core() for name in ("lugre", "elastic_plastic")]
-#: Changes of the model, kind of torque, t_end: lightly damped, so that a twin runs from early on;
-#: two pulleys that stick; torque functions.
-DRIVES: dict[str, tuple[dict[str, Any], str, float]] = {
-    "plain": ({}, "terms", 0.02),
+#: Changes of the model, torque, t_end: lightly damped, so that a twin runs from early on; a torque
+#: that jumps; and what the record of a plain drive is refused by.
+DRIVES: dict[str, tuple[dict[str, Any], Any, float]] = {
+    "plain": ({}, TORQUE, 0.02),
     "lightly damped": (
         {"belt": (1.2, 24, 0.1, 70e3, 0.02, 0.01, 0.0), "contact": (0.0, 2.5e7, 100.0, 0, 0.0)},
-        "terms",
+        TORQUE,
         0.02,
     ),
-    "frictionless": ({"friction": None, "gravity": (1.0, -9.81)}, "terms", 0.02),
-    "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, "terms", 0.02),
-    "joints": ({"mesh": "joint"}, "terms", 0.02),
-    "string": (
-        {"belt": (1.2, 24, 0.1, 70e3, 1.4, 0.0, 0.0), "mesh": "joint", "model": "string"},
-        "terms",
-        0.02,
-    ),
-    "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1, 0.0)}, "terms", 0.02),
-    "friction of each pulley": ({"friction": None, "pulley_friction": MIXED}, "terms", 0.02),
-    "loads": ({}, "loads", 0.02),
-    "function": ({}, "driven", 0.012),
-    "relay": ({}, "relay", 0.006),
+    "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, TORQUE, 0.02),
+    "joints": ({"mesh": "joint"}, TORQUE, 0.02),
+    "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1, 0.0)}, TORQUE, 0.02),
+    "loads": ({}, LOADS, 0.02),
+    "relay": ({}, [("call", relay)], 0.006),
 }
+REMEMBERING = [*itertools.product(("lightly damped", "relay"), range(len(METHODS)))]
 
 
 def changed_loads() -> Iterator[list[tuple[Any, ...]]]:
@@ -101,8 +91,7 @@ def model_of(drive: str) -> Any:
 
 
 def make(drive: str, state: dict[str, Any], options: dict[str, Any]) -> tuple[Any, Any]:
-    _, kind, t_end = DRIVES[drive]
-    torque = {"terms": TORQUE, "loads": LOADS}.get(kind) or [("call", FUNCTIONS[kind])]
+    _, torque, t_end = DRIVES[drive]
     simulation = _core.Simulation(model_of(drive), state, torque, t_end, **options)
     return simulation, simulation.sample(np.linspace(0.0, t_end, N_T))
 
@@ -145,27 +134,31 @@ def states() -> dict[str, dict[str, Any]]:
     return found
 
 
-@pytest.mark.parametrize("options", METHODS, ids=lambda o: " ".join(str(v) for v in o.values()))
-@pytest.mark.parametrize("drive", DRIVES)
-def test_a_run_goes_on_in_another_process(
-    drive: str, options: dict[str, Any], states: dict[str, dict[str, Any]]
-) -> None:
+def test_runs_go_on_in_another_process(states: dict[str, dict[str, Any]]) -> None:
     """Stopped after 8, 16, 48, 144 ... steps (a chunk of the binding is eight at least)."""
-    simulation, expected = make(drive, states[drive], options)
-    end = end_of(simulation)
-    stopped, samples = make(drive, states[drive], options)
-    cases = [(drive, states[drive], options, stopped.export_record())]  # not yet begun
-    pause, finished = 1, False
-    while not finished:
-        for _ in range(pause):
-            finished = finished or stopped.advance(0.0)
-        cases.append((drive, states[drive], options, stopped.export_record()))
-        pause *= 3
-    assert same_bits(samples, expected)
-    assert len(cases) >= 3
-    for first, later, final in elsewhere(cases):
-        assert same_bits(later, {name: rows[first:] for name, rows in expected.items()})
-        assert same_bits(final, end)
+    cases, ends = [], []
+    for drive, method in REMEMBERING:
+        options = METHODS[method]
+        simulation, expected = make(drive, states[drive], options)
+        end = end_of(simulation)
+        stopped, samples = make(drive, states[drive], options)
+        records, pause, finished = [stopped.export_record()], 1, False  # not yet begun
+        while not finished:
+            for _ in range(pause):
+                finished = finished or stopped.advance(0.0)
+            records.append(stopped.export_record())
+            pause *= 3
+        assert same_bits(samples, expected), (drive, options)
+        assert len(records) >= 3
+        cases += [(drive, states[drive], options, record) for record in records]
+        ends += [(expected, end)] * len(records)
+    for case, (expected, end), found in zip(cases, ends, elsewhere(cases), strict=True):
+        first, later, final = found
+        assert same_bits(later, {name: rows[first:] for name, rows in expected.items()}), (
+            case[0],
+            case[2],
+        )
+        assert same_bits(final, end), (case[0], case[2])
 
 
 def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None:
