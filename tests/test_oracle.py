@@ -7,194 +7,135 @@ their own errors, seen by tightening each once more (mu: 3e-7 and 1e-6), stay we
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import attrs
 import drives
 import numpy as np
 import pytest
-import reference_run
+import stored_runs
 from bridge import fields, oracle_of
 from dense import MOUNT_STATES
 from drives import on_mesh
 from laws import EXAMPLES, scaled, with_laws
-from slow import slow_if
 
 import beltdyn as bd
 
-WINDOW = 0.05
+#: Times after the start at which the two are compared [s].
+AFTER = np.array([0.002, 0.007, 0.014, 0.022, 0.03])
 
-
-Start = Callable[[], tuple[bd.scenes.Scene, bd.State]]
-
-
-def settled_case_1() -> tuple[bd.scenes.Scene, bd.State]:
-    scene = bd.scenes.kubas_case_1()
-    return scene, bd.settle(scene.params)
-
-
-def running(make: Callable[[], bd.scenes.Scene], t: float) -> tuple[bd.scenes.Scene, bd.State]:
-    scene = make()
-    return scene, bd.simulate(*scene[:2], t, t_eval=[t]).final_state
-
-
-def bending_damped() -> bd.scenes.Scene:
-    """The reduction 1:2 with a bending damper, which no scene of the paper has."""
-    scene = bd.scenes.unequal_pulleys()
-    belt = attrs.evolve(scene.params.belt, bending_damping=5e-5)
-    return scene._replace(params=attrs.evolve(scene.params, belt=belt))
-
-
-def dragging() -> bd.scenes.Scene:
-    """Case 1 with drag on both pulleys, none of its terms small against the drive's 100 N m."""
-    scene = bd.scenes.kubas_case_1()
-    drags = (bd.Drag(coulomb=3.0, viscous=0.1, quadratic=0.02), bd.Drag(coulomb=1.0, viscous=0.3))
-    pulleys = [
-        attrs.evolve(pulley, drag=drag)
-        for pulley, drag in zip(scene.params.pulleys, drags, strict=True)
-    ]
-    return scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))
-
-
-def with_law(make: Callable[[], bd.scenes.Scene], law: bd.Friction) -> bd.scenes.Scene:
-    scene = make()
-    return scene._replace(params=attrs.evolve(scene.params, friction=law))
-
-
-def mixed(make: Callable[[], bd.scenes.Scene], *laws: bd.Friction | None) -> bd.scenes.Scene:
-    scene = make()
-    return scene._replace(params=with_laws(scene.params, *laws))
-
-
+Make = Callable[[], bd.Scene]
 DAHL, LUGRE, ELASTIC = (EXAMPLES[name] for name in ("dahl", "lugre", "elastic_plastic"))
 
 
-def mixed_two() -> bd.scenes.Scene:
-    """Case 1 with a law of its own on each pulley, and coefficients of its own."""
-    return mixed(bd.scenes.kubas_case_1, scaled(LUGRE, 1.5), scaled(ELASTIC, 1.3))
+def changed(make: Make, **changes: Any) -> Make:
+    """The scene with other parameters; `belt` and `contact` by their fields, `friction` a law or a
+    list of one for each pulley, `drags` one for each pulley.
+    """
 
-
-def mixed_three() -> bd.scenes.Scene:
-    return mixed(bd.scenes.three_pulleys, ELASTIC, None, LUGRE)
-
-
-def cases_of(name: str, law: bd.Friction) -> dict[str, Start]:
-    """Every law of the table but Dahl's, which the cases below have."""
-    strong, weak = scaled(law, 1.5), scaled(law, 0.5)
-
-    def case_1() -> bd.scenes.Scene:
-        return with_law(bd.scenes.kubas_case_1, strong)
-
-    return {
-        f"{name}, from rest": lambda: (case_1(), bd.settle(case_1().params)),
-        f"{name}, running": lambda: running(case_1, 0.28),
-        f"{name}, three unequal pulleys": lambda: running(
-            lambda: with_law(bd.scenes.three_pulleys, law), 0.22
-        ),
-        f"{name}, full slip": lambda: running(
-            lambda: with_law(bd.scenes.flywheel_start, weak), 0.10
-        ),
-    }
-
-
-#: Contact of the mass centres, the paper's, for the paper's drive; along the links for the others.
-CASES: dict[str, Start] = {
-    "case 1 from rest": settled_case_1,
-    "case 1 at the end of its ramp": lambda: running(bd.scenes.kubas_case_1, 0.28),
-    "three unequal pulleys, gravity, a load step": lambda: running(bd.scenes.three_pulleys, 0.22),
-    "1:2 reduction, bending stiff and damped": lambda: running(bending_damped, 0.08),
-    "bearing drag, from rest": lambda: (dragging(), bd.settle(dragging().params)),
-    "bearing drag, running": lambda: running(dragging, 0.2),
-    "flywheel, full slip": lambda: running(bd.scenes.flywheel_start, 0.10),
-    "a law for each pulley, from rest": lambda: (mixed_two(), bd.settle(mixed_two().params)),
-    "a law for each pulley, running": lambda: running(mixed_two, 0.28),
-    "two laws on three pulleys, one without": lambda: running(mixed_three, 0.22),
-}
-
-
-def joints(make: Callable[[], bd.scenes.Scene], t: float = 0.0, mesh: str = "joint") -> Start:
-    """The scene with contact of the joints, or a string, from rest or running."""
-
-    def scene() -> bd.scenes.Scene:
+    def scene() -> bd.Scene:
         made = make()
-        return made._replace(params=on_mesh(made.params, mesh))
+        params, given = made.params, dict(changes)
+        for part in {"belt", "contact"} & given.keys():
+            given[part] = attrs.evolve(getattr(params, part), **given[part])
+        if drags := given.pop("drags", None):
+            given["pulleys"] = [
+                attrs.evolve(one, drag=drag)
+                for one, drag in zip(params.pulleys, drags, strict=True)
+            ]
+        laws = given.pop("laws", None)
+        params = attrs.evolve(params, **given)
+        return made._replace(params=with_laws(params, *laws) if laws else params)
 
-    return lambda: running(scene, t) if t > 0.0 else (scene(), bd.settle(scene().params))
+    return scene
 
 
-def damped_by_force() -> bd.scenes.Scene:
-    """Case 1 with Hunt-Crossley damping of its contact."""
-    scene = bd.scenes.kubas_case_1()
-    contact = attrs.evolve(scene.params.contact, damping=0.0, hunt_crossley=0.5)
-    return scene._replace(params=attrs.evolve(scene.params, contact=contact))
+case_1, three, flywheel = bd.scenes.kubas_case_1, bd.scenes.three_pulleys, bd.scenes.flywheel_start
+#: No term small against the drive's 100 N m.
+dragging = changed(
+    case_1,
+    drags=(bd.Drag(coulomb=3.0, viscous=0.1, quadratic=0.02), bd.Drag(coulomb=1.0, viscous=0.3)),
+)
+#: Which no scene of the paper has.
+bending_damped = changed(bd.scenes.unequal_pulleys, belt={"bending_damping": 5e-5})
+damped_by_force = changed(case_1, contact={"damping": 0.0, "hunt_crossley": 0.5})
+#: A law of its own on each pulley, and coefficients of its own.
+two_laws = changed(case_1, laws=(scaled(LUGRE, 1.5), scaled(ELASTIC, 1.3)))
+some_laws = changed(three, laws=(ELASTIC, None, LUGRE))
 
-
-CASES |= {
-    "damping by the force, from rest": lambda: (
-        damped_by_force(),
-        bd.settle(damped_by_force().params),
-    ),
-    "joints, damping by the force, from rest": joints(damped_by_force),
-    "joints, damping by the force, running": joints(damped_by_force, 0.28),
-    "joints, case 1 from rest": joints(bd.scenes.kubas_case_1),
-    "joints, case 1 at the end of its ramp": joints(bd.scenes.kubas_case_1, 0.28),
-    "joints, bearing drag, running": joints(dragging, 0.2),
-    "joints, a law for each pulley, from rest": joints(mixed_two),
-    "joints, a law for each pulley, running": joints(mixed_two, 0.28),
-}
-CASES |= {
-    "string, case 1 from rest": joints(bd.scenes.kubas_case_1, 0.0, "string"),
+#: Scene, belt, and how long it has run [s]; 0: settled. Full slip is what the name says and the
+#: core warns of.
+TABLE: dict[str, tuple[Make, str, float]] = {
+    "case 1 from rest": (case_1, "paper", 0.0),
+    "case 1 at the end of its ramp": (case_1, "paper", 0.28),
+    "three unequal pulleys, gravity, a load step": (three, "paper", 0.22),
+    "1:2 reduction, bending stiff and damped": (bending_damped, "paper", 0.08),
+    "bearing drag, from rest": (dragging, "paper", 0.0),
+    "bearing drag, running": (dragging, "paper", 0.2),
+    "flywheel, full slip": (flywheel, "paper", 0.1),
+    "a law for each pulley, from rest": (two_laws, "paper", 0.0),
+    "a law for each pulley, running": (two_laws, "paper", 0.28),
+    "two laws on three pulleys, one without": (some_laws, "paper", 0.22),
+    "damping by the force, from rest": (damped_by_force, "paper", 0.0),
+    "joints, damping by the force, running": (damped_by_force, "joint", 0.28),
+    "joints, case 1 from rest": (case_1, "joint", 0.0),
+    "joints, case 1 at the end of its ramp": (case_1, "joint", 0.28),
+    "joints, bearing drag, running": (dragging, "joint", 0.2),
+    "joints, a law for each pulley, running": (two_laws, "joint", 0.28),
+    "joints, crossed": (drives.crossed_scene, "joint", 0.1),
+    "joints, outside idler": (drives.idler_scene, "joint", 0.1),
+    "string, case 1 from rest": (case_1, "string", 0.0),
     # without bending the paper's belt slips at 98.5 N m, short of the end of its ramp
-    "string, case 1 at the end of its ramp, full slip": joints(
-        bd.scenes.kubas_case_1, 0.28, "string"
-    ),
-    "string, case 1 on its ramp": joints(bd.scenes.kubas_case_1, 0.2, "string"),
-    "string, three unequal pulleys": joints(bd.scenes.three_pulleys, 0.22, "string"),
-    "string, bearing drag, running": joints(dragging, 0.2, "string"),
-    "string, flywheel, full slip": joints(bd.scenes.flywheel_start, 0.10, "string"),
-    "string, a law for each pulley, full slip": joints(mixed_two, 0.28, "string"),
-    "string, a law for each pulley, running": joints(mixed_two, 0.2, "string"),
-    "string, two laws on three pulleys, one without": joints(mixed_three, 0.22, "string"),
-    "string, crossed": joints(drives.crossed_scene, 0.1, "string"),
-    "string, outside idler": joints(drives.idler_scene, 0.1, "string"),
+    "string, case 1 at the end of its ramp, full slip": (case_1, "string", 0.28),
+    "string, bearing drag, running": (dragging, "string", 0.2),
+    "string, flywheel, full slip": (flywheel, "string", 0.1),
+    "string, a law for each pulley, running": (two_laws, "string", 0.2),
+    "string, two laws on three pulleys, one without": (some_laws, "string", 0.22),
+    "string, crossed": (drives.crossed_scene, "string", 0.1),
+    "string, outside idler": (drives.idler_scene, "string", 0.1),
 }
-CASES |= {name: lambda make=make: running(make, 0.1) for name, make in drives.LAYOUTS.items()}
-for law_name, example in EXAMPLES.items():
-    if law_name != "dahl":
-        CASES |= cases_of(law_name, example)
-SHORT = (
-    "case 1 from rest",
-    "a law for each pulley, from rest",
-    "joints, case 1 from rest",
-    "joints, damping by the force, from rest",
-    "joints, a law for each pulley, from rest",
-    "string, case 1 from rest",
+for k, (law_name, law) in enumerate(EXAMPLES.items()):
+    if law_name == "dahl":  # the cases above have it
+        continue
+    strong, weak = (changed(make, friction=scaled(law, factor))
+                    for make, factor in ((case_1, 1.5), (flywheel, 0.5)))  # fmt: skip
+    belts = [("paper", "joint", "string")[(k + shift) % 3] for shift in range(3)]
+    TABLE[f"{law_name}, running"] = (strong, belts[0], 0.28 if belts[0] != "string" else 0.2)
+    TABLE[f"{law_name}, three unequal pulleys"] = (changed(three, friction=law), belts[1], 0.22)
+    TABLE[f"{law_name}, full slip"] = (weak, belts[2], 0.1)
+
+
+def case_of(make: Make, mesh: str, t: float) -> stored_runs.Case:
+    scene = make()
+    params = on_mesh(scene.params, mesh)
+
+    def start() -> bd.State:
+        if t == 0.0:
+            return bd.settle(params)
+        return bd.simulate(params, scene.torque_fn, t, t_eval=[t]).final_state
+
+    return stored_runs.Case.of(params, scene.torque_fn, start, AFTER)
+
+
+RUNS = stored_runs.Runs(
+    __name__, {name: functools.partial(case_of, *row) for name, row in TABLE.items()}
 )
 
 
-def is_long(case: str) -> bool:
-    return case not in SHORT
-
-
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")
-@pytest.mark.parametrize("case", slow_if(is_long, CASES))
+@pytest.mark.parametrize("case", TABLE)
 def test_core_agrees_with_oracle(case: str) -> None:
-    scene, start = CASES[case]()
-    params, torque = scene.params, scene.torque_fn
-    times = start.t + np.linspace(0.0, WINDOW, 26)
-    result = bd.simulate(params, torque, times[-1], initial=start, t_eval=times, rtol=1e-9)
-
+    make, mesh, _ = TABLE[case]
+    scene, run = make(), RUNS[case]
+    params, oracle, times = on_mesh(scene.params, mesh), run.oracle, run.t
+    result = bd.simulate(
+        params, scene.torque_fn, times[-1], initial=run.state, t_eval=times, rtol=1e-9
+    )
     slips = any(one.code == "full_slip" for one in result.warnings)
     assert slips == ("full slip" in case)
 
-    oracle = oracle_of(params)
-    kinks = [t for term in torque.terms() if term[0] == "piecewise" for t in term[1]]
-    # SciPy begins with a trial step that is far too long: quadratic drag overflows in it
-    with np.errstate(over="ignore", invalid="ignore"):
-        run = reference_run.integrate(
-            oracle, oracle.pack(fields(start)), torque, times, tol=1e-8, breakpoints=kinks
-        )
     theta = oracle.pulleys(run.y)[..., 0, :]
     _, force = oracle.joints(run.y)
     by_link = oracle.memory(run.y).sum(axis=-2)
@@ -226,7 +167,7 @@ def test_core_agrees_with_oracle(case: str) -> None:
         # Where a link lands its slip velocity jumps, which the error of a friction state sees and
         # without one nothing: weights of the stages may count a step of it too much or too little.
         steps = min(result.stats.steps, run.steps)  # of both sides
-        known += np.max(np.abs(result.contact.velocity)) * WINDOW / steps
+        known += np.max(np.abs(result.contact.velocity)) * AFTER[-1] / steps
     assert np.all(np.abs(result.contact.slip - slip) <= known)
     assert np.max(np.abs(result.contact.normal - normal)) <= 1e-6 * tension
     touched = result.contact.pulley
@@ -238,14 +179,14 @@ def test_core_agrees_with_oracle(case: str) -> None:
 
 def test_comparison_can_fail() -> None:
     """A drive that differs by a millionth of its axial stiffness is told apart."""
-    scene, start = settled_case_1()
-    times = np.array([0.0, 0.02])
-    result = bd.simulate(*scene[:2], 0.02, initial=start, t_eval=times, rtol=1e-9)
-    oracle = oracle_of(scene.params)
-    other = dataclasses.replace(oracle, axial_stiffness=oracle.axial_stiffness * (1 + 3e-6))
-    y0 = other.pack(fields(start))
-    run = reference_run.integrate(other, y0, scene.torque_fn, times, tol=1e-6)
-    _, force = other.joints(run.y)
+    scene, run = bd.scenes.kubas_case_1(), RUNS["case 1 from rest"]
+    stiffness = scene.params.belt.axial_stiffness * (1 + 3e-6)
+    belt = attrs.evolve(scene.params.belt, axial_stiffness=stiffness)
+    result = bd.simulate(
+        attrs.evolve(scene.params, belt=belt), scene.torque_fn, run.t[-1],
+        initial=run.state, t_eval=run.t, rtol=1e-9,
+    )  # fmt: skip
+    _, force = run.oracle.joints(run.y)
     assert np.max(np.abs(result.joints.force - force)) > 1e-6 * np.mean(force)
 
 
@@ -305,53 +246,67 @@ def test_rates_agree_at_random_states(name: str, mesh: str) -> None:
         assert np.max(np.abs(rate[key] - want), initial=0.0) <= rounding * scale, key
 
 
-@pytest.mark.slow
-def test_link_on_two_pulleys_at_once(mesh: str) -> None:
-    """Two overlapping circles hold some links at once: forces add, each pair keeps its friction.
+#: Two pairs of overlapping circles hold some links at once. `Params` refuses such a drive, for the
+#: belt line round it is not defined; the core does not need that line.
+OVERLAPPING: dict[str, Any] = {
+    "centers": np.array([[0.0, 0.0], [0.29, 0.0], [0.27, -0.015], [0.05, -0.02]]),
+    "radii": np.array([0.1, 0.1, 0.1, 0.1]),
+    "inertias": np.array([0.01, 0.01, 0.02, 0.03]),
+}
+STEADY = bd.PiecewiseLinear([0.0], [[1.0, -2.0, 0.5, 0.0]])
 
-    ``Params`` refuses such a drive, for the belt line round it is not defined; the core does not
-    need that line.
-    """
+
+def overlapping(mesh: str) -> stored_runs.Case:
+    base = on_mesh(bd.scenes.kubas_case_1().params, mesh)
+    belt, n = base.belt, base.belt.n_bodies
+    oracle = type(oracle_of(base))(
+        belt.length, n, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
+        belt.bending_stiffness, **OVERLAPPING, contact=(5e8, 2.5e5, 1e3), mu_k=1.0, sigma=1e4,
+        mesh=belt.mesh,
+    )  # fmt: skip
+
+    def start() -> dict[str, Any]:
+        state = fields(bd.settle(base)) | {"mu": np.zeros((4, n)), "slip": np.zeros((4, n))}
+        return {**state, "theta": np.zeros(4), "omega": np.array([-3.0, 2.0, 4.0, -1.0])}
+
+    return stored_runs.Case(
+        oracle=oracle, torque=STEADY, start=start, after=np.linspace(0.0, 2e-3, 5)[1:], tol=1e-9
+    )
+
+
+OVERLAPPED = stored_runs.Runs(
+    __name__,
+    {
+        f"two pulleys at once, {mesh}": functools.partial(overlapping, mesh)
+        for mesh in ("paper", "joint", "string")
+    },
+)
+
+
+def test_link_on_two_pulleys_at_once(mesh: str) -> None:
+    """Forces of both pulleys add, each pair keeps its friction."""
     from beltdyn import _core
 
-    base = on_mesh(bd.scenes.kubas_case_1().params, mesh)
-    state = fields(bd.settle(base))
-    centers = np.array([[0.0, 0.0], [0.29, 0.0], [0.27, -0.015], [0.05, -0.02]])
-    radii = np.array([0.1, 0.1, 0.1, 0.1])
-    inertias = np.array([0.01, 0.01, 0.02, 0.03])
-    belt = base.belt
+    run = OVERLAPPED[f"two pulleys at once, {mesh}"]
+    oracle, belt = run.oracle, on_mesh(bd.scenes.kubas_case_1().params, mesh).belt
     model = _core.Model(
         (belt.length, belt.n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
          belt.bending_stiffness, belt.bending_damping),
-        centers, radii, inertias, (5e8, 2.5e5, 1e3, 0, 0.0), ("dahl", (1.0, 1e4, 0.0, 0.0)),
-        (0.0, 0.0),
-        mesh=belt.mesh, model=belt.model,
+        *OVERLAPPING.values(), (5e8, 2.5e5, 1e3, 0, 0.0), ("dahl", (1.0, 1e4, 0.0, 0.0)),
+        (0.0, 0.0), mesh=belt.mesh, model=belt.model,
     )  # fmt: skip
     slots = model.info["n_slots"]
     assert slots >= 2
-    oracle = type(oracle_of(base))(
-        belt.length, belt.n_bodies, belt.linear_density, belt.axial_stiffness, belt.axial_damping,
-        belt.bending_stiffness, centers=centers, radii=radii, inertias=inertias,
-        contact=(5e8, 2.5e5, 1e3), mu_k=1.0, sigma=1e4, mesh=belt.mesh,
-    )  # fmt: skip
-    n = belt.n_bodies
-    state["mu"] = np.zeros(slots * n)
-    state["slip"] = np.zeros(slots * n)
-    state["theta"], state["omega"] = np.zeros(4), np.array([-3.0, 2.0, 4.0, -1.0])
-    pairs = {**state, "mu": np.zeros((4, n)), "slip": np.zeros((4, n))}
-    y0 = oracle.pack(pairs)
-    twice = (oracle.penetration(y0) > 0).sum(axis=0) >= 2
+    empty = np.zeros(slots * belt.n_bodies)
+    twice = (oracle.penetration(oracle.pack(run.start)) > 0).sum(axis=0) >= 2
     assert twice.sum() >= 3
 
-    times = np.linspace(0.0, 2e-3, 5)
-    torque = np.array([1.0, -2.0, 0.5, 0.0])
     sim = _core.Simulation(
-        model, state, [("piecewise", np.zeros(1), torque[None])], times[-1], rtol=1e-10
+        model, {**run.start, "mu": empty, "slip": empty}, STEADY.terms(), run.t[-1], rtol=1e-10
     )
-    out = sim.sample(times)
+    out = sim.sample(run.t)
     while not sim.advance(1.0):
         pass
-    run = reference_run.integrate(oracle, y0, lambda t, a, b: torque, times, tol=1e-9)
     force = oracle.joints(run.y)[1]
     contacts = oracle.contacts(run.y)
     strongest = contacts.normal.argmax(axis=-2)[..., None, :]
@@ -367,7 +322,7 @@ def test_link_on_two_pulleys_at_once(mesh: str) -> None:
     clear = normal - second > 1e-3 * scale
     assert np.max(np.abs(out["mu"] - mu)[clear]) <= 1e-5
     # each friction slot follows its own pair
-    end = sim.state()["mu"].reshape(slots, n)
+    end = sim.state()["mu"].reshape(slots, -1)
     pair_mu = oracle.memory(run.y[-1])[0]
     assert np.allclose(
         np.sort(np.abs(end), axis=0).sum(axis=0), np.abs(pair_mu).sum(axis=0), atol=1e-5
