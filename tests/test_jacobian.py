@@ -14,14 +14,17 @@ from typing import Any
 
 import attrs
 import dense
+import drive_table
+import drives
 import numpy as np
 import pytest
 import reference
 from bridge import oracle_of
-from drives import LAYOUTS, on_mesh
-from drives import scene as scene_of
+from drives import on_mesh
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
+from mounted_drives import path, shake_mounts, take_up, tensioner
 from reference_friction import ElasticPlastic, Law, MaxwellSlip, Stateless
+from reference_mounts import Sprung
 from reference_string import as_string
 from test_kernels import available
 from tiers import extended_if
@@ -30,6 +33,8 @@ import beltdyn as bd
 from beltdyn import _core
 
 Array = reference.Array
+MESHES = ("joint", "paper", "string")
+LUGRE, ELASTIC, COULOMB = (EXAMPLES[name] for name in ("lugre", "elastic_plastic", "coulomb"))
 EPS = np.finfo(float).eps
 
 
@@ -121,7 +126,7 @@ def shaken(oracle: reference.Reference, state: dict[str, Any], seed: int) -> dic
     """The state with every link in motion of its own and friction anywhere within its limits."""
     rng = np.random.default_rng(seed)
     n, slots = oracle.n_bodies, dense.slots_of(oracle)
-    while True:
+    for _ in range(100):
         out = dict(state)
         for name, size in {"x": 1e-6, "y": 1e-6, "phi": 1e-3}.items():
             out[name] = state[name] + size * rng.uniform(-1, 1, n)
@@ -131,6 +136,8 @@ def shaken(oracle: reference.Reference, state: dict[str, Any], seed: int) -> dic
         out["theta"] = np.asarray(state["theta"], dtype=float)
         if off_the_kinks(oracle, out):
             break
+    else:
+        raise LookupError("a kink is near whatever the links do")
     n_slots = 1 + slots.max() if any(oracle.laws) else 0
     # where nothing is touched; of every slot the states
     mu = 1e-5 * rng.uniform(-1, 1, (n_slots, oracle.n_states, n))
@@ -158,7 +165,7 @@ def friction_states(
     spread = rng.uniform(-1, 1, len(v))
     if isinstance(law, ElasticPlastic):
         share = np.where(np.abs(spread) < 0.5, 1.6 * spread, spread + np.copysign(0.7, spread))
-        limit = np.maximum(law.mu * normal, 1.0)  # N; of what is not pressed any
+        limit = np.clip(law.mu * normal, 1.0, 1e4)  # N; of what is hardly pressed, or hit
         return np.asarray((share * limit / l0 - law.damping * v) / law.stiffness)
     return np.asarray(0.9 * law.bound * spread)
 
@@ -171,22 +178,6 @@ def case_of(oracle: reference.Reference, state: dict[str, Any], seed: int = 0) -
 
 
 MESHES = ("joint", "paper", "string")
-
-
-@pytest.fixture(scope="module")
-def running(mesh: str) -> str:
-    """Under which name other files ask make_case for every mesh."""
-    return mesh
-
-
-@cache
-def run_of(name: str, mesh: str) -> tuple[bd.Params, dict[str, Any]]:
-    """A scene with as few links as its pulleys allow, and a state of its run under load."""
-    scene = scene_of(name)
-    n, t = (40, 0.1) if name == "kubas-case-1" else (60, 0.06)
-    params = changed(on_mesh(scene.params, mesh), n_bodies=n)
-    final = bd.simulate(params, scene.torque_fn, t, t_eval=[t], rtol=1e-2).final_state
-    return params, final._to_core(params)
 
 
 def crossed(n: int, **changes: Any) -> tuple[reference.Reference, dict[str, Any]]:
@@ -210,91 +201,38 @@ def crossed(n: int, **changes: Any) -> tuple[reference.Reference, dict[str, Any]
     return oracle, state | {name: np.zeros(n) for name in ("vx", "vy", "vphi")}
 
 
-def changed(params: bd.Params, **changes: Any) -> bd.Params:
-    """With fields of the belt, or whole parts, replaced."""
-    belt = {name: value for name, value in changes.items() if hasattr(params.belt, name)}
-    parts = {name: value for name, value in changes.items() if name not in belt}
-    return attrs.evolve(params, belt=attrs.evolve(params.belt, **belt), **parts)
+def off_the_stops(oracle: reference.Reference, state: dict[str, Any]) -> bool:
+    """Whether steps of 1e-8 m, and 1e-3 m/s, cross no edge of a stop and no turn of a mount."""
+    mounts = zip(dense.levers(oracle), oracle.mounts.values(), strict=True)
+    for m, (reach, one) in enumerate(mounts):
+        if not isinstance(one, Sprung):
+            continue
+        q, rate = state["travel"][m], state["travel_speed"][m]
+        if abs(rate) * reach < 2e-2:
+            return False
+        for side, depth in enumerate(one.stop_depths(q)):
+            raw = one.stop_stiffness * depth + one.stop_damping * (rate if side else -rate)
+            step = one.stop_stiffness * 2e-8 + one.stop_damping * 2e-2
+            if abs(depth) * reach < 1e-6 or (depth > 0.0 and abs(raw) * reach < step):
+                return False
+    return True
 
 
-#: Every law of the table, and what of a law is left out by its parameters.
-LAW_CASES = {
-    **{name: law for name, law in EXAMPLES.items() if name != "dahl"},
-    "lugre, no damping": UNDAMPED_LUGRE,
-    "lugre, no Stribeck": attrs.evolve(PLAIN_LUGRE, damping=0.1, viscous=0.05),
-}
-DAHL, LUGRE, ELASTIC = (EXAMPLES[name] for name in ("dahl", "lugre", "elastic_plastic"))
-COULOMB = EXAMPLES["coulomb"]
-
-CASES = (
-    "two pulleys",
-    "three pulleys",
-    "bending damping",
-    "no bending",
-    "no friction",
-    "stiff friction",
-    "hard contact",
-    "no damping",
-    "damping by the force",
-    "damping of both kinds",
-    "pressed together",
-    "bearing drag",
-    "overlapping",
-    *LAW_CASES,
-    "mixed laws",
-    "mixed laws, one pulley without",
-    "mixed laws, one without a state",
-    "overlapping, mixed laws",
-    "overlapping, mixed, one without a state",
-    *LAYOUTS,
-)
-
-
-@cache
-def make_case(name: str, mesh: str) -> Case:
-    if name.startswith("overlapping"):
-        one = COULOMB if "a state" in name else LUGRE
-        mixed = {"friction": (oracle_law(one), oracle_law(ELASTIC))}
-        return case_of(*crossed(40, mesh=mesh, **(mixed if "mixed" in name else {})))
-    three = name == "three pulleys" or name.startswith("mixed laws")
-    two = name if name in LAYOUTS else "kubas-case-1"
-    params, state = run_of("three-pulleys" if three else two, mesh)
-    contact = params.contact
-    hard = attrs.evolve(contact, quadratic=1e3 * contact.quadratic, linear=1e3 * contact.linear)
-    soft = attrs.evolve(contact, damping=0.0)
-    bends = params.belt.model != "string"
-
-    def own(*laws: bd.Friction | None) -> list[bd.Pulley]:
-        pairs = zip(params.pulleys, laws, strict=True)
-        return [attrs.evolve(pulley, friction=law) for pulley, law in pairs]
-
-    changes: dict[str, dict[str, Any]] = {
-        "bending damping": {"bending_damping": 1e-3} if bends else {"axial_damping": 14.0},
-        "no bending": {"bending_stiffness": 0.0},
-        "no friction": {"friction": None},
-        "stiff friction": {"friction": bd.Dahl(mu_k=1.0, sigma=1e8)},
-        "hard contact": {"contact": hard},
-        "no damping": {"axial_damping": 0.0, "contact": soft},
-        "damping by the force": {"contact": attrs.evolve(soft, hunt_crossley=0.5)},
-        "damping of both kinds": {"contact": attrs.evolve(contact, hunt_crossley=0.5)},
-        "bearing drag": {
-            "pulleys": [
-                attrs.evolve(pulley, drag=bd.Drag(coulomb=c, viscous=0.3, quadratic=0.02))
-                for pulley, c in zip(params.pulleys, (0.5, 0.0, 0.0), strict=False)
-            ]
-        },
-    }
-    changes |= {law: {"friction": friction} for law, friction in LAW_CASES.items()}
-    if three:
-        changes["mixed laws"] = {"pulleys": own(LUGRE, ELASTIC, None)}  # the drive's is Dahl's
-        one_without = {"friction": None, "pulleys": own(ELASTIC, None, LUGRE)}
-        changes["mixed laws, one without a state"] = {"pulleys": own(COULOMB, ELASTIC, LUGRE)}
-        changes["mixed laws, one pulley without"] = one_without
-    params = changed(params, **changes.get(name, {}))
-    if name == "pressed together":  # every joint in compression, by 0.5 % of a link
-        middle = params.pulleys[1].center[0] / 2
-        state = state | {"x": middle + 0.995 * (state["x"] - middle), "y": 0.995 * state["y"]}
-    return case_of(oracle_of(params), state)
+def of_drive(params: bd.Params, state: dict[str, Any], how: str, seed: int = 0) -> Case:
+    """A state shaken off the kinks, its mounts displaced and moving as mounted_drives.py says."""
+    oracle = oracle_of(params)
+    for attempt in range(seed, 50):
+        # the belt is in by some 3e-5 m
+        moved = shake_mounts(oracle, state, 100 * attempt, how, 1e-5)
+        if how == "saturated":
+            moved["mount_friction"] = 0.97 * moved["mount_friction"]
+        try:  # pressed far into the belt, its axis alone may be near one
+            moved = shaken(oracle, moved, attempt)
+        except LookupError:
+            continue
+        if off_the_stops(oracle, moved):
+            return Case(params._model, oracle, moved)
+    raise AssertionError
 
 
 # -------------------------------------------------------------------- entries and solves
@@ -346,33 +284,84 @@ def assert_solves(case: Case) -> None:
     assert np.max(np.abs(error)) <= max(known, 1e-13) * np.max(np.abs(expected))
 
 
-#: By default every case on one mesh, and on every one those in which meshes differ.
-EVERYWHERE = (
-    "two pulleys", "bending damping", "damping of both kinds", "pressed together", "overlapping",
-    "overlapping, mixed laws",
-)  # fmt: skip
-TABLE = extended_if(
-    lambda case: case[0] not in EVERYWHERE and MESHES[CASES.index(case[0]) % 3] != case[1],
-    [(name, mesh) for mesh in MESHES for name in CASES],
-)
+STATES = ("moving", "saturated", "stops")  # of mounts: mounted_drives.py
 
 
-@pytest.mark.parametrize(("name", "mesh"), TABLE)
-def test_every_entry_and_every_solve(name: str, mesh: str) -> None:
-    """Joints, bending, contact, friction, pulleys: J is that of the core's rates and of the
-    oracle's, and solves leave rounding at any step.
+@pytest.mark.parametrize("name", drive_table.names())
+def test_every_entry_and_every_solve(name: str) -> None:
+    """Of each belt, law, contact, layout and mount: J is that of the core's rates and of the
+    oracle's, and solves leave rounding at any step. States of mounts by turns.
     """
-    case = make_case(name, mesh)
+    params = drive_table.drive(name).scene.params
+    how = STATES[drive_table.names().index(name) % 3]
+    case = of_drive(params, drive_table.drive(name).settle()._to_core(params), how, 1)
+    assert_entries(case)
+    assert_solves(case)
+    blocks, j = case.layout.blocks(), case.jacobian
+    for m, one in enumerate(case.oracle.mounts.values()):  # coupled with the belt both ways
+        if STATES.index(how) < 2 or not (isinstance(one, Sprung) and one.stops):
+            assert np.any(j[blocks["vx"], blocks["travel"]][:, m])
+            assert np.any(j[blocks["travel_speed"], blocks["x"]][m]) == isinstance(one, Sprung)
+
+
+#: What the table's drives have no part of, or not enough: changes of a drive of a belt of links.
+EXTREMES: dict[str, dict[str, Any]] = {
+    "bending without damping": {"bending_stiffness": 0.01, "bending_damping": 0.0},
+    "stiff bending damping": {"bending_stiffness": 0.01, "bending_damping": 1e-3},
+    "no damping": {"axial_damping": 0.0, "contact": bd.Contact(quadratic=5e10, linear=2.5e7)},
+    "damping of both kinds": {
+        "contact": bd.Contact(quadratic=5e10, linear=2.5e7, damping=1e3, hunt_crossley=0.5)
+    },
+    "hard contact": {"contact": bd.Contact(quadratic=5e13, linear=2.5e10, damping=1e3)},
+    "stiff friction": {"friction": bd.Dahl(mu_k=1.0, sigma=1e8)},
+    "lugre, no damping": {"friction": UNDAMPED_LUGRE},
+    "lugre, no Stribeck": {"friction": attrs.evolve(PLAIN_LUGRE, damping=0.1, viscous=0.05)},
+    "pressed together": {},
+}
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+def test_every_entry_at_extremes(mesh: str, name: str) -> None:
+    params = on_mesh(drives.plain(), mesh)
+    changes = EXTREMES[name]
+    belt = {key: value for key, value in changes.items() if hasattr(params.belt, key)}
+    if mesh == "string" and "bending_stiffness" in belt:
+        belt = {"axial_damping": 14.0}
+    others = {key: value for key, value in changes.items() if not hasattr(params.belt, key)}
+    belt = attrs.evolve(params.belt, n_bodies=36, **belt)
+    params = attrs.evolve(params, belt=belt)
+    state = bd.settle(params)._to_core(params)
+    params = attrs.evolve(params, **others)
+    if name == "pressed together":  # every joint in compression, by 0.5 % of a link
+        middle = params.pulleys[1].center[0] / 2
+        state |= {"x": middle + 0.995 * (state["x"] - middle), "y": 0.995 * state["y"]}
+    case = of_drive(params, state, "moving")
     assert_entries(case)
     assert_solves(case)
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+OVERLAPPING = {"one law": None, "mixed laws": LUGRE, "one without a state": COULOMB}
+
+
+@cache
+def overlapping(mesh: str, laws: str) -> Case:
+    first = OVERLAPPING[laws]
+    own = {} if first is None else {"friction": (oracle_law(first), oracle_law(ELASTIC))}
+    return case_of(*crossed(40, mesh=mesh, **own))
+
+
+@pytest.mark.parametrize("laws", OVERLAPPING)
+def test_every_entry_of_links_on_two_pulleys(mesh: str, laws: str) -> None:
+    case = overlapping(mesh, laws)
+    assert_entries(case)
+    assert_solves(case)
+
+
 def test_a_wrong_entry_would_show(mesh: str) -> None:
     """The comparison itself: of a neighbour, of a link far off, of the pulleys' rows and columns,
     and of friction, off by 1e-5 of the largest; friction of mixed laws, whose steps differ.
     """
-    right = make_case("overlapping, mixed laws", mesh)
+    right = overlapping(mesh, "mixed laws")
     layout, j = right.layout, right.jacobian
     blocks, y = layout.blocks(), layout.pack(right.state)
     rate = dense.rate_of_core(right.model, layout)
@@ -386,6 +375,29 @@ def test_a_wrong_entry_would_show(mesh: str) -> None:
         wrong[blocks[row].start + at, blocks[column].start + by] += 1e-5 * largest
         with pytest.raises(AssertionError, match=row):
             dense.assert_jacobian(layout, wrong, rate, y, right.oracle.n_bodies, right.fastest)
+
+
+@pytest.mark.parametrize("n_bodies", [36, 41, 48])
+@pytest.mark.parametrize("make", [tensioner, take_up, path])
+def test_the_ring_may_close_on_a_mounted_pulley(make: Any, n_bodies: int) -> None:
+    """Joint 0, between the last link and the first, in the wrap; with blocks of links that are full
+    and with some that are padded.
+    """
+    params = make(n_bodies=n_bodies)
+    case = of_drive(params, bd.settle(params)._to_core(params), "moving", 3)
+    oracle, state = case.oracle, dict(case.state)
+
+    def share_on() -> Array:
+        """Of every joint, the share in contact with the mounted pulley."""
+        where = {name: value for name, value in state.items() if name not in ("mu", "slip")}
+        return np.asarray(oracle.contacts(oracle.pack(where)).share[oracle.mounted[0]])
+
+    first = int(np.argmax(share_on()))
+    for name in ("x", "y", "phi", "vx", "vy", "vphi", "mu", "slip"):
+        state[name] = np.roll(state[name], -first)
+    state["phi"][n_bodies - first :] += 2 * np.pi * oracle.winding
+    assert share_on()[0] > 0.3
+    assert_entries(Case(case.model, oracle, state), cores_too=False)
 
 
 #: Around the widths of the vectors and of the arcs: arcs of one link, arcs one link shorter.
@@ -448,7 +460,7 @@ def test_a_long_ring_leaves_rounding(mesh: str) -> None:
 
 def test_a_bad_solution_would_show(monkeypatch: pytest.MonkeyPatch) -> None:
     """The measure itself: one link's velocity off by 1e-9 of itself is not rounding."""
-    case = make_case("two pulleys", "joint")
+    case = overlapping("joint", "one law")
     j, right = case.jacobian, dense.solve
 
     def wrong(*args: Any) -> dense.Vector:
