@@ -202,7 +202,7 @@ def test_mirrored(start: Start) -> None:
     n = params.belt.n_bodies
     back = slice(None, None, -1 if backwards else None)
     joint = (n - np.arange(n)) % n if backwards else np.arange(n)
-    at_joints = params.belt.mesh == "joint" and params.belt.model == "links"
+    at_joints = params.belt.mesh == "joint" and params.belt_model == "links"
     contact = joint if at_joints else back
     turn = np.pi * (np.sign(winding) or 1) if backwards else 0.0
     # of links turned end for end, angles are their own again
