@@ -24,7 +24,7 @@ from drives import on_mesh
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
 from mounted_drives import path, shake_mounts, take_up, tensioner
 from reference_friction import ElasticPlastic, Law, MaxwellSlip, Stateless
-from reference_mounts import Sprung
+from reference_mounts import Arm, Sprung
 from reference_string import as_string
 from test_kernels import available
 from tiers import extended_if
@@ -202,7 +202,14 @@ def crossed(n: int, **changes: Any) -> tuple[reference.Reference, dict[str, Any]
 
 
 def off_the_stops(oracle: reference.Reference, state: dict[str, Any]) -> bool:
-    """Whether steps of 1e-8 m, and 1e-3 m/s, cross no edge of a stop and no turn of a mount."""
+    """Whether steps of 1e-8 m, and 1e-3 m/s, cross no edge of a stop and no turn of a mount, and
+    pulleys with drag turn on their axes by 1 rad/s, where Coulomb's part has no bend.
+    """
+    spin = np.array(state["omega"])
+    for m, (j, one) in enumerate(oracle.mounts.items()):
+        spin[j] -= state["travel_speed"][m] if isinstance(one, Arm) else 0.0
+    if oracle.drag is not None and np.any(np.abs(spin[oracle.drag.any(axis=1)]) < 1.0):
+        return False
     mounts = zip(dense.levers(oracle), oracle.mounts.values(), strict=True)
     for m, (reach, one) in enumerate(mounts):
         if not isinstance(one, Sprung):
