@@ -49,7 +49,7 @@ def friction_of(params: bd.Params) -> dict[str, Any]:
     """The law of each pulley; one Dahl law of all in the way that the oracle computes faster."""
     laws = [params.friction_on(k) for k in range(len(params.pulleys))]
     first = laws[0]
-    if isinstance(first, bd.Dahl) and all(law == first for law in laws):
+    if isinstance(first, bd.Dahl) and not first.mu_s and all(law == first for law in laws):
         return {"mu_k": first.mu_k, "sigma": first.sigma}
     return {"friction": tuple(oracle_law(law) for law in laws)}
 

@@ -10,8 +10,9 @@ means something.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ Vector = Callable[[Array], Array]
 
 STRETCH = 1e-4  # m
 MOUNT_STATES = ("travel", "travel_speed", "mount_friction")
+BORDER = ("theta", "omega", *MOUNT_STATES)  # each of which may know of every link
 CURVED = ("x", "y", "phi", "vx", "vy", "vphi", "omega", *MOUNT_STATES[:2])
 
 
@@ -58,14 +60,21 @@ class Layout:
                 scale["mount_friction"][m] = max(1.0, by_travel * STRETCH / reach)
         return cls(sizes, np.concatenate(list(scale.values())), friction)
 
+    @cached_property
+    def parts(self) -> dict[str, slice]:
+        ends = np.cumsum(list(self.sizes.values()))
+        return {
+            name: slice(int(end) - size, int(end))
+            for (name, size), end in zip(self.sizes.items(), ends, strict=True)
+        }
+
     def pack(self, state: Mapping[str, Any]) -> Array:
         parts = [np.ravel(state[name] if size else ()) for name, size in self.sizes.items()]
         return np.concatenate(parts) / self.scale
 
     def unpack(self, vector: Array, t: float = 0.0) -> dict[str, Any]:
-        ends = np.cumsum(list(self.sizes.values()))
-        parts = np.split(vector * self.scale, ends[:-1])
-        state = {"t": t, **dict(zip(self.sizes, parts, strict=True))}
+        scaled = vector * self.scale
+        state = {"t": t, **{name: scaled[part] for name, part in self.parts.items()}}
         unknown = [name for name in ("phi", "vphi") if not self.sizes[name]]  # to a string
         return state | {name: np.zeros(self.sizes["x"]) for name in unknown}
 
@@ -77,11 +86,7 @@ class Layout:
         return steps
 
     def blocks(self) -> dict[str, slice]:
-        ends = np.cumsum(list(self.sizes.values()))
-        return {
-            name: slice(int(end) - size, int(end))
-            for (name, size), end in zip(self.sizes.items(), ends, strict=True)
-        }
+        return self.parts
 
 
 def levers(oracle: reference.Reference) -> Array:
@@ -147,33 +152,84 @@ def jacobian_of_solver(
     return j
 
 
-def jacobian_by_differences(layout: Layout, rate: Vector, y: Array) -> Array:
-    """Central differences, one column an unknown.
+def directions(layout: Layout, n: int, seed: int = 0) -> Iterator[tuple[list[str], Array]]:
+    """Columns that differences take together, and the steps in which they do, of random signs.
+
+    Links know of their neighbours alone, and links of one colour are three apart or more: in a row
+    of a link every difference is one entry, times its step. Rows of pulleys and mounts, which know
+    of every link, see sums of random signs in which each column occurs; columns of theirs go one by
+    one. Last all columns at once, with signs drawn anew: what depends on a link far off, or on one
+    that is none of its colour, would have to cancel twice.
+    """
+    rng, steps = np.random.default_rng([seed, n]), layout.steps()
+    signs = rng.choice([-1.0, 1.0], (2, len(steps)))
+    parts = np.array_split(np.arange(n), n // 3)
+    colour = np.concatenate([np.arange(len(part)) for part in parts])
+    for name, columns in layout.blocks().items():
+        groups: dict[Any, list[int]] = {}
+        for k, step in enumerate(steps[columns].tolist()):  # steps of friction: of several laws
+            key = k if name in BORDER else (k // n, colour[k % n], step)
+            groups.setdefault(key, []).append(columns.start + k)
+        for group in groups.values():
+            along = np.zeros(len(steps))
+            along[group] = (signs[0] * steps)[group]
+            yield [name], along
+    yield [name for name, size in layout.sizes.items() if size], signs[1] * steps
+
+
+def slope_along(rate: Vector, y: Array, along: Array, curved: bool) -> Array:
+    """The derivative by central differences.
 
     Of fourth order for speeds, with which friction may change over 0.1 m/s, some hundred steps, and
     for places and angles, by which the part of a link that is in contact is p_a / (p_a - p_b), some
     hundred steps long.
     """
-    columns = np.empty((len(y), len(y)))
-    blocks = layout.blocks()
-    curved = {i for name in CURVED if name in blocks for i in np.r_[blocks[name]]}
-
-    def slope(i: int, h: float) -> Array:
-        ahead, behind = y.copy(), y.copy()
-        ahead[i] += h
-        behind[i] -= h
-        return (rate(ahead) - rate(behind)) / (ahead[i] - behind[i])
-
-    for i, h in enumerate(layout.steps()):
-        columns[:, i] = slope(i, h)
-        if i in curved:
-            columns[:, i] = (4.0 * slope(i, 0.5 * h) - columns[:, i]) / 3.0
-    return columns
+    whole = 0.5 * (rate(y + along) - rate(y - along))
+    if not curved:
+        return np.asarray(whole)
+    return np.asarray((4.0 * (rate(y + 0.5 * along) - rate(y - 0.5 * along)) - whole) / 3.0)
 
 
-def rate_of_core(model: _core.Model, layout: Layout, torque: Array | None = None) -> Vector:
-    still = np.zeros(layout.sizes["theta"]) if torque is None else torque
-    return lambda v: layout.pack(model.rate(layout.unpack(v), still))
+def assert_jacobian(
+    layout: Layout, j: Array, rate: Vector, y: Array, n: int, fastest: float
+) -> None:
+    """Every entry of J is what differences of the rate say, in the directions above.
+
+    Block by block of fields, each to its own largest entry. Rounding of a rate over the step of
+    1e-4: forces c times the rounding 5e-17 m of places make w^2 5e-17 m of acceleration, over the
+    scale w s and the step 5e-9 w; 1e-7 leaves a decade for sums, and for blocks smaller than w. The
+    chords of a string, up to 0.4 m from which the rest length is taken, are rounded as well, to
+    half as much again. Curvature: steps of 1e-8 m over radii of 0.1 m and over penetrations of
+    1e-5 m (odd terms; central differences have no even ones), squared.
+
+    A travel moves a pulley against all of its links: an entry by it is a sum over theirs, which may
+    cancel, and is known as they are.
+    """
+    blocks = {name: part for name, part in layout.blocks().items() if layout.sizes[name]}
+    rounding = 1e-7 if layout.sizes["phi"] else 1.5e-7
+    bounds = {name: np.empty(len(y)) for name in blocks}  # of each row, by the field of the column
+    size = np.abs(j)
+    for column, columns in blocks.items():
+        for row, rows in blocks.items():
+            largest = np.max(size[rows, columns])
+            bend = 1e-8 * largest
+            if column == "travel":
+                by_places = sum(size[rows, blocks[name]].sum(axis=1) for name in ("x", "y"))
+                largest, bend = np.max(by_places), 0.0
+            if row in ("vx", "vy", "vphi"):
+                bend = 1e-8 * fastest
+            # what is 0 comes out of an inverse as rounding
+            bounds[column][rows] = rounding * largest + bend + 1e-12 * fastest
+    for names, along in directions(layout, n):
+        slope = slope_along(rate, y, along, not set(names).isdisjoint(CURVED))
+        bound = sum(bounds[name] * np.max(np.abs(along[blocks[name]])) for name in names)
+        wrong = np.abs(slope - j @ along) > bound
+        assert not wrong.any(), ([row for row in blocks if wrong[blocks[row]].any()], names)
+
+
+def rate_of_core(model: _core.Model, layout: Layout, t: float = 0.0) -> Vector:
+    still = np.zeros(layout.sizes["theta"])
+    return lambda v: layout.pack(model.rate(layout.unpack(v, t), still))
 
 
 def vector_of_oracle(oracle: reference.Reference, state: dict[str, Any], slots: Array) -> Array:

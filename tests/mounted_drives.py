@@ -220,7 +220,8 @@ def shake_mounts(
     rng = np.random.default_rng([seed, len(how)])
     n_m = len(oracle.mounted)
     travel, rate, share = np.array(state["travel"], dtype=float), np.zeros(n_m), np.zeros(n_m)
-    now = float(rng.uniform(0.004, 0.04))
+    ends = [one.t[-1] for one in oracle.mounts.values() if not isinstance(one, Sprung)]
+    now = float(rng.uniform(0.1, 0.8) * min(ends, default=0.05))  # on the way
     for m, (reach, one) in enumerate(zip(levers(oracle), oracle.mounts.values(), strict=True)):
         if not isinstance(one, Sprung):
             travel[m], rate[m] = now, 1.0

@@ -202,20 +202,6 @@ def test_steps_end_on_breakpoints_and_never_on_samples() -> None:
     assert np.array_equal(many.final_state.x, few.final_state.x)
 
 
-def test_a_jump_has_two_sides() -> None:
-    """A torque step as a time given twice: nothing before, all of it after, no rejected steps."""
-    params = drives.plain()
-    start = bd.settle(params)
-    jump = bd.PiecewiseLinear([2e-3, 2e-3], [[0, 0], [-10, 0]])
-    times = np.array([0.0, 1e-3, 2e-3, np.nextafter(2e-3, 1), 3e-3])
-    result = bd.simulate(params, jump, 3e-3, initial=start, t_eval=times, method="tsit5")
-    assert result.pulleys.torque[:, 0].tolist() == [0.0, 0.0, 0.0, -10.0, -10.0]
-    assert np.all(result.pulleys.omega[:3, 0] == pytest.approx(0.0, abs=1e-7))
-    # free of the belt at first: -10 N m on 0.01 kg m^2 for 1 ms, less what the belt takes up
-    assert -1.0 < result.pulleys.omega[-1, 0] < -0.2
-    assert result.stats.rejected == 0
-
-
 @pytest.mark.parametrize("included", [True, False], ids=["t >= tb", "t > tb"])
 def test_a_named_jump_of_a_function_has_two_sides(included: bool) -> None:
     """However the function itself decides at the jump: the same as the object that knows it."""
@@ -336,22 +322,3 @@ def test_belt_pulled_through_a_pulley_is_a_named_error() -> None:
     ):
         bd.simulate(params, bd.Viscous([0, 0]), 0.1)
     assert any("compliance: " in note for note in failed.value.__notes__)
-
-
-def test_a_run_in_two_parts_is_the_run_in_one() -> None:
-    """Restart from final_state: the step sizes differ, so agreement is to the tolerance."""
-    scene = bd.scenes.unequal_pulleys()
-    whole = bd.simulate(*scene[:2], 0.08, rtol=1e-7).final_state
-    half = bd.simulate(*scene[:2], 0.04, rtol=1e-7).final_state
-    assert half.t == 0.04
-    rest = bd.simulate(*scene[:2], 0.08, rtol=1e-7, initial=half)
-    assert rest.t[0] == 0.04
-    assert np.max(np.abs(rest.final_state.x - whole.x)) <= 1e-5 * 1e-4
-    assert np.max(np.abs(rest.final_state.omega - whole.omega)) <= 1e-5
-
-
-def test_repeats_to_the_last_bit() -> None:
-    scene = bd.scenes.three_pulleys()
-    one, other = (bd.simulate(*scene[:2], 0.02) for _ in range(2))
-    assert np.array_equal(one.joints.force, other.joints.force)
-    assert one.stats.steps == other.stats.steps
