@@ -46,9 +46,6 @@ def rows(film: bd.plot.Animation) -> list[int]:
     return [int(row) for row in film.new_frame_seq()]
 
 
-# --- what it shows -------------------------------------------------------------------------------
-
-
 def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
     film = bd.plot.animate(result, duration=1.0, fps=11.0)
     assert film.frames == 11 and film.fps == 11.0
@@ -121,9 +118,6 @@ def test_nothing_global_changes(result: bd.Result, tmp_path: Path) -> None:
     before = dict(matplotlib.rcParams)
     bd.plot.animate(result, duration=0.2, fps=10).save(tmp_path / "drive.gif")
     assert dict(matplotlib.rcParams) == before
-
-
-# --- files ---------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -212,9 +206,6 @@ def test_what_ffmpeg_says_comes_out(
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     with pytest.raises(OSError, match=r"ffmpeg could not write .*drive.mp4: no such encoder"):
         short.save(tmp_path / "drive.mp4", dpi=40)
-
-
-# --- bad arguments -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,6 @@ def loaded(n_bodies: int, share: float, t_end: float = 0.5) -> bd.Result:
         rtol=1e-3,
     )
     transmitted = share * FULL.torque * OMEGA * (t_end - 0.05)
-    assert result.energy is not None
     assert np.abs(result.energy.residual).max() < 1e-3 * transmitted
     return result
 
@@ -185,8 +184,6 @@ def test_full_slip_comes_at_the_torque_of_theory(n_bodies: int) -> None:
     lost = FULL.omega - above[-1]
     assert lost > 0.5 * 0.01 * FULL.load * 0.2 / 4e-3
 
-
-# --- Dahl ----------------------------------------------------------------------------------------
 
 MU_K, RADIUS = 0.8, 0.1
 

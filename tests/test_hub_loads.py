@@ -56,9 +56,6 @@ def left_over(mass: float, gravity: Array, n: int, rate: dict[str, Any]) -> Arra
     return np.asarray(n * mass * gravity - momentum)
 
 
-# --- at states anywhere ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_loads_are_those_of_the_oracle_and_of_newton(running: Running, name: str) -> None:
     """With links on one pulley, on two at once and on none; of every mesh and friction law."""
@@ -101,9 +98,6 @@ def test_loads_of_axes_that_move(name: str, how: str) -> None:
         elif isinstance(mount, bd.Slider):
             along = np.array(mount.direction) / np.hypot(*mount.direction)
             assert taken[m] == pytest.approx(along @ load[k], abs=ROUNDING * scale)
-
-
-# --- span statics ---------------------------------------------------------------------------------
 
 
 def idler(n_bodies: int, model: str, bending: float = 0.0) -> bd.Params:
@@ -170,9 +164,6 @@ def test_at_rest_loads_are_what_the_spans_pull(model: str, bending: float) -> No
         assert off_statics(load, statics(tension, params.route)).max() > 0.015
 
 
-# --- over runs ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("method", ["tsit5", "rk4", "rodas4", "lbdf2", "lie"])
 def test_loads_are_sampled_by_every_method(method: str) -> None:
     """As of the states that each passes through, to the bit."""
@@ -200,9 +191,6 @@ def test_impulse_of_the_loads_is_the_momentum_the_belt_loses() -> None:
     weight = end * mass * params.belt.n_bodies * np.array(params.gravity)
     passed = end * np.abs(result.pulleys.load).sum(axis=(1, 2)).mean()
     assert np.abs(weight - gained - impulse).max() <= 1e-6 * passed
-
-
-# --- on demand ------------------------------------------------------------------------------------
 
 
 def test_loads_alone_and_not_asked_for() -> None:

@@ -29,9 +29,6 @@ def real() -> kubas.Runs:
     return kubas.runs()
 
 
-# --- runs made by hand ---------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def blank() -> bd.Result:
     """A run of the paper's drive with mu_k = 1 in which nothing happens."""
@@ -189,9 +186,6 @@ def test_candidates(real: kubas.Runs) -> None:
     assert best.case_2 in rows.candidates(real.case_2, 2)
 
 
-# --- the table -----------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def letter(case_1: bd.Result, case_2: bd.Result) -> kubas.Runs:
     """Case 1 to the letter; in place of case 2 the loops of (2.9) for both values of sigma."""
@@ -315,10 +309,8 @@ def test_verdicts_and_the_assertion(letter: kubas.Runs) -> None:
 def test_runs(real: kubas.Runs) -> None:
     for run, sigma in zip(real, (1e4, 1e4, 5e3), strict=True):
         assert run.success and run.t.size == 2001 and run.t[-1] == 1.0
-        assert run.params.friction is not None and run.params.friction.sigma == sigma
+        assert run.params.friction.sigma == sigma
 
-
-# --- the figures ---------------------------------------------------------------------------------
 
 #: Panels of the figure, and the quantities marked in it: at their place in x or in y.
 CONTENT: dict[int, tuple[int, tuple[str, ...], tuple[str, ...]]] = {

@@ -14,7 +14,6 @@ CLOSED = 1e-3
 
 
 def balance(result: bd.Result) -> float:
-    assert result.energy is not None
     return float(np.abs(result.energy.residual).max() / result.energy.passed.max())
 
 
@@ -35,7 +34,7 @@ def stepped() -> bd.Scene:
         attrs.evolve(part, factor=bd.PiecewiseLinear([1e-3, 1.5e-3], [0.0, 1.0]))
         if getattr(part, "factor", None) is not None
         else part
-        for part in scene.torque_fn.parts  # type: ignore[union-attr]
+        for part in scene.torque_fn.parts
     ]
     crank = bd.CrankMotion(-314.16, orders=[2, 4], amplitudes=[5e-3, 1e-3], fade=(0.0, 2e-3))
     return bd.Scene(scene.params, bd.TorqueSum(parts), 4e-3, {"crank": crank})
@@ -60,7 +59,7 @@ def test_serpentine_takes_step_and_harmonics_by_every_method() -> None:
             scene.motion,
             t_eval=times,
             method=method,
-            **options,  # type: ignore[arg-type]
+            **options,
         )
         # of first order, whose errors are damping
         assert balance(runs[method]) < (5e-3 if method == "lie" else CLOSED), method
@@ -69,9 +68,7 @@ def test_serpentine_takes_step_and_harmonics_by_every_method() -> None:
     for method, run in runs.items():
         apart = np.abs(run.span_tension - reference.span_tension).max() / mean
         assert apart < (0.05 if method == "lie" else 2e-3), method
-        assert run.mounts is not None and reference.mounts is not None
         assert np.abs(run.mounts.travel - reference.mounts.travel).max() < 1e-4, method
-    assert reference.mounts is not None
     assert reference.mounts.travel[0, 0] == pytest.approx(start.travel[0], abs=1e-12)
     loaded = reference.pulleys.torque[-1, 2] / reference.pulleys.torque[5, 2]
     assert loaded == pytest.approx(3.0, rel=0.02)  # its table, and twice that on top

@@ -87,9 +87,9 @@ def test_arguments_are_checked() -> None:
     with pytest.raises(ValueError, match="phases must"):
         bd.frequency_response(modes.params, modes.state, [1.0], torque="alternator", phases=0)
     with pytest.raises(TypeError, match="count must"):
-        bd.modes(modes.params, modes.state, count=1)  # type: ignore[arg-type]
+        bd.modes(modes.params, modes.state, count=1)
     with pytest.raises(TypeError, match="state"):
-        bd.modes(modes.params, None)  # type: ignore[arg-type]
+        bd.modes(modes.params, None)
     with pytest.raises(ValueError, match="frequencies"):
         bd.frequency_response(modes.params, modes.state, [-1.0], torque="alternator")
     with pytest.raises(ValueError, match="at least one pulley"):

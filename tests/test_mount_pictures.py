@@ -44,7 +44,7 @@ def result() -> bd.Result:
 
 
 def circles(ax: object) -> list[np.ndarray]:
-    return [np.array(p.center) for p in ax.patches if isinstance(p, Circle)]  # type: ignore[attr-defined]
+    return [np.array(p.center) for p in ax.patches if isinstance(p, Circle)]
 
 
 def test_layout_shows_pulleys_where_they_rest(result: bd.Result) -> None:
@@ -59,7 +59,6 @@ def test_layout_shows_pulleys_where_they_rest(result: bd.Result) -> None:
 
 
 def test_picture_moves_with_the_mounts(result: bd.Result) -> None:
-    assert result.mounts is not None
     for t in (0.0, 0.02):
         row = int(np.searchsorted(result.t, t))
         ax = bd.plot.drive(result, t=t)
@@ -72,13 +71,12 @@ def test_picture_moves_with_the_mounts(result: bd.Result) -> None:
 
 
 def test_travel_over_time(result: bd.Result) -> None:
-    assert result.mounts is not None
     ax = bd.plot.travel(result)
     pump, idler = (np.array(line.get_ydata(), dtype=float) for line in ax.lines)
     way = result.mounts.travel
     np.testing.assert_allclose(pump, 1e3 * way[:, 0], atol=1e-12)
     np.testing.assert_allclose(idler, np.degrees(way[:, 1]), atol=1e-12)
-    labels = [text.get_text() for text in ax.get_legend().get_texts()]  # type: ignore[union-attr]
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["pump [mm]", "idler [deg]"]
 
 

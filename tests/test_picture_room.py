@@ -160,5 +160,5 @@ def test_legends_of_an_overview_cover_no_line(size: tuple[float, float, float]) 
         figure.draw_without_rendering()
         for ax in figure.axes[:2]:
             legend = ax.get_legend()
-            assert legend is not None and len(legend.get_texts()) == 7
+            assert len(legend.get_texts()) == 7
             assert not over_lines(ax, legend.get_window_extent())

@@ -49,7 +49,6 @@ def run_up() -> bd.Result:
 
 def labels(ax: Axes) -> list[str]:
     legend = ax.get_legend()
-    assert legend is not None
     return [text.get_text() for text in legend.get_texts()]
 
 

@@ -42,8 +42,7 @@ def test_what_bending_takes_off(bending_stiffness: float) -> None:
     report = slipping(bending_stiffness).report(last=0.4)
     said = [note for note in report.notes if "resists bending" in note]
     row = report.pulleys[0]
-    assert row.slip_share is not None and row.slip_share > 0.999
-    assert row.used is not None and row.slack is not None
+    assert row.slip_share > 0.999
     if bending_stiffness == 0.0:
         assert not said
         assert row.used == pytest.approx(1.0, abs=2e-3)

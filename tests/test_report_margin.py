@@ -27,8 +27,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:slack_span:UserWarning"),
 ]
 
-# --- Theory ---------------------------------------------------------------------------------------
-
 
 def state_of_theory(share: float, way: int = 1) -> Steady:
     """The state of creep theory at a share of the torque of full slip, turning either way."""
@@ -50,7 +48,6 @@ def state_of_theory(share: float, way: int = 1) -> Steady:
 def test_from_any_part_of_it_the_torque_is_that_of_theory(share: float, way: int) -> None:
     """The contact gives by EA/(c R^2) = 6e-4 of what the belt stretches: ask for a tenth of it."""
     small, large = full_slip(state_of_theory(share, way))
-    assert small is not None and large is not None
     assert share * small.factor == pytest.approx(1.0, rel=6e-5)
     assert abs(small.torque) == pytest.approx(FULL.torque, rel=6e-5)
     np.testing.assert_allclose(small.tensions, (FULL.tight, FULL.slack), rtol=6e-5)
@@ -67,10 +64,8 @@ def test_a_state_past_full_slip_has_a_factor_below_one() -> None:
         state.params, friction=bd.ElasticPlastic(mu=0.8 * MU, stiffness=1e10, damping=1e5)
     )
     small, _ = full_slip(attrs.evolve(state, params=less))
-    assert small is not None and 0.8 < small.factor < 1.0
+    assert 0.8 < small.factor < 1.0
 
-
-# --- Runs -----------------------------------------------------------------------------------------
 
 #: Of the loads below, held while the margin is found.
 PULL = {"two": 0.8, "three": 0.6, "arm": 0.45}
@@ -121,7 +116,7 @@ def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     held = run(kind, [BEGIN, BEGIN + 0.1, 1.2], [0.0, PULL[kind], PULL[kind]])
     report = held.report(0.3)
     first = report.first_to_slip
-    assert first is not None and first.name == "crank" and first.margin is not None
+    assert first.name == "crank"
     assert not report.unsteady and 1.2 < first.margin < 3.0
     ends = [first.margin * PULL[kind] * share for share in (0.9, 1.1)]
     slips = run(kind, [BEGIN, BEGIN + 0.1, 1.8], [0.0, *ends])
@@ -131,5 +126,4 @@ def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     carried = np.convolve(torque, np.ones(n) / n, "valid")[slips.t[: 1 - n] > BEGIN + 0.1].max()
     lost = slips.pulleys.omega[-1, 1] / (SPEED * 5.0 / 7.0)
     assert lost < 0.9, "the run has not come to slip"
-    assert first.slip_torque is not None
     assert abs(first.slip_torque) == pytest.approx(carried, rel=0.02)

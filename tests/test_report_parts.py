@@ -23,8 +23,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:mesh:UserWarning"),
 ]
 
-# --- Load cycles ----------------------------------------------------------------------------------
-
 
 def test_rainflow_counts_the_example_of_the_standard() -> None:
     """ASTM E1049-85, figure 6: ranges and counts of its table."""
@@ -45,8 +43,6 @@ def test_a_missing_rainflow_is_said_by_the_name_of_the_extra(
         rainflow([0.0, 1.0, 0.0])
 
 
-# --- Spectra --------------------------------------------------------------------------------------
-
 T = np.linspace(0.0, 1.0, 401)
 
 
@@ -55,7 +51,6 @@ def test_the_line_of_a_sine_has_its_frequency_and_amplitude(frequency: float) ->
     """On a trend, in noise of a tenth of it: within a tenth of the resolution, 1 Hz, and 5 %."""
     noise = np.random.default_rng(1).normal(0.0, 0.3, T.size)
     line = dominant(T, 500.0 + 40.0 * T + 3.0 * np.sin(2.0 * np.pi * frequency * T + 0.3) + noise)
-    assert line is not None
     assert line.frequency == pytest.approx(frequency, abs=0.1)
     assert line.amplitude == pytest.approx(3.0, rel=0.05)
 
@@ -79,9 +74,6 @@ def test_a_moving_string(share: float) -> None:
     assert moving_string(tension, density, length, speed) == pytest.approx(1.0 / period, rel=1e-12)
     assert moving_string(tension, density, length, -speed) == pytest.approx(1.0 / period)
     assert moving_string(tension, density, length, 1.1 * wave) == 0.0
-
-
-# --- Creep ----------------------------------------------------------------------------------------
 
 
 @functools.cache
@@ -147,11 +139,7 @@ def test_what_the_radius_does_is_told_apart_from_creep() -> None:
 
     params = bd.Params(
         belt=bd.Belt(
-            preload=400.0,
-            n_bodies=120,
-            linear_density=0.1,
-            axial_stiffness=60e3,
-            axial_damping=2.0,
+            preload=400.0, n_bodies=120, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0
         ),
         pulleys=[
             bd.Pulley(center=(0.0, 0.0), radius=0.04, inertia=2e-3),
@@ -176,9 +164,6 @@ def test_what_the_radius_does_is_told_apart_from_creep() -> None:
     assert row.stretch == pytest.approx(math.log(strains[1] / strains[0]), rel=1e-6)
     assert abs(row.friction) < 0.2 * abs(radius)
     assert abs(row.remainder) < 0.05 * row.lost
-
-
-# --- Powers ---------------------------------------------------------------------------------------
 
 
 def test_powers_add_up_to_what_is_put_in() -> None:

@@ -12,8 +12,6 @@ from drives import cranked
 import beltdyn as bd
 from beltdyn import spectra
 
-# --- signals whose spectrum is known --------------------------------------------------------------
-
 
 @pytest.mark.parametrize("frequency", [50.0, 123.37, 123.5, 480.21])
 def test_a_sine_shows_its_amplitude(frequency: float) -> None:
@@ -70,8 +68,6 @@ def test_a_chirp_in_a_spectrogram() -> None:
         spectra.spectrogram(t, values, 1e-3)
 
 
-# --- a drive --------------------------------------------------------------------------------------
-
 SPEED = 100.0
 
 
@@ -114,7 +110,6 @@ def test_orders_of_the_crank(coarse: bd.Result) -> None:
 def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
     """The rate from speeds against that from counting: how often a link comes to the same place."""
     rate = spectra.belt_rate(coarse)
-    assert rate is not None
     late = coarse.t > 0.2
     belt, t = coarse.belt, coarse.t
     passed = [
@@ -136,7 +131,6 @@ def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result, fine: bd.Re
         (crank,) = [line for line in lines if "crank x2" in line.names]
         assert not crank.from_mesh
         rate = spectra.belt_rate(result, result.t > 0.3)
-        assert rate is not None
         n = result.params.belt.n_bodies
         assert passing.frequency == pytest.approx(n * rate.mean(), rel=2e-3)
         # v / l0 with the speed of the rim, less creep and sinking of the belt
@@ -194,9 +188,6 @@ def test_a_run_up_shows_orders_at_the_speed_they_have() -> None:
     np.testing.assert_allclose(
         found.belt, found.speed * 0.08 / result.params.info["length"], rtol=0.03
     )
-
-
-# --- what is asked for ----------------------------------------------------------------------------
 
 
 def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
