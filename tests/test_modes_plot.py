@@ -35,15 +35,12 @@ def test_mode_is_drawn_at_opposite_phases() -> None:
     assert modes.names[2] in ax.get_title()
 
 
-def test_legend_lies_below_the_label_of_the_axis() -> None:
+def test_legend_lies_below_the_label_and_a_film_runs_through_a_period() -> None:
     ax = bd.plot.mode(found(), 0)
     ax.figure.draw_without_rendering()
     label, legend = ax.xaxis.label.get_window_extent(), ax.get_legend().get_window_extent()
     assert legend.y1 <= label.y0
     assert legend.y0 >= 0.0
-
-
-def test_animation_runs_through_a_period() -> None:
     film = bd.plot.animate_mode(found(), 1, duration=0.5, fps=10.0)
     assert film.frames == 5
     film._draw_was_started = True  # never shown
@@ -76,29 +73,3 @@ def test_a_phase_that_goes_round_leaves_a_gap() -> None:
         assert np.nanmax(np.abs(np.diff(phase))) <= 270.0
         broken += int((~there).sum())
     assert broken > 0
-
-
-def test_arguments_are_checked() -> None:
-    modes = found()
-    with pytest.raises(ValueError, match="n must"):
-        bd.modes(modes.params, modes.state, n=0)
-    with pytest.raises(ValueError, match="phases must"):
-        bd.modes(modes.params, modes.state, phases=0)
-    with pytest.raises(ValueError, match="phases must"):
-        bd.frequency_response(modes.params, modes.state, [1.0], torque="alternator", phases=0)
-    with pytest.raises(TypeError, match="count must"):
-        bd.modes(modes.params, modes.state, count=1)
-    with pytest.raises(TypeError, match="state"):
-        bd.modes(modes.params, None)
-    with pytest.raises(ValueError, match="frequencies"):
-        bd.frequency_response(modes.params, modes.state, [-1.0], torque="alternator")
-    with pytest.raises(ValueError, match="at least one pulley"):
-        bd.frequency_response(modes.params, modes.state, [1.0], motion={"crank": 0.0})
-
-
-def test_a_state_out_of_balance_is_said() -> None:
-    """10 N m on the alternator at rest, which nothing holds."""
-    modes = found()
-    load = bd.PiecewiseLinear([0.0], [10.0], "alternator")
-    with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium.*alternator"):
-        bd.modes(modes.params, modes.state, load, n=1)

@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import attrs
-import matplotlib
 import numpy as np
 import pytest
 from drives import cranked
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.figure import Figure
-from pictures import SIZES, check_room
+from pictures import SIZED, axes_of, check_room
 
 import beltdyn as bd
 
-CRANK = {
-    "steady": bd.CrankMotion(90.0, orders=[2], amplitudes=[3e-3]),
-    "run up": bd.CrankMotion(
-        bd.PiecewiseLinear([0.0, 0.3], [60.0, 120.0]), orders=[2], amplitudes=[2e-3]
-    ),
-}
 
-
-def run(kind: str) -> bd.Result:
+def run(motion: bd.CrankMotion) -> bd.Result:
     return bd.simulate(
         cranked(),
         bd.Load("alternator", viscous=0.03),
         0.3,
-        motion={"crank": CRANK[kind]},
+        motion={"crank": motion},
         t_eval=np.linspace(0.0, 0.3, 1801),
         outputs=("span_tension", "pulleys", "belt"),
         ledger=False,
@@ -39,12 +29,13 @@ def run(kind: str) -> bd.Result:
 
 @pytest.fixture(scope="module")
 def steady() -> bd.Result:
-    return run("steady")
+    return run(bd.CrankMotion(90.0, orders=[2], amplitudes=[3e-3]))
 
 
 @pytest.fixture(scope="module")
 def run_up() -> bd.Result:
-    return run("run up")
+    speed = bd.PiecewiseLinear([0.0, 0.3], [60.0, 120.0])
+    return run(bd.CrankMotion(speed, orders=[2], amplitudes=[2e-3]))
 
 
 def labels(ax: Axes) -> list[str]:
@@ -67,9 +58,6 @@ def test_the_lines_are_named(steady: bd.Result) -> None:
     (passing,) = [one for one in found.sources if one.kind == "link"]
     dotted = [line for line in ax.lines if str(line.get_label()).startswith("link passing")]
     assert dotted[0].get_xdata()[0] == pytest.approx(passing.frequency)
-
-
-def test_without_marks_and_compared(steady: bd.Result) -> None:
     ax = bd.plot.spectrum(steady, span="crank", marks=False, label="as it is")
     bd.plot.spectrum(steady, span="alternator", marks=False, ax=ax)
     assert labels(ax) == ["as it is", "tension of span alternator to crank"]
@@ -114,37 +102,27 @@ def test_campbell_draws_modes_at_rest_as_level_lines(run_up: bd.Result) -> None:
     assert "natural frequencies" not in labels(ax)
 
 
-def test_a_steady_run_has_no_campbell_diagram(steady: bd.Result) -> None:
-    with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
-        bd.plot.campbell(steady, "pulleys.omega", pulley="alternator")
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"up_to": -5.0}, "up_to must be > 0 Hz, got -5"),
-        ({"up_to": float("nan")}, "up_to must be finite"),
-        ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
-        ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
-        ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
-        ({"limits": (10.0, 1.0)}, "limits must be .* 0 < low < high"),
-        ({"limits": 1.0}, "limits must be a pair"),
-        ({"modes": [1, 2]}, r"modes\[0\] must be a bd.Modes or a pair"),
-        ({"modes": [(50.0, ["a"])]}, r"modes\[0\]\[1\] must hold real numbers"),
-        ({"window": -1.0}, "window must be > 0 s"),
-    ],
+BAD_CAMPBELL: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"up_to": -5.0}, "up_to must be > 0 Hz, got -5"),
+    ({"up_to": float("nan")}, "up_to must be finite"),
+    ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
+    ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
+    ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
+    ({"limits": (10.0, 1.0)}, "limits must be .* 0 < low < high"),
+    ({"limits": 1.0}, "limits must be a pair"),
+    ({"modes": [1, 2]}, r"modes\[0\] must be a bd.Modes or a pair"),
+    ({"modes": [(50.0, ["a"])]}, r"modes\[0\]\[1\] must hold real numbers"),
+    ({"window": -1.0}, "window must be > 0 s"),
 )
-def test_arguments_of_a_campbell_diagram_are_checked(
-    run_up: bd.Result, options: dict[str, Any], words: str
-) -> None:
-    with pytest.raises((TypeError, ValueError), match=words):
-        bd.plot.campbell(run_up, "pulleys.omega", pulley="crank", **options)
 
 
-@pytest.mark.parametrize("options", [{"up_to": -5.0}, {"up_to": float("nan")}, {"count": -1}])
-def test_arguments_of_a_spectrum_are_checked(steady: bd.Result, options: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
-        bd.plot.spectrum(steady, span="crank", **options)
+def test_arguments_are_checked(steady: bd.Result, run_up: bd.Result) -> None:
+    for options, words in BAD_CAMPBELL:
+        with pytest.raises((TypeError, ValueError), match=words):
+            bd.plot.campbell(run_up, "pulleys.omega", pulley="crank", **options)
+    for options in ({"up_to": -5.0}, {"up_to": float("nan")}, {"count": -1}):
+        with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+            bd.plot.spectrum(steady, span="crank", **options)
 
 
 def thinned(result: bd.Result, step: int, **changed: Any) -> bd.Result:
@@ -160,8 +138,10 @@ def thinned(result: bd.Result, step: int, **changed: Any) -> bd.Result:
     )
 
 
-def test_why_there_is_no_campbell_diagram(run_up: bd.Result) -> None:
+def test_why_there_is_no_campbell_diagram(steady: bd.Result, run_up: bd.Result) -> None:
     """Too few samples of a run-up are not a steady speed, rounding no speed at all."""
+    with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
+        bd.plot.campbell(steady, "pulleys.omega", pulley="alternator")
     few = thinned(run_up, 110)
     assert few.t.size == 17
     with pytest.raises(ValueError, match=r"17 samples give .* more samples"):
@@ -171,23 +151,18 @@ def test_why_there_is_no_campbell_diagram(run_up: bd.Result) -> None:
         bd.plot.campbell(thinned(run_up, 1, omega=noise), span="crank")
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("draw", [bd.plot.spectrum, bd.plot.campbell])
+@SIZED
 def test_all_has_room_on_screen_and_in_print(
-    steady: bd.Result,
-    run_up: bd.Result,
-    draw: Callable[..., Axes],
-    size: tuple[float, float, float],
+    steady: bd.Result, run_up: bd.Result, size: tuple[float, float, float]
 ) -> None:
     """No text over another or beyond the figure; in a column of 8.5 cm and a page of 17 cm."""
-    width, height, points = size
-    kinds: Any = {bd.plot.spectrum: steady, bd.plot.campbell: run_up}
-    with matplotlib.rc_context({"font.size": points}):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        ax = figure.add_subplot()
-        # order 8 leaves the Campbell diagram at its top, beneath the title
-        high = 60.0 if draw is bd.plot.campbell else None
-        draw(kinds[draw], span="crank", up_to=high, ax=ax)
-        check_room(figure)
-        assert ax.get_window_extent().width > 0.5 * figure.bbox.width
-        assert ax.get_window_extent().height > 0.3 * figure.bbox.height
+    # order 8 leaves the Campbell diagram at its top, beneath the title
+    for draw, result, high in (
+        (bd.plot.spectrum, steady, None),
+        (bd.plot.campbell, run_up, 60.0),
+    ):
+        with axes_of(size) as ax:
+            draw(result, span="crank", up_to=high, ax=ax)
+            check_room(ax.figure)
+            assert ax.get_window_extent().width > 0.5 * ax.figure.bbox.width
+            assert ax.get_window_extent().height > 0.3 * ax.figure.bbox.height
