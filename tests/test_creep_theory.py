@@ -14,7 +14,7 @@ import creep_theory
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from slow import slow_if
+from tiers import extended_if
 
 import beltdyn as bd
 
@@ -141,7 +141,7 @@ def hub_loads_and_tensions_along_the_belt(result: bd.Result, state: creep_theory
         assert apart.max() < 0.5 * step + 5e-3, (k, apart.max())
 
 
-@pytest.mark.parametrize("share", slow_if(lambda share: share != 0.5, [0.2, 0.5, 0.7, 0.9]))
+@pytest.mark.parametrize("share", extended_if(lambda share: share != 0.5, [0.2, 0.5, 0.7, 0.9]))
 def test_speed_ratio_and_slip_arcs_of_unequal_pulleys(share: float) -> None:
     state = creep_theory.steady(DRIVE, OMEGA, lambda _omega: share * FULL.load)
     result, params = loaded(240, share), unequal(240)
@@ -221,7 +221,7 @@ def test_powers_add_up_to_what_is_put_in() -> None:
 
 
 @pytest.mark.filterwarnings("ignore:full_slip:UserWarning")
-@pytest.mark.parametrize("n_bodies", slow_if(lambda n: n == 240, [120, 240]))
+@pytest.mark.parametrize("n_bodies", extended_if(lambda n: n == 240, [120, 240]))
 def test_full_slip_comes_at_the_torque_of_theory(n_bodies: int) -> None:
     """1 % below it the driven pulley keeps its speed, 1 % above it comes to a halt.
 
@@ -285,7 +285,7 @@ def stiff(sigma: float) -> bd.Result:
     )
 
 
-@pytest.mark.parametrize("sigma", slow_if(lambda sigma: sigma != 250.0, [250.0, 125.0]))
+@pytest.mark.parametrize("sigma", extended_if(lambda sigma: sigma != 250.0, [250.0, 125.0]))
 def test_creep_of_a_stiff_belt_is_that_of_dahl(sigma: float) -> None:
     """Slip over belt speed within 1 %, for the tensions that the run has.
 

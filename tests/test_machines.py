@@ -74,7 +74,7 @@ def test_serpentine_takes_step_and_harmonics_by_every_method() -> None:
     assert loaded == pytest.approx(3.0, rel=0.02)  # its table, and twice that on top
 
 
-@pytest.mark.slow
+@pytest.mark.ci(guard="test_machines.py::test_machines_begin_and_keep_their_ledger")
 def test_serpentine_runs_up() -> None:
     """From rest to 3000 1/min, under its loads: as fast as the radii say, and the ledger closes."""
     scene = bd.scenes.serpentine(n_bodies=200)

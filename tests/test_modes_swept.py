@@ -1,4 +1,4 @@
-"""Frequency responses against runs with a swept torque, which know nothing of the linearisation.
+"""Frequency responses against runs, which know nothing of the linearisation.
 
 A torque on the alternator, small beside what friction holds, sweeps over two resonances; when it
 has ended the drive rings down. The whole record is transformed, so there is no window and no
@@ -111,17 +111,6 @@ def test_swept_torque() -> None:
     assert abs(expected["alternator"]).max() > 10.0 * abs(expected["alternator"]).min()
 
 
-def test_picture_of_the_sweep() -> None:
-    """What `bd.plot.frequency_response` draws passes through the points of the run."""
-    frequency, seen, response = swept()
-    upper, lower = bd.plot.frequency_response(response, "theta", "alternator")
-    x, y = upper.lines[0].get_data()
-    assert np.allclose(x, frequency)
-    assert np.allclose(y, abs(seen["alternator"]), rtol=1e-2)
-    phase = lower.lines[0].get_ydata()
-    assert np.allclose(phase, np.degrees(np.angle(seen["alternator"])), atol=1.0)
-
-
 def running_drive() -> bd.Params:
     """Two pulleys, friction a spring with a damper until it slips; a rotation and no arm."""
     return two_pulleys(
@@ -132,7 +121,7 @@ def running_drive() -> bd.Params:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_modes_swept.py::test_swept_torque")
 def test_swept_torque_running() -> None:
     """At 6 m/s: half the difference of two runs with the torque and its opposite.
 
@@ -189,3 +178,50 @@ def test_swept_torque_running() -> None:
     resting = bd.settle(params)
     at_rest = bd.frequency_response(params, resting, frequency[within], **arguments)
     assert abs(at_rest.theta[:, 1]).max() > 3.0 * abs(response.theta[:, 1]).max()
+
+
+@pytest.mark.parametrize("excited", ["torque", "motion"])
+def test_frequency_response(excited: str) -> None:
+    """A sinusoidal torque or motion, when what it began with has decayed: amplitude and phase.
+
+    The arm is damped so strongly that this takes 0.25 s; a span's tension and the pulleys' angles.
+    """
+    params = sprung_alternator(0.6)
+    state = bd.settle(params)
+    loads = bd.Viscous([0.0, 0.02, 0.0])
+    for frequency in (20.0, 60.0):
+        w, amplitude = 2.0 * np.pi * frequency, 0.05 if excited == "torque" else 2e-4
+        if excited == "torque":
+            response = bd.frequency_response(
+                params, state, [frequency], torque="alternator", motion={"crank": 0.0}, loads=loads
+            )
+            speed = bd.Motion(angle=lambda t: 0.0)
+        else:
+            response = bd.frequency_response(
+                params, state, [frequency], motion="crank", loads=loads
+            )
+            # from rest: A sin(w t) faded in over 0.1 s
+            fade = lambda t: min(t / 0.1, 1.0) ** 2 * (3.0 - 2.0 * min(t / 0.1, 1.0))  # noqa: E731
+            speed = bd.Motion(angle=lambda t, w=w, f=fade, a=amplitude: a * f(t) * np.sin(w * t))
+        push = amplitude if excited == "torque" else 0.0
+
+        def torque(t: float, theta: Array, omega: Array, push: float = push, w: float = w) -> Array:
+            return np.array([0.0, push * np.sin(w * t) - 0.02 * omega[1], 0.0])
+
+        end, n = 0.5, 5
+        t = np.linspace(end - n / frequency, end, 401)
+        result = bd.simulate(
+            params, torque, end, motion={"crank": speed}, initial=state, t_eval=t, rtol=1e-5
+        )
+        basis = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
+
+        def seen(history: Array, basis: Array = basis, amplitude: float = amplitude) -> complex:
+            sine, cosine, *_ = np.linalg.lstsq(basis, history, rcond=None)[0]
+            return complex(sine, cosine) / amplitude
+
+        assert response.residual[0] < 1e-7
+        for k in (1, 2):
+            expected = response.theta[0, k]
+            assert abs(seen(result.pulleys.theta[:, k]) - expected) < 0.01 * abs(expected), k
+        expected = response.span_tension[0, 0]
+        assert abs(seen(result.span_tension[:, 0]) - expected) < 0.01 * abs(expected)

@@ -74,7 +74,7 @@ def test_a_constant_load_has_a_narrow_range() -> None:
     assert belt.most - belt.least < 0.7 * np.ptp(raw)
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_report_loads.py::test_a_constant_load_has_a_narrow_range")
 def test_ranges_of_hub_loads_do_not_depend_on_the_mesh() -> None:
     """Of the serpentine drive, 200 and 400 links, whose contact's peaks fall by 36 %."""
     peaks = []

@@ -14,8 +14,8 @@ import creep_theory
 import numpy as np
 import pytest
 from drives import pressing
-from slow import slow_if
 from test_creep_theory import DENSITY, DRIVE, EA, FULL, MU, OMEGA, RADII, unequal
+from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.report.margin import Steady, full_slip
@@ -111,7 +111,7 @@ def run(kind: str, times: list[float], shares: list[float]) -> bd.Result:
     )
 
 
-@pytest.mark.parametrize("kind", slow_if(lambda kind: kind != "three", ["two", "three", "arm"]))
+@pytest.mark.parametrize("kind", ci_if(lambda kind: kind != "three", ["two", "three", "arm"]))
 def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     held = run(kind, [BEGIN, BEGIN + 0.1, 1.2], [0.0, PULL[kind], PULL[kind]])
     report = held.report(0.3)
