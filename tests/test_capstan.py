@@ -11,6 +11,7 @@ import math
 import numpy as np
 import pytest
 from drives import on_mesh
+from two_pulleys import open_drive
 
 import beltdyn as bd
 
@@ -18,16 +19,17 @@ MU = 0.5
 
 
 def dragged(n_bodies: int, mesh: str) -> tuple[bd.Params, bd.Result]:
-    params = bd.Params(
-        belt=bd.Belt(length=1.447, n_bodies=n_bodies, linear_density=0.1, axial_stiffness=70e3,
-                     axial_damping=1.4 * (60 / n_bodies) ** 2),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=1e9),
-            bd.Pulley(center=(0.32914, 0.0), radius=0.18, inertia=0.02),
-        ],
+    params = open_drive(
+        (0.06, 0.18),
+        0.32914,
+        (1e9, 0.02),
+        length=1.447,
+        n_bodies=n_bodies,
+        axial_stiffness=70e3,
+        axial_damping=1.4 * (60 / n_bodies) ** 2,
         contact=bd.Contact(linear=4e7, damping=2e3),
         friction=bd.Dahl(mu_k=MU, sigma=1e4),
-    )  # fmt: skip
+    )
     params = on_mesh(params, mesh)
     # an effective speed governor: -0.5 rad/s whatever the belt asks for
     governor = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0], [0.0, -0.5 * 400.0]])

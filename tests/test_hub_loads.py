@@ -39,34 +39,23 @@ def observed(model: _core.Model, state: State) -> Array:
     return np.asarray(model.observe(state)["load"][0])
 
 
-def plain(mesh: str, law: str, **contact: float) -> bd.Params:
+def plain(mesh: str, law: str, hunt_crossley: float) -> bd.Params:
     params = drives.on_mesh(drives.plain(), mesh)
-    own = attrs.evolve(params.contact, **contact)
-    return attrs.evolve(params, friction=EXAMPLES[law], contact=own, gravity=(1.0, -9.81))
+    contact = attrs.evolve(params.contact, hunt_crossley=hunt_crossley)
+    return attrs.evolve(params, friction=EXAMPLES[law], contact=contact, gravity=(1.0, -9.81))
 
 
-#: Every belt, law, mount and layout, and how mounts are moved.
-DRIVES: dict[str, tuple[Callable[[], bd.Params], str]] = {
-    "paper's mesh": (lambda: plain("paper", "dahl"), "moving"),
-    "paper's mesh, lugre": (lambda: plain("paper", "lugre", hunt_crossley=0.5), "moving"),
-    "joint mesh": (lambda: plain("joint", "elastic_plastic", hunt_crossley=0.5), "moving"),
-    "string": (lambda: plain("string", "dahl"), "moving"),
-    "crossed": (lambda: drives.crossed_scene().params, "moving"),
-    "idler": (lambda: drives.on_mesh(drives.idler_scene().params, "paper"), "moving"),
-} | {
-    name: (mounted_drives.DRIVES[name], how)
-    for name, how in {
-        **{name: "moving" for name in EXAMPLES if name != "dahl"},
-        "no friction": "moving",
-        "arm with stops": "stops",
-        "slider, gravity": "saturated",
-        "arm and path": "moving",
-        "arm and slider, three laws": "saturated",
-        "string, arm with stops": "stops",
-        "string, slider, gravity": "moving",
-        "string, arm and slider, three laws": "moving",
-    }.items()
-}
+#: Every belt, law, mount and layout, and how mounts are moved if they are not just moving.
+DRIVES: dict[str, Callable[[], bd.Params]] = {
+    "paper's mesh": lambda: plain("paper", "dahl", 0.0),
+    "paper's mesh, lugre": lambda: plain("paper", "lugre", 0.5),
+    "joint mesh": lambda: plain("joint", "elastic_plastic", 0.5),
+    "string": lambda: plain("string", "dahl", 0.5),
+    "crossed": lambda: drives.crossed_scene().params,
+    "idler": lambda: drives.on_mesh(drives.idler_scene().params, "paper"),
+} | mounted_drives.DRIVES
+HOW = {"arm with stops": "stops", "slider, gravity": "saturated", "string, arm": "saturated"}
+HOW |= {"arm and slider, three laws": "saturated", "string, arm with stops": "stops"}
 
 
 @cache
@@ -74,8 +63,7 @@ def shaken(name: str) -> tuple[_core.Model, reference.Reference, State]:
     """A state under way whose links and mounts are displaced and moving, so that links are on and
     off the pulleys, and friction anywhere between nothing and what it was.
     """
-    make, how = DRIVES[name]
-    params, rng = make(), np.random.default_rng(1)
+    params, rng = DRIVES[name](), np.random.default_rng(1)
     torque = mounted_drives.torque(params)
     run = bd.simulate(params, torque, 0.02, t_eval=[0.02], rtol=1e-2, outputs=("pulleys.omega",))
     oracle, state = oracle_of(params), run.final_state._to_core(params)
@@ -90,20 +78,19 @@ def shaken(name: str) -> tuple[_core.Model, reference.Reference, State]:
         state[key] = state[key] + scale * rng.standard_normal(oracle.n_bodies)
     state["omega"] = state["omega"] + 5.0 * rng.standard_normal(oracle.n_pulleys)
     state["mu"] = state["mu"] * rng.uniform(-1.0, 1.0, np.shape(state["mu"]))
-    return params._model, oracle, mounted_drives.shake_mounts(oracle, state, 1, how)
+    return (
+        params._model,
+        oracle,
+        mounted_drives.shake_mounts(oracle, state, 1, HOW.get(name, "moving")),
+    )
 
 
 def overlapping(mesh: str) -> tuple[_core.Model, reference.Reference, State]:
     """A ring through two pulleys that overlap, which no Params has: links on none, one and both."""
     law = oracle_law(EXAMPLES["dahl"])
-    given: dict[str, Any] = {
-        "centers": np.array([[0.0, 0.0], [0.05, 0.02]]),
-        "radii": np.array([0.1, 0.09]),
-        "inertias": np.array([0.01, 0.02]),
-        "contact": (5e8, 2.5e6, 1e2),
-        "gravity": (1.0, -9.81),
-    }
-    o = reference.paper_drive(40, length=0.6, mesh=mesh, friction=(law, law), **given)
+    given = {"centers": np.array([[0.0, 0.0], [0.05, 0.02]]), "radii": np.array([0.1, 0.09])}
+    given |= {"length": 0.6, "contact": (5e8, 2.5e6, 1e2), "gravity": (1.0, -9.81)}
+    o = reference.paper_drive(40, mesh=mesh, friction=(law, law), **given)
     belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
             o.bending_stiffness, o.bending_damping)  # fmt: skip
     model = _core.Model(

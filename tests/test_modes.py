@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from bridge import oracle_of
 from tiers import extended_if
+from two_pulleys import open_drive
 
 import beltdyn as bd
 from beltdyn.vibration.count import count
@@ -179,16 +180,9 @@ def moving_string(n: int, share: float, phases: int) -> tuple[Any, Any]:
     with the tension T that the running belt has in its spans, rho v^2 included. The pulleys' speeds
     are prescribed; there are two equal spans, so pairs.
     """
-    params = bd.Params(
-        belt=bd.Belt(
-            preload=300.0, n_bodies=n, linear_density=0.1, axial_stiffness=2e5, axial_damping=2.0
-        ),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.05, inertia=1.0),
-            bd.Pulley(center=(0.5, 0.0), radius=0.05, inertia=1.0),
-        ],
-        friction=bd.Dahl(mu_k=0.8, sigma=1e4),
-    )
+    belt = {"preload": 300.0, "n_bodies": n, "axial_stiffness": 2e5}
+    law = bd.Dahl(mu_k=0.8, sigma=1e4)
+    params = open_drive((0.05, 0.05), 0.5, (1.0, 1.0), friction=law, **belt)
     state = bd.settle(params, speed={0: -share * np.sqrt(300.0 / 0.1) / 0.05})
     modes = bd.modes(params, state, motion={0: 0.0, 1: 0.0}, phases=phases)
     v, wave = modes.speed, np.sqrt(state.tension(params).mean / 0.1)

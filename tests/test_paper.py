@@ -21,6 +21,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from tiers import first
 
+import beltdyn as bd
 from beltdyn import kubas
 from beltdyn.kubas import figures, rows
 from beltdyn.kubas.marks import INK
@@ -166,7 +167,7 @@ def test_signs_of_case_1(runs: kubas.Runs) -> None:
 
 
 def test_too_few_samples_cannot_tell_a_jump(runs: kubas.Runs) -> None:
-    coarse = attrs.evolve(runs.case_1, t=runs.case_1.t[::4])
+    coarse = bd.simulate(*bd.scenes.kubas_case_1(), t_eval=np.linspace(0, 1, 501))
     with pytest.raises(ValueError, match="case 1 must be sampled at least three times"):
         kubas.compare(runs._replace(case_1=coarse))
 

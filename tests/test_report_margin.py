@@ -19,6 +19,7 @@ import pytest
 from drives import pressing
 from test_creep_theory import DENSITY, DRIVE, EA, FULL, MU, OMEGA, RADII, unequal
 from tiers import ci_if, extended_if
+from two_pulleys import open_drive
 
 import beltdyn as bd
 from beltdyn.report.margin import Steady, full_slip
@@ -133,14 +134,10 @@ def test_the_torque_at_which_a_run_slips(kind: str) -> None:
 
 def slipping(bending_stiffness: float) -> bd.Result:
     """The head at a steady 5 rad/s, the other pulley braked until the belt slips on both."""
-    belt = {"n_bodies": 200, "linear_density": 0.1, "axial_stiffness": 2e5, "axial_damping": 2.0}
-    params = bd.Params(
-        belt=bd.Belt(preload=800.0, bending_stiffness=bending_stiffness, model="links", **belt),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01),
-            bd.Pulley(center=(0.4, 0.0), radius=0.1, inertia=0.01),
-        ],
-        friction=bd.Dahl(mu_k=0.4, sigma=2e4),
+    belt = {"preload": 800.0, "n_bodies": 200, "axial_stiffness": 2e5, "model": "links"}
+    law = bd.Dahl(mu_k=0.4, sigma=2e4)
+    params = open_drive(
+        (0.1, 0.1), 0.4, (0.01, 0.01), bending_stiffness=bending_stiffness, friction=law, **belt
     )
     brake = bd.Load(1, coulomb=60.0, viscous=40.0)
     return bd.simulate(params, brake, 0.5, motion={0: bd.PiecewiseLinear([0.0, 0.05], [0.0, 5.0])})

@@ -12,6 +12,7 @@ import sys
 
 import numpy as np
 import pytest
+from two_pulleys import open_drive
 
 import beltdyn as bd
 from beltdyn.compliance import compliance
@@ -77,17 +78,10 @@ def test_what_the_radius_does_is_told_apart_from_creep() -> None:
     The theory is beltdyn.compliance's, right to a fifth of that part, for friction acts already
     where the belt is still sinking in, further out: that much may be told as friction's.
     """
-    params = bd.Params(
-        belt=bd.Belt(
-            preload=400.0, n_bodies=120, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0
-        ),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.04, inertia=2e-3),
-            bd.Pulley(center=(0.3, 0.0), radius=0.09, inertia=2e-3),
-        ],
-        contact=bd.Contact(linear=5.2e7, damping=2e3),
-        friction=bd.ElasticPlastic(mu=0.8, stiffness=1e9, damping=1e4),
-    )
+    contact = bd.Contact(linear=5.2e7, damping=2e3)
+    law = bd.ElasticPlastic(mu=0.8, stiffness=1e9, damping=1e4)
+    belt = {"preload": 400.0, "axial_stiffness": 60e3}
+    params = open_drive((0.04, 0.09), 0.3, (2e-3, 2e-3), contact=contact, friction=law, **belt)
     load = bd.PiecewiseLinear([0.1, 0.15], [0.0, 9.0], 1)
     motion = {0: bd.PiecewiseLinear([0.0, 0.1], [0.0, -60.0])}
     result = bd.simulate(params, load, 0.6, motion)
