@@ -27,17 +27,10 @@ pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 
 def two_pulleys(mesh: str = "joint", n: int = 40, **changes: Any) -> bd.Params:
-    belt: dict[str, Any] = {"bending_stiffness": 0.01} | changes.pop("belt", {})
+    belt = {"preload": 300.0, "n_bodies": n, "linear_density": 0.1, "mesh": mesh}
+    belt |= {"axial_stiffness": 6e4, "axial_damping": 1.0, "bending_stiffness": 0.01}
     return bd.Params(
-        belt=bd.Belt(
-            preload=300.0,
-            n_bodies=n,
-            linear_density=0.1,
-            axial_stiffness=6e4,
-            axial_damping=1.0,
-            mesh=mesh,
-            **belt,
-        ),
+        belt=bd.Belt(**(belt | changes.pop("belt", {}))),
         pulleys=[
             bd.Pulley(name="motor", center=(0.0, 0.0), radius=0.05, inertia=2e-3),
             bd.Pulley(name="fan", center=(0.35, 0.02), radius=0.08, inertia=2e-2),

@@ -95,7 +95,7 @@ RESPONSES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
     ({"torque": 0, "state": None}, TypeError, "state must be a State"),
     ({"torque": 0, "params": reduction(42)}, ValueError, r"state\.x must have shape \(42,\)"),
     ({"torque": 0, "phases": 0}, ValueError, "phases must"),
-    ({"torque": 0, "frequency": [-1.0]}, ValueError, "frequencies"),
+    ({"torque": 0, "frequencies": [-1.0]}, ValueError, "frequencies"),
     ({"motion": {0: 0.0}}, ValueError, "at least one pulley"),
 )
 MODES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
@@ -113,7 +113,7 @@ def test_arguments_are_refused_by_name() -> None:
     of_drive = dict(zip(("params", "state"), drive(), strict=True))
     for given, error, message in RESPONSES:
         with pytest.raises(error, match=message):
-            bd.frequency_response(**(of_drive | {"frequency": [10.0]} | given))
+            bd.frequency_response(**(of_drive | {"frequencies": [10.0]} | given))
     for given, error, message in MODES:
         with pytest.raises(error, match=message):
             bd.modes(**(of_drive | given))

@@ -181,17 +181,13 @@ def state_of(params: bd.Params, shares: list[float]) -> Steady:
     )
 
 
-def test_own_torque_of_two_pulleys_is_all_of_it() -> None:
+def test_the_torque_that_grows_alone() -> None:
+    """Of two pulleys it is all of it. Two loads on one crank, the other one held: full slip is
+    Euler's on that pulley, and its tensions differ by its torque over its radius.
+    """
     state = attrs.evolve(state_of(drive(), [0.7, 1.3]), speed=1.2)
     together, own = full_slip(state)[1], full_slip(state, [1], alone=True)[0]
     assert own.factor == pytest.approx(together.factor, rel=1e-5)
-
-
-def test_the_torque_that_grows_alone() -> None:
-    """Two loads on one crank, the other one held.
-
-    Full slip is Euler's on that pulley, and its tensions differ by its torque over its radius.
-    """
     pulleys = [
         bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=2e-3),
         bd.Pulley(name="fan", center=(0.30, 0.0), radius=0.06, inertia=2e-3),
