@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -245,7 +246,7 @@ def test_impulse_of_the_loads_is_the_momentum_the_belt_loses() -> None:
     assert np.abs(weight - gained - impulse).max() <= 1e-6 * passed
 
 
-def test_loads_alone_and_not_asked_for() -> None:
+def test_loads_alone_and_not_asked_for(tmp_path: Path) -> None:
     params, torque, *_ = drives.idler_scene()
     alone, without = (
         bd.simulate(params, torque, 1e-3, outputs=names, method="tsit5")
@@ -256,3 +257,7 @@ def test_loads_alone_and_not_asked_for() -> None:
     assert alone.final_state == without.final_state, "looking changes nothing"
     with pytest.raises(AttributeError, match=r"^pulleys\.load was not asked for"):
         _ = without.pulleys.load
+    alone.save(tmp_path / "run.npz")
+    np.testing.assert_array_equal(
+        bd.Result.load(tmp_path / "run.npz").pulleys.load, alone.pulleys.load
+    )

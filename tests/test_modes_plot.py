@@ -67,7 +67,7 @@ def test_response_is_drawn_as_it_is() -> None:
 def test_a_phase_that_goes_round_leaves_a_gap() -> None:
     """Beyond resonance a phase passes 180 degrees; no line joins it to its going on at -180."""
     modes = found()
-    sweep = np.geomspace(2.0, 400.0, 160)
+    sweep = np.geomspace(2.0, 400.0, 400)
     response = bd.frequency_response(modes.params, modes.state, sweep, motion="crank")
     _, lower = bd.plot.frequency_response(response, "span_tension")
     broken = 0

@@ -86,7 +86,11 @@ def test_twelve_questions_of_a_stranger() -> None:
 
 
 def test_numbers_are_those_of_the_run() -> None:
-    run, told = result(), report()
+    run = result()
+    before = {name: array.copy() for name, array in run.pulleys.arrays().items()}
+    told = run.report(0.25)
+    for name, array in run.pulleys.arrays().items():
+        assert np.array_equal(array, before[name]), "what it reads off is left as it was"
     late = run.t >= told.begin
     assert told.samples == late.sum() and told.end == run.t[-1]
     for k, row in enumerate(told.pulleys):
@@ -185,20 +189,16 @@ def test_a_table_of_pandas(monkeypatch: pytest.MonkeyPatch) -> None:
         assert at("report", "", quantity).text == text
     notes = frame[(frame.part == "report") & (frame.quantity == "notes")]
     assert tuple(notes.text) == told.notes
+    # angles are radians in numbers, and degrees in print
+    angles = frame[frame.quantity.isin(["wrap", "slip_arc", "hub_direction"])]
+    assert set(angles.unit) == {"rad"} and (angles.value.abs() <= 2.0 * math.pi).all()
+    direction = told.pulleys["alternator"].hub_direction
+    assert told.to_dict()["pulleys"][1]["hub_direction"] == direction
+    line = next(one for one in str(told).split("towards deg")[1].splitlines() if "altern" in one)
+    assert f"{math.degrees(direction):.0f}" in line.split()
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match=r"beltdyn\[report\]"):
         report().to_frame()
-
-
-def test_angles_are_radians_in_numbers_and_degrees_in_print() -> None:
-    told = report()
-    row = told.pulleys["alternator"]
-    frame = told.to_frame()
-    angles = frame[frame.quantity.isin(["wrap", "slip_arc", "hub_direction"])]
-    assert set(angles.unit) == {"rad"} and (angles.value.abs() <= 2.0 * math.pi).all()
-    assert told.to_dict()["pulleys"][1]["hub_direction"] == row.hub_direction
-    line = next(one for one in str(told).split("towards deg")[1].splitlines() if "altern" in one)
-    assert f"{math.degrees(row.hub_direction):.0f}" in line.split()
 
 
 def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
@@ -212,13 +212,6 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     assert "any joint of the belt goes through the same cycles" in words
     assert "8 classes by their range" in words
     assert "1 rounds" not in words.replace("1.1 rounds", "")
-
-
-def test_rounding_is_not_printed_as_a_speed() -> None:
-    """A drive that stands has the speed that integration leaves, 1e-9 rad/s and less."""
-    text = str(standing(result().params).report(1.0))
-    (line,) = [one for one in text.split("Hub loads")[0].splitlines() if " crank " in one]
-    assert line.split()[1:3] == ["0", "0"], line
 
 
 def test_outputs_that_are_missing_are_named() -> None:
@@ -241,7 +234,7 @@ def test_an_unsteady_window_says_by_how_much() -> None:
     assert str(told).count("not steady") == 1
 
 
-def test_without_friction_at_rest_and_on_one_pulley() -> None:
+def test_standing_drives_without_friction_and_with_it() -> None:
     still = standing(attrs.evolve(result().params, friction=None))
     told = still.report()
     assert any("no friction" in note for note in told.notes)
@@ -249,6 +242,10 @@ def test_without_friction_at_rest_and_on_one_pulley() -> None:
     assert not re.search(r"\bnan\b", str(told))
     with pytest.raises(ValueError, match="two times"):
         bd.simulate(still.params, bd.Load(1, coulomb=0.0), 1e-3, t_eval=[1e-3]).report()
+    # what integration leaves, 1e-9 rad/s and less, is not printed as a speed
+    text = str(standing(result().params).report(1.0))
+    (line,) = [one for one in text.split("Hub loads")[0].splitlines() if " crank " in one]
+    assert line.split()[1:3] == ["0", "0"], line
 
 
 def test_uneven_samples_have_no_spectrum() -> None:
@@ -272,14 +269,6 @@ def test_bad_windows_and_joints_are_refused() -> None:
             call(20.0)
 
 
-def test_what_it_reads_off_is_left_as_it_was() -> None:
-    run = result()
-    before = {name: array.copy() for name, array in run.pulleys.arrays().items()}
-    run.report()
-    for name, array in run.pulleys.arrays().items():
-        assert np.array_equal(array, before[name])
-
-
 def test_the_summary_tells_the_creep_of_the_report() -> None:
     rows = dict(result().summary())
     lost, creep = rows["  speed lost against crank"], rows["    by creep alone"]
@@ -294,18 +283,16 @@ def test_the_summary_tells_the_creep_of_the_report() -> None:
     assert sum(printed[1:]) == pytest.approx(printed[0], abs=2.5e-3)
 
 
-def test_a_split_that_does_not_add_up_is_not_to_be_trusted() -> None:
+def test_what_is_not_to_be_trusted_is_told() -> None:
+    """A split that does not add up; a window of few turns, 100 rad/s over 0.02 s, 0.32 turns."""
     told = report()
     row = told.creep[0]
     off = attrs.evolve(row, remainder=0.2 * row.lost, stretch=row.stretch - 0.2 * row.lost)
     assert "Do not trust the split" not in str(told)
     assert "Do not trust the split of alternator" in str(attrs.evolve(told, creep=(off,)))
-
-
-def test_turns_of_the_window_are_told_if_few() -> None:
-    """100 rad/s over 0.02 and 0.1 s: 0.32 turns and 1.6 of the crank; over a long run none."""
     said = [note for note in result().report(0.05).notes if "turns of" in note]
     assert len(said) == 1 and 'the window holds 0.32 turns of pulley "crank"' in said[0]
+    # in all of the run there are 5.6
     assert not any("turns of" in note for note in result().report(1.0).notes)
 
 
