@@ -40,6 +40,7 @@ def stepped() -> bd.Scene:
     return bd.Scene(scene.params, bd.TorqueSum(parts), 4e-3, {"crank": crank})
 
 
+@pytest.mark.ci(guard="test_machines.py::test_machines_begin_and_keep_their_ledger")
 def test_serpentine_takes_step_and_harmonics_by_every_method() -> None:
     """Methods agree to a few times what each is asked for, and the load reaches the belt."""
     scene = stepped()
