@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import matplotlib
+import pytest
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import BboxBase
+from tiers import first
 
-#: Width and height [inch] and font size [pt]: a screen, a column of 8.5 cm, a page of 17 cm.
-SIZES = ((6.4, 4.0, 10.0), (3.35, 2.9, 8.0), (6.7, 3.8, 9.0))
+#: Width and height [inch] and font size [pt]: a column of 8.5 cm, a page of 17 cm, a screen.
+SIZES = ((3.35, 2.9, 8.0), (6.7, 3.8, 9.0), (6.4, 4.0, 10.0))
+#: Tests at each of them; the tightest by default.
+SIZED = pytest.mark.parametrize("size", first(1, zip(SIZES)))
+
+
+@contextmanager
+def axes_of(size: tuple[float, float, float]) -> Iterator[Axes]:
+    """Axes of a figure of a size, to be drawn into and measured while its font size holds."""
+    width, height, points = size
+    with matplotlib.rc_context({"font.size": points}):
+        yield Figure(figsize=(width, height), layout="constrained").add_subplot()
 
 
 def ticks(axis: Axis) -> list[Text]:

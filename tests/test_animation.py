@@ -18,7 +18,7 @@ from matplotlib.collections import LineCollection
 from PIL import Image
 
 import beltdyn as bd
-from beltdyn.plot.animation import film_writer
+from beltdyn.plot.animation import _frames, _pace, film_writer
 
 N_T, T_END = 41, 0.3
 
@@ -29,11 +29,24 @@ def result() -> bd.Result:
     return bd.simulate(params, torque, T_END, t_eval=np.linspace(0.0, T_END, N_T))
 
 
+def thinned(result: bd.Result, rows: Any) -> bd.Result:
+    """Return the result with some of its samples."""
+    groups = {name: getattr(result, name) for name in ("pulleys", "belt", "joints", "contact")}
+    parts = {
+        name: type(group)(**{k: v[rows] for k, v in group.arrays().items()})
+        for name, group in (groups | {"energy": result.energy}).items()
+    }
+    return attrs.evolve(result, t=result.t[rows], **parts)
+
+
+def rows(film: bd.plot.Animation) -> list[int]:
+    film._draw_was_started = True  # drawn here, not by an event loop
+    return [int(row) for row in film.new_frame_seq()]
+
+
 def shown(film: bd.plot.Animation, frame: int) -> Any:
     """Show one frame; give the figure."""
-    rows = list(film.new_frame_seq())
-    film._draw_was_started = True  # drawn here, not by an event loop
-    film._func(rows[frame])
+    film._func(rows(film)[frame])
     return film._fig
 
 
@@ -41,38 +54,22 @@ def belt(figure: Any) -> LineCollection:
     return [one for one in figure.axes[0].collections if isinstance(one, LineCollection)][-1]
 
 
-def rows(film: bd.plot.Animation) -> list[int]:
-    film._draw_was_started = True
-    return [int(row) for row in film.new_frame_seq()]
-
-
-# --- what it shows -------------------------------------------------------------------------------
-
-
 def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
     film = bd.plot.animate(result, duration=1.0, fps=11.0)
     assert film.frames == 11 and film.fps == 11.0
     assert rows(film) == list(range(0, 41, 4))
-
-
-def test_fewer_samples_than_frames_keep_the_duration(result: bd.Result) -> None:
-    film = bd.plot.animate(result, duration=2.0, fps=50.0)
+    # fewer samples than frames keep the duration
+    film = bd.plot.animate(result, duration=2.0, fps=50.0, panel=None)
     assert film.frames == N_T and film.fps == pytest.approx(N_T / 2.0)
     assert rows(film) == list(range(N_T))
-
-
-def test_uneven_samples(result: bd.Result) -> None:
-    """The frames are the samples nearest to 0, 0.1, 0.2 and 0.3 s."""
-    uneven = bd.simulate(
-        *bd.scenes.kubas_case_1()[:2], 0.3, t_eval=[0.0, 0.01, 0.02, 0.03, 0.3], ledger=False
-    )
-    assert rows(bd.plot.animate(uneven, duration=4.0, fps=1.0)) == [0, 3, 4, 4]
-
-
-def test_one_sample(result: bd.Result) -> None:
-    one = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3, t_eval=[0.0])
-    film = bd.plot.animate(one, duration=1.0)
+    titles = {shown(film, k).axes[0].get_title() for k in range(film.frames)}
+    assert len(titles) == N_T, "every frame tells another time"
+    # of uneven samples the frames are those nearest to 0, 0.1, 0.2 and 0.3 s
+    assert _frames(thinned(result, [0, 2, 3, 4, 40]), 4).tolist() == [0, 3, 4, 4]
+    film = bd.plot.animate(thinned(result, [0]), duration=1.0)
     assert rows(film) == [0] and "one moment" in shown(film, 0).axes[0].get_title()
+    with pytest.raises(ValueError, match="result must hold at least one sample"):
+        bd.plot.animate(thinned(result, []))
 
 
 def test_a_frame_is_its_sample(result: bd.Result) -> None:
@@ -93,20 +90,12 @@ def test_a_frame_is_its_sample(result: bd.Result) -> None:
     assert limits == {(tension.min(), tension.max())}, "one scale for the whole run"
 
 
-@pytest.mark.parametrize(
-    ("duration", "pace"),
-    [(3.0, "10x slower"), (0.3, "real time"), (0.15, "2x faster"), (5.0, "17x slower")],
-)
-def test_the_pace_is_told(result: bd.Result, duration: float, pace: str) -> None:
-    film = bd.plot.animate(result, duration=duration, fps=20.0, panel=None)
-    assert pace in shown(film, -1).axes[0].get_title()
-    assert "t = 0.3" in film._fig.axes[0].get_title()
-
-
-def test_every_frame_tells_another_time(result: bd.Result) -> None:
-    film = bd.plot.animate(result, panel=None)
-    titles = {shown(film, k).axes[0].get_title() for k in range(film.frames)}
-    assert len(titles) == film.frames == N_T
+def test_the_pace_is_told(result: bd.Result) -> None:
+    film = bd.plot.animate(result, duration=3.0, fps=20.0, panel=None)
+    title = shown(film, -1).axes[0].get_title()
+    assert "t = 0.3" in title and "10x slower" in title
+    paces = {3.0: "10x slower", 0.3: "real time", 0.15: "2x faster", 5.0: "17x slower"}
+    assert {duration: _pace(duration, T_END) for duration in paces} == paces
 
 
 def test_panels(result: bd.Result) -> None:
@@ -117,22 +106,14 @@ def test_panels(result: bd.Result) -> None:
     assert len(alone.axes) == 1
 
 
-def test_nothing_global_changes(result: bd.Result, tmp_path: Path) -> None:
-    before = dict(matplotlib.rcParams)
-    bd.plot.animate(result, duration=0.2, fps=10).save(tmp_path / "drive.gif")
-    assert dict(matplotlib.rcParams) == before
-
-
-# --- files ---------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def short(result: bd.Result) -> Iterator[bd.plot.Animation]:
     yield bd.plot.animate(result, duration=0.5, fps=10.0)
 
 
 def test_gif(short: bd.plot.Animation, tmp_path: Path) -> None:
-    path = tmp_path / "drive.GIF"
+    """Writing it changes nothing global."""
+    path, before = tmp_path / "drive.GIF", dict(matplotlib.rcParams)
     seen = []
     short.save(path, dpi=40, progress_callback=lambda k, n: seen.append((k, n)))
     with Image.open(path) as image:
@@ -140,6 +121,7 @@ def test_gif(short: bd.plot.Animation, tmp_path: Path) -> None:
         assert image.info["duration"] == 100, "ms: ten frames per second"
         assert image.info["loop"] == 0, "for ever"
     assert seen == [(k, 5) for k in range(5)]
+    assert dict(matplotlib.rcParams) == before
 
 
 def test_mp4(short: bd.plot.Animation, tmp_path: Path) -> None:
@@ -162,13 +144,10 @@ def test_html(short: bd.plot.Animation, tmp_path: Path) -> None:
     text = path.read_text()
     assert text.count("data:image/png;base64") == 5 and "<script" in text
     assert [entry.name for entry in tmp_path.iterdir()] == ["drive.html"], "all in one file"
-
-
-def test_a_page_with_its_frames_apart(short: bd.plot.Animation, tmp_path: Path) -> None:
-    writer = matplotlib.animation.HTMLWriter(fps=10, embed_frames=False)
-    short.save(tmp_path / "drive.html", writer, dpi=40)
+    # a page with its frames apart
+    short.save(path, matplotlib.animation.HTMLWriter(fps=10, embed_frames=False), dpi=40)
     assert {entry.name for entry in tmp_path.iterdir()} == {"drive.html", "drive_frames"}
-    assert "drive_frames" in (tmp_path / "drive.html").read_text()
+    assert "drive_frames" in path.read_text()
 
 
 def without_ffmpeg(patch: pytest.MonkeyPatch) -> None:
@@ -176,17 +155,14 @@ def without_ffmpeg(patch: pytest.MonkeyPatch) -> None:
     patch.setitem(sys.modules, "imageio_ffmpeg", None)
 
 
-def test_a_notebook_shows_it(short: bd.plot.Animation, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ffmpeg(
+    short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A notebook shows single pictures in place of a video; an MP4 says what to install."""
     assert short._repr_html_().startswith("<video controls")
     without_ffmpeg(monkeypatch)
     assert short._repr_html_().count("data:image/png;base64") == 5
     assert "data:image/png;base64" in short.to_jshtml()
-
-
-def test_mp4_without_ffmpeg_says_what_to_install(
-    short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    without_ffmpeg(monkeypatch)
     with pytest.raises(ImportError, match=r"pip install imageio-ffmpeg \(or beltdyn\[animation\]"):
         short.save(tmp_path / "drive.mp4")
     assert not (tmp_path / "drive.mp4").exists()
@@ -214,12 +190,9 @@ def test_what_ffmpeg_says_comes_out(
         short.save(tmp_path / "drive.mp4", dpi=40)
 
 
-# --- bad arguments -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("options", "kind", "message"),
-    [
+def test_bad_arguments(result: bd.Result) -> None:
+    options: dict[str, Any]
+    for options, kind, message in (
         ({"duration": 0}, ValueError, "duration must be > 0"),
         ({"duration": "1"}, TypeError, "duration must be a real number"),
         ({"fps": -1}, ValueError, "fps must be > 0"),
@@ -228,33 +201,13 @@ def test_what_ffmpeg_says_comes_out(
         ({"panel": "x"}, ValueError, "panel must be one of 'tensions', 'speeds', None"),
         ({"links": [60]}, ValueError, r"links\[0\] must be an integer from 0 to 59"),
         ({"limits": 3}, TypeError, "limits must be a pair"),
-    ],
-)
-def test_bad_arguments(
-    result: bd.Result, options: dict[str, Any], kind: type[Exception], message: str
-) -> None:
-    with pytest.raises(kind, match=message):
-        bd.plot.animate(result, **options)
-
-
-def test_a_result_without_samples() -> None:
-    empty = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-4, t_eval=[])
-    with pytest.raises(ValueError, match="result must hold at least one sample"):
-        bd.plot.animate(empty)
+    ):
+        with pytest.raises(kind, match=message):
+            bd.plot.animate(result, **options)
 
 
 def test_a_partial_result(result: bd.Result, tmp_path: Path) -> None:
-    half = attrs.evolve(
-        result,
-        t=result.t[:7],
-        success=False,
-        status="failed",
-        **{
-            name: type(group)(**{k: v[:7] for k, v in group.arrays().items()})
-            for name in ("pulleys", "belt", "joints", "contact", "energy")
-            if (group := getattr(result, name)) is not None
-        },
-    )
+    half = attrs.evolve(thinned(result, slice(7)), success=False, status="failed")
     path = tmp_path / "half.gif"
     bd.plot.animate(half, duration=1.0, fps=4.0).save(path, dpi=30)
     with Image.open(path) as image:

@@ -11,34 +11,25 @@ import math
 import numpy as np
 import pytest
 from drives import on_mesh
+from two_pulleys import open_drive
 
 import beltdyn as bd
 
 MU = 0.5
 
 
-def test_published_ratios() -> None:
-    """The theory's own numbers, and that the ratio per link tends to them."""
-    theta = math.pi
-    for mu, ratio in [(0.2, 1.87446), (0.3, 2.56633), (0.5, 4.81048), (0.8, 12.34528)]:
-        assert math.exp(mu * theta) == pytest.approx(ratio, abs=5e-6)
-        steps = 200000
-        delta = theta / steps
-        link = (1 + mu * math.tan(delta / 2)) / (1 - mu * math.tan(delta / 2))
-        assert link**steps == pytest.approx(math.exp(mu * theta), rel=1e-9)
-
-
 def dragged(n_bodies: int, mesh: str) -> tuple[bd.Params, bd.Result]:
-    params = bd.Params(
-        belt=bd.Belt(length=1.447, n_bodies=n_bodies, linear_density=0.1, axial_stiffness=70e3,
-                     axial_damping=1.4 * (60 / n_bodies) ** 2),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=1e9),
-            bd.Pulley(center=(0.32914, 0.0), radius=0.18, inertia=0.02),
-        ],
+    params = open_drive(
+        (0.06, 0.18),
+        0.32914,
+        (1e9, 0.02),
+        length=1.447,
+        n_bodies=n_bodies,
+        axial_stiffness=70e3,
+        axial_damping=1.4 * (60 / n_bodies) ** 2,
         contact=bd.Contact(linear=4e7, damping=2e3),
         friction=bd.Dahl(mu_k=MU, sigma=1e4),
-    )  # fmt: skip
+    )
     params = on_mesh(params, mesh)
     # an effective speed governor: -0.5 rad/s whatever the belt asks for
     governor = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0], [0.0, -0.5 * 400.0]])

@@ -7,6 +7,8 @@ to the forces in the equations of mounts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,8 @@ import mounted_drives
 import numpy as np
 import pytest
 import reference
-import test_mounts_oracle as mounts_oracle
-from test_jacobian import CASES, make_case
-from test_jacobian import running as running  # a fixture
+from bridge import oracle_of
+from laws import EXAMPLES, core_law, oracle_law
 
 import beltdyn as bd
 from beltdyn import _core
@@ -28,82 +29,126 @@ from beltdyn.route import Route
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
-Running = dict[str, tuple[bd.Params, dict[str, Any]]]
+State = dict[str, Any]
 
 #: Relative to the sum of the magnitudes of all contact forces: penetrations of 1e-5 m are
 #: differences of places known to 5e-17 m, and some hundred forces are summed in two orders.
 ROUNDING = 1e-10
 
 
-def observed(model: _core.Model, state: dict[str, Any]) -> Array:
+def observed(model: _core.Model, state: State) -> Array:
     return np.asarray(model.observe(state)["load"][0])
 
 
-def of_oracle(oracle: reference.Reference, y: Array) -> tuple[Array, float]:
-    """The loads (n_p, 2), and the sum of the magnitudes of all forces of contact."""
+def plain(mesh: str, law: str, hunt_crossley: float) -> bd.Params:
+    params = drives.on_mesh(drives.plain(), mesh)
+    contact = attrs.evolve(params.contact, hunt_crossley=hunt_crossley)
+    return attrs.evolve(params, friction=EXAMPLES[law], contact=contact, gravity=(1.0, -9.81))
+
+
+#: Every belt, law, mount and layout, and how mounts are moved if they are not just moving.
+DRIVES: dict[str, Callable[[], bd.Params]] = {
+    "paper's mesh": lambda: plain("paper", "dahl", 0.0),
+    "paper's mesh, lugre": lambda: plain("paper", "lugre", 0.5),
+    "joint mesh": lambda: plain("joint", "elastic_plastic", 0.5),
+    "string": lambda: plain("string", "dahl", 0.5),
+    "crossed": lambda: drives.crossed_scene().params,
+    "idler": lambda: drives.on_mesh(drives.idler_scene().params, "paper"),
+} | mounted_drives.DRIVES
+HOW = {"arm with stops": "stops", "slider, gravity": "saturated", "string, arm": "saturated"}
+HOW |= {"arm and slider, three laws": "saturated", "string, arm with stops": "stops"}
+
+
+@cache
+def shaken(name: str) -> tuple[_core.Model, reference.Reference, State]:
+    """A state under way whose links and mounts are displaced and moving, so that links are on and
+    off the pulleys, and friction anywhere between nothing and what it was.
+    """
+    params, rng = DRIVES[name](), np.random.default_rng(1)
+    torque = mounted_drives.torque(params)
+    run = bd.simulate(params, torque, 0.02, t_eval=[0.02], rtol=1e-2, outputs=("pulleys.omega",))
+    oracle, state = oracle_of(params), run.final_state._to_core(params)
+    for key, scale in {
+        "x": 1e-5,
+        "y": 1e-5,
+        "phi": 1e-3,
+        "vx": 1.0,
+        "vy": 1.0,
+        "vphi": 50.0,
+    }.items():
+        state[key] = state[key] + scale * rng.standard_normal(oracle.n_bodies)
+    state["omega"] = state["omega"] + 5.0 * rng.standard_normal(oracle.n_pulleys)
+    state["mu"] = state["mu"] * rng.uniform(-1.0, 1.0, np.shape(state["mu"]))
+    return (
+        params._model,
+        oracle,
+        mounted_drives.shake_mounts(oracle, state, 1, HOW.get(name, "moving")),
+    )
+
+
+def overlapping(mesh: str) -> tuple[_core.Model, reference.Reference, State]:
+    """A ring through two pulleys that overlap, which no Params has: links on none, one and both."""
+    law = oracle_law(EXAMPLES["dahl"])
+    given = {"centers": np.array([[0.0, 0.0], [0.05, 0.02]]), "radii": np.array([0.1, 0.09])}
+    given |= {"length": 0.6, "contact": (5e8, 2.5e6, 1e2), "gravity": (1.0, -9.81)}
+    o = reference.paper_drive(40, mesh=mesh, friction=(law, law), **given)
+    belt = (o.length, o.n_bodies, o.linear_density, o.axial_stiffness, o.axial_damping,
+            o.bending_stiffness, o.bending_damping)  # fmt: skip
+    model = _core.Model(
+        belt, o.centers, o.radii, o.inertias, (*o.contact, int(o.compensate), o.hunt_crossley),
+        None, o.gravity, None, [core_law(law)] * 2, o.mesh, None, model="links",
+    )  # fmt: skip
+    rng, angle = np.random.default_rng(1), np.linspace(0.0, -2 * np.pi, 40, endpoint=False)
+    state = {"x": 0.025 + 0.115 * np.cos(angle), "y": 0.01 + 0.085 * np.sin(angle), "t": 0.0}
+    state |= {"phi": angle - np.pi / 2, "theta": np.zeros(2), "omega": rng.uniform(-20, 20, 2)}
+    state |= {name: rng.uniform(-0.5, 0.5, 40) for name in ("vx", "vy")}
+    n = 40 * (1 + max(dense.slots_of(o)))
+    state |= {
+        "vphi": rng.uniform(-50, 50, 40),
+        "mu": rng.uniform(-0.7, 0.7, n),
+        "slip": np.zeros(n),
+    }
+    return model, o, state
+
+
+@pytest.mark.parametrize("name", [*DRIVES, "overlapping, paper", "overlapping, joint"])
+def test_loads_are_those_of_the_oracle_and_of_newton(name: str) -> None:
+    """With links on one pulley, on two at once and on none; of every mesh and friction law, and of
+    axes that move: what a mount takes of the load is the force of the belt in its equation.
+    """
+    _, _, mesh = name.partition("overlapping, ")
+    model, oracle, state = overlapping(mesh) if mesh else shaken(name)
+    y = dense.vector_of_oracle(oracle, state, dense.slots_of(oracle))
     at = oracle.contacts(y)
     on_belt = -(at.friction[:, None, :] * at.tangent).sum(axis=-1)
     if oracle.mesh == "joint":
         on_belt = on_belt + oracle.along_links_at(y).on_links().T
     else:
         on_belt = on_belt + (at.normal[:, None, :] * at.outward).sum(axis=-1)
-    return -on_belt, float(np.abs(at.normal).sum() + np.abs(at.friction).sum())
-
-
-def left_over(mass: float, gravity: Array, n: int, rate: dict[str, Any]) -> Array:
-    """Weight of n links less the rate of their momentum: by Newton's law the sum of the loads."""
-    momentum = [mass * np.sum(rate[name]) for name in ("vx", "vy")]
-    return np.asarray(n * mass * gravity - momentum)
-
-
-# --- at states anywhere ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_loads_are_those_of_the_oracle_and_of_newton(running: Running, name: str) -> None:
-    """With links on one pulley, on two at once and on none; of every mesh and friction law."""
-    case = make_case(name, running)
-    y = dense.vector_of_oracle(case.oracle, case.state, dense.slots_of(case.oracle))
-    expected, scale = of_oracle(case.oracle, y)
-    load = observed(case.model, case.state)
-    assert load.shape == (case.oracle.n_pulleys, 2)
-    assert np.abs(load - expected).max() <= ROUNDING * scale
-    rate = case.model.rate(case.state, np.zeros(case.oracle.n_pulleys))
-    gravity = np.asarray(case.oracle.gravity, dtype=float)
-    total = left_over(case.model.info["link_mass"], gravity, case.oracle.n_bodies, rate)
+    scale = float(np.abs(at.normal).sum() + np.abs(at.friction).sum())
+    load, seen = observed(model, state), model.observe(state)
+    assert load.shape == (oracle.n_pulleys, 2)
+    assert np.abs(load + on_belt).max() <= ROUNDING * scale
+    if mesh:
+        touching = (oracle.penetration(y) > 0).sum(axis=0)
+        assert set(touching) == {0, 1, 2}
+    # Newton: the weight of the links less the rate of their momentum is the sum of the loads;
     # accelerations are sums of joint forces as well, which cancel: up to 5e-11 of those each
-    joints = np.abs(case.model.observe(case.state)["force"]).sum()
-    assert np.abs(load.sum(axis=0) - total).max() <= ROUNDING * (scale + joints)
-
-
-@pytest.mark.parametrize("how", mounts_oracle.STATES)
-@pytest.mark.parametrize("name", mounts_oracle.DRIVES)
-def test_loads_of_axes_that_move(name: str, how: str) -> None:
-    """The oracle's; and what a mount takes of them is the force of the belt in its equation."""
-    params, oracle, state = mounts_oracle.shaken(name, 1, how)
-    if not params.info["n_states"]:  # of its laws; shaken() gives every drive with friction one
-        state["mu"] = np.zeros(0)
-    absent = {name: 0.0 for name in ("mu", "slip") if not np.size(state[name])}
-    y = oracle.pack({**state, **absent})
-    expected, scale = of_oracle(oracle, y)
-    state["mu"] = np.ravel(state["mu"])
-    model = params._model
-    load = observed(model, state)
-    assert np.abs(load - expected).max() <= ROUNDING * scale
-    taken = model.observe(state)["belt_force"][0]
+    mass, rate = model.info["link_mass"], model.rate(state, np.zeros(oracle.n_pulleys))
+    weight = oracle.n_bodies * mass * np.asarray(oracle.gravity, dtype=float)
+    left = weight - [mass * np.sum(rate[name]) for name in ("vx", "vy")]
+    joints = np.abs(seen["force"]).sum()
+    assert np.abs(load.sum(axis=0) - left).max() <= ROUNDING * (scale + joints)
     axes = oracle.axes(y)
-    for m, k in enumerate(params.mounted):
-        mount = params.pulleys[k].mount
-        if isinstance(mount, bd.Arm):
+    for m, (k, mount) in enumerate(oracle.mounts.items()):
+        if hasattr(mount, "pivot"):
             reach = axes[k] - np.array(mount.pivot)
-            found = reach[0] * load[k, 1] - reach[1] * load[k, 0]
-            assert taken[m] == pytest.approx(found, abs=ROUNDING * scale * np.hypot(*reach))
-        elif isinstance(mount, bd.Slider):
-            along = np.array(mount.direction) / np.hypot(*mount.direction)
-            assert taken[m] == pytest.approx(along @ load[k], abs=ROUNDING * scale)
-
-
-# --- span statics ---------------------------------------------------------------------------------
+            found, arm = reach[0] * load[k, 1] - reach[1] * load[k, 0], np.hypot(*reach)
+        elif hasattr(mount, "direction"):
+            found, arm = np.array(mount.direction) @ load[k] / np.hypot(*mount.direction), 1.0
+        else:
+            continue
+        assert seen["belt_force"][0][m] == pytest.approx(found, abs=ROUNDING * scale * arm)
 
 
 def idler(n_bodies: int, model: str, bending: float = 0.0) -> bd.Params:
@@ -170,9 +215,6 @@ def test_at_rest_loads_are_what_the_spans_pull(model: str, bending: float) -> No
         assert off_statics(load, statics(tension, params.route)).max() > 0.015
 
 
-# --- over runs ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("method", ["tsit5", "rk4", "rodas4", "lbdf2", "lie"])
 def test_loads_are_sampled_by_every_method(method: str) -> None:
     """As of the states that each passes through, to the bit."""
@@ -186,12 +228,14 @@ def test_loads_are_sampled_by_every_method(method: str) -> None:
 
 def test_impulse_of_the_loads_is_the_momentum_the_belt_loses() -> None:
     """Over a run from rest, by Simpson's rule through samples 20 to the fastest joint period."""
-    scene = drives.on_mesh(drives.idler_scene().params, "joint"), drives.idler_scene().torque_fn
-    params = attrs.evolve(scene[0], gravity=(0.0, -9.81))
+    scene = drives.idler_scene()
+    params = attrs.evolve(drives.on_mesh(scene.params, "joint"), gravity=(0.0, -9.81))
     end = 4e-3
     per_period = 20.0 * params.info["spectral_bound"] / (2.0 * np.pi)
     n = 2 * int(np.ceil(end * per_period / 2.0))
-    result = bd.simulate(params, scene[1], end, t_eval=np.linspace(0.0, end, n + 1), rtol=1e-8)
+    result = bd.simulate(
+        params, scene.torque_fn, end, t_eval=np.linspace(0.0, end, n + 1), rtol=1e-8
+    )
     weights = np.r_[1.0, np.tile([4.0, 2.0], n // 2)]
     weights[-1] = 1.0
     impulse = end / n / 3.0 * np.einsum("t,tkx->x", weights, result.pulleys.load)
@@ -202,10 +246,7 @@ def test_impulse_of_the_loads_is_the_momentum_the_belt_loses() -> None:
     assert np.abs(weight - gained - impulse).max() <= 1e-6 * passed
 
 
-# --- on demand ------------------------------------------------------------------------------------
-
-
-def test_loads_alone_and_not_asked_for() -> None:
+def test_loads_alone_and_not_asked_for(tmp_path: Path) -> None:
     params, torque, *_ = drives.idler_scene()
     alone, without = (
         bd.simulate(params, torque, 1e-3, outputs=names, method="tsit5")
@@ -216,12 +257,7 @@ def test_loads_alone_and_not_asked_for() -> None:
     assert alone.final_state == without.final_state, "looking changes nothing"
     with pytest.raises(AttributeError, match=r"^pulleys\.load was not asked for"):
         _ = without.pulleys.load
-
-
-def test_loads_are_kept_in_files(tmp_path: Path) -> None:
-    params, torque = mounted_drives.take_up(), bd.Viscous([0.0, 0.0])
-    for names in (None, ("pulleys.load",)):
-        result = bd.simulate(params, torque, 1e-3, t_eval=[0.0, 1e-3], outputs=names)
-        result.save(tmp_path / "run.npz")
-        loaded = bd.Result.load(tmp_path / "run.npz")
-        np.testing.assert_array_equal(loaded.pulleys.load, result.pulleys.load)
+    alone.save(tmp_path / "run.npz")
+    np.testing.assert_array_equal(
+        bd.Result.load(tmp_path / "run.npz").pulleys.load, alone.pulleys.load
+    )

@@ -14,7 +14,6 @@ CLOSED = 1e-3
 
 
 def balance(result: bd.Result) -> float:
-    assert result.energy is not None
     return float(np.abs(result.energy.residual).max() / result.energy.passed.max())
 
 
@@ -35,33 +34,23 @@ def stepped() -> bd.Scene:
         attrs.evolve(part, factor=bd.PiecewiseLinear([1e-3, 1.5e-3], [0.0, 1.0]))
         if getattr(part, "factor", None) is not None
         else part
-        for part in scene.torque_fn.parts  # type: ignore[union-attr]
+        for part in scene.torque_fn.parts
     ]
     crank = bd.CrankMotion(-314.16, orders=[2, 4], amplitudes=[5e-3, 1e-3], fade=(0.0, 2e-3))
     return bd.Scene(scene.params, bd.TorqueSum(parts), 4e-3, {"crank": crank})
 
 
+@pytest.mark.ci(guard="test_machines.py::test_machines_begin_and_keep_their_ledger")
 def test_serpentine_takes_step_and_harmonics_by_every_method() -> None:
     """Methods agree to a few times what each is asked for, and the load reaches the belt."""
     scene = stepped()
     start = bd.settle(scene.params, speed={"crank": -314.16})
     times = np.linspace(0.0, scene.t_end, 41)
     runs = {}
-    for method, options in {
-        "tsit5": {},
-        "rodas4": {},
-        "lbdf2": {},
-        "rk4": {"step": 4e-7},
-        "lie": {"rtol": 0.02},
-        "auto": {},
-    }.items():
-        runs[method] = bd.simulate(
-            *scene[:3],
-            scene.motion,
-            t_eval=times,
-            method=method,
-            **options,  # type: ignore[arg-type]
-        )
+    others = {"rk4": {"step": 4e-7}, "lie": {"rtol": 0.02}}
+    for method in ("tsit5", "rodas4", "lbdf2", "rk4", "lie", "auto"):
+        options = {"t_eval": times, "method": method} | others.get(method, {})
+        runs[method] = bd.simulate(*scene[:3], scene.motion, **options)
         # of first order, whose errors are damping
         assert balance(runs[method]) < (5e-3 if method == "lie" else CLOSED), method
     reference = runs["tsit5"]
@@ -69,15 +58,13 @@ def test_serpentine_takes_step_and_harmonics_by_every_method() -> None:
     for method, run in runs.items():
         apart = np.abs(run.span_tension - reference.span_tension).max() / mean
         assert apart < (0.05 if method == "lie" else 2e-3), method
-        assert run.mounts is not None and reference.mounts is not None
         assert np.abs(run.mounts.travel - reference.mounts.travel).max() < 1e-4, method
-    assert reference.mounts is not None
     assert reference.mounts.travel[0, 0] == pytest.approx(start.travel[0], abs=1e-12)
     loaded = reference.pulleys.torque[-1, 2] / reference.pulleys.torque[5, 2]
     assert loaded == pytest.approx(3.0, rel=0.02)  # its table, and twice that on top
 
 
-@pytest.mark.slow
+@pytest.mark.ci(guard="test_machines.py::test_machines_begin_and_keep_their_ledger")
 def test_serpentine_runs_up() -> None:
     """From rest to 3000 1/min, under its loads: as fast as the radii say, and the ledger closes."""
     scene = bd.scenes.serpentine(n_bodies=200)

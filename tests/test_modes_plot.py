@@ -1,11 +1,17 @@
-"""Pictures of modes: what they draw is what the modes hold; text and legends do not overlap."""
+"""Pictures of modes: what they draw is what the modes hold; text and legends do not overlap.
+
+What is no argument is refused by name, and what is printed stays short.
+"""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
+import attrs
 import numpy as np
 import pytest
+from drives import reduction
 
 import beltdyn as bd
 
@@ -35,15 +41,12 @@ def test_mode_is_drawn_at_opposite_phases() -> None:
     assert modes.names[2] in ax.get_title()
 
 
-def test_legend_lies_below_the_label_of_the_axis() -> None:
+def test_legend_lies_below_the_label_and_a_film_runs_through_a_period() -> None:
     ax = bd.plot.mode(found(), 0)
     ax.figure.draw_without_rendering()
     label, legend = ax.xaxis.label.get_window_extent(), ax.get_legend().get_window_extent()
     assert legend.y1 <= label.y0
     assert legend.y0 >= 0.0
-
-
-def test_animation_runs_through_a_period() -> None:
     film = bd.plot.animate_mode(found(), 1, duration=0.5, fps=10.0)
     assert film.frames == 5
     film._draw_was_started = True  # never shown
@@ -78,27 +81,60 @@ def test_a_phase_that_goes_round_leaves_a_gap() -> None:
     assert broken > 0
 
 
-def test_arguments_are_checked() -> None:
-    modes = found()
-    with pytest.raises(ValueError, match="n must"):
-        bd.modes(modes.params, modes.state, n=0)
-    with pytest.raises(ValueError, match="phases must"):
-        bd.modes(modes.params, modes.state, phases=0)
-    with pytest.raises(ValueError, match="phases must"):
-        bd.frequency_response(modes.params, modes.state, [1.0], torque="alternator", phases=0)
-    with pytest.raises(TypeError, match="count must"):
-        bd.modes(modes.params, modes.state, count=1)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="state"):
-        bd.modes(modes.params, None)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="frequencies"):
-        bd.frequency_response(modes.params, modes.state, [-1.0], torque="alternator")
-    with pytest.raises(ValueError, match="at least one pulley"):
-        bd.frequency_response(modes.params, modes.state, [1.0], motion={"crank": 0.0})
+@cache
+def drive() -> tuple[bd.Params, bd.State]:
+    params = reduction(40)
+    return params, bd.settle(params)
 
 
-def test_a_state_out_of_balance_is_said() -> None:
-    """10 N m on the alternator at rest, which nothing holds."""
-    modes = found()
+RESPONSES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
+    ({"torque": {0: np.nan}}, ValueError, r"torque\[0\] must be finite"),
+    ({"motion": {0: np.inf}}, ValueError, r"motion\[0\] must be finite"),
+    ({"torque": {0: "a"}}, TypeError, r"torque\[0\] must be a real or complex number"),
+    ({"torque": 0, "params": None}, TypeError, "params must be a Params"),
+    ({"torque": 0, "state": None}, TypeError, "state must be a State"),
+    ({"torque": 0, "params": reduction(42)}, ValueError, r"state\.x must have shape \(42,\)"),
+    ({"torque": 0, "phases": 0}, ValueError, "phases must"),
+    ({"torque": 0, "frequencies": [-1.0]}, ValueError, "frequencies"),
+    ({"motion": {0: 0.0}}, ValueError, "at least one pulley"),
+)
+MODES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
+    ({"n": 0}, ValueError, "n must"),
+    ({"n": 1000}, ValueError, "n must be at most 40, the number of links"),
+    ({"phases": 0}, ValueError, "phases must"),
+    ({"count": 1}, TypeError, "count must"),
+    ({"state": None}, TypeError, "state"),
+    ({"params": reduction(42)}, ValueError, r"state\.x must have shape \(42,\)"),
+)
+
+
+@pytest.mark.filterwarnings("error")
+def test_arguments_are_refused_by_name() -> None:
+    of_drive = dict(zip(("params", "state"), drive(), strict=True))
+    for given, error, message in RESPONSES:
+        with pytest.raises(error, match=message):
+            bd.frequency_response(**(of_drive | {"frequencies": [10.0]} | given))
+    for given, error, message in MODES:
+        with pytest.raises(error, match=message):
+            bd.modes(**(of_drive | given))
+
+
+def test_decays_are_printed_in_four_lines() -> None:
+    modes = bd.modes(*drive(), n=1)
+    many = attrs.evolve(modes, decay=np.arange(1.0, 18.0), decay_names=("rotation",) * 17)
+    lines = [line for line in str(many).splitlines() if "not oscillating" in line]
+    assert len(lines) == 5
+    assert lines[-1] == "  not oscillating: and 13 more (modes.decay)"
+
+
+def test_a_print_says_what_is_held_and_fits_80_columns() -> None:
+    """And a state out of balance is told: 10 N m on the alternator at rest, which nothing holds."""
+    params = bd.scenes.tensioned_alternator(60).params
+    state = bd.settle(params)
+    held = str(bd.modes(params, state, n=3, motion={"crank": 0.0}))
+    free = str(bd.modes(params, state, n=3))
+    assert "prescribed motion: crank" in held and "prescribed motion: none" in free
+    assert max(len(line) for line in (held + "\n" + free).splitlines()) <= 80
     load = bd.PiecewiseLinear([0.0], [10.0], "alternator")
     with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium.*alternator"):
-        bd.modes(modes.params, modes.state, load, n=1)
+        bd.modes(params, state, load, n=1)

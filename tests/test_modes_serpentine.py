@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from functools import cache
 
+import attrs
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -161,7 +162,7 @@ def test_lowest_eight_frequencies() -> None:
     assert "arm" in " ".join(modes.names) and "1st lateral" in " ".join(modes.names)
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_modes_serpentine.py::test_lowest_eight_frequencies")
 def test_soft_arm() -> None:
     """Over 12 phases of the mesh all eight within 0.5 %, of which one phase is up to 4 % off."""
     params = drive(240, (40.0, -18.0), 1e11)
@@ -178,3 +179,50 @@ def test_soft_arm() -> None:
     at_rest = bd.modes(params, state, motion={"crank": 0.0}, n=1)
     assert at_rest.frequency[0] / expected[0] - 1.0 > 0.8 * off.max()
     assert "phase of the mesh" in str(at_rest) and "over the mesh" in str(modes)
+
+
+def peak(t: Array, signal: Array) -> float:
+    """Frequency of the largest line [Hz]: Hann window, a parabola through the padded transform."""
+    window = np.hanning(t.size)
+    n = 16 * t.size
+    amplitude = np.abs(np.fft.rfft(window * (signal - signal.mean()), n))
+    k = int(np.argmax(amplitude[1:-1])) + 1
+    a, b, c = np.log(amplitude[k - 1 : k + 2])
+    return float((k + 0.5 * (a - c) / (a - 2 * b + c)) / (n * (t[1] - t[0])))
+
+
+@pytest.mark.extended(guard="test_modes_swept.py::test_swept_torque")
+def test_ring_down() -> None:
+    """Displaced by the sum of the eight modes, the drive rings with their frequencies.
+
+    Displacements are projected on the shape of each mode; within 0.5 %, as the frequencies of modes
+    are against the linear model.
+    """
+    params, state = settled(240)
+    modes = bd.modes(params, state, motion={"crank": 0.0})
+    shapes, size = modes.shapes, 2e-6
+    start = attrs.evolve(
+        state,
+        **{
+            name: getattr(state, name) + size * getattr(shapes, name).real.sum(axis=0)
+            for name in ("x", "y", "theta", "travel")
+        },
+    )
+    t = np.linspace(0.0, 0.5, 2001)
+    result = bd.simulate(
+        params,
+        bd.Viscous([0.0, 0.0, 0.0]),
+        t[-1],
+        motion={"crank": bd.PiecewiseLinear([0.0], [0.0])},
+        initial=start,
+        t_eval=t,
+        rtol=1e-6,
+        outputs=("belt.x", "belt.y", "pulleys.theta"),
+    )
+    moved = np.array([result.belt.x - state.x, result.belt.y - state.y])
+    turned = 0.05 * (result.pulleys.theta - state.theta)
+    for k in range(8):
+        on_shape = moved[0] @ shapes.x[k].real + moved[1] @ shapes.y[k].real
+        on_shape += turned @ (0.05 * shapes.theta[k].real) * 240 * 0.1
+        near = peak(t, on_shape)
+        assert near == pytest.approx(modes.frequency[k], rel=5e-3), k

@@ -1,4 +1,4 @@
-"""Frequency responses against runs with a swept torque, which know nothing of the linearisation.
+"""Frequency responses against runs, which know nothing of the linearisation.
 
 A torque on the alternator, small beside what friction holds, sweeps over two resonances; when it
 has ended the drive rings down. The whole record is transformed, so there is no window and no
@@ -7,8 +7,6 @@ damped and would not ring down, the lateral modes of the spans from 106 Hz on, l
 """
 
 from __future__ import annotations
-
-from functools import cache
 
 import numpy as np
 import pytest
@@ -19,7 +17,6 @@ from test_modes import two_pulleys
 import beltdyn as bd
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 #: Sweep [Hz, s], its end with the ringing down [s], samples per second, band compared [Hz].
@@ -35,9 +32,14 @@ def sweep(t: Array) -> Array:
     return np.asarray(size**2 * (3.0 - 2.0 * size) * np.sin(2.0 * np.pi * phase))
 
 
-@cache
-def swept() -> tuple[Array, dict[str, Complex], bd.FrequencyResponse]:
-    """Frequencies, the responses of the run, and those of the linearised drive."""
+def test_swept_torque() -> None:
+    """At rest, at each line, amplitude and phase, over resonances and their minima.
+
+    What is off grows with the amplitude of the torque, for the drive is not linear: 0.07 % of the
+    largest response at 0.01 N m, 0.27 % at 0.05, 1 % at 0.2 N m, the same at rtol 1e-6 and 1e-7. So
+    0.1 % of the largest, and 1 % of the response itself, which falls to a hundredth of the largest
+    and less between the resonances.
+    """
     params, amplitude = sprung_alternator(0.1), 0.01
     state = bd.settle(params)
     t = np.arange(round(END * SAMPLES) + 1) / SAMPLES
@@ -59,19 +61,6 @@ def swept() -> tuple[Array, dict[str, Complex], bd.FrequencyResponse]:
     within = (frequency > BAND[0]) & (frequency < BAND[1])
     pushed = np.fft.rfft(amplitude * sweep(t))[within]
 
-    def ratio(history: Array) -> Complex:
-        moved = history - history[0]
-        # rung down: what is cut off at the end is no more than that of the largest motion
-        assert np.abs(moved[-50:]).max() < 2e-3 * np.abs(moved).max()
-        return np.asarray(np.fft.rfft(moved, axis=0)[within] / pushed)
-
-    seen = {
-        "alternator": ratio(result.pulleys.theta[:, 1]),
-        "tensioner": ratio(result.pulleys.theta[:, 2]),
-        "travel": ratio(result.mounts.travel[:, 0]),
-        "span 0": ratio(result.span_tension[:, 0]),
-        "span 1": ratio(result.span_tension[:, 1]),
-    }
     response = bd.frequency_response(
         params,
         state,
@@ -80,46 +69,27 @@ def swept() -> tuple[Array, dict[str, Complex], bd.FrequencyResponse]:
         motion={"crank": 0.0},
         loads=resisting,
     )
-    return frequency[within], seen, response
-
-
-def test_swept_torque() -> None:
-    """At rest, at each line, amplitude and phase, over resonances and their minima.
-
-    What is off grows with the amplitude of the torque, for the drive is not linear: 0.07 % of the
-    largest response at 0.01 N m, 0.27 % at 0.05, 1 % at 0.2 N m, the same at rtol 1e-6 and 1e-7. So
-    0.1 % of the largest, and 1 % of the response itself, which falls to a hundredth of the largest
-    and less between the resonances.
-    """
-    frequency, seen, response = swept()
-    assert frequency.size > 150
-    expected = {
-        "alternator": response.theta[:, 1],
-        "tensioner": response.theta[:, 2],
-        "travel": response.travel[:, 0],
-        "span 0": response.span_tension[:, 0],
-        "span 1": response.span_tension[:, 1],
-    }
-    for name, ratio in seen.items():
-        off, size = abs(ratio - expected[name]), abs(expected[name])
+    for name, history, expected in (
+        ("alternator", result.pulleys.theta[:, 1], response.theta[:, 1]),
+        ("tensioner", result.pulleys.theta[:, 2], response.theta[:, 2]),
+        ("travel", result.mounts.travel[:, 0], response.travel[:, 0]),
+        ("span 0", result.span_tension[:, 0], response.span_tension[:, 0]),
+        ("span 1", result.span_tension[:, 1], response.span_tension[:, 1]),
+    ):
+        moved = history - history[0]
+        # rung down: what is cut off at the end is no more than that of the largest motion
+        assert np.abs(moved[-50:]).max() < 2e-3 * np.abs(moved).max()
+        seen = np.fft.rfft(moved, axis=0)[within] / pushed
+        off, size = abs(seen - expected), abs(expected)
         assert (off < 1e-3 * size.max()).all(), name
         assert (off < 1e-2 * size).all(), name
     # two resonances are in the band, and it is not they that make it easy
-    tops = abs(expected["tensioner"])
+    assert np.count_nonzero(within) > 150
+    tops = abs(response.theta[:, 2])
     inner = (tops[1:-1] > tops[:-2]) & (tops[1:-1] > tops[2:])
-    assert np.allclose(frequency[1:-1][inner], [30.4, 86.5], atol=0.5)
-    assert abs(expected["alternator"]).max() > 10.0 * abs(expected["alternator"]).min()
-
-
-def test_picture_of_the_sweep() -> None:
-    """What `bd.plot.frequency_response` draws passes through the points of the run."""
-    frequency, seen, response = swept()
-    upper, lower = bd.plot.frequency_response(response, "theta", "alternator")
-    x, y = upper.lines[0].get_data()
-    assert np.allclose(x, frequency)
-    assert np.allclose(y, abs(seen["alternator"]), rtol=1e-2)
-    phase = lower.lines[0].get_ydata()
-    assert np.allclose(phase, np.degrees(np.angle(seen["alternator"])), atol=1.0)
+    assert np.allclose(frequency[within][1:-1][inner], [30.4, 86.5], atol=0.5)
+    alternator = abs(response.theta[:, 1])
+    assert alternator.max() > 10.0 * alternator.min()
 
 
 def running_drive() -> bd.Params:
@@ -132,7 +102,7 @@ def running_drive() -> bd.Params:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_modes_swept.py::test_swept_torque")
 def test_swept_torque_running() -> None:
     """At 6 m/s: half the difference of two runs with the torque and its opposite.
 
@@ -189,3 +159,34 @@ def test_swept_torque_running() -> None:
     resting = bd.settle(params)
     at_rest = bd.frequency_response(params, resting, frequency[within], **arguments)
     assert abs(at_rest.theta[:, 1]).max() > 3.0 * abs(response.theta[:, 1]).max()
+
+
+def test_response_to_a_motion() -> None:
+    """Two sines at once on the crank, when what they began with has decayed: amplitude and phase.
+
+    The arm is damped so strongly that this takes 0.25 s; a span's tension and the pulleys' angles.
+    """
+    params, resisting = sprung_alternator(0.6), bd.Viscous([0.0, 0.02, 0.0])
+    state, w, end, amplitude = bd.settle(params), 2.0 * np.pi * np.array([20.0, 60.0]), 0.5, 2e-4
+    response = bd.frequency_response(
+        params, state, w / (2.0 * np.pi), motion="crank", loads=resisting
+    )
+    assert (response.residual < 1e-7).all()
+
+    def angle(t: float) -> float:
+        """Faded in over 0.1 s."""
+        fade = min(t / 0.1, 1.0)
+        return amplitude * fade**2 * (3.0 - 2.0 * fade) * float(np.sin(w * t).sum())
+
+    t = np.linspace(end - 0.25, end, 401)
+    motion = {"crank": bd.Motion(angle=angle)}
+    result = bd.simulate(params, resisting, end, motion, initial=state, t_eval=t, rtol=1e-5)
+    basis = np.column_stack([*np.sin(np.outer(w, t)), *np.cos(np.outer(w, t)), np.ones_like(t), t])
+    for history, expected in (
+        (result.pulleys.theta[:, 1], response.theta[:, 1]),
+        (result.pulleys.theta[:, 2], response.theta[:, 2]),
+        (result.span_tension[:, 0], response.span_tension[:, 0]),
+    ):
+        fitted = np.linalg.lstsq(basis, history, rcond=None)[0]
+        seen = (fitted[:2] + 1j * fitted[2:4]) / amplitude
+        assert (abs(seen - expected) < 0.01 * abs(expected)).all()

@@ -52,9 +52,6 @@ def steady() -> bd.Result:
     return bd.simulate(scene.params, scene.torque_fn, 0.4, motion=scene.motion)
 
 
-# --- Hub loads ------------------------------------------------------------------------------------
-
-
 def test_a_constant_load_has_a_narrow_range() -> None:
     """Load, speed and tensions are constant but for the mesh: so are the hub loads of a designer.
 
@@ -64,7 +61,6 @@ def test_a_constant_load_has_a_narrow_range() -> None:
     late = steady().t >= told.begin
     swings = []
     for k, row in enumerate(told.pulleys):
-        assert row.hub_load is not None
         assert row.hub_load.most - row.hub_load.least < 0.1 * row.hub_load.mean
         raw = np.hypot(*steady().pulleys.load[late, k].T)
         swings.append(float(np.ptp(raw) / raw.mean()))
@@ -73,12 +69,12 @@ def test_a_constant_load_has_a_narrow_range() -> None:
         assert row.hub_load.mean == pytest.approx(math.hypot(x, y), rel=0.02)
     assert max(swings) > 0.35
     belt = told.mounts["tensioner"].belt
-    raw = steady().mounts.belt_force[late, 0]  # type: ignore[union-attr]
-    assert belt is not None and belt.mean == pytest.approx(raw.mean(), rel=2e-3)
+    raw = steady().mounts.belt_force[late, 0]
+    assert belt.mean == pytest.approx(raw.mean(), rel=2e-3)
     assert belt.most - belt.least < 0.7 * np.ptp(raw)
 
 
-@pytest.mark.slow
+@pytest.mark.extended(guard="test_report_loads.py::test_a_constant_load_has_a_narrow_range")
 def test_ranges_of_hub_loads_do_not_depend_on_the_mesh() -> None:
     """Of the serpentine drive, 200 and 400 links, whose contact's peaks fall by 36 %."""
     peaks = []
@@ -96,7 +92,6 @@ def test_pulleys_carry_the_weight_of_the_belt() -> None:
     params = drive(40, gravity=(0.0, -9.80665))
     still = bd.simulate(params, lambda *_: [0.0, 0.0, 0.0], 0.01)
     statics = hub_statics(Window.last(still, 1.0))
-    assert statics is not None
     total = statics[-1].sum(axis=0)
     weight = params.belt.linear_density * params.info["length"] * 9.80665
     assert total[1] == pytest.approx(-weight, rel=2e-3)
@@ -111,9 +106,6 @@ def test_where_spans_are_not_known_it_is_said() -> None:
     assert any(note.startswith("hub load of crank, alternator") for note in few.notes)
 
 
-# --- Mounts ---------------------------------------------------------------------------------------
-
-
 def test_what_acts_on_an_arm_is_in_balance() -> None:
     """Its mean acceleration is what its speed changes by over the window, over its inertia."""
     result = run(70)
@@ -123,7 +115,6 @@ def test_what_acts_on_an_arm_is_in_balance() -> None:
     means = [row.spring, row.damper, row.friction, row.stop, row.belt]
     torques = [one.mean for one in means if one is not None]
     assert len(torques) == 5 and row.kind == "arm"
-    assert result.mounts is not None
     speed, arm = result.mounts.travel_speed[late, 0], result.params.pulleys[2].mount
     assert isinstance(arm, bd.Arm)
     change = arm.inertia * (speed[-1] - speed[0]) / (told.end - told.begin)
@@ -135,14 +126,13 @@ def test_travel_stops_and_swing_of_an_arm() -> None:
     result = run(70)
     told = result.report(0.4)
     row = told.mounts[0]
-    assert result.mounts is not None and row.travel is not None and row.to_stop is not None
     late = result.t >= told.begin
     travel = result.mounts.travel[late, 0]
     assert (row.travel.least, row.travel.most) == (travel.min(), travel.max())
     assert row.to_stop.least == pytest.approx(travel.min() + 0.1)  # the lower stop is nearer
     # it swings with the load; over 4.4 periods a line is found within a tenth of 5 Hz
     assert row.frequency == pytest.approx(PULSE, abs=0.5)
-    assert row.amplitude is not None and 0.3 < 2.0 * row.amplitude / np.ptp(travel) < 1.2
+    assert 0.3 < 2.0 * row.amplitude / np.ptp(travel) < 1.2
     lines = str(told).splitlines()
     (line,) = [one for one in lines if one.strip().startswith("tensioner, travel")]
     assert f"{math.degrees(row.travel.mean):.3f}" in line and " deg " in line
@@ -155,7 +145,7 @@ def test_travel_stops_and_swing_of_an_arm() -> None:
 def test_a_slider_and_a_path() -> None:
     def two(mount: object, **belt: float) -> bd.Params:
         return bd.Params(
-            belt=bd.Belt(n_bodies=40, linear_density=0.1, axial_stiffness=60e3, **belt),  # type: ignore[arg-type]
+            belt=bd.Belt(n_bodies=40, linear_density=0.1, axial_stiffness=60e3, **belt),
             pulleys=[
                 bd.Pulley(name="motor", center=(0.0, 0.0), radius=0.05, inertia=0.01),
                 bd.Pulley(name="tail", center=(0.4, 0.0), radius=0.05, inertia=0.01, mount=mount),
@@ -169,14 +159,14 @@ def test_a_slider_and_a_path() -> None:
     row = told.mounts["tail"]
     pull = 80.0 * 9.80665
     assert row.kind == "slider" and row.to_stop is None and row.damper is None
-    assert row.spring is not None and row.spring.mean == pytest.approx(pull, rel=1e-9)
-    assert row.belt is not None and row.belt.mean == pytest.approx(-pull, rel=1e-3)
+    assert row.spring.mean == pytest.approx(pull, rel=1e-9)
+    assert row.belt.mean == pytest.approx(-pull, rel=1e-3)
     assert " mm " in str(told) and "spring, hung weight" in str(told)
     path = bd.Path(t=[0.0, 0.02], displacement=[(0.0, 0.0), (3e-4, -4e-4)])
     told = bd.simulate(two(path, preload=300.0), still, 0.03).report(0.1)
     row = told.mounts[0]
     assert row.kind == "path" and row.belt is None
-    assert row.travel is not None and row.travel.mean == pytest.approx(5e-4, rel=1e-9)
+    assert row.travel.mean == pytest.approx(5e-4, rel=1e-9)
     few = bd.simulate(two(path, preload=300.0), still, 0.01, outputs=("pulleys",)).report(1.0)
     assert any(note.startswith("mounts: mounts.travel") for note in few.notes)
 
@@ -186,7 +176,6 @@ def test_hub_loads_point_where_the_spans_pull() -> None:
     result = steady()
     window = Window.last(result, 0.2)
     statics = hub_statics(window)
-    assert statics is not None
     for k, row in enumerate(result.report().pulleys):
         x, y = window.mean(statics[:, k])
         assert row.hub_direction == pytest.approx(math.atan2(y, x), abs=1e-12)

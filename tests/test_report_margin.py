@@ -2,20 +2,24 @@
 
 Theory is that of tests/creep_theory.py, two pulleys in closed form. The runs bring up all torques
 in proportion, far slower than the belt goes round, until the driving pulley slips: the largest
-torque that it then carries is the one that the margin of a run at a part of it has foretold.
+torque that it then carries is the one that the margin of a run at a part of it has foretold. What
+bending stiffness takes off the limit of Euler and Eytelwein a report says by a closed form; here it
+is held to belts that slip in full.
 """
 
 from __future__ import annotations
 
 import math
+import re
 
 import attrs
 import creep_theory
 import numpy as np
 import pytest
 from drives import pressing
-from slow import slow_if
 from test_creep_theory import DENSITY, DRIVE, EA, FULL, MU, OMEGA, RADII, unequal
+from tiers import ci_if, extended_if
+from two_pulleys import open_drive
 
 import beltdyn as bd
 from beltdyn.report.margin import Steady, full_slip
@@ -26,8 +30,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:chatter:UserWarning"),  # once it slips
     pytest.mark.filterwarnings("ignore:slack_span:UserWarning"),
 ]
-
-# --- Theory ---------------------------------------------------------------------------------------
 
 
 def state_of_theory(share: float, way: int = 1) -> Steady:
@@ -45,12 +47,11 @@ def state_of_theory(share: float, way: int = 1) -> Steady:
     )
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
-@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(("share", "way"), [(0.05, 1), (0.5, -1), (0.95, 1), (0.9, -1)])
 def test_from_any_part_of_it_the_torque_is_that_of_theory(share: float, way: int) -> None:
     """The contact gives by EA/(c R^2) = 6e-4 of what the belt stretches: ask for a tenth of it."""
-    small, large = full_slip(state_of_theory(share, way))
-    assert small is not None and large is not None
+    state = state_of_theory(share, way)
+    small, large = full_slip(state)
     assert share * small.factor == pytest.approx(1.0, rel=6e-5)
     assert abs(small.torque) == pytest.approx(FULL.torque, rel=6e-5)
     np.testing.assert_allclose(small.tensions, (FULL.tight, FULL.slack), rtol=6e-5)
@@ -62,15 +63,12 @@ def test_from_any_part_of_it_the_torque_is_that_of_theory(share: float, way: int
 
 
 def test_a_state_past_full_slip_has_a_factor_below_one() -> None:
+    """With four fifths of the friction."""
     state = state_of_theory(0.9)
-    less = attrs.evolve(
-        state.params, friction=bd.ElasticPlastic(mu=0.8 * MU, stiffness=1e10, damping=1e5)
-    )
-    small, _ = full_slip(attrs.evolve(state, params=less))
-    assert small is not None and 0.8 < small.factor < 1.0
+    law = bd.ElasticPlastic(mu=0.8 * MU, stiffness=1e10, damping=1e5)
+    small, _ = full_slip(attrs.evolve(state, params=attrs.evolve(state.params, friction=law)))
+    assert 0.8 < small.factor < 1.0
 
-
-# --- Runs -----------------------------------------------------------------------------------------
 
 #: Of the loads below, held while the margin is found.
 PULL = {"two": 0.8, "three": 0.6, "arm": 0.45}
@@ -116,12 +114,12 @@ def run(kind: str, times: list[float], shares: list[float]) -> bd.Result:
     )
 
 
-@pytest.mark.parametrize("kind", slow_if(lambda kind: kind != "three", ["two", "three", "arm"]))
+@pytest.mark.parametrize("kind", ci_if(lambda kind: kind != "three", ["two", "three", "arm"]))
 def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     held = run(kind, [BEGIN, BEGIN + 0.1, 1.2], [0.0, PULL[kind], PULL[kind]])
     report = held.report(0.3)
     first = report.first_to_slip
-    assert first is not None and first.name == "crank" and first.margin is not None
+    assert first.name == "crank"
     assert not report.unsteady and 1.2 < first.margin < 3.0
     ends = [first.margin * PULL[kind] * share for share in (0.9, 1.1)]
     slips = run(kind, [BEGIN, BEGIN + 0.1, 1.8], [0.0, *ends])
@@ -131,5 +129,36 @@ def test_the_torque_at_which_a_run_slips(kind: str) -> None:
     carried = np.convolve(torque, np.ones(n) / n, "valid")[slips.t[: 1 - n] > BEGIN + 0.1].max()
     lost = slips.pulleys.omega[-1, 1] / (SPEED * 5.0 / 7.0)
     assert lost < 0.9, "the run has not come to slip"
-    assert first.slip_torque is not None
     assert abs(first.slip_torque) == pytest.approx(carried, rel=0.02)
+
+
+def slipping(bending_stiffness: float) -> bd.Result:
+    """The head at a steady 5 rad/s, the other pulley braked until the belt slips on both."""
+    belt = {"preload": 800.0, "n_bodies": 200, "axial_stiffness": 2e5, "model": "links"}
+    law = bd.Dahl(mu_k=0.4, sigma=2e4)
+    params = open_drive(
+        (0.1, 0.1), 0.4, (0.01, 0.01), bending_stiffness=bending_stiffness, friction=law, **belt
+    )
+    brake = bd.Load(1, coulomb=60.0, viscous=40.0)
+    return bd.simulate(params, brake, 0.5, motion={0: bd.PiecewiseLinear([0.0, 0.05], [0.0, 5.0])})
+
+
+@pytest.mark.parametrize("bending_stiffness", extended_if(lambda it: it == 0.3, [0.0, 0.3, 1.0]))
+def test_what_bending_takes_off(bending_stiffness: float) -> None:
+    """Tensions in full slip reach mu wrap less what the report says, to the next order in the angle
+    sqrt(EI/T)/r, 0.16 and 0.29 rad, at which the belt leaves the rim: its square.
+    """
+    report = slipping(bending_stiffness).report(last=0.4)
+    said = [note for note in report.notes if "resists bending" in note]
+    row = report.pulleys[0]
+    assert row.slip_share > 0.999
+    if bending_stiffness == 0.0:
+        assert not said
+        assert row.used == pytest.approx(1.0, abs=2e-3)
+        return
+    found = re.search(r"([\d.]+) % on pulley 0", said[0])
+    assert found
+    angle = bending_stiffness / (0.01 * row.slack)  # squared
+    loss = 0.01 * float(found[1])
+    assert 1.0 - row.used == pytest.approx(loss, rel=angle, abs=2e-3)
+    assert loss > 0.015

@@ -1,4 +1,7 @@
-"""Spectra: amplitude and frequency of known signals; orders of a crank, lines of the mesh."""
+"""Spectra: amplitude and frequency of known signals; orders of a crank, lines of the mesh.
+
+And their pictures: lines are named and marked, legends and labels have room in print.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +11,27 @@ import attrs
 import numpy as np
 import pytest
 from drives import cranked
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from pictures import SIZED, axes_of, check_room
 
 import beltdyn as bd
 from beltdyn import spectra
 
-# --- signals whose spectrum is known --------------------------------------------------------------
+# What is looked at of run-ups is the crank's prescribed motion, whatever the belt does on its way.
+pytestmark = pytest.mark.filterwarnings("ignore:chatter")
 
 
-@pytest.mark.parametrize("frequency", [50.0, 123.37, 123.5, 480.21])
-def test_a_sine_shows_its_amplitude(frequency: float) -> None:
+def test_a_sine_shows_its_amplitude() -> None:
     """Anywhere between two points of the transform; mean and drift do not matter."""
     t = np.linspace(2.0, 3.0, 2001)
-    values = 3.0 * np.sin(2.0 * np.pi * frequency * t + 0.3) + 100.0 + 5.0 * t
-    at, amplitude, resolution = spectra.amplitude_spectrum(t, values)
-    assert amplitude.max() == pytest.approx(3.0, rel=4e-3)  # 0.3 %, and the line taken off
-    assert at[amplitude.argmax()] == pytest.approx(frequency, abs=0.07)  # half a padded point
-    assert resolution == pytest.approx(1.5, rel=1e-3)  # noise bandwidth of Hann over 1 s
-    assert at[-1] == pytest.approx(1000.0)
+    for frequency in (50.0, 123.37, 123.5, 480.21):
+        values = 3.0 * np.sin(2.0 * np.pi * frequency * t + 0.3) + 100.0 + 5.0 * t
+        at, amplitude, resolution = spectra.amplitude_spectrum(t, values)
+        assert amplitude.max() == pytest.approx(3.0, rel=4e-3)  # 0.3 %, and the line taken off
+        assert at[amplitude.argmax()] == pytest.approx(frequency, abs=0.07)  # half a padded point
+        assert resolution == pytest.approx(1.5, rel=1e-3)  # noise bandwidth of Hann over 1 s
+        assert at[-1] == pytest.approx(1000.0)
 
 
 def test_two_lines_keep_their_heights_and_flattop_its_promise() -> None:
@@ -47,15 +54,12 @@ def test_samples_must_be_even_in_time() -> None:
         spectra.amplitude_spectrum(np.linspace(0.0, 1.0, 50), np.full(50, np.nan))
 
 
-@pytest.mark.parametrize(
-    ("true", "seen"), [(30.0, 30.0), (70.0, 30.0), (130.0, 30.0), (100.0, 0.0)]
-)
-def test_folding_is_where_samples_show_it(true: float, seen: float) -> None:
-    assert float(spectra.folded(true, 100.0)) == pytest.approx(seen)
-    t = np.arange(400) / 100.0
-    at, amplitude, _ = spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * true * t + 0.5))
-    if seen:
-        assert at[amplitude.argmax()] == pytest.approx(seen, abs=0.05)
+def test_folding_is_where_samples_show_it() -> None:
+    for true, seen in ((30.0, 30.0), (70.0, 30.0), (130.0, 30.0), (100.0, 0.0)):
+        assert float(spectra.folded(true, 100.0)) == pytest.approx(seen)
+        t = np.arange(400) / 100.0
+        at, amplitude, _ = spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * true * t + 0.5))
+        assert not seen or at[amplitude.argmax()] == pytest.approx(seen, abs=0.05)
 
 
 def test_a_chirp_in_a_spectrogram() -> None:
@@ -70,19 +74,17 @@ def test_a_chirp_in_a_spectrogram() -> None:
         spectra.spectrogram(t, values, 1e-3)
 
 
-# --- a drive --------------------------------------------------------------------------------------
-
 SPEED = 100.0
 
 
-def run(n_bodies: int, samples: int = 3601, t_end: float = 0.6) -> bd.Result:
+def run(n_bodies: int) -> bd.Result:
     crank = bd.CrankMotion(SPEED, orders=[2, 4], amplitudes=[4e-3, 1e-3], fade=(0.0, 0.05))
     return bd.simulate(
         cranked(n_bodies),
         bd.Load("alternator", viscous=0.05),
-        t_end,
+        0.6,
         motion={"crank": crank},
-        t_eval=np.linspace(0.0, t_end, samples),
+        t_eval=np.linspace(0.0, 0.6, 3601),
         outputs=("span_tension", "pulleys", "belt"),
         ledger=False,
     )
@@ -94,8 +96,35 @@ def coarse() -> bd.Result:
 
 
 @pytest.fixture(scope="module")
-def fine() -> bd.Result:
-    return run(84)
+def run_up() -> bd.Result:
+    """From 40 to 130 rad/s, without places of links."""
+    speed = bd.PiecewiseLinear([0.0, 0.05, 1.0], [40.0, 40.0, 130.0])
+    return bd.simulate(
+        cranked(60),
+        bd.Load("alternator", viscous=0.02),
+        1.0,
+        motion={"crank": bd.CrankMotion(speed, orders=[2], amplitudes=[2e-3])},
+        t_eval=np.linspace(0.0, 1.0, 2001),
+        outputs=("pulleys", "span_tension"),
+        ledger=False,
+    )
+
+
+def thinned(result: bd.Result, step: int, **changed: Any) -> bd.Result:
+    """Every so many samples, and other values of the pulleys."""
+    few = slice(None, None, step)
+    groups = {
+        name: attrs.evolve(group, **{k: a[few] for k, a in group.arrays().items()})
+        for name, group in (("pulleys", result.pulleys), ("belt", result.belt))
+        if group.arrays()
+    }
+    groups["pulleys"] = attrs.evolve(groups["pulleys"], **changed)
+    return attrs.evolve(result, t=result.t[few], sampled_spans=result.span_tension[few], **groups)
+
+
+def labels(ax: Axes) -> list[str]:
+    legend = ax.get_legend()
+    return [text.get_text() for text in legend.get_texts()]
 
 
 def test_orders_of_the_crank(coarse: bd.Result) -> None:
@@ -114,7 +143,6 @@ def test_orders_of_the_crank(coarse: bd.Result) -> None:
 def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
     """The rate from speeds against that from counting: how often a link comes to the same place."""
     rate = spectra.belt_rate(coarse)
-    assert rate is not None
     late = coarse.t > 0.2
     belt, t = coarse.belt, coarse.t
     passed = [
@@ -125,10 +153,10 @@ def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
     assert rate[late].mean() == pytest.approx(1.0 / period, rel=1e-3)
 
 
-def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result, fine: bd.Result) -> None:
+def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result) -> None:
     """Another number of links moves the link passing line in proportion, no physical one."""
     found = []
-    for result in (coarse, fine):
+    for result in (coarse, run(84)):
         spectrum = spectra.spectrum(result, span="crank")
         lines = spectrum.lines(12)
         (passing,) = [line for line in lines if "link passing x1" in line.names]
@@ -136,7 +164,6 @@ def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result, fine: bd.Re
         (crank,) = [line for line in lines if "crank x2" in line.names]
         assert not crank.from_mesh
         rate = spectra.belt_rate(result, result.t > 0.3)
-        assert rate is not None
         n = result.params.belt.n_bodies
         assert passing.frequency == pytest.approx(n * rate.mean(), rel=2e-3)
         # v / l0 with the speed of the rim, less creep and sinking of the belt
@@ -149,16 +176,7 @@ def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result, fine: bd.Re
 
 def test_folded_link_passing_is_named(coarse: bd.Result) -> None:
     """Every twentieth sample: 300 a second, and the links pass above half of that."""
-    few = slice(None, None, 20)
-    thin = attrs.evolve(
-        coarse,
-        t=coarse.t[few],
-        pulleys=attrs.evolve(
-            coarse.pulleys, **{k: a[few] for k, a in coarse.pulleys.arrays().items()}
-        ),
-        belt=attrs.evolve(coarse.belt, **{k: a[few] for k, a in coarse.belt.arrays().items()}),
-        sampled_spans=coarse.span_tension[few],
-    )
+    thin = thinned(coarse, 20)
     spectrum = spectra.spectrum(thin, span="crank")
     (passing,) = [one for one in spectrum.sources if one.kind == "link"]
     assert spectrum.limit == pytest.approx(150.0) and passing.frequency > spectrum.limit
@@ -170,21 +188,8 @@ def test_folded_link_passing_is_named(coarse: bd.Result) -> None:
     assert line.frequency == pytest.approx(at, abs=0.2 * spectrum.resolution + 2e-3 * 474)
 
 
-# What is looked at is the crank's prescribed motion, whatever the belt does on its way.
-@pytest.mark.filterwarnings("ignore:chatter")
-def test_a_run_up_shows_orders_at_the_speed_they_have() -> None:
-    speed = bd.PiecewiseLinear([0.0, 0.05, 1.0], [40.0, 40.0, 130.0])
-    crank = bd.CrankMotion(speed, orders=[2], amplitudes=[2e-3])
-    result = bd.simulate(
-        cranked(60),
-        bd.Load("alternator", viscous=0.02),
-        1.0,
-        motion={"crank": crank},
-        t_eval=np.linspace(0.0, 1.0, 2001),
-        outputs=("pulleys.omega", "span_tension"),
-        ledger=False,
-    )
-    found = spectra.speed_spectra(result, "pulleys.omega", pulley="crank", over="crank")
+def test_a_run_up_shows_orders_at_the_speed_they_have(run_up: bd.Result) -> None:
+    found = spectra.speed_spectra(run_up, "pulleys.omega", pulley="crank", over="crank")
     swept = (found.speed > 55.0) & (found.speed < 115.0)
     top = found.frequency[found.amplitude.argmax(axis=1)]
     np.testing.assert_allclose(
@@ -192,11 +197,8 @@ def test_a_run_up_shows_orders_at_the_speed_they_have() -> None:
     )
     # without positions of links the belt's rate is that of the rims
     np.testing.assert_allclose(
-        found.belt, found.speed * 0.08 / result.params.info["length"], rtol=0.03
+        found.belt, found.speed * 0.08 / run_up.params.info["length"], rtol=0.03
     )
-
-
-# --- what is asked for ----------------------------------------------------------------------------
 
 
 def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
@@ -206,26 +208,16 @@ def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
     assert found.label == f"pulleys.omega of {('crank', 'alternator')[most]}"
     np.testing.assert_array_equal(found.values, coarse.pulleys.omega[rows, most])
     assert found.unit == "rad/s"
+    # spans by number and by name
+    for span in (1, "alternator", "alternator to crank"):
+        found = spectra.signal(coarse, "span_tension", span=span)
+        assert (found.label, found.unit) == ("tension of span alternator to crank", "N")
+        np.testing.assert_array_equal(found.values, coarse.span_tension[:, 1])
 
 
-@pytest.mark.parametrize("count", [-1, 1.5, None])
-def test_a_bad_number_of_lines_is_refused(coarse: bd.Result, count: Any) -> None:
-    found = spectra.spectrum(coarse, span=0)
-    with pytest.raises((TypeError, ValueError), match="count must be"):
-        found.lines(count)
-    assert found.lines(0) == ()
-
-
-@pytest.mark.parametrize("span", [1, "alternator", "alternator to crank"])
-def test_spans_by_name(coarse: bd.Result, span: int | str) -> None:
-    found = spectra.signal(coarse, "span_tension", span=span)
-    assert (found.label, found.unit) == ("tension of span alternator to crank", "N")
-    np.testing.assert_array_equal(found.values, coarse.span_tension[:, 1])
-
-
-@pytest.mark.parametrize(
-    ("output", "where", "error", "words"),
-    [
+def test_bad_choices(coarse: bd.Result) -> None:
+    where: dict[str, object]
+    for output, where, error, words in (
         ("pulleys.speed", {}, ValueError, r"output must be one of .*pulleys\.omega"),
         ("energy", {}, ValueError, "output must be one of"),
         (7, {}, ValueError, "output must be one of"),
@@ -240,20 +232,133 @@ def test_spans_by_name(coarse: bd.Result, span: int | str) -> None:
         ),
         ("joints.force", {}, AttributeError, r"joints\.force was not asked for"),
         ("mounts.travel", {}, ValueError, "no mounts"),
-    ],
-)
-def test_bad_choices(
-    coarse: bd.Result, output: str, where: dict[str, object], error: type, words: str
-) -> None:
-    with pytest.raises(error, match=words):
-        spectra.signal(coarse, output, **where)
+    ):
+        with pytest.raises(error, match=words):
+            spectra.signal(coarse, output, **where)
+    found = spectra.spectrum(coarse, span=0)
+    for count in (-1, 1.5, None):
+        with pytest.raises((TypeError, ValueError), match="count must be"):
+            found.lines(count)
+    assert found.lines(0) == ()
 
 
 def test_mounts_by_pulley_in_their_units() -> None:
-    params, torque, _, motion = bd.scenes.tensioned_alternator()
-    result = bd.simulate(params, torque, 0.02, motion=motion)
+    params, torque, _, motion = bd.scenes.tensioned_alternator(60)
+    result = bd.simulate(params, torque, 0.005, motion=motion)
     found = spectra.signal(result, "mounts.travel", mount="tensioner")
     assert (found.label, found.unit) == ("mounts.travel of tensioner", "rad")
     assert spectra.signal(result, "mounts.belt_force", mount=0).unit == "N m"
     with pytest.raises(ValueError, match="crank has none"):
         spectra.signal(result, "mounts.travel", mount="crank")
+
+
+def test_the_lines_are_named(coarse: bd.Result) -> None:
+    found = bd.spectra.spectrum(coarse, span="crank")
+    ax = bd.plot.spectrum(coarse, span="crank")
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), found.amplitude)
+    words = labels(ax)
+    assert words[0] == "tension of span crank to alternator"
+    assert any(word.startswith("link passing, ") and "the mesh" in word for word in words)
+    for line in found.lines(4):
+        (word,) = [one for one in words if one.startswith(f"{line.frequency:.4g} Hz, ")]
+        assert all(name in word for name in line.names[:2])
+    assert any(word.endswith("crank x2") for word in words)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("frequency [Hz]", "amplitude [N]")
+    (passing,) = [one for one in found.sources if one.kind == "link"]
+    dotted = [line for line in ax.lines if str(line.get_label()).startswith("link passing")]
+    assert dotted[0].get_xdata()[0] == pytest.approx(passing.frequency)
+    ax = bd.plot.spectrum(coarse, span="crank", marks=False, label="as it is")
+    bd.plot.spectrum(coarse, span="alternator", marks=False, ax=ax)
+    assert labels(ax) == ["as it is", "tension of span alternator to crank"]
+    assert len({line.get_color() for line in ax.lines}) == len(ax.lines) == 2
+
+
+def test_campbell_has_orders_where_they_are(run_up: bd.Result) -> None:
+    ax = bd.plot.campbell(
+        run_up,
+        "pulleys.omega",
+        pulley="crank",
+        orders=(1, 2),
+        up_to=60.0,
+        modes=[(70.0, [20.0, 30.0]), (110.0, [21.0, 33.0])],
+    )
+    (mesh,) = [one for one in ax.collections if isinstance(one, QuadMesh)]
+    assert mesh.norm.vmax == pytest.approx(10.0**2 * mesh.norm.vmin)
+    rpm = 60.0 / (2.0 * np.pi)
+    for line, order in zip(ax.lines, (1, 2), strict=False):
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        np.testing.assert_allclose(y, order * x / 60.0)
+        assert 40.0 * rpm <= x.min() < x.max() <= 130.0 * rpm
+    natural = [line for line in ax.lines if line.get_marker() == "o"]
+    np.testing.assert_allclose(natural[0].get_xdata(), [70.0 * rpm, 110.0 * rpm])
+    assert [list(line.get_ydata()) for line in natural] == [[20.0, 21.0], [30.0, 33.0]]
+    assert labels(ax) == ["orders of crank", "belt passing", "natural frequencies"]
+    assert ax.get_xlabel() == "speed of crank [rpm]"
+
+
+def test_campbell_draws_modes_at_rest_as_level_lines(run_up: bd.Result) -> None:
+    """Those within the picture; the legend names them only if there are any."""
+    params = run_up.params
+    modes = bd.modes(params, bd.settle(params), n=4, motion={"crank": 0.0})
+    high = float(modes.frequency[1]) + 1.0
+    where: dict[str, Any] = {"pulley": "alternator", "orders": (2,), "modes": modes}
+    ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=high, **where)
+    level = [line for line in ax.lines if np.ptp(np.asarray(line.get_ydata())) == 0.0]
+    drawn = [float(np.asarray(line.get_ydata())[0]) for line in level]
+    assert drawn == [one for one in modes.frequency if one <= high] and len(drawn) >= 2
+    assert "natural frequencies" in labels(ax)
+    ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=0.5 * float(modes.frequency[0]), **where)
+    assert "natural frequencies" not in labels(ax)
+
+
+BAD_CAMPBELL: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"up_to": -5.0}, "up_to must be > 0 Hz, got -5"),
+    ({"up_to": float("nan")}, "up_to must be finite"),
+    ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
+    ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
+    ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
+    ({"limits": (10.0, 1.0)}, "limits must be .* 0 < low < high"),
+    ({"limits": 1.0}, "limits must be a pair"),
+    ({"modes": [1, 2]}, r"modes\[0\] must be a bd.Modes or a pair"),
+    ({"modes": [(50.0, ["a"])]}, r"modes\[0\]\[1\] must hold real numbers"),
+    ({"window": -1.0}, "window must be > 0 s"),
+)
+
+
+def test_arguments_are_checked(coarse: bd.Result, run_up: bd.Result) -> None:
+    for options, words in BAD_CAMPBELL:
+        with pytest.raises((TypeError, ValueError), match=words):
+            bd.plot.campbell(run_up, "pulleys.omega", pulley="crank", **options)
+    for options in ({"up_to": -5.0}, {"up_to": float("nan")}, {"count": -1}):
+        with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+            bd.plot.spectrum(coarse, span="crank", **options)
+
+
+def test_why_there_is_no_campbell_diagram(coarse: bd.Result, run_up: bd.Result) -> None:
+    """Too few samples of a run-up are not a steady speed, rounding no speed at all."""
+    with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
+        bd.plot.campbell(coarse, "pulleys.omega", pulley="alternator")
+    few = thinned(run_up, 125)
+    assert few.t.size == 17
+    with pytest.raises(ValueError, match=r"17 samples give .* more samples"):
+        bd.plot.campbell(few, "pulleys.omega", pulley="crank")
+    noise = 1e-9 * np.random.default_rng(1).normal(size=run_up.pulleys.omega.shape)
+    with pytest.raises(ValueError, match='pulley "crank" stands still'):
+        bd.plot.campbell(thinned(run_up, 1, omega=noise), span="crank")
+
+
+@SIZED
+def test_all_has_room_on_screen_and_in_print(
+    coarse: bd.Result, run_up: bd.Result, size: tuple[float, float, float]
+) -> None:
+    """No text over another or beyond the figure; in a column of 8.5 cm and a page of 17 cm."""
+    # order 8 leaves the Campbell diagram at its top, beneath the title, off the corner
+    for draw, result, high in (
+        (bd.plot.spectrum, coarse, None),
+        (bd.plot.campbell, run_up, 110.0),
+    ):
+        with axes_of(size) as ax:
+            draw(result, span="crank", up_to=high, ax=ax)
+            check_room(ax.figure)
+            assert ax.get_window_extent().width > 0.5 * ax.figure.bbox.width
+            assert ax.get_window_extent().height > 0.3 * ax.figure.bbox.height
