@@ -255,7 +255,8 @@ def test_core_agrees_with_oracle(name: str) -> None:
     )
     tension, strain = drives.tension_of(params), params.info["strain"]
     theta = oracle.pulleys(run.y)[..., 0, :]
-    assert np.max(np.abs(result.pulleys.theta - theta)) <= 1e-8 * np.max(np.abs(theta))
+    # of no less than 0.1 rad: thrown, pulleys have turned by a hundredth after these short runs
+    assert np.max(np.abs(result.pulleys.theta - theta)) <= 1e-8 * max(np.max(np.abs(theta)), 0.1)
     _, force = oracle.joints(run.y)
     assert np.max(np.abs(result.joints.force - force)) <= 1e-6 * tension
 
