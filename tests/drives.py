@@ -41,6 +41,17 @@ def plain() -> bd.Params:
     )
 
 
+def small_idler(radius: float, n_bodies: int) -> bd.Params:
+    """Three pulleys, the middle one so small that links of twice its radius pass it by."""
+    places = {(0.0, 0.0): (0.05, 0.01), (0.15, 0.05): (radius, 1e-4), (0.3, 0.0): (0.05, 0.01)}
+    base = plain()
+    belt = attrs.evolve(base.belt, length=0.905, n_bodies=n_bodies, axial_stiffness=50e3,
+                        axial_damping=2.0, bending_stiffness=0.0)  # fmt: skip
+    pulleys = [bd.Pulley(center=c, radius=r, inertia=i) for c, (r, i) in places.items()]
+    contact = bd.Contact(linear=2.5e7, damping=1e3)
+    return attrs.evolve(base, belt=belt, pulleys=pulleys, contact=contact)
+
+
 def on_mesh(params: bd.Params, mesh: str) -> bd.Params:
     """The same drive with another discretisation of its belt: links of a mesh; or a "string", whose
     belt loses its bending.

@@ -50,24 +50,13 @@ def test_states_that_are_of_no_drive_are_refused(rest: bd.State) -> None:
 
 
 def test_settling_that_misses_a_pulley_is_an_error() -> None:
-    """A pulley so small that links of twice its radius pass it by."""
-
-    def small_idler(n_bodies: int) -> bd.Params:
-        places = {(0.0, 0.0): (0.05, 0.01), (0.15, 0.05): (0.02, 1e-4), (0.3, 0.0): (0.05, 0.01)}
-        base = drives.plain()
-        belt = attrs.evolve(base.belt, length=0.905, n_bodies=n_bodies, axial_stiffness=50e3,
-                            axial_damping=2.0, bending_stiffness=0.0)  # fmt: skip
-        pulleys = [bd.Pulley(center=c, radius=r, inertia=i) for c, (r, i) in places.items()]
-        contact = bd.Contact(linear=2.5e7, damping=1e3)
-        return attrs.evolve(base, belt=belt, pulleys=pulleys, contact=contact)
-
     with pytest.raises(bd.SimulationError, match="no link touches pulley 1") as caught:
-        bd.settle(small_idler(20))
+        bd.settle(drives.small_idler(0.02, 20))
     assert caught.value.symbol == "BD_ERR_OFF_PULLEY"
     assert caught.value.pulley == 1
     advised = int(re.search(r"n_bodies >= (\d+)", str(caught.value))[1])  # type: ignore[index]
     assert 20 < advised < 1000
-    bd.settle(small_idler(advised))
+    bd.settle(drives.small_idler(0.02, advised))
 
 
 def test_joints_that_gape_end_a_run(rest: bd.State) -> None:

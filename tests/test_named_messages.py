@@ -17,7 +17,6 @@ import drives
 import numpy as np
 import pytest
 from named import NAMES, Dress, Pulleys, as_it_is, named, pulley, with_names
-from test_guards import small_idler
 
 import beltdyn as bd
 from beltdyn import run_warnings, sanity
@@ -89,7 +88,7 @@ def overlapping_start(dress: Dress) -> object:
 
 
 def missed_pulley(dress: Dress) -> object:
-    return bd.settle(dressed(dress, small_idler(0.02, 20)))
+    return bd.settle(dressed(dress, drives.small_idler(0.02, 20)))
 
 
 def running(
@@ -235,7 +234,7 @@ def slack(dress: Dress) -> tuple[bd.RunWarning, ...]:
 
 
 def small_pulley(dress: Dress) -> tuple[bd.RunWarning, ...]:
-    return sanity.check(dressed(dress, small_idler(0.02, 30)))
+    return sanity.check(dressed(dress, drives.small_idler(0.02, 30)))
 
 
 def in_millimetres(dress: Dress) -> tuple[bd.RunWarning, ...]:
