@@ -7,6 +7,7 @@ is promised of another process.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import pickle
@@ -23,6 +24,7 @@ import drive_table as table
 import numpy as np
 import pytest
 from bridge import oracle_of
+from laws import oracle_law
 from module_common import same_bits
 from test_kernels import available
 
@@ -270,11 +272,16 @@ def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
     drive, _, result = ran(name)
     params, state = drive.scene.params, result.final_state._to_core(drive.scene.params)
     oracle = oracle_of(params)
+    laws = [params.friction_on(k) for k in range(len(params.pulleys))]
+    if any(law and getattr(law, "mu_s", 0.0) for law in laws):  # a curve, which `oracle_of` drops
+        own = tuple(map(oracle_law, laws))
+        oracle = dataclasses.replace(oracle, friction=own, mu_k=None, sigma=None)
     slots = dense.slots_of(oracle)
     y = dense.vector_of_oracle(oracle, state, slots)
     torque = np.linspace(-4.0, 3.0, len(params.pulleys))
     expected = oracle.unpack(oracle.rhs(state["t"], y, lambda t, theta, omega: torque))
     rate = params._model.rate(state, torque)
+    scales = scales_of(rate, params)
     unknown = {"t"} | ({"phi", "vphi"} if oracle.freedoms == 2 else set())
     for key in rate.keys() - unknown:
         want = np.asarray(expected[key])
@@ -284,8 +291,8 @@ def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
             np.add.at(want, slots, by_pulley)
         elif key in ("mu", "slip"):
             continue
-        scale = np.max(np.abs(want), initial=0.0)
-        assert np.max(np.abs(rate[key] - want.ravel()), initial=0.0) <= 1e-10 * scale, key
+        apart = np.max(np.abs(rate[key] - want.ravel()), initial=0.0)
+        assert apart <= 1e-10 * scales[key], key
     terms, energy = oracle.energy_terms(y), result.energy
     moving = ("translation", "rotation", "pulleys", "moved mounts")
     assert energy is not None
@@ -326,14 +333,9 @@ def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch) -> None:
         for name, (rates, expected) in best.items():
             rate, run = early(table.drive(name), ran(name))
             assert run.stats.kernels == level
-            info = ran(name).drive.scene.params.info
-            pull, half = info["strain_tension"] / info["link_mass"], info["link_length"] / 2
-            scales = {"vx": pull, "vy": pull, "vphi": 3 * pull / half}
-            slipping = np.max(np.abs(rates["slip"]), initial=0.0)  # a stretch is its difference
-            scales["mu"] = max(np.max(np.abs(rates["mu"]), initial=0.0), slipping)
-            for key, values in rates.items():
-                scale = scales.get(key, np.max(np.abs(values), initial=0.0))
-                assert np.max(np.abs(rate[key] - values), initial=0.0) <= 1e-11 * scale, (name, key)
+            for key, scale in scales_of(rates, ran(name).drive.scene.params).items():
+                apart = np.max(np.abs(rate[key] - rates[key]), initial=0.0)
+                assert apart <= (1e-10 if key == "mu" else 1e-11) * scale, (name, key)
             if run.stats.steps != expected.stats.steps:
                 others.add(name)
                 continue
@@ -342,6 +344,19 @@ def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch) -> None:
             left = np.max(np.abs(run.energy.residual - expected.energy.residual))
             assert left <= 1e-9 * expected.energy.passed[-1], name
     assert len(others) <= 3, others
+
+
+def scales_of(rates: dict[str, Any], params: bd.Params) -> dict[str, float]:
+    """Sizes by which rates are compared: what the belt's tension alone would do to a link or to a
+    kilogram of a mount, for forces all but cancel; the stretch of a bristle follows the slip, and
+    as its damper is weak, it takes a hundred times the rounding of forces.
+    """
+    pull, half = params.info["strain_tension"], params.info["link_length"] / 2
+    scales = {key: float(np.max(np.abs(value), initial=0.0)) for key, value in rates.items()}
+    mass = params.info["link_mass"]
+    least = {"vx": pull / mass, "vy": pull / mass, "vphi": 3 * pull / mass / half}
+    least |= {"travel_speed": pull, "mu": 100.0 * max(scales["slip"], scales["mu"], 0.1)}
+    return {key: max(scale, least.get(key, 0.0)) for key, scale in scales.items()}
 
 
 def early(drive: table.Drive, one: Ran) -> tuple[dict[str, np.ndarray], Any]:
