@@ -16,8 +16,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from planting import HERE, ROOT, Fault, FaultError, core, faults, package
@@ -39,8 +38,10 @@ OLD_TIERS = {"default": "not slow", "slow": "slow"}  # of checkouts without test
 # --- running tests -------------------------------------------------------------------------------
 
 
-def failing_test(tests: Path, where: Path, marks: str, hint: str, limit: float) -> str | None:
-    """Return the first test that fails with the package in a folder; None if none does."""
+def failing(
+    tests: Path, where: Path, marks: str, chosen: list[str], limit: float, *options: str
+) -> list[str]:
+    """Return the tests that fail with the package in a folder, as paths from the tests' folder."""
     witness = where / "witness.tsv"
     witness.unlink(missing_ok=True)
     environment = dict(
@@ -49,10 +50,9 @@ def failing_test(tests: Path, where: Path, marks: str, hint: str, limit: float) 
         PYTHONDONTWRITEBYTECODE="1",
         BELTDYN_WITNESS=str(witness),
     )
-    chosen, *options = shlex.split(hint)
-    command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-x", "-q", "--tb=no"]
+    command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-q", "--tb=no"]
     command += ["-p", "faults_witness", "-p", "no:cacheprovider", "-o", f"timeout={TEST_LIMIT}"]
-    command += ["-m", marks, str(tests / chosen), *options]
+    command += ["-m", marks, *(str(tests / one) for one in chosen), *options]
     with (where / "output.txt").open("w") as output:
         try:
             code = subprocess.run(
@@ -64,31 +64,17 @@ def failing_test(tests: Path, where: Path, marks: str, hint: str, limit: float) 
                 stderr=subprocess.STDOUT,
             ).returncode
         except subprocess.TimeoutExpired:
-            print(f"    not done within {limit:g} s: {hint}", flush=True)
-            return None
+            print(f"    not done within {limit:g} s: {' '.join(chosen)}", flush=True)
+            return []
     lines = witness.read_text("utf-8").splitlines() if witness.exists() else []
-    words = [line.split("\t") for line in lines]
-    if failed := [test for word, test in words if word == "failed"]:
-        return failed[0]
-    if code in (0, 5):
-        return None
+    words = [line.replace("\ttests/", "\t").split("\t") for line in lines]
+    failed = [test for word, test in words if word == "failed"]
+    if failed or code in (0, 5):
+        return failed
     if code == 4 and not words:
-        print(f"    no such test: {hint}", flush=True)
-        return None
-    return f"{words[-1][1]}{ENDED}" if words else f"pytest ended with {code}"
-
-
-clean_package = cache(lambda: package(None))
-_clean: dict[tuple[Path, str], bool] = {}
-
-
-def passes_clean(tests: Path, test: str, limit: float) -> bool:
-    """Return whether a test passes without the fault."""
-    node = test.removesuffix(ENDED).partition("tests/")[2]
-    if (tests, node) not in _clean:
-        hint = shlex.quote(node)
-        _clean[tests, node] = failing_test(tests, clean_package(), "", hint, limit) is None
-    return _clean[tests, node]
+        print(f"    no such test: {' '.join(chosen)}", flush=True)
+        return []
+    return [(words[-1][1] if words else f"pytest, exit code {code}") + ENDED]
 
 
 def found(fault: Fault, tests: Path, options: argparse.Namespace) -> tuple[str, str]:
@@ -106,22 +92,30 @@ def found(fault: Fault, tests: Path, options: argparse.Namespace) -> tuple[str, 
             yield from ((tier, ".", TIER_LIMIT) for tier in tiers)
 
     for tier, hint, limit in tried():
-        if test := failing_test(tests, where, tiers[tier], hint, limit):
-            if not passes_clean(tests, test, limit):
-                print(f"    fails without the fault too: {test}", flush=True)
-                continue
-            return tier, test.removeprefix("tests/")
+        chosen, *others = shlex.split(hint)
+        if failed := failing(tests, where, tiers[tier], [chosen], limit, "-x", *others):
+            return tier, failed[0]
     return "-", "not its hints" if options.hints_only else "nothing"
+
+
+def fails_anyway(tests: Path, finders: Iterable[str]) -> set[str]:
+    """Return which of the tests that found faults fail without them."""
+    nodes = sorted({test.removesuffix(ENDED) for test in finders})
+    if not nodes:
+        return set()
+    print(f"{len(nodes)} tests without a fault", flush=True)
+    return set(failing(tests, package(None), "", nodes, TIER_LIMIT))
 
 
 # --- the record ----------------------------------------------------------------------------------
 
 
-def record(row: tuple[str, ...], order: list[str]) -> None:
+def record(name: str, row: tuple[str, ...], listed: list[Fault]) -> None:
     """Put a row into found.tsv, in place of the one of the same fault and time."""
+    order = [fault.name for fault in listed]
     lines = FOUND.read_text("utf-8").splitlines()[1:] if FOUND.exists() else []
     rows = {tuple(line.split("\t")[:2]): line for line in lines}
-    rows[row[:2]] = "\t".join(row)
+    rows[name, row[0]] = "\t".join([name, *row])
     known = [key for key in rows if key[0] in order]
     kept = [rows[key] for key in sorted(known, key=lambda k: (k[1], order.index(k[0])))]
     FOUND.write_text("\n".join(["\t".join(COLUMNS), *kept, ""]), "utf-8")
@@ -154,7 +148,8 @@ def main() -> int:
             fault.planted()
         if unknown := set(options.names) - {fault.name for fault in listed}:
             raise FaultError(f"no fault is called {', '.join(sorted(unknown))}")
-        commit, blind = commit_of(tests), 0
+        commit = commit_of(tests)
+        rows = {}
         for fault in listed:
             if options.names and fault.name not in options.names:
                 continue
@@ -166,13 +161,18 @@ def main() -> int:
             tier, test = found(fault, tests, options)
             seconds = f"{time.monotonic() - began:.0f}"
             print(f"{fault.name}: {tier}: {test} ({seconds} s)", flush=True)
-            order = [fault.name for fault in listed]
-            record((fault.name, options.note or commit, commit, tier, test, seconds), order)
-            blind += tier in ("-", "extended")
+            rows[fault.name] = (options.note or commit, commit, tier, test, seconds)
+            record(fault.name, rows[fault.name], listed)
+        anyway = fails_anyway(tests, (row[3] for row in rows.values() if row[2] != "-"))
+        for name, (when, at, tier, test, seconds) in rows.items():
+            if tier != "-" and test in anyway:
+                print(f"{name}: {test} fails without the fault as well", flush=True)
+                rows[name] = (when, at, "-", f"{test} fails without the fault", seconds)
+                record(name, rows[name], listed)
     except FaultError as error:
         print(error, file=sys.stderr)
         return 2
-    return 1 if blind else 0
+    return 1 if any(row[2] in ("-", "extended") for row in rows.values()) else 0
 
 
 if __name__ == "__main__":
