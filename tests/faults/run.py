@@ -110,11 +110,21 @@ def fails_anyway(tests: Path, finders: Iterable[str]) -> set[str]:
 # --- the record ----------------------------------------------------------------------------------
 
 
+def recorded() -> dict[tuple[str, str], str]:
+    """Return the lines of found.tsv by fault and time."""
+    lines = FOUND.read_text("utf-8").splitlines()[1:] if FOUND.exists() else []
+    return {(line.split("\t")[0], line.split("\t")[1]): line for line in lines}
+
+
+def is_found(name: str, when: str) -> bool:
+    line = recorded().get((name, when))
+    return line is not None and line.split("\t")[3] != "-"
+
+
 def record(name: str, row: tuple[str, ...], listed: list[Fault]) -> None:
     """Put a row into found.tsv, in place of the one of the same fault and time."""
     order = [fault.name for fault in listed]
-    lines = FOUND.read_text("utf-8").splitlines()[1:] if FOUND.exists() else []
-    rows = {tuple(line.split("\t")[:2]): line for line in lines}
+    rows = recorded()
     rows[name, row[0]] = "\t".join([name, *row])
     known = [key for key in rows if key[0] in order]
     kept = [rows[key] for key in sorted(known, key=lambda k: (k[1], order.index(k[0])))]
@@ -138,6 +148,7 @@ def main() -> int:
     parser.add_argument("--note", help="what the column `when` says, instead of the commit")
     parser.add_argument("--hints-only", action="store_true", help="run no more than the hints")
     parser.add_argument("--all-default", action="store_true", help="whole tiers, without hints")
+    parser.add_argument("--left", action="store_true", help="only those not found so far")
     parser.add_argument("--build", action="store_true", help="build, and run nothing")
     options = parser.parse_args()
     tests = options.tests.resolve()
@@ -152,6 +163,8 @@ def main() -> int:
         rows = {}
         for fault in listed:
             if options.names and fault.name not in options.names:
+                continue
+            if options.left and is_found(fault.name, options.note or commit):
                 continue
             began = time.monotonic()
             if options.build:
