@@ -100,7 +100,7 @@ def found(fault: Fault, tests: Path, options: argparse.Namespace) -> tuple[str, 
 
 def fails_anyway(tests: Path, finders: Iterable[str]) -> set[str]:
     """Return which of the tests that found faults fail without them."""
-    nodes = sorted({test.removesuffix(ENDED) for test in finders})
+    nodes = sorted({test.removesuffix(ENDED) for test in finders if ".py" in test})
     if not nodes:
         return set()
     print(f"{len(nodes)} tests without a fault", flush=True)
