@@ -45,7 +45,13 @@ class Fault:
         text = (ROOT / self.file).read_text("utf-8")
         if (times := text.count(self.old)) != 1:
             raise FaultError(f"{self.name}: its old text occurs {times} times in {self.file}")
-        return text.replace(self.old, self.new)
+        planted = text.replace(self.old, self.new)
+        if self.file.endswith(".py"):
+            try:
+                compile(planted, self.file, "exec")
+            except SyntaxError as error:
+                raise FaultError(f"{self.name}: {error}") from None
+        return planted
 
 
 def faults() -> list[Fault]:
