@@ -47,7 +47,7 @@ def tests_of(file: Path) -> list[tuple[str, str, dict[str, str]]]:
                         guards[tier] = named[1]
                 if "extended_if(" in mark or "first(" in mark:
                     guards["extended"] = tiers.OTHERS
-                if "ci_if(" in mark:
+                if "ci_if(" in mark or "one_in(" in mark:
                     guards["ci"] = tiers.OTHERS
             name = node.name.removeprefix("test_").replace("_", " ")
             found.append((node.name, sentence(ast.get_docstring(node) or name), guards))

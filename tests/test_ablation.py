@@ -270,6 +270,7 @@ def test_an_effect_whose_lack_is_warned_of_is_kept() -> None:
     assert "contact.damping" not in found.advice
 
 
+@pytest.mark.ci(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
 @pytest.mark.parametrize("load", first(1, [0.7, 0.0]))
 def test_advice_holds_over_a_longer_run_and_under_more_load(
     explained: bd.Explanation, load: float

@@ -441,6 +441,7 @@ def means_are_judged(accuracy: bd.Accuracy) -> bool:
     return all(accuracy[name].total is not None for name in QUANTITIES if name not in HISTORIES)
 
 
+@pytest.mark.ci(guard="test_accuracy.py::test_what_is_read_at_rest")
 def test_histories_that_part_are_judged_up_to_there() -> None:
     """Seen in the difference of two integrations, before the run itself has noticed it."""
     scene = chattering(0.25)

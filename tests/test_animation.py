@@ -138,6 +138,7 @@ def test_mp4(short: bd.plot.Animation, tmp_path: Path) -> None:
     assert (pictures[0] != pictures[-1]).any()
 
 
+@pytest.mark.ci(guard="test_animation.py::test_gif")
 def test_html(short: bd.plot.Animation, tmp_path: Path) -> None:
     path = tmp_path / "drive.html"
     short.save(path, dpi=40)
@@ -155,6 +156,7 @@ def without_ffmpeg(patch: pytest.MonkeyPatch) -> None:
     patch.setitem(sys.modules, "imageio_ffmpeg", None)
 
 
+@pytest.mark.ci(guard="test_animation.py::test_what_ffmpeg_says_comes_out")
 def test_without_ffmpeg(
     short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

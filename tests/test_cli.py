@@ -62,6 +62,7 @@ def test_run_a_scene(tmp_path: Path) -> None:
         assert word in long.stdout and word not in result.stdout
 
 
+@pytest.mark.ci(guard="test_animation.py::test_gif")
 def test_animate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def simulate(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:
         return bd.simulate(params, torque, t_end, t_eval=[0.0, 1e-3, 2e-3], **options)

@@ -58,6 +58,7 @@ def test_a_drive_that_chatters(method: str, rtol: float) -> None:
     assert run.stats.growth > 100.0
 
 
+@pytest.mark.ci(guard="test_growth.py::test_a_drive_that_chatters")
 def test_from_when_on_and_no_later() -> None:
     """Where two runs whose starts differ by 1e-11 m have parted by a hundredth of the mean tension,
     the warning's time is past; and before half of it they had not parted.
@@ -129,6 +130,7 @@ def test_a_torque_function_is_not_called_for_the_twin() -> None:
     assert calls <= run.stats.nfev + 1  # and the sample
 
 
+@pytest.mark.ci(guard="test_growth.py::test_drives_that_do_not")
 def test_long_runs_of_the_second_order_claim_more() -> None:
     """Damping shifts the creep, and that adds up: the estimate grows with the run."""
     params, torque, *_ = bd.scenes.kubas_case_1()

@@ -19,6 +19,7 @@ import drives
 import numpy as np
 import pytest
 import reference
+import tiers
 from bridge import oracle_of
 from drives import on_mesh
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
@@ -294,7 +295,7 @@ def assert_solves(case: Case) -> None:
 STATES = ("moving", "saturated", "stops")  # of mounts: mounted_drives.py
 
 
-@pytest.mark.parametrize("name", drive_table.names())
+@pytest.mark.parametrize("name", tiers.one_in(3, drive_table.names()))
 def test_every_entry_and_every_solve(name: str) -> None:
     """Of each belt, law, contact, layout and mount: J is that of the core's rates and of the
     oracle's, and solves leave rounding at any step. States of mounts by turns.
@@ -327,7 +328,7 @@ EXTREMES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", EXTREMES)
+@pytest.mark.parametrize("name", tiers.one_in(3, EXTREMES))
 def test_every_entry_at_extremes(mesh: str, name: str) -> None:
     params = on_mesh(drives.plain(), mesh)
     changes = EXTREMES[name]

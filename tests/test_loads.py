@@ -332,6 +332,7 @@ def test_every_method(
     assert [one.code for one in result.warnings] == ["mesh"]
 
 
+@pytest.mark.ci(guard="test_loads.py::test_every_method")
 def test_with_torques_on_all_and_with_python(
     drive: bd.Params, start: bd.State, exact: bd.Result
 ) -> None:
@@ -563,6 +564,7 @@ def scene(torque: Any = None, motion: Any = None) -> bd.Scene:
     return bd.Scene(drives.plain(), total() if torque is None else torque, 0.002, motion)
 
 
+@pytest.mark.ci(guard="test_drive_table.py::test_toml_and_files_give_it_back")
 def test_files(tmp_path: Path) -> None:
     """Every kind, there and back, exactly; and run from the file."""
     whole = scene(motion={0: CRANK})
@@ -728,6 +730,7 @@ def test_objects_are_values() -> None:
     assert attrs.evolve(HARMONICS, of=1) != HARMONICS
 
 
+@pytest.mark.ci(guard="test_loads.py::test_names_of_pulleys")
 def test_identification_takes_loads() -> None:
     """The inertia of a free pulley, from its speed under them: what was simulated is found again.
     Experiments take no motion, of whatever kind.

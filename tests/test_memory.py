@@ -155,6 +155,7 @@ def test_making_the_arrays_can_be_interrupted(scene: bd.Scene, start: bd.State) 
         assert not sim.advance(1e-3)
 
 
+@pytest.mark.ci(guard="test_memory.py::test_making_the_arrays_can_be_interrupted")
 @pytest.mark.usefixtures("handlers")
 @pytest.mark.parametrize("amid", ["sample", "advance"])
 def test_ctrl_c_with_very_many_samples(

@@ -64,6 +64,7 @@ def test_response_is_drawn_as_it_is() -> None:
         bd.plot.frequency_response(response, "colour")
 
 
+@pytest.mark.ci(guard="test_modes_plot.py::test_response_is_drawn_as_it_is")
 def test_a_phase_that_goes_round_leaves_a_gap() -> None:
     """Beyond resonance a phase passes 180 degrees; no line joins it to its going on at -180."""
     modes = found()

@@ -17,6 +17,7 @@ import pytest
 import reference
 import reference_run
 import stored_runs
+import tiers
 from bridge import fields, oracle_of
 from mounted_drives import DRIVES, METHODS
 from reference_mounts import Path, Sprung
@@ -44,7 +45,7 @@ def running(name: str, t: float = 0.03) -> bd.State:
 # -------------------------------------------------------------------- places
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", tiers.one_in(3, DRIVES))
 def test_the_belt_line_is_where_mounts_rest(name: str) -> None:
     """Tension and strain that the drive reports are those of the balance of line and mounts."""
     params, _ = settled(name)
@@ -62,7 +63,7 @@ def test_the_belt_line_is_where_mounts_rest(name: str) -> None:
     )
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", tiers.one_in(3, DRIVES))
 def test_settled_state_is_the_oracles(name: str) -> None:
     """No force is left on links or mounts, friction apart, and the energy is no other minimum's."""
     params, start = settled(name)

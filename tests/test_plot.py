@@ -447,6 +447,9 @@ def test_no_overlap_without_a_layout(result: bd.Result) -> None:
     assert bar.y1 < legend.y0 and legend.y1 < label.y1
 
 
+@pytest.mark.ci(
+    guard="test_plot.py::test_each_makes_a_figure_of_its_own_and_changes_nothing_global"
+)
 def test_plot_is_found_without_an_import_and_without_pyplot() -> None:
     """Without matplotlib it says what to install; with it neither pyplot nor a window is needed."""
     code = (

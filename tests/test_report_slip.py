@@ -280,6 +280,7 @@ def test_axes_on_a_path_put_power_in_or_take_it_off(way: float) -> None:
     assert lost > 0.0 and (told.efficiency is None or told.efficiency < 1.0)
 
 
+@pytest.mark.ci(guard="test_report_slip.py::test_axes_on_a_path_put_power_in_or_take_it_off")
 def test_dry_friction_of_mounts_gives_back_only_what_it_stores() -> None:
     """Losses of dampers and Dahl's friction never fall; the ledger has the bristles' energy too.
 

@@ -153,6 +153,7 @@ def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
     assert rate[late].mean() == pytest.approx(1.0 / period, rel=1e-3)
 
 
+@pytest.mark.ci(guard="test_spectra.py::test_folded_link_passing_is_named")
 def test_the_line_of_the_mesh_moves_with_the_mesh(coarse: bd.Result) -> None:
     """Another number of links moves the link passing line in proportion, no physical one."""
     found = []

@@ -245,6 +245,7 @@ class Counted:
         )
 
 
+@pytest.mark.ci(guard="test_study.py::test_a_budget_that_was_exceeded_is_a_warning")
 def test_more_budget_buys_more_accuracy_and_is_kept() -> None:
     errors = []
     for seconds in (0.006, 0.02, 0.05):

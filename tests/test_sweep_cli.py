@@ -79,6 +79,7 @@ def test_a_sweep_from_a_file(folder: Path) -> None:
     assert "6 found in the store" in again.stdout
 
 
+@pytest.mark.ci(guard="test_sweep_cli.py::test_a_sweep_from_a_file")
 def test_the_file_of_the_notebooks() -> None:
     """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
     path = Path(__file__).resolve().parent.parent / "notebooks" / "sweep.toml"

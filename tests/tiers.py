@@ -41,6 +41,12 @@ def first(n: int, cases: Iterable[Any]) -> list[Any]:
     return extended_if(cases[n:].__contains__, cases)
 
 
+def one_in(n: int, cases: Iterable[Any]) -> list[Any]:
+    """Every n-th case by default, the others in CI: of a table whose neighbours differ."""
+    cases = list(cases)
+    return ci_if(lambda case: cases.index(case) % n > 0, cases)
+
+
 def is_default(item: pytest.Item) -> bool:
     return not any(item.get_closest_marker(name) for name in OUTSIDE)
 
@@ -70,7 +76,13 @@ def faults_of_marks(items: Iterable[pytest.Item], whole_files: bool) -> list[str
     That some cases are default can be told only where files are collected whole.
     """
     items = list(items)
-    default = {item.nodeid.partition("[")[0] for item in items if is_default(item)}
+    # Tests with a case in the default tier, or whose cases have a guard elsewhere.
+    guarded = {
+        item.nodeid.partition("[")[0]
+        for item in items
+        if is_default(item)
+        or any(m.kwargs.get("guard") != OTHERS for n in OUTSIDE for m in item.iter_markers(n))
+    }
     wrong = set()
     for item in items:
         test = item.nodeid.partition("[")[0]
@@ -82,7 +94,7 @@ def faults_of_marks(items: Iterable[pytest.Item], whole_files: bool) -> list[str
                     f"{test}: {mark.name} without guard=, the default test of the same promise"
                 )
             elif guard == OTHERS:
-                if whole_files and test not in default:
+                if whole_files and test not in guarded:
                     wrong.add(f"{test}: no case of it is in the default tier")
             elif not (TESTS / file).is_file() or function not in _functions(TESTS / file):
                 wrong.add(f"{test}: guard {guard} does not exist")

@@ -138,6 +138,7 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
+@pytest.mark.ci(guard="test_sweep_executors.py::test_two_threads")
 @pytest.mark.parametrize("elsewhere", ci_if("processes".__eq__, ["bytes", "processes"]))
 def test_the_result_does_not_depend_on_where_runs_are_done(
     rig: bd.Params, targets: list[bd.Target], elsewhere: str
@@ -211,6 +212,9 @@ def test_a_prior_counts_like_one_more_measurement(
     assert math.log(both.values["friction.mu_k"] / 0.8) == pytest.approx(std / 2.0, rel=0.1)
 
 
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_cost_and_weights_are_those_of_the_closed_forms"
+)
 @pytest.mark.parametrize("loss", first(1, ["soft_l1", "huber", "cauchy"]))
 def test_an_outlier_counts_less_with_a_robust_loss(
     rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, loss: str
@@ -259,6 +263,9 @@ def test_intervals_with_unknown_noise_are_those_of_student() -> None:
     assert found.estimated == ("final",) and "(estimated)" in str(found)
 
 
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_pulleys_that_only_ever_turn_together_have_but_one_inertia"
+)
 def test_contact_that_hardly_bends_says_nothing_of_its_curvature(
     rig: bd.Params, targets: list[bd.Target]
 ) -> None:
