@@ -279,9 +279,7 @@ def test_advice_holds_over_a_longer_run_and_under_more_load(
     assert holds(explained, lambda one: one._replace(torque_fn=one.torque_fn + more), 0.15) >= 5
 
 
-@pytest.mark.extended(
-    guard="test_ablation.py::test_advice_holds_over_a_longer_run_and_under_more_load"
-)
+@pytest.mark.extended(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
 def test_advice_of_the_seven_pulleys_holds_over_their_run() -> None:
     """From a window of a twelfth of the run."""
     scene = bd.scenes.get("serpentine")

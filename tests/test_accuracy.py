@@ -459,7 +459,7 @@ def test_histories_that_part_are_judged_up_to_there() -> None:
     assert time is not None and time < 0.005
 
 
-@pytest.mark.extended(guard="test_accuracy.py::test_histories_that_part_are_judged_up_to_there")
+@pytest.mark.extended(guard="test_growth.py::test_a_drive_that_chatters")
 def test_growth_that_the_run_has_noticed() -> None:
     run = bd.simulate(*chattering(0.35), verify=True)
     (growth,) = (one.t for one in run.warnings if one.code == "growth")

@@ -7,7 +7,7 @@
  *
  * Written with expm1, mu0 + (s mu_k - mu0) (1 - exp(-z)), because the form of the paper cancels
  * when z is small or mu_k large. The integrators carry the state form dmu/dt = sigma (v - |v| mu /
- * mu_k); this is the yardstick it is held against (tests/test_friction.py).
+ * mu_k); this is the yardstick it is held against (tests/test_friction_path.py).
  */
 #include <math.h>
 

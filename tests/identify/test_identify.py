@@ -166,9 +166,7 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         bd.identify(start, ["friction.mu_k"], targets, workers=1, executor="threads")
 
 
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_the_result_does_not_depend_on_where_runs_are_done"
-)
+@pytest.mark.ci(guard="test_sweep_executors.py::test_two_threads")
 def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
     rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -308,7 +306,7 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Param
 
 
 @pytest.mark.ci(
-    guard="identify/test_identify.py::test_contact_that_hardly_bends_says_nothing_of_its_curvature"
+    guard="identify/test_identify.py::test_pulleys_that_only_ever_turn_together_have_but_one_inertia"
 )
 def test_a_parameter_without_effect_is_reported_and_harms_no_other(
     rig: bd.Params, truth: bd.Result
