@@ -24,6 +24,7 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 @pytest.hookimpl(tryfirst=True)  # before -m takes tests away
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Refuse marks of tiers without a guard; tests outside the default tier may take long."""
+    tiers.deal(items)
     whole = not any("::" in argument for argument in config.args)
     if wrong := tiers.faults_of_marks(items, whole):
         raise pytest.UsageError("\n".join(wrong))

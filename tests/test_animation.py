@@ -98,6 +98,7 @@ def test_the_pace_is_told(result: bd.Result) -> None:
     assert {duration: _pace(duration, T_END) for duration in paces} == paces
 
 
+@pytest.mark.ci(guard="test_animation.py::test_a_frame_is_its_sample")
 def test_panels(result: bd.Result) -> None:
     film = bd.plot.animate(result, panel="speeds", colour="friction")
     figure = shown(film, 0)
@@ -208,6 +209,7 @@ def test_bad_arguments(result: bd.Result) -> None:
             bd.plot.animate(result, **options)
 
 
+@pytest.mark.ci(guard="test_animation.py::test_a_frame_is_its_sample")
 def test_a_partial_result(result: bd.Result, tmp_path: Path) -> None:
     half = attrs.evolve(thinned(result, slice(7)), success=False, status="failed")
     path = tmp_path / "half.gif"

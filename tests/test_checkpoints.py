@@ -173,6 +173,7 @@ CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", CALLS)
 def test_whatever_it_is_called_with_is_in_the_file(name: str, tmp_path: Path) -> None:
     make, options = CALLS[name]

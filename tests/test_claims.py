@@ -54,6 +54,7 @@ def cases() -> list[Any]:
     return [pytest.param(*drive, marks=marks(*drive)) for drive in drives]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("seed", "kind"), cases())
 def test_a_random_drive_is_right_or_says_so(seed: int, kind: str) -> None:
     """A quiet run keeps its claim, no pulley is lost unsaid, and no run goes beyond its budget of

@@ -260,7 +260,7 @@ def one_figure(three_runs: kubas.Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kubas, "runs", lambda progress: three_runs)
 
 
-@pytest.mark.extended(guard="test_cli.py::test_options_of_the_figures")
+@pytest.mark.extended(guard="test_cli.py::test_run_a_scene")
 def test_all_figures_of_the_paper(tmp_path: Path) -> None:
     folder = tmp_path / "figures"
     result = call("figures", "--out", folder)
@@ -276,6 +276,7 @@ def test_all_figures_of_the_paper(tmp_path: Path) -> None:
     assert f"written: 31 files in {folder}" in result.stdout
 
 
+@pytest.mark.ci(guard="test_cli.py::test_run_a_scene")
 def test_options_of_the_figures(tmp_path: Path, one_figure: None) -> None:
     for size, width in (("notebook", 504), ("print", 1020)):
         result = call(

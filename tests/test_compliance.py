@@ -197,6 +197,7 @@ def loaded(name: str) -> tuple[bd.Params, np.ndarray, float]:
     return params, np.nanmean(result.span_tension, axis=0), float(1.0 - rims[1] / rims[0])
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("name", "least"),
     [("soft", 0.3), ("compensated", 0.05), ("chosen", 0.0)],

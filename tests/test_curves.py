@@ -155,6 +155,7 @@ def legs_by_defaults(
     return {name: np.vstack(parts) for name, parts in shares.items()}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.filterwarnings("ignore:balance")  # Euler's method damps, and says so
 @pytest.mark.parametrize(
     ("case", "method", "legs"), ci_if(lambda row: row[2] is not SOME, [*DEALT, *WHOLE])

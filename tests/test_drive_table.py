@@ -22,7 +22,6 @@ import dense
 import drive_table as table
 import numpy as np
 import pytest
-import tiers
 from bridge import oracle_of
 from module_common import same_bits
 from test_kernels import available
@@ -221,10 +220,8 @@ def with_its_like(name: str) -> tuple[str, ...]:
     return tuple(one for one in table.names() if (one in SOME) == (name in SOME))
 
 
-of_one_in_three = pytest.mark.parametrize("name", tiers.one_in(3, table.names()))
-
-
-@of_one_in_three
+@pytest.mark.one_in(3)
+@of_each
 def test_a_stopped_run_goes_on_in_another_process_as_if_it_were_not(name: str) -> None:
     records, samples, end = stopped(with_its_like(name))[name]
     gone_on = child(with_its_like(name))[name][1]
@@ -234,7 +231,8 @@ def test_a_stopped_run_goes_on_in_another_process_as_if_it_were_not(name: str) -
         assert same_bits(final, end)
 
 
-@of_one_in_three
+@pytest.mark.one_in(3)
+@of_each
 def test_stopping_changes_nothing(name: str) -> None:
     result, one = ran(name).result, stopped(with_its_like(name))[name]
     np.testing.assert_array_equal(one.samples["force"], result.joints.force)
@@ -244,7 +242,8 @@ def test_stopping_changes_nothing(name: str) -> None:
 # --- the same bits --------------------------------------------------------------------------------
 
 
-@of_one_in_three
+@pytest.mark.one_in(3)
+@of_each
 def test_the_same_bits_in_another_process(name: str) -> None:
     assert child(with_its_like(name))[name][0] == bits_of(*ran(name)[1:])
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import attrs
 import numpy as np
+import pytest
 from drives import on_mesh
 
 import beltdyn as bd
@@ -23,6 +24,7 @@ def worst_residual(scene: bd.scenes.Scene, t_end: float, start: bd.State, rtol: 
     return float(np.max(np.abs(energy.residual)) / passed)
 
 
+@pytest.mark.ci(guard="test_drive_table.py::test_the_energy_balance_closes")
 def test_case_1_closes_its_balance() -> None:
     """The whole second. What passes through is the drive's work; the bound is the issue's."""
     scene = bd.scenes.kubas_case_1()

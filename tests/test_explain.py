@@ -199,6 +199,7 @@ def test_states_that_a_drive_lacks_are_not_counted() -> None:
     assert not {"phi", "vphi"} & set(seen.state.fields["links"])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_law_is_explained_with_its_states(name: str) -> None:
     """However many a link has, and what calls for it; with its Stribeck curve in the ablation."""

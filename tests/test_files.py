@@ -121,6 +121,7 @@ def test_killed_at_any_moment_the_file_is_the_old_or_the_new(tmp_path: Path) -> 
 STOPS = [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left")]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_old_file_stays_until_the_new_one_is_complete(
     savers: dict[str, Callable[[Path], object]],
@@ -188,6 +189,7 @@ def test_a_disk_that_is_full(savers: dict[str, Callable[[Path], object]], tmp_pa
     assert contents(tmp_path) == dict.fromkeys(names, OLD)
 
 
+@pytest.mark.ci(guard="test_files.py::test_the_old_file_stays_until_the_new_one_is_complete")
 @posix
 def test_pictures_on_a_disk_that_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def simulate(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:

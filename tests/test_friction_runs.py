@@ -442,6 +442,7 @@ def test_laws_of_the_pulleys_cost_what_that_of_the_drive_does(name: str) -> None
 # -------------------------------------------------------------------- settling
 
 
+@pytest.mark.one_in(2)
 @dealt(["free", "held"])
 def test_settling_with_friction(pair: str, method: str) -> None:
     """From the belt line, pulley 1 moved to its place: still, balanced, and within the bounds."""

@@ -111,6 +111,7 @@ def overlapping(mesh: str) -> tuple[_core.Model, reference.Reference, State]:
     return model, o, state
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", [*DRIVES, "overlapping, paper", "overlapping, joint"])
 def test_loads_are_those_of_the_oracle_and_of_newton(name: str) -> None:
     """With links on one pulley, on two at once and on none; of every mesh and friction law, and of

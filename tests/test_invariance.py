@@ -15,7 +15,6 @@ import attrs
 import mounted_drives
 import numpy as np
 import pytest
-import tiers
 from drives import LAYOUTS, on_mesh
 from drives import scene as scene_of
 
@@ -167,6 +166,7 @@ def renumbered(params: bd.Params, state: bd.State, first: int) -> bd.State:
 
 
 # 1.5 m away the state itself is rounded to 2.2e-16 m, 2e-12 of a stretch; farther off see below
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("angle", "shift"), [(np.pi / 2, (0.0, 0.0)), (-2.5, (0.3, -0.1)), (0.0, (1.5, -0.75))]
 )
@@ -229,7 +229,8 @@ def test_mirrored(start: Start) -> None:
     assert_mounts_same(params, expected, result, mirrored=True)
 
 
-@pytest.mark.parametrize("first", tiers.one_in(2, [17, 1]))
+@pytest.mark.one_in(2)
+@pytest.mark.parametrize("first", [17, 1])
 def test_renumbered(start: Start, first: int) -> None:
     image = renumbered(start.params, start.state, first)
     result = run(start.params, start.torque, image)
@@ -237,6 +238,7 @@ def test_renumbered(start: Start, first: int) -> None:
     assert_mounts_same(start.params, start.expected, result)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("turns", [-10, 100_000])
 @pytest.mark.parametrize("name", SCENES)
 def test_turns_of_the_belt_cost_no_digits(name: str, turns: int) -> None:

@@ -19,7 +19,6 @@ import drives
 import numpy as np
 import pytest
 import reference
-import tiers
 from bridge import oracle_of
 from drives import on_mesh
 from laws import EXAMPLES, PLAIN_LUGRE, UNDAMPED_LUGRE, core_law, oracle_law
@@ -295,7 +294,8 @@ def assert_solves(case: Case) -> None:
 STATES = ("moving", "saturated", "stops")  # of mounts: mounted_drives.py
 
 
-@pytest.mark.parametrize("name", tiers.one_in(3, drive_table.names()))
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("name", drive_table.names())
 def test_every_entry_and_every_solve(name: str) -> None:
     """Of each belt, law, contact, layout and mount: J is that of the core's rates and of the
     oracle's, and solves leave rounding at any step. States of mounts by turns.
@@ -328,7 +328,8 @@ EXTREMES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", tiers.one_in(3, EXTREMES))
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("name", EXTREMES)
 def test_every_entry_at_extremes(mesh: str, name: str) -> None:
     params = on_mesh(drives.plain(), mesh)
     changes = EXTREMES[name]
@@ -358,6 +359,7 @@ def overlapping(mesh: str, laws: str) -> Case:
     return case_of(*crossed(40, mesh=mesh, **own))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("laws", OVERLAPPING)
 def test_every_entry_of_links_on_two_pulleys(mesh: str, laws: str) -> None:
     case = overlapping(mesh, laws)
@@ -385,6 +387,7 @@ def test_a_wrong_entry_would_show(mesh: str) -> None:
             dense.assert_jacobian(layout, wrong, rate, y, right.oracle.n_bodies, right.fastest)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("n_bodies", [36, 41, 48])
 @pytest.mark.parametrize("make", [tensioner, take_up, path])
 def test_the_ring_may_close_on_a_mounted_pulley(make: Any, n_bodies: int) -> None:
@@ -413,6 +416,7 @@ LENGTHS = (*range(3, 21), 31, 32, 33, 59, 60, 61, 63, 64, 65, 71, 72)
 SOME = {"joint": (*range(3, 21), 33, 64), "paper": (3, 5, 9, 17, 65), "string": (3, 4, 8, 15, 33)}
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("mesh", "n", "mixed"),
     extended_if(
@@ -621,6 +625,7 @@ def test_both_sides_of_sliding(mesh: str, mu: float) -> None:
     assert rest[entry(still, "mu")] == pytest.approx(mean, rel=1e-9)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_both_sides_of_sliding_with_every_law(mesh: str, name: str) -> None:
     """As above, of whatever law: forces and the state's rate; at rest, the mean of both sides. Of
@@ -678,6 +683,7 @@ def test_both_sides_of_sticking(way: float) -> None:
         ), side
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("kink", [1e-5, 2e-4, "coming", "leaving"])
 def test_both_sides_of_contact_with_every_law(name: str, kink: float | str) -> None:

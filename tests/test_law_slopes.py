@@ -157,6 +157,7 @@ EACH |= {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", EACH)
 def test_slopes_anywhere(kernels: str, name: str) -> None:
     """Of every law in the table, whatever it is: where slopes to both sides agree, they are the

@@ -17,7 +17,6 @@ import dense
 import numpy as np
 import pytest
 import reference
-import tiers
 from laws import EXAMPLES, oracle_law
 from reference_friction import ElasticPlastic, Law, MaxwellSlip
 from test_jacobian import Case, core_of, crossed, one_sided, shaken
@@ -204,7 +203,8 @@ def state_of(name: str) -> tuple[Law, float]:
 # -------------------------------------------------------------------- ends
 
 
-@pytest.mark.parametrize("name", tiers.one_in(3, EXAMPLES))
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("rate", [0.1, -0.1], ids=["coming", "leaving"])
 @pytest.mark.parametrize("other", ["in", "out"])
 def test_an_end_at_the_rim(name: str, rate: float, other: str) -> None:
@@ -262,7 +262,8 @@ def let_go(oracle: reference.Reference, partly: bool, side: float) -> Depth:
     return pa, pb, float(va), float(vb)
 
 
-@pytest.mark.parametrize("name", tiers.one_in(3, EXAMPLES))
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("partly", [False, True], ids=["flat", "partly"])
 def test_a_gauss_point_is_let_go(name: str, partly: bool) -> None:
     law, z = state_of(name)

@@ -14,7 +14,6 @@ from typing import Any
 import dense
 import numpy as np
 import pytest
-import tiers
 from bridge import oracle_of
 from tiers import extended_if
 from two_pulleys import open_drive
@@ -85,6 +84,7 @@ SHORT = (*STATES[: len(DRIVES)], (at_rest, "paper"), (at_rest, "tensioner"))
 COUNTED = (at_rest, "paper"), (running, "dahl")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("state_of", "name"), extended_if(lambda case: case not in SHORT, STATES))
 def test_sparse_jacobian(state_of: Any, name: str) -> None:
     """Every entry; that of a running belt in the coordinates of its links."""
@@ -116,6 +116,7 @@ def assert_all_found(modes: bd.Modes, values: Any, tolerance: float) -> None:
     assert abs(found[:, None] - expected).min(axis=0).max() < tolerance
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "name", extended_if(lambda name: name in ("elastic-plastic", "maxwell"), DRIVES)
 )
@@ -130,7 +131,8 @@ def test_eigenvalues_at_rest(name: str) -> None:
     assert_all_found(modes, np.linalg.eigvals(j), 1e-5 * largest)
 
 
-@pytest.mark.parametrize("name", tiers.one_in(2, ["paper", "dahl", "tensioner", "string"]))
+@pytest.mark.one_in(2)
+@pytest.mark.parametrize("name", ["paper", "dahl", "tensioner", "string"])
 def test_eigenvalues_running(name: str) -> None:
     """The search finds all of the matrix in places fixed in space, which LAPACK has."""
     params, state = running(name)
@@ -140,6 +142,7 @@ def test_eigenvalues_running(name: str) -> None:
     assert_all_found(modes, values, 1e-5 * 2.0 * np.pi * modes.band[1])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("state_of", "name"),
     extended_if(

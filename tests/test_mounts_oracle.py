@@ -17,7 +17,6 @@ import pytest
 import reference
 import reference_run
 import stored_runs
-import tiers
 from bridge import fields, oracle_of
 from mounted_drives import DRIVES, METHODS
 from reference_mounts import Path, Sprung
@@ -45,7 +44,8 @@ def running(name: str, t: float = 0.03) -> bd.State:
 # -------------------------------------------------------------------- places
 
 
-@pytest.mark.parametrize("name", tiers.one_in(3, DRIVES))
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("name", DRIVES)
 def test_the_belt_line_is_where_mounts_rest(name: str) -> None:
     """Tension and strain that the drive reports are those of the balance of line and mounts."""
     params, _ = settled(name)
@@ -63,7 +63,8 @@ def test_the_belt_line_is_where_mounts_rest(name: str) -> None:
     )
 
 
-@pytest.mark.parametrize("name", tiers.one_in(3, DRIVES))
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("name", DRIVES)
 def test_settled_state_is_the_oracles(name: str) -> None:
     """No force is left on links or mounts, friction apart, and the energy is no other minimum's."""
     params, start = settled(name)
@@ -138,6 +139,7 @@ RATES = extended_if(
 )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("name", "how"), RATES)
 def test_rates_agree_at_random_states(name: str, how: str) -> None:
     """Rounding only, as in test_oracle.py: 1e-10, where axes are turned and shifted too."""
@@ -244,6 +246,7 @@ RUNS = stored_runs.Runs(
 )  # fmt: skip
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", STARTS)
 def test_core_agrees_with_oracle(name: str) -> None:
     """Bounds of test_oracle.py. A mount's place to 1e-6 of the stretch of the whole belt, its

@@ -339,6 +339,7 @@ def test_names_are_no_formulas_and_not_left_out(result: bd.Result) -> None:
     assert legend(ax) == [r"\$\foo\$", "pulley _idler", r"50 \$"]
 
 
+@pytest.mark.ci(guard="test_names.py::test_pictures")
 @pytest.mark.parametrize(
     ("panel", "names"), first(1, [("tensions", SPANS), ("speeds", list(NAMES))])
 )

@@ -84,6 +84,7 @@ def test_off_is_not_there_and_on_takes_what_it_needs(name: str, mesh: str) -> No
     assert changed == effect.outputs and not set(off.widths) - set(on.widths)
 
 
+@pytest.mark.one_in(3)
 @cases
 def test_a_coefficient_of_0_is_off(name: str, mesh: str) -> None:
     """In every counter, and in the bits of a run."""
@@ -99,6 +100,7 @@ def test_a_coefficient_of_0_is_off(name: str, mesh: str) -> None:
         np.testing.assert_array_equal(found[field], values, err_msg=field)
 
 
+@pytest.mark.one_in(3)
 @cases
 def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> None:
     """In fixed steps, so that no choice of steps depends on it: the effect's pass is made, and what

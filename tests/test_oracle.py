@@ -118,6 +118,7 @@ RUNS = stored_runs.Runs(
 )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")
 @pytest.mark.parametrize("case", TABLE)
 def test_core_agrees_with_oracle(case: str) -> None:
@@ -192,6 +193,7 @@ ON_MESHES = [
 ]  # fmt: skip
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.filterwarnings("ignore:strain:UserWarning")  # the published benchmark's 5 %
 @pytest.mark.parametrize(("name", "mesh"), ON_MESHES)
 def test_rates_agree_at_random_states(name: str, mesh: str) -> None:

@@ -92,6 +92,7 @@ def test_a_name_is_on_its_pulley_or_next_to_it() -> None:
                 assert np.hypot(*(box.corners() - centers[k]).T).max() < radii[k]
 
 
+@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
 @SIZED
 def test_names_and_title_of_a_mode(size: Size) -> None:
     modes = second_mode()
@@ -107,6 +108,7 @@ def test_names_and_title_of_a_mode(size: Size) -> None:
             assert inside or np.hypot(*(nearest - middle)) > rim, pulley.name
 
 
+@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
 @SIZED
 def test_a_name_leaves_the_guide_of_a_slider_free(size: Size) -> None:
     with axes_of(size) as ax:
@@ -133,6 +135,7 @@ def test_headroom_on_a_logarithmic_axis() -> None:
     assert 6.0 * row < free < 9.0 * row
 
 
+@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
 @pytest.mark.parametrize("size", first(1, [((6.7, 4.9, 8.0),), ((10.0, 7.0, 10.0),)]))
 def test_legends_of_an_overview_cover_no_line(size: Size) -> None:
     with axes_of(size) as given:

@@ -370,6 +370,7 @@ def test_bad_results_and_axes_are_refused_by_each(result: bd.Result) -> None:
             draw(empty)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("times", [[0.0], [0.0, 1e-3, 0.01]], ids=["one sample", "two samples"])
 def test_a_run_that_failed_5_ms_in_can_be_drawn(result: bd.Result, times: list[float]) -> None:
     """Warnings, such as of empty ranges, are errors here."""

@@ -58,6 +58,7 @@ DEALT = [
 # --- the tension at rest --------------------------------------------------------------------------
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "mesh", "n_bodies"),
     extended_if(lambda case: case not in DEALT, product(SCENES, ("joint", "paper"), (60, 97))),

@@ -124,6 +124,7 @@ def test_it_reads_in_a_terminal_and_in_a_notebook() -> None:
     assert repr(report()).startswith("Report(t = 0.3 to 0.4 s")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", ["kubas_case_1", "tensioned_alternator", "serpentine"])
 def test_no_line_of_a_scene_is_wider_than_a_terminal(name: str) -> None:
     """The first twentieth of a run of each, on few links; every table keeps its first column."""

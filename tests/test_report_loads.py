@@ -52,6 +52,7 @@ def steady() -> bd.Result:
     return bd.simulate(scene.params, scene.torque_fn, 0.4, motion=scene.motion)
 
 
+@pytest.mark.ci(guard="test_report_loads.py::test_hub_loads_point_where_the_spans_pull")
 def test_a_constant_load_has_a_narrow_range() -> None:
     """Load, speed and tensions are constant but for the mesh: so are the hub loads of a designer.
 
@@ -74,7 +75,7 @@ def test_a_constant_load_has_a_narrow_range() -> None:
     assert belt.most - belt.least < 0.7 * np.ptp(raw)
 
 
-@pytest.mark.extended(guard="test_report_loads.py::test_a_constant_load_has_a_narrow_range")
+@pytest.mark.extended(guard="test_report_loads.py::test_hub_loads_point_where_the_spans_pull")
 def test_ranges_of_hub_loads_do_not_depend_on_the_mesh() -> None:
     """Of the serpentine drive, 200 and 400 links, whose contact's peaks fall by 36 %."""
     peaks = []

@@ -395,6 +395,7 @@ def test_silence_is_of_one_thread_and_ends() -> None:
             bd.simulate(params, steady(-1.0), 0.001)
 
 
+@pytest.mark.ci(guard="test_sanity.py::test_each_is_issued_once_with_its_category_and_kept")
 def test_identification_speaks_of_the_best_run_alone() -> None:
     params, torque = drive(links=60), steady(-10.0, 10.0)
     measured = run(params, torque, 0.005)

@@ -131,6 +131,7 @@ def test_forces_balance_what_the_links_need_to_go_round(layout: str, mesh: str) 
         assert moment <= 1e-8 * tension * params.info["link_length"]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("layout", "contact"), dealt((None, SOFT)))
 def test_tension_between_fixed_axes(layout: str, contact: bd.Contact | None) -> None:
     """As theory has it: a belt that runs sinks in less, so its path, and it, are stretched more.

@@ -8,6 +8,7 @@ the others are its guard. `faults_of_marks` tells of marks that do not.
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -41,10 +42,16 @@ def first(n: int, cases: Iterable[Any]) -> list[Any]:
     return extended_if(cases[n:].__contains__, cases)
 
 
-def one_in(n: int, cases: Iterable[Any]) -> list[Any]:
-    """Every n-th case by default, the others in CI: of a table whose neighbours differ."""
-    cases = list(cases)
-    return ci_if(lambda case: cases.index(case) % n > 0, cases)
+def deal(items: Iterable[pytest.Item]) -> None:
+    """Of cases marked `one_in(n)` leave every n-th in the default tier, the others are for CI."""
+    before: Counter[str] = Counter()
+    for item in items:
+        mark = item.get_closest_marker("one_in")
+        if mark and is_default(item):
+            test = item.nodeid.partition("[")[0]
+            if before[test] % mark.args[0]:
+                item.add_marker(pytest.mark.ci(guard=OTHERS))
+            before[test] += 1
 
 
 def is_default(item: pytest.Item) -> bool:
