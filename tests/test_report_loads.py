@@ -15,8 +15,8 @@ import pytest
 
 import beltdyn as bd
 from beltdyn.report.hubs import hub_statics
-from beltdyn.spans import Coordinates, joint_points, mid_span
 from beltdyn.report.window import Window
+from beltdyn.spans import Coordinates, joint_points, mid_span
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
