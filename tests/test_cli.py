@@ -248,8 +248,9 @@ def test_a_scene_that_cannot_be_settled_fails(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     params = drives.small_idler(0.02, 20)
     bd.Scene(params, bd.Viscous([0.0, 0.0, 1.0]), 1e-3).to_toml(scene)
-    result = call("run", scene)
-    assert result.exit_code == 1 and "no link touches pulley 1" in result.stderr
+    for command in ("run", "explain"):
+        result = call(command, scene)
+        assert result.exit_code == 1 and "no link touches pulley 1" in result.stderr
 
 
 # --- the paper's figures -------------------------------------------------------------------------
