@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import drives
 import pytest
 from click.testing import CliRunner, Result
 from matplotlib.figure import Figure
@@ -241,6 +242,16 @@ def test_ctrl_c_while_the_result_is_written(
     assert result.exit_code == 130
     assert result.stderr == "beltdyn: interrupted while the result was written\n"
     assert [entry.read_bytes() for entry in tmp_path.iterdir()] == [b"old"]
+
+
+def test_a_scene_that_cannot_be_settled_fails(tmp_path: Path) -> None:
+    """The exit code of a run that failed, not of bad input."""
+    scene = tmp_path / "scene.toml"
+    params = drives.small_idler(0.02, 20)
+    bd.Scene(params, bd.Viscous([0.0, 0.0, 1.0]), 1e-3).to_toml(scene)
+    for command in ("run", "explain"):
+        result = call(command, scene)
+        assert result.exit_code == 1 and "no link touches pulley 1" in result.stderr
 
 
 # --- the paper's figures -------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from itertools import pairwise
 import attrs
 import numpy as np
 import pytest
-from drives import on_mesh
+from drives import on_mesh, plain
 
 import beltdyn as bd
 
@@ -74,3 +74,18 @@ def test_undamped_drive_conserves_energy(mesh: str) -> None:
         drift.append(np.max(np.abs(energy.total - energy.total[0])) / moving)
     assert drift[1] < 0.1 * drift[0]
     assert drift[1] <= 1e-4
+
+
+def test_it_closes_where_links_leave_too_fast_for_damping_to_pull(mesh: str) -> None:
+    """Contact never pulls; what its damper would then take is not lost. Explicit steps of 1e-6."""
+    for damping in ({"damping": 1e4}, {"hunt_crossley": 0.5}):
+        contact = bd.Contact(linear=2.5e7, **damping)
+        params = attrs.evolve(on_mesh(plain(), mesh), friction=None, contact=contact)
+        rest, rng = bd.settle(params), np.random.default_rng(0)
+        thrown = 5.0 * rng.standard_normal((2, rest.x.size))
+        start = attrs.evolve(rest, vx=rest.vx + thrown[0], vy=rest.vy + thrown[1])
+        still = bd.Viscous([0.0, 0.1])
+        run = bd.simulate(params, still, 3e-3, initial=start, method="tsit5", rtol=1e-6)
+        energy = run.energy
+        assert energy is not None and energy.contact_loss[-1] > 0.1 * energy.kinetic[0]
+        assert np.max(np.abs(energy.residual)) <= 1e-6 * energy.kinetic[0]

@@ -124,6 +124,65 @@ def test_a_fixed_implicit_step_that_takes_the_vibration_away_says_so(method: str
     assert run.stats.error is None
 
 
+def test_fixed_steps_with_errors_of_the_tension_say_so(rest: bd.State) -> None:
+    """Pulleys torn at with 1000 N m: 1.4 times the tension at 1 ms, a quarter at 0.1 ms."""
+    torn, errors = bd.PiecewiseLinear([0.0], [[-1000.0, 1000.0]]), []
+    for step in (1e-3, 1e-4):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", bd.BeltdynWarning)
+            run = bd.simulate(drives.plain(), torn, 4e-3, initial=rest, method="lbdf2", step=step)
+        errors.append(run.stats.local_error)
+        assert ("fixed_step" in codes(run)) == (errors[-1] > 0.5)
+    assert 2.0 > errors[0] > 0.5 > errors[1]
+
+
+# ------------------------------------------------------------------- what hides, and is said
+
+
+def warned_of(params: bd.Params, torque: Any, t_end: float, **options: Any) -> set[str]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", bd.BeltdynWarning)
+        return codes(bd.simulate(params, torque, t_end, **options))
+
+
+def shaken(rest: bd.State, share: float, **others: Any) -> bd.State:
+    """Both spans thrown outwards, at a share of the speed of stretch waves."""
+    wave = math.sqrt(70e3 / 0.1)
+    return attrs.evolve(rest, vy=rest.vy + share * wave * np.sign(rest.y), **others)
+
+
+def test_vibrations_that_live_for_long_are_told_of_implicit_methods() -> None:
+    """The lowest stretch wave lives for 100 and for 170 rounds, where 120 are the limit."""
+    base = drives.plain()
+    for damping, said in ((0.05, False), (0.03, True)):
+        params = attrs.evolve(base, belt=attrs.evolve(base.belt, axial_damping=damping))
+        start = bd.settle(params)
+        for method in ("rodas4", "tsit5"):
+            found = warned_of(params, bd.Viscous([0, 1]), 0.03, initial=start, method=method)
+            assert ("undamped" in found) == (said and method == "rodas4")
+
+
+def test_joints_stretched_by_a_tenth_of_a_link_are_told(rest: bd.State) -> None:
+    for share, said in ((0.02, False), (0.1, True)):
+        found = warned_of(drives.plain(), bd.Viscous([0, 1]), 2e-3, initial=shaken(rest, share))
+        assert ("stretch" in found) == said
+
+
+def test_a_pulley_that_nothing_touches_is_told() -> None:
+    """After ten rounds of a wave, 11 ms: links that lay on a larger pulley pass a small one by."""
+    start, params = bd.settle(drives.small_idler(0.025, 20)), drives.small_idler(0.02, 20)
+    for t_end, said in ((0.009, False), (0.02, True)):
+        found = warned_of(params, bd.Viscous([0, 0, 1]), t_end, initial=start)
+        assert ("no_contact" in found) == said
+
+
+def test_what_only_the_first_order_could_do_is_told(rest: bd.State) -> None:
+    """A million seconds after zero no step is short enough for 1e-8."""
+    start = shaken(rest, 0.02, t=1e6)
+    options: dict[str, Any] = {"initial": start, "method": "lbdf2", "rtol": 1e-8}
+    assert "fallback" in warned_of(drives.plain(), bd.Viscous([0, 1]), 1e6 + 1e-6, **options)
+
+
 # ------------------------------------------------------------------- the balance of energy
 
 

@@ -87,6 +87,17 @@ def test_a_steady_run_is_steady() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+@pytest.mark.parametrize("speed", [-300.0, 300.0])
+def test_links_are_compared_with_those_that_were_there_before(speed: float) -> None:
+    """18 m/s: from one place to the next the rims turn links by forces of 3 % of the tension."""
+    params, load = reduction(120), bd.Viscous([0.0, 0.3])
+    motion = {0: bd.PiecewiseLinear([0.0], [speed])}
+    start = bd.settle(params, speed={0: speed})
+    state = bd.simulate(params, load, 0.4, motion=motion, initial=start).final_state
+    assert imbalance(params, state, load, (0,))[0] < 0.01
+
+
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 def test_friction_that_is_nearly_full() -> None:
     """A state of a slipping drive, that of a run: no difference leaves the friction law's bound.
 

@@ -172,6 +172,8 @@ def test_response_to_a_motion() -> None:
         params, state, w / (2.0 * np.pi), motion="crank", loads=resisting
     )
     assert (response.residual < 1e-7).all()
+    turning = 1j * w[:, None] * response.theta
+    np.testing.assert_allclose(response.omega, turning, rtol=1e-6, atol=1e-6 * w[0])
 
     def angle(t: float) -> float:
         """Faded in over 0.1 s."""

@@ -46,6 +46,7 @@ def test_method(model, rest):
     [
         ({"rtol": 0.0}, "rtol must be > 0"),
         ({"rtol": math.nan}, "rtol must be > 0"),
+        ({"rtol": 1.0001}, "rtol must be > 0 and <= 1"),
         ({"step": -1.0}, "step must be finite and >= 0"),
         ({"max_step": INF}, "max_step must be finite and >= 0"),
         ({"max_steps": -1}, "max_steps must be >= 0"),

@@ -102,6 +102,7 @@ def test_terms_of_torque_refuse(model, rest, term, kind, message):
 def test_rules_for_torque_times(model, rest):
     for t, values, word in (
         ([1, 0], [[0, 0], [0, 0]], "non-decreasing"), ([], np.zeros((0, 2)), "t must not be empty"),
+        ([0, 1, 1, 1], np.zeros((4, 2)), r"given at most twice \(a jump\); t\[3\] is 1"),
     ):  # fmt: skip
         with pytest.raises(V, match=word):
             make_simulation(model, rest, [("piecewise", t, values)])

@@ -489,6 +489,18 @@ def test_a_path_that_goes_back_leaves_the_tension_it_had() -> None:
     assert np.mean(tension[-50:]) == pytest.approx(tension[0], rel=1e-3)
 
 
+def test_pulleys_that_meet_end_the_run() -> None:
+    """Thrown at each other, where no stops hold them; and so near that links may touch both."""
+    for params, speed, words in (
+        (drives.take_up(), -30.0, "pulley 1 on its mount .* of pulley 0 at .* they overlap"),
+        (drives.tensioner(), 300.0, "pulley 1 on its mount .* of pulley 2 .* two links could"),
+    ):
+        start = attrs.evolve(bd.settle(params), travel_speed=np.array([speed]))
+        with pytest.raises(bd.SimulationError, match=words) as caught:
+            bd.simulate(params, drives.torque(params), 0.02, initial=start)
+        assert caught.value.symbol == "BD_ERR_OFF_PULLEY" and caught.value.pulley == 1
+
+
 def test_a_stiff_mount_is_a_fixed_axis() -> None:
     """A carriage of 1e6 kg: 235 N move it by 1e-7 m in 20 ms. Its belt's forces are the same."""
     hard = bd.Contact(linear=5e7, damping=2e3, compensate=False)  # on the radii as they are

@@ -110,11 +110,12 @@ def test_bad_mounts_are_refused(kind: type[Any]) -> None:
 
 
 def test_states_of_other_mounts_are_refused() -> None:
-    """Of another number of them; and friction of the pivot beyond its bound."""
+    """Of another number of them; and friction of the pivot beyond either of its bounds."""
     for params, bad in (
         *((drives.take_up(), {name: [0.0, 0.0]})
           for name in ("travel", "travel_speed", "mount_friction")),
         (drives.tensioner(), {"mount_friction": [1.01]}),
+        (drives.tensioner(), {"mount_friction": [-1.01]}),
     ):  # fmt: skip
         start = bd.settle(params)
         with pytest.raises(ValueError, match=next(iter(bad))):

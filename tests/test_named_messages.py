@@ -251,6 +251,11 @@ def pulse(t: float, *_: object) -> list[float]:
     return [-100.0 if 0.02 < t < 0.02002 else 0.0, 0.0]
 
 
+def faint_pulse(t: float, *_: object) -> list[float]:
+    """Ten times what would be let pass."""
+    return [-0.1 if 0.02 < t < 0.02002 else 0.0, 0.0]
+
+
 def flickering(t: float, *_: object) -> list[float]:
     return [0.0, -100.0 * math.sin(3e5 * t)]
 
@@ -272,6 +277,7 @@ WARNED: dict[str, tuple[str, Callable[[Dress], tuple[bd.RunWarning, ...]]]] = {
     "full slip": ("full_slip", of_run(bd.PiecewiseLinear([0.0], [[-300.0, 300.0]]), 0.02)),
     "slack span": ("slack_span", slack),
     "torque between steps": ("torque", of_run(pulse, 0.03, **COARSE)),
+    "faint torque between steps": ("torque", of_run(faint_pulse, 0.03, **COARSE)),
     "torque that jumps": ("rough_torque", of_run(flickering, 0.03, **COARSE)),
     "torque without effect": (
         "torque_ignored",

@@ -182,7 +182,8 @@ def test_what_a_record_is_refused_for(states: dict[str, dict[str, Any]]) -> None
                        for terms in (LOADS, other_loads)]  # fmt: skip
         with refused(ValueError, other + "made with"):
             simulations[1].import_record(simulations[0].export_record())
-    others = (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new("drag"), new("joints"),
+    others = (new(rtol=1e-3), new(method="tsit5"), new(ledger=False), new(max_step=1e-4),
+              new(step=1e-6), new(guards=False), new("drag"), new("joints"),
               new("compensated"))  # fmt: skip
     for one in others:
         with refused(ValueError, other + "made with"):

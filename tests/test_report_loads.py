@@ -16,6 +16,7 @@ import pytest
 import beltdyn as bd
 from beltdyn.report.hubs import hub_statics
 from beltdyn.report.window import Window
+from beltdyn.spans import Coordinates, joint_points, mid_span
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -162,7 +163,10 @@ def test_a_slider_and_a_path() -> None:
     assert row.kind == "slider" and row.to_stop is None and row.damper is None
     assert row.spring.mean == pytest.approx(pull, rel=1e-9)
     assert row.belt.mean == pytest.approx(-pull, rel=1e-3)
-    assert " mm " in str(told) and "spring, hung weight" in str(told)
+    (line,) = (one for one in str(told).splitlines() if "tail" in one and " mm " in one)
+    printed = float(line.partition(" mm ")[2].split()[0])
+    assert printed == pytest.approx(1e3 * row.travel.mean, rel=1e-3)
+    assert "spring, hung weight" in str(told)
     path = bd.Path(t=[0.0, 0.02], displacement=[(0.0, 0.0), (3e-4, -4e-4)])
     told = bd.simulate(two(path, preload=300.0), still, 0.03).report(0.1)
     row = told.mounts[0]
@@ -170,6 +174,18 @@ def test_a_slider_and_a_path() -> None:
     assert row.travel.mean == pytest.approx(5e-4, rel=1e-9)
     few = bd.simulate(two(path, preload=300.0), still, 0.01, outputs=("pulleys",)).report(1.0)
     assert any(note.startswith("mounts: mounts.travel") for note in few.notes)
+
+
+def test_the_middle_of_a_span_is_halfway_along_its_tangent() -> None:
+    """Of joints whose "forces" are their coordinates. The belt lies 1 mm from its line at most."""
+    params = drive(40)
+    rest, route = bd.settle(params), params.route
+    line = Coordinates(rest.x[None], rest.y[None], rest.phi[None])
+    points = joint_points(params, line)
+    found = [mid_span(params, line, points[..., axis])[0] for axis in (0, 1)]
+    after = [*range(1, len(params.pulleys)), 0]
+    middle = [0.5 * (route.leave[k] + route.arrive[after[k]]) for k in range(len(after))]
+    np.testing.assert_allclose(np.transpose(found), middle, atol=1e-3)
 
 
 def test_hub_loads_point_where_the_spans_pull() -> None:

@@ -294,8 +294,11 @@ def test_dry_friction_of_mounts_gives_back_only_what_it_stores() -> None:
     assert np.max(np.maximum.accumulate(ledger) - ledger) > 0.01 * scale
     assert np.min(np.diff(ledger - stored)) > -1e-5 * scale
     for last in (0.05, 0.1, 0.2, 0.4):
-        row = run.report(last).powers["dampers and friction of mounts"]
-        assert row.power > -1e-6
+        powers = run.report(last).powers
+        assert powers["dampers and friction of mounts"].power > -1e-6
+        put_in = sum(one.power for one in powers if one.kind == "in")
+        others = sum(one.power for one in powers if one.kind != "in")
+        assert put_in == pytest.approx(others, rel=1e-9)
 
 
 @functools.cache

@@ -80,6 +80,9 @@ def test_what_is_saved_is_loaded(result: bd.Result, path: Path) -> None:
     assert again.belt.x.flags.writeable, "the arrays of a result may be worked with"
     again.save(path)
     assert bd.Result.load(path).params == result.params
+    early = bd.simulate(result.params, bd.Viscous([0.0, 0.0]), 1e-4, t_eval=[0.0])
+    early.save(path)
+    assert bd.Result.load(path).final_state.t == 1e-4, "not that of the last sample"
 
 
 # --- arrays --------------------------------------------------------------------------------------

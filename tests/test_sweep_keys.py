@@ -102,6 +102,11 @@ def test_loads_motions_and_options_change_the_key() -> None:
     assert swept(scene, {"torque.scale": 1.0, "torque": torque}) == swept(scene, {"torque": torque})
 
 
+def test_the_run_that_a_run_goes_on_from_changes_the_key() -> None:
+    contents = Contents(sweep_runs.plain(), {}, (), "measured", "")
+    assert len({contents.key((), before) for before in ("", "a", "b")}) == 3
+
+
 def test_the_same_scene_built_in_another_way() -> None:
     scene = bd.scenes.get("serpentine")
     again = bd.Scene.from_toml(scene.to_toml())

@@ -82,6 +82,8 @@ def test_parameters_are_fields_in_order_with_their_units(group: str) -> None:
             if rule.rule == "NONNEGATIVE":
                 bound = WITH_ZERO.get(rule.name, bound)
             assert re.search(rf"(?<![<>=]){bound}(?!\d)", texts[rule.name]), rule
+            if rule.rule == "FINITE":
+                assert not re.search(r"[<>]=? ?0", texts[rule.name]), rule
 
 
 def test_laws_of_the_table_are_classes_of_the_package() -> None:

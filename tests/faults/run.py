@@ -48,6 +48,7 @@ def failing(
         os.environ,
         PYTHONPATH=os.pathsep.join([str(where), str(HERE)]),
         PYTHONDONTWRITEBYTECODE="1",
+        PYTHONSAFEPATH="1",  # what a test starts, too, takes no package from the current folder
         BELTDYN_WITNESS=str(witness),
     )
     command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-q", "--tb=no"]
