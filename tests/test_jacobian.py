@@ -302,7 +302,9 @@ def test_every_entry_and_every_solve(name: str) -> None:
     """
     params = drive_table.drive(name).scene.params
     how = STATES[drive_table.names().index(name) % 3]
-    case = of_drive(params, drive_table.drive(name).settle()._to_core(params), how, 1)
+    # Seed 2: with others a state lies on a kink, or where rates of a string whose damper has let go
+    # of a bar depend on the length of a vector (string_belt.h, the share of the bar before).
+    case = of_drive(params, drive_table.drive(name).settle()._to_core(params), how, 2)
     assert_entries(case)
     assert_solves(case)
     blocks, j = case.layout.blocks(), case.jacobian
