@@ -28,16 +28,15 @@ def sentence(text: str) -> str:
     return re.sub(r"\s+", " ", text.strip().partition("\n\n")[0]).replace("|", r"\|")
 
 
-def tests_of(file: Path) -> list[tuple[str, str, dict[str, str]]]:
+def tests_of(tree: ast.Module) -> list[tuple[str, str, dict[str, str]]]:
     """Return name, promise, and the guard by tier of each test of a file."""
-    tree = ast.parse(file.read_text("utf-8"))
     of_file = [
         ast.unparse(node.value)
         for node in tree.body
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark"
     ]
     found = []
-    for node in ast.walk(tree):
+    for node in tree.body:
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
             marks = [*of_file, *map(ast.unparse, node.decorator_list)]
             guards = {}
@@ -56,7 +55,8 @@ def tests_of(file: Path) -> list[tuple[str, str, dict[str, str]]]:
 
 def page() -> str:
     files = sorted(TESTS.rglob("test_*.py"))
-    of_file = {str(file.relative_to(TESTS)): tests_of(file) for file in files}
+    trees = {str(file.relative_to(TESTS)): ast.parse(file.read_text("utf-8")) for file in files}
+    of_file = {file: tests_of(tree) for file, tree in trees.items()}
     others: dict[str, list[str]] = defaultdict(list)
     for file, tests in of_file.items():
         for name, _, guards in tests:
@@ -67,7 +67,7 @@ def page() -> str:
     for file, tests in of_file.items():
         rows = [row for row in tests if all(guard == tiers.OTHERS for guard in row[2].values())]
         if rows:
-            title = sentence(ast.get_docstring(ast.parse((TESTS / file).read_text("utf-8"))) or "")
+            title = sentence(ast.get_docstring(trees[file]) or "")
             lines.append(
                 f"## {file}\n\n{title}\n\n| promise, test | guarded at length by |\n|---|---|"
             )

@@ -155,6 +155,7 @@ def _bounds(pair: str, state: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return np.max(np.where(touch, bounds[:, :, None], 0.0), axis=1), rubs.any(axis=0)
 
 
+@pytest.mark.one_in(3)
 @dealt(["tsit5", "lbdf2", "rodas4"])
 def test_states_keep_their_bounds(pair: str, method: str) -> None:
     """At a tolerance that would let them out, at every eighth accepted step; and that of links that
@@ -471,6 +472,7 @@ def test_settling_with_friction(pair: str, method: str) -> None:
 # -------------------------------------------------------------------- warnings
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_full_slip_is_seen_with_every_law(name: str) -> None:
     """A torque beyond what half the friction can hold; on the pulley whose friction is weak."""

@@ -95,6 +95,7 @@ def calm(name: str, method: str, rtol: float) -> bd.Result:
     return bd.simulate(params, torque, t_end, initial=state, method=method, rtol=rtol, t_eval=times)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("name", "method", "rtol"),
     extended_if(

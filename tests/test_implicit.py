@@ -246,6 +246,7 @@ def test_variable_steps_keep_order_2(smooth: tuple[bd.Params, bd.State]) -> None
         assert run.stats.largest_step > 3.0 * run.stats.smallest_step
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("method", ["lbdf2", "lie", "rodas4"])
 @pytest.mark.filterwarnings("ignore:balance")  # Euler's method damps 2 % away, and says so
 def test_error_follows_the_tolerance(method: str) -> None:

@@ -190,6 +190,7 @@ def exact(name: str) -> bd.Result:
     return bd.simulate(*drives.scene(name)[:2], 0.04, method="tsit5", rtol=1e-7)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("name", "method"),
     extended_if(

@@ -303,6 +303,7 @@ def apart(one: bd.Result, other: bd.Result) -> float:
     return math.sqrt(np.mean(difference**2)) / float(one.params.info["mean_tension"])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", drives.METHODS)
 def test_every_method(
     method: str, drive: bd.Params, start: bd.State, exact: bd.Result,

@@ -32,6 +32,7 @@ def sweep(t: Array) -> Array:
     return np.asarray(size**2 * (3.0 - 2.0 * size) * np.sin(2.0 * np.pi * phase))
 
 
+@pytest.mark.ci(guard="test_modes_swept.py::test_response_to_a_motion")
 def test_swept_torque() -> None:
     """At rest, at each line, amplitude and phase, over resonances and their minima.
 

@@ -315,6 +315,7 @@ def test_legends(result: bd.Result) -> None:
     assert legend(bd.plot.speeds(some, pulleys=["pulley 2"])) == ["pulley 2"]
 
 
+@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
 def test_pictures(result: bd.Result, unnamed: bd.Result) -> None:
     def texts(ax: Axes) -> list[str]:
         return [text.get_text() for text in ax.texts]
@@ -339,7 +340,7 @@ def test_names_are_no_formulas_and_not_left_out(result: bd.Result) -> None:
     assert legend(ax) == [r"\$\foo\$", "pulley _idler", r"50 \$"]
 
 
-@pytest.mark.ci(guard="test_names.py::test_pictures")
+@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
 @pytest.mark.parametrize(
     ("panel", "names"), first(1, [("tensions", SPANS), ("speeds", list(NAMES))])
 )

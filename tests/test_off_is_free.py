@@ -68,6 +68,7 @@ def padded(n: int) -> int:
     return n + 3 * 8
 
 
+@pytest.mark.one_in(3)
 @cases
 def test_off_is_not_there_and_on_takes_what_it_needs(name: str, mesh: str) -> None:
     effect, off = EFFECTS[name], Counted(bare(mesh))

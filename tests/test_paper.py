@@ -247,6 +247,7 @@ def drawn(runs: kubas.Runs) -> Callable[..., Figure]:
     return functools.cache(lambda number, **options: figures.figure(number, runs, **options))
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("size", first(1, figures.SIZES))
 @pytest.mark.parametrize("number", CONTENT)
 def test_the_papers_numbers_are_marked(

@@ -59,6 +59,7 @@ def test_a_drive_that_cannot_run_is_a_bad_trial() -> None:
     assert set(trial.missed) == set(DEMANDED)
 
 
+@pytest.mark.ci(guard="test_search.py::test_misfit_and_cost_of_a_trial")
 def test_targets_are_the_table_in_two_runs(published: search.Trial) -> None:
     for within in (True, False):
         targets = search.targets(LINKS, within_demands=within)
@@ -73,7 +74,7 @@ def test_targets_are_the_table_in_two_runs(published: search.Trial) -> None:
     assert 2.0 * at.cost == pytest.approx(published.cost, rel=1e-12)
 
 
-@pytest.mark.ci(guard="test_search.py::test_targets_are_the_table_in_two_runs")
+@pytest.mark.ci(guard="test_search.py::test_misfit_and_cost_of_a_trial")
 def test_exploring_is_the_same_for_any_number_of_threads() -> None:
     def explore(workers: int, seed: int) -> list[search.Trial]:
         return search.explore(search.BEGIN, generations=1, population=4, seed=seed, workers=workers)
@@ -84,7 +85,7 @@ def test_exploring_is_the_same_for_any_number_of_threads() -> None:
     assert one[0].params != other[0].params
 
 
-@pytest.mark.extended(guard="test_search.py::test_targets_are_the_table_in_two_runs")
+@pytest.mark.extended(guard="test_search.py::test_misfit_and_cost_of_a_trial")
 def test_a_trade_off_pulls_its_quantity_towards_the_paper(published: search.Trial) -> None:
     at = bd.identify(
         published.params,

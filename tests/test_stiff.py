@@ -140,6 +140,7 @@ def matrix(n: int) -> list[tuple[float, float, float]]:
     return every if n <= 60 else fine
 
 
+@pytest.mark.one_in(2)
 @sizes(60, 240, 960, 3840, default=DEFAULT - {("three-pulleys", 240)})
 def test_nothing_fails(name: str, n: int) -> None:
     """From rest up, 40 ms: no step fails, and energy does not come from nowhere.

@@ -86,6 +86,7 @@ def at_random(params: bd.Params, seed: int) -> tuple[String, reference.Array, di
 # -------------------------------------------------------------------- rates and outputs
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", DRIVES)
 def test_rates_at_every_level(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """To rounding: positions of 0.3 m carry 5e-17 m, stretches of some 1e-4 m enter the forces."""

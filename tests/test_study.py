@@ -106,6 +106,7 @@ def in_a_line(what: object) -> str:
     return " ".join(str(what).split())
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("space", [0.02, 0.5])
 def test_the_setting_suggested_is_right_and_cheap(space: float) -> None:
     for error in (3e-2, 1e-2, 1e-3):

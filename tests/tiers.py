@@ -72,7 +72,7 @@ def _functions(file: Path) -> dict[str, bool]:
         node.name: any(
             ast.unparse(mark).startswith(outside) for mark in (*node.decorator_list, *of_file)
         )
-        for node in ast.walk(tree)
+        for node in tree.body
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
     }
 
