@@ -103,7 +103,7 @@ def running_drive() -> bd.Params:
     )
 
 
-@pytest.mark.extended(guard="test_modes_swept.py::test_swept_torque")
+@pytest.mark.extended(guard="test_modes_swept.py::test_response_to_a_motion")
 def test_swept_torque_running() -> None:
     """At 6 m/s: half the difference of two runs with the torque and its opposite.
 
