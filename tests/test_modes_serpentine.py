@@ -191,7 +191,7 @@ def peak(t: Array, signal: Array) -> float:
     return float((k + 0.5 * (a - c) / (a - 2 * b + c)) / (n * (t[1] - t[0])))
 
 
-@pytest.mark.extended(guard="test_modes_swept.py::test_swept_torque")
+@pytest.mark.extended(guard="test_modes_swept.py::test_response_to_a_motion")
 def test_ring_down() -> None:
     """Displaced by the sum of the eight modes, the drive rings with their frequencies.
 
