@@ -1,9 +1,10 @@
-"""Drives and states that the tests of the oracle share."""
+"""Drives and random states of the oracle that tests share."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,27 +19,133 @@ from reference_friction import (
     MaxwellSlip,
     Threlfall,
 )
-from reference_mounts import Sprung
+from reference_line import spans_away
+from reference_mounts import Arm, Mount, Path, Slider, Sprung
+from reference_string import as_string
+
+# Links of the small drives press with some 100 N and slide at up to 1 m/s: friction changes over
+# about a millimetre, and dampers carry up to half of it.
+DAHL = Dahl(mu_k=0.8, sigma=2e3)
+LUGRE = LuGre(mu_k=0.5, mu_s=0.7, v_stribeck=0.05, sigma=2e3, damping=0.5, viscous=0.1)
+ELASTIC = ElasticPlastic(mu=0.6, stiffness=1e6, damping=500.0)
+STRAIN = 0.006  # 48 N
+GRAVITY = (1.0, -9.81)
+DRAG = (0.05, 1e-3, 1e-5)
+ARM = Arm(pivot=(0.21, 0.12), inertia=0.004, mass=0.3, stiffness=15.0, preload=3.3, damping=0.05,
+          friction=0.4)  # fmt: skip
+SLIDER = Slider(
+    direction=(2.9, 0.3), mass=2.0, weight=9.0, stiffness=500.0, damping=30.0, friction=8.0
+)
+PATH = Path(t=(0.0, 0.004, 0.01), displacement=((0.0, 0.0), (1e-3, 5e-4), (2e-3, -1e-3)))
 
 
 def no_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
     return np.zeros_like(omega)
 
 
-def some_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
-    return np.array([-30.0, 12.0]) - np.array([0.5, 2.0]) * omega
+# -------------------------------------------------------------------- drives
 
 
 def small_drive(**changes: Any) -> ref.Reference:
     """24 soft links on the paper's pulleys: 100 times fewer right-hand sides per second."""
+    data = {"axial_stiffness": 7e3, "axial_damping": 2.0, "contact": (1e8, 5e6, 200.0)}
+    return ref.paper_drive(24, **(data | {"mu_k": 0.8, "sigma": 2e3} | changes))
+
+
+def three_pulleys(**changes: Any) -> ref.Reference:
+    """Counter-clockwise, unequal."""
     data: dict[str, Any] = {
-        "axial_stiffness": 7e3,
-        "axial_damping": 2.0,
-        "contact": (1e8, 5e6, 200.0),
-        "mu_k": 0.8,
-        "sigma": 2e3,
+        "length": 1.55,
+        "centers": np.array([[0.0, 0.0], [0.4, -0.05], [0.2, 0.3]]),
+        "radii": np.array([0.1, 0.07, 0.05]),
+        "inertias": np.array([0.01, 0.02, 0.005]),
+        "winding": 1,
     }
-    return ref.paper_drive(24, **(data | changes))
+    return ref.paper_drive(40, **(data | changes))
+
+
+def drive(centers: Any, radii: Any, sides: Any, **changes: Any) -> ref.Reference:
+    """A soft belt of 36 links round these pulleys, clockwise, strained as they are drawn."""
+    centers, radii = np.array(centers), np.array(radii)
+    data: dict[str, Any] = {
+        "length": spans_away(centers, radii, sides)[0] / (1 + STRAIN),
+        "n_bodies": 36,
+        "linear_density": 0.10,
+        "axial_stiffness": 8e3,
+        "axial_damping": 2.0,
+        "bending_stiffness": 0.01,
+        "bending_damping": 1e-4,
+        "centers": centers,
+        "radii": radii,
+        "inertias": 0.05 * radii**2 * (1 + radii),
+        "contact": (0.0, 2e6, 300.0),
+        "friction": (DAHL,) * len(radii),
+        "sides": sides,
+        "mesh": "joint",
+        "compensate": True,
+    }
+    return ref.Reference(**(data | changes))
+
+
+def arm(changes: dict[str, Any] | None = None, **others: Any) -> ref.Reference:
+    """Crank, an idler on the back of the belt on an arm, alternator."""
+    mount = dataclasses.replace(ARM, **(changes or {}))
+    return drive(
+        [[0.0, 0.0], [0.13, 0.085], [0.30, 0.02]], [0.08, 0.04, 0.10], (1, -1, 1),
+        **({"mounts": {1: mount}} | others),
+    )  # fmt: skip
+
+
+def slider(changes: dict[str, Any] | None = None, **others: Any) -> ref.Reference:
+    """Two pulleys, one on a slider that a weight pulls."""
+    mounts = {1: dataclasses.replace(SLIDER, **(changes or {}))}
+    return drive([[0.0, 0.0], [0.29, 0.03]], [0.1, 0.08], (1, 1), **({"mounts": mounts} | others))
+
+
+def every(**others: Any) -> ref.Reference:
+    """An arm, a path and a slider on one belt; drag on every pulley."""
+    mounts: dict[int, Mount] = {
+        1: dataclasses.replace(ARM, stops=(-0.2, 0.1)),
+        2: PATH,
+        3: Slider(direction=(0.0, -2.0), mass=0.5, weight=4.0, damping=20.0, friction=5.0,
+                  friction_stiffness=1e4, stops=(-1e-5, 1e-5)),
+    }  # fmt: skip
+    laws = (DAHL, LUGRE, ELASTIC, None)
+    given = {"mounts": mounts, "friction": laws, "drag": np.array([DRAG] * 4), "gravity": GRAVITY}
+    return drive(
+        [[0.0, 0.0], [0.13, 0.085], [0.30, 0.02], [0.16, -0.13]], [0.08, 0.04, 0.10, 0.05],
+        (1, -1, 1, 1), **(given | others),
+    )  # fmt: skip
+
+
+MOTION: dict[int, ref.Motion] = {
+    1: lambda t: (5.0 * math.cos(20.0 * t), -100.0 * math.sin(20.0 * t)),
+    2: lambda t: (-4.0 - 300.0 * t, -300.0),
+}
+LAWS_OF_THREE = (Dahl(0.7, 2e4), LUGRE, ELASTIC)
+MODELS: dict[str, Callable[[], ref.Reference]] = {
+    "paper": ref.paper_drive,
+    "paper, bearing drag, bending": lambda: ref.paper_drive(
+        gravity=GRAVITY, bending_damping=0.02, bending_stiffness=0.5,
+        drag=np.array([[3.0, 0.1, 0.02], [1.0, 0.0, 0.3]]),
+    ),
+    "three laws, motions": lambda: three_pulleys(friction=LAWS_OF_THREE, motion=MOTION),
+    "joints, three laws": lambda: three_pulleys(mesh="joint", friction=LAWS_OF_THREE),
+    "joints, no friction": lambda: three_pulleys(mesh="joint", mu_k=None, sigma=None),
+    "arm in its stops": lambda: arm({"stops": (-1e-5, 1e-5)}, gravity=GRAVITY),
+    "slider, LuGre": lambda: slider(friction=(LUGRE, LUGRE)),
+    "path, elastic/plastic": lambda: slider(mounts={1: PATH}, friction=(ELASTIC, ELASTIC)),
+    "arm, path and slider": every,
+    "string": lambda: as_string(ref.paper_drive()),
+    "string, crossed": lambda: as_string(
+        drive([[0.0, 0.0], [0.35, 0.05]], [0.06, 0.10], (1, -1), friction=(ELASTIC, None),
+              winding=0)
+    ),
+    "string, arm, path and slider, motions": lambda: as_string(every(motion=MOTION)),
+}  # fmt: skip
+
+
+# -------------------------------------------------------------------- states
 
 
 def laid_on_joints(model: ref.Reference, y: ref.Array) -> ref.Array:
@@ -157,85 +264,3 @@ def law_by_hand(law: Law | None, z: Any, v: float, normal: float, l0: float) -> 
     limit = level(law.mu, law.mu_s, law.v_stribeck) * normal
     rate = min(max(v, (-limit - k * z) / c), (limit - k * z) / c)
     return k * z + c * rate, rate
-
-
-@dataclass(frozen=True)
-class ByHand:
-    """Contact of every pulley: forces on the links' ends [pulley, xy, link]; of the pairs the
-    normal force, the share in contact and how fast belt comes into contact, over the share; and
-    the power that goes into the contact's springs.
-    """
-
-    left: ref.Array
-    right: ref.Array
-    normal: ref.Array
-    share: ref.Array
-    fresh: ref.Array
-    elastic_power: float
-
-
-def contact_by_hand(model: ref.Reference, y: ref.Array) -> ByHand:
-    """The equations of MODEL section 3 link by link; of the paper's mesh half acts on each end.
-
-    Of a string link i is the bar from mass i to mass i + 1.
-    """
-    n_p, n_b, l0 = model.n_pulleys, model.n_bodies, model.l0
-    left, right = np.zeros((2, n_p, 2, n_b))
-    normal, share, share_rate = np.zeros((3, n_p, n_b))
-    place, velocity = model.links(y)[:, :2]
-    axes, moving = model.axes(y), model.axis_velocities(y)
-    stored = 0.0
-
-    def elastic(p: float) -> float:
-        return model.c1 * p**2 + model.c2 * p
-
-    def pressure(p: float, rate: float) -> float:
-        return max(0.0, elastic(p) + model.b * rate)
-
-    def seen(j: int, i: int, along: float) -> tuple[float, float, ref.Array]:
-        """Penetration, its rate and the normal of a point of a link, so far from its middle."""
-        if model.freedoms == 3:
-            angle, spin = model.links(y)[:, 2, i]
-            e = np.array([math.cos(angle), math.sin(angle)])
-            arm = place[:, i] + along * e - axes[j]
-            speed = velocity[:, i] + along * spin * np.array([-e[1], e[0]]) - moving[j]
-        else:
-            mass = i if along < 0 else (i + 1) % n_b
-            arm, speed = place[:, mass] - axes[j], velocity[:, mass] - moving[j]
-        outward = arm / math.dist(arm, (0.0, 0.0))
-        return model.contact_radii[j] - math.dist(arm, (0.0, 0.0)), -speed @ outward, outward
-
-    for j in range(n_p):
-        for i in range(n_b):
-            if model.mesh == "paper":
-                p, rate, outward = seen(j, i, 0.0)
-                normal[j, i] = pressure(p, rate) if p > 0 else 0.0
-                share[j, i] = p > 0
-                stored += elastic(p) * rate if p > 0 else 0.0
-                left[j, :, i] = right[j, :, i] = 0.5 * normal[j, i] * outward
-                continue
-            (pa, va, na), (pb, vb, nb) = seen(j, i, -0.5 * l0), seen(j, i, 0.5 * l0)
-            if pa <= 0 and pb <= 0:
-                continue
-            begin, end, moves = 0.0, 1.0, 0.0
-            if (pa > 0) != (pb > 0):
-                zero = pa / (pa - pb)
-                moves = (va * (pa - pb) - pa * (va - vb)) / (pa - pb) ** 2
-                begin, end = (0.0, zero) if pa > 0 else (zero, 1.0)
-                share_rate[j, i] += moves * (1 - zero) * (1 if pa > 0 else -1)
-                share_rate[j, (i + 1) % n_b] += moves * zero * (1 if pa > 0 else -1)
-            nodes, weights = np.polynomial.legendre.leggauss(2)
-            at = begin + (end - begin) * (nodes + 1) / 2
-            q = [w / 2 * (end - begin) * pressure((1 - x) * pa + x * pb, (1 - x) * va + x * vb)
-                 for x, w in zip(at, weights, strict=True)]  # fmt: skip
-            stored += sum(w / 2 * (end - begin) * elastic((1 - x) * pa + x * pb)
-                          * ((1 - x) * va + x * vb)
-                          for x, w in zip(at, weights, strict=True))  # fmt: skip
-            at_left, at_right = float(q @ (1 - at)), float(q @ at)
-            left[j, :, i], right[j, :, i] = at_left * na, at_right * nb
-            normal[j, i] += at_left
-            normal[j, (i + 1) % n_b] += at_right
-            share[j, i] += (end - begin) - (end**2 - begin**2) / 2
-            share[j, (i + 1) % n_b] += (end**2 - begin**2) / 2
-    fresh = np.maximum(share_rate, 0.0) / (share + ref.FRESH)
-    return ByHand(left, right, normal, share, fresh, float(stored))
