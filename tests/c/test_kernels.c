@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Sums of vectors, at every kernel level that is built in and that the processor has, against plain
- * loops; solves of the ring against dense ones; the exponential against the library's; built with
- * sanitizers by tests/test_c.py.
+ * loops; solves of the ring against dense ones; the exponential against the library's.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <float.h>
@@ -32,6 +31,15 @@ static const bd_layout layout = {.n = LINKS,
 typedef struct data {
   double *vectors[MAX_VECTORS], *y, *weights, *out, factors[MAX_VECTORS];
 } data;
+
+enum { LEVELS = 3 };
+
+/* The kernels of a level; NULL if they are not built in, or the processor does not have it. */
+static const bd_kernels *level_at(int k) {
+  const char *const levels[LEVELS] = {"baseline", "avx2", "avx512"};
+  setenv("BELTDYN_KERNELS", levels[k], 1);
+  return bd_kernels_choose();
+}
 
 /* Between -1 and 1, the same in every run. */
 static double next_number(void) {
@@ -116,11 +124,9 @@ static void check_level(const bd_kernels *kernels) {
 }
 
 static void sums_of_any_number_of_vectors(void) {
-  const char *const levels[] = {"baseline", "avx2", "avx512"};
   int checked = 0;
-  for (int k = 0; k < 3; ++k) {
-    setenv("BELTDYN_KERNELS", levels[k], 1);
-    const bd_kernels *kernels = bd_kernels_choose();
+  for (int k = 0; k < LEVELS; ++k) {
+    const bd_kernels *kernels = level_at(k);
     if (kernels) {
       check_level(kernels);
       ++checked;
@@ -207,13 +213,9 @@ static void dense_solve(int n, double *a, double *x) {
       pivot = fabs(a[i * n + k]) > fabs(a[pivot * n + k]) ? i : pivot;
     }
     for (int j = 0; j < n; ++j) {
-      const double kept = a[k * n + j];
-      a[k * n + j] = a[pivot * n + j];
-      a[pivot * n + j] = kept;
+      exchange(&a[k * n + j], &a[pivot * n + j]);
     }
-    const double kept = x[k];
-    x[k] = x[pivot];
-    x[pivot] = kept;
+    exchange(&x[k], &x[pivot]);
     for (int i = k + 1; i < n; ++i) {
       const double factor = a[i * n + k] / a[k * n + k];
       for (int j = k; factor != 0.0 && j < n; ++j) {
@@ -304,11 +306,9 @@ static void check_ring(const bd_kernels *kernels, int n, int string, int exchang
 /* Every length from 3 links (the shortest belt) or one link an arc on to 33, then longer ones: arcs
  * of the same and of different lengths. */
 static void rings_against_dense_matrices(void) {
-  const char *const levels[] = {"baseline", "avx2", "avx512"};
   const int longer[] = {60, 61, MOST};
-  for (int k = 0; k < 3; ++k) {
-    setenv("BELTDYN_KERNELS", levels[k], 1);
-    const bd_kernels *kernels = bd_kernels_choose();
+  for (int k = 0; k < LEVELS; ++k) {
+    const bd_kernels *kernels = level_at(k);
     for (int kind = 0; kernels && kind < 4; ++kind) {
       for (int n = kernels->newton->width > 3 ? kernels->newton->width : 3; n <= 33; ++n) {
         check_ring(kernels, n, kind % 2, kind / 2);
@@ -341,12 +341,10 @@ static void make_bars(ring_case *c, int n) {
  * no larger than its largest entries. A row's entries and right-hand side go through some 20
  * roundings, each 2^-53 of |A| |x| at most; nothing is lost to the ratio of the two stiffnesses. */
 static void stiff_strings_keep_their_digits(void) {
-  const char *const levels[] = {"baseline", "avx2", "avx512"};
   const int lengths[] = {33, 60, 61, MOST};
   ring_case *c = bd_block_new(sizeof *c);
   for (int k = 0; k < 12; ++k) {
-    setenv("BELTDYN_KERNELS", levels[k / 4], 1);
-    const bd_kernels *kernels = bd_kernels_choose();
+    const bd_kernels *kernels = level_at(k / 4);
     const int n = lengths[k % 4];
     double row[2 * MOST], norm = 0.0, largest_x = 0.0, worst = 0.0;
     make_bars(c, n);
@@ -394,11 +392,9 @@ static void exponentials_have_their_digits(void) {
 /* The same of every level, seen through LuGre's law: with mu_s = 1 and next to nothing for mu_k,
  * g(v) = exp(-v^2), and -dG/dz = |v| / g(v), to two ulp more. */
 static void exponentials_of_every_level(void) {
-  const char *const levels[] = {"baseline", "avx2", "avx512"};
   const bd_friction friction = {BD_LAW_lugre, .lugre = {1e-306, 1.0, 1.0, 1.0, 0.0, 0.0}};
-  for (int k = 0; k < 3; ++k) {
-    setenv("BELTDYN_KERNELS", levels[k], 1);
-    const bd_kernels *kernels = bd_kernels_choose();
+  for (int k = 0; k < LEVELS; ++k) {
+    const bd_kernels *kernels = level_at(k);
     double worst = 0.0;
     for (int i = 1; kernels && i <= 66000; ++i) {
       const double v = sqrt(1e-2 * i), exact = (double)expl(-(long double)(v * v));
