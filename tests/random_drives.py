@@ -77,9 +77,6 @@ def start(params: bd.Params, drawn: dict[str, Any]) -> bd.State:
     )
 
 
-# ---------------------------------------------------------------- the drive
-
-
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
@@ -226,9 +223,6 @@ def _drive(
         "capacity": 2.0 * pull * lay.radii * np.tanh(0.5 * mu * lay.wraps),
     }
     return params, drawn
-
-
-# ---------------------------------------------------------------- its loads
 
 
 def _loads(

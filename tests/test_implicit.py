@@ -16,8 +16,6 @@ import beltdyn as bd
 Array = np.ndarray
 SOURCE = Path(__file__).parent.parent / "csrc" / "solvers" / "rodas4.c"
 
-# -------------------------------------------------------------------- coefficients
-
 
 def table(name: str) -> Array:
     """Numbers of an array of rodas4.c."""
@@ -98,9 +96,6 @@ def test_rodas4_meets_its_order_conditions() -> None:
     for z in 1j * np.logspace(-2, 4, 200):
         growth = 1.0 + z * method.b @ np.linalg.solve(np.eye(6) - z * method.beta, np.ones(6))
         assert abs(growth) <= 1.0 + 1e-6
-
-
-# -------------------------------------------------------------------- orders
 
 
 def coupled(t: float, theta: Array, omega: Array) -> list[float]:

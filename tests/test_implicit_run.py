@@ -21,8 +21,6 @@ Array = np.ndarray
 IMPLICIT = ("lbdf2", "lie", "rodas4")
 of_each = pytest.mark.parametrize("method", IMPLICIT)
 
-# -------------------------------------------------------------------- a pulley by itself
-
 
 def free_pulley(drag: float, omega: float) -> tuple[bd.Params, bd.State, float]:
     """Nothing but inertia and a linear drag on pulley 0: omega' = -rate omega."""
@@ -72,9 +70,6 @@ def test_rodas4_damps_as_its_coefficients_say(z: float) -> None:
     growth = 1.0 - z * method.b @ np.linalg.solve(np.eye(6) + z * method.beta, np.ones(6))
     got = result.pulleys.omega[:, 0]
     assert np.max(np.abs(got[1:] - growth * got[:-1])) <= 1e-11 * got[0]
-
-
-# -------------------------------------------------------------------- friction's limit, counters
 
 
 @of_each
@@ -143,9 +138,6 @@ def test_a_step_given_is_the_step_or_the_first() -> None:
     assert first.largest_step > 4e-6
 
 
-# -------------------------------------------------------------------- Python torques
-
-
 @of_each
 def test_exceptions_and_what_is_no_number_come_from_any_call(method: str) -> None:
     """At stages, for slopes over angles, speeds and time."""
@@ -174,9 +166,6 @@ def test_exceptions_and_what_is_no_number_come_from_any_call(method: str) -> Non
             bd.simulate(params, torque, 5e-3, **given)
         assert said.value.symbol == "BD_ERR_TORQUE_VALUE"
         assert np.all(np.isfinite(said.value.result.final_state.x))
-
-
-# -------------------------------------------------------------------- the same again
 
 
 def started(t: float = 0.06) -> tuple[bd.Scene, bd.State]:
@@ -244,9 +233,6 @@ def test_kinks_of_the_torque_cost_no_order() -> None:
     # the same steps but for the rounding of the stops
     assert np.max(np.abs(runs[0].joints.force - runs[1].joints.force)) <= 1e-6 * mean
     assert runs[1].stats.local_error == pytest.approx(runs[0].stats.local_error, rel=1e-3)
-
-
-# ---------------------------------------------------------------- beyond help
 
 
 @of_each

@@ -46,9 +46,6 @@ def mesh(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-# -------------------------------------------------------------------- rates
-
-
 @pytest.mark.parametrize(
     ("laws", "n"), [*zip(LAWS, itertools.cycle([3, 5, 8, 13, 24, 33, 60]), strict=False)]
 )
@@ -186,9 +183,6 @@ def test_a_belt_of_too_few_links_for_close_pulleys_is_refused() -> None:
     assert bd.settle(params(12, "joint")).mu.shape == (12,)
 
 
-# -------------------------------------------------------------------- what is off costs nothing
-
-
 def test_the_papers_mesh_is_as_before() -> None:
     """Named or not: the same bytes of a record, passes and numbers; joints need their own."""
     records, passes, infos = [], [], []
@@ -218,9 +212,6 @@ def test_a_record_of_the_other_mesh_is_refused() -> None:
         make(one).import_record(record)
         with pytest.raises(ValueError, match="the record is of another run"):
             make(other).import_record(record)
-
-
-# -------------------------------------------------------------------- input
 
 
 def test_what_is_no_mesh_is_refused_and_the_field_named() -> None:
@@ -289,9 +280,6 @@ def test_printing_says_which_belt_it_is_and_what_is_counted(
     assert f" s, 60 {bodies}, 2 pulley(s); " in repr(run)
 
 
-# -------------------------------------------------------------------- energy
-
-
 @pytest.mark.parametrize(
     ("law", "method", "rtol"),
     [
@@ -319,8 +307,6 @@ def test_the_ledger_closes(law: str, method: str, rtol: float) -> None:
     off = np.abs(result.joints.force - exact.joints.force).max()
     assert off <= rtol * params.info["strain_tension"]
 
-
-# -------------------------------------------------------------------- accuracy in space
 
 #: Slack tension [N] and creep [%] of the paper's mesh with 1440 (U: 960) links in steady motion,
 #: from 0.9 s on. Earlier, while the wraps that were laid at rest still run off, its tension is up
@@ -408,9 +394,6 @@ def test_both_meshes_are_laid_with_friction_at_one_limit(kind: str) -> None:
     expected = tensions(240, "paper")
     for n_bodies in (120, 240):
         assert tensions(n_bodies, "joint") == pytest.approx(expected, rel=0.02), n_bodies
-
-
-# -------------------------------------------------------------------- what is said of the mesh
 
 
 @pytest.mark.filterwarnings("ignore:(mesh|long_links):UserWarning")

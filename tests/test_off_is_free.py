@@ -158,9 +158,6 @@ def test_what_is_not_asked_for_is_no_array() -> None:
     assert counted[0] == counted[1] == counted[2]
 
 
-# --- order ----------------------------------------------------------------------------------------
-
-
 def run(params: bd.Params, torque: bd.TorqueLike, **options: Any) -> bd.Result:
     return bd.simulate(params, torque, T_END, method="rk4", step=2e-6, **options)
 

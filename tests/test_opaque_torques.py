@@ -132,9 +132,6 @@ def table(times: list[float] | Array, values: list[float] | Array) -> bd.TorqueL
     return bd.PiecewiseLinear(times, rows) + bd.Viscous([0.0, LOAD])
 
 
-# ---------------------------------------------------------------- pulses
-
-
 @attrs.frozen
 class Pulse:
     begin: float
@@ -215,9 +212,6 @@ def test_pulse_of_ten_milliseconds() -> None:
         hold_to(pulse.opaque(), 0.3, Course.of(exact), options, start=start)
 
 
-# ---------------------------------------------------------------- noise
-
-
 def hashed(t: float) -> float:
     """Noise from -1 to 1 that is a function of the time, whatever called before."""
     return zlib.crc32(struct.pack("d", t)) / 2.0**31 - 1.0
@@ -282,9 +276,6 @@ def test_noise_of_one_percent_on_the_plain_drive(asked: tuple[str, float]) -> No
     load = 100.0 / (2.0 * math.pi)
     options = {"method": asked[0], "rtol": asked[1]}
     hold_noise_to_its_mean(noisy(0.01, load, 1), options, plain, load)
-
-
-# ---------------------------------------------------------------- relays and steps of the speed
 
 
 #: A torque function, the course of what it means, and how far off a run may be.
@@ -406,9 +397,6 @@ def relay_with_hysteresis(seed: int) -> Riddle:
     inertia = sum(pulley.inertia for pulley in drive()[0].pulleys) + 1.2 * 0.1 * 0.1**2
     across = inertia * w0 * 2.0 * band / exact.passed
     return hysteresis(torque, w0, band), exact, (RIGHT + 2.0 * band / peak, RIGHT + across)
-
-
-# ---------------------------------------------------------------- controllers with memory
 
 
 def sampled(gain: float, w0: float, period: float) -> Function:

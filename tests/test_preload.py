@@ -55,9 +55,6 @@ DEALT = [
 ]
 
 
-# --- the tension at rest --------------------------------------------------------------------------
-
-
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "mesh", "n_bodies"),
@@ -150,9 +147,6 @@ def test_closed_form_where_nothing_settles() -> None:
         bd.settle(asked)
 
 
-# --- preload --------------------------------------------------------------------------------------
-
-
 def test_length_and_preload_are_two_names_of_one_belt() -> None:
     params = drive(preload=400.0, model="links")
     assert params.belt.length is None and params.belt.preload == 400.0
@@ -234,9 +228,6 @@ def test_warnings_speak_of_what_was_given() -> None:
     with pytest.warns(bd.BeltdynWarning):
         result = bd.simulate(slippery, bd.PiecewiseLinear([0, 0.05], [[0, 0], [-60, 60]]), 0.1)
     assert any("raise belt.preload" in one.text for one in result.warnings)
-
-
-# --- tensions of a state --------------------------------------------------------------------------
 
 
 def test_a_state_tells_its_tensions_as_a_run_does() -> None:

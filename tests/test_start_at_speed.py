@@ -92,9 +92,6 @@ def theory(params: bd.Params, v: float) -> float:
     return float(tension)
 
 
-# --- the state ------------------------------------------------------------------------------------
-
-
 def standing(state: bd.State) -> bd.State:
     return attrs.evolve(state, **{name: 0.0 * state.x for name in ("vx", "vy", "vphi")})
 
@@ -252,9 +249,6 @@ def test_bad_speeds() -> None:
         _core.Simulation.settle(params._model, None, speed=math.nan)
     with pytest.raises(ValueError, match="speed must be finite"):
         params._model.set_going(bd.settle(params)._to_core(params), math.inf)
-
-
-# --- runs from there ------------------------------------------------------------------------------
 
 
 RUNS = [("two", 314.0), ("idler", 50.0), ("two", 50.0), ("unequal", 314.0), ("crossed", 314.0)]

@@ -209,9 +209,6 @@ def test_a_step_that_is_too_long_is_not_believed(method: str) -> None:
     assert shorter.stats.local_error is not None and shorter.stats.local_error < 1.0
 
 
-# -------------------------------------------------------------------- accuracy
-
-
 LADDER = (4e-4, 2e-4, 1e-4, 5e-5)  # s
 
 
