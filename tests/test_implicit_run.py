@@ -201,25 +201,6 @@ def test_turns_taken_off_while_running(method: str) -> None:
     assert np.max(np.abs(runs[0].belt.phi + 2 * np.pi - runs[1].belt.phi)) <= 1e-9
 
 
-@pytest.mark.parametrize("method", [*IMPLICIT, "tsit5"])
-def test_a_run_in_two_parts_is_the_run_in_one(method: str) -> None:
-    """From final_state on: one step of order 1 more, or steps of other sizes, errors as between two
-    tolerances.
-    """
-    scene, state = started()
-    tight = {"rodas4": {"rtol": 1e-6}, "tsit5": {"rtol": 1e-7}}.get(method, {"step": 2e-6})
-
-    def run(start: bd.State, end: float) -> bd.State:
-        options: dict[str, Any] = {"method": method, "t_eval": [end], **tight}
-        return bd.simulate(*scene[:2], end, initial=start, **options).final_state
-
-    whole, rest = run(state, 0.07), run(run(state, 0.065), 0.07)
-    assert rest.t == 0.07
-    stretch = scene.params.info["strain"] * scene.params.info["link_length"]
-    assert np.max(np.abs(rest.x - whole.x)) <= (1e-5 if method == "tsit5" else 1e-4) * stretch
-    assert np.max(np.abs(rest.omega - whole.omega)) <= 1e-5
-
-
 def test_kinks_of_the_torque_cost_no_order() -> None:
     """A stop at every step, as of a torque given as a table: nothing jumps, so the past goes on."""
     scene, state = started(0.3)

@@ -255,19 +255,6 @@ def relay(seed: int) -> Riddle:
     return loaded(lambda t, _, w: -math.copysign(torque, w[0] - w0)), exact, KEPT
 
 
-def hysteresis(torque: float, w0: float, band: float) -> Function:
-    """On below w0 - band, off above w0 + band, else as it was: remembers what it saw last."""
-    on = True
-
-    def seen(t: float, theta: Array, omega: Array) -> float:
-        nonlocal on
-        if abs(omega[0] - w0) > band:
-            on = bool(omega[0] < w0)
-        return torque if on else 0.0
-
-    return loaded(seen)
-
-
 class Legs:
     """A motion put together from short runs under torques that the core sees."""
 
@@ -296,39 +283,6 @@ class Legs:
     def course(self) -> Course:
         omega, work, passed = zip(*map(attrs.astuple, self.courses), strict=True)
         return Course(np.vstack(omega), sum(work), sum(passed))
-
-
-def switched(torque: float, w0: float, band: float) -> Course:
-    """Legs up to each switch, found between samples of 20 us by a straight line."""
-    legs, on = Legs(), True
-    while legs.t < RIDDLE_END:
-        push = table([0.0], [torque if on else 0.0])
-        ahead = min(RIDDLE_END, legs.t + 5e-3)
-        seen = legs.peek(push, ahead, 2 + round((ahead - legs.t) / 2e-5))
-        w, level = seen.pulleys.omega[:, 0], w0 + (band if on else -band)
-        past = np.flatnonzero((w > level) if on else (w < level))
-        if not past.size or seen.t[past[0]] <= legs.t:
-            legs.go(push, ahead)
-            continue
-        k = int(past[0])
-        share = (level - w[k - 1]) / (w[k] - w[k - 1])
-        legs.go(push, max(seen.t[k - 1] + share * (seen.t[k] - seen.t[k - 1]), legs.t + 1e-7))
-        on = not on
-    return legs.course()
-
-
-def relay_with_hysteresis(seed: int) -> Riddle:
-    """It goes round between two speeds; in what phase, each switch shifts a little. Two courses out
-    of phase differ by the width of the band, and by the energy that is put in across it.
-    """
-    rng = np.random.default_rng([seed, 5])
-    torque, w0 = rng.uniform(30.0, 100.0), rng.uniform(10.0, 25.0)
-    band = rng.uniform(0.02, 0.08) * w0
-    exact = switched(torque, w0, band)
-    peak = np.max(np.abs(exact.omega))
-    inertia = sum(pulley.inertia for pulley in drive()[0].pulleys) + 1.2 * 0.1 * 0.1**2
-    across = inertia * w0 * 2.0 * band / exact.passed
-    return hysteresis(torque, w0, band), exact, (RIGHT + 2.0 * band / peak, RIGHT + across)
 
 
 def sampled(gain: float, w0: float, period: float) -> Function:
@@ -394,16 +348,15 @@ def delayed(seed: int) -> Riddle:
 
 RIDDLES: dict[str, Callable[[int], Riddle]] = {
     "relay": relay,
-    "relay with hysteresis": relay_with_hysteresis,
     "sample and hold": sample_and_hold,
     "delayed": delayed,
 }
 CASES = [(name, seed) for seed in range(16) for name in RIDDLES]
-#: One of each by default, with each of the methods.
-SHOWN = zip(RIDDLES, (0, 3, 2, 1), strict=True)
+#: One of each by default, each with another method.
+SHOWN = zip(RIDDLES, (0, 2, 1), strict=True)
 
 
-@pytest.mark.parametrize("case", sample(*SHOWN, ci=CASES[:16], rest=CASES))
+@pytest.mark.parametrize("case", sample(*SHOWN, ci=CASES[:12], rest=CASES))
 def test_controllers_and_relays(case: tuple[str, int]) -> None:
     """Each is right, or says that it may not be."""
     name, seed = case
