@@ -190,8 +190,6 @@ def make(row: Row) -> Drive:
     )
 
 
-# --- parts ----------------------------------------------------------------------------------------
-
 _LAWS: dict[str, Callable[..., bd.Friction]] = {
     "dahl": lambda **curve: bd.Dahl(mu_k=0.8, sigma=1e4, **curve),
     "lugre": lambda mu_s=0.6, v_stribeck=0.05: bd.LuGre(
@@ -310,8 +308,6 @@ def _belt(row: Row, pulleys: list[bd.Pulley]) -> bd.Belt:
     )
 
 
-# --- loads and motions ----------------------------------------------------------------------------
-
 Loads = tuple[bd.Torque | Callable[..., Any], dict[int | str, Any] | None]
 _REAL = ctypes.POINTER(ctypes.c_double)
 _COMPILED = ctypes.CFUNCTYPE(None, ctypes.c_double, _REAL, _REAL, _REAL, ctypes.c_void_p)
@@ -389,7 +385,6 @@ _LOADS: dict[str, Callable[..., Loads]] = {
     "moved": _moved,
 }
 
-# --- the table ------------------------------------------------------------------------------------
 
 Pair = tuple[tuple[str, str], tuple[str, str]]
 

@@ -198,11 +198,9 @@ def _drive(
     share = info["mesh_strain"] / (info["mesh_strain"] + info["strain"])
     if calm and share > MESH:
         raise ValueError("the mesh is too coarse")
-    mu = 0.5 if friction is None else friction.mu_k
+    mu, sigma = (0.5, 0.0) if friction is None else (friction.mu_k, friction.sigma)
     pull = stiffness * (info["mesh_strain"] + info["strain"])
     drawn = {
-        "n_pulleys": len(params.pulleys),
-        "n_bodies": n_bodies,
         "idlers": sum(lay.idlers),
         "link_over_radius": info["link_length"] / least,
         "mesh_share": share,
@@ -210,13 +208,8 @@ def _drive(
         "damping": damping,
         "light_damping": damping < 0.02,
         "contact_damping": of_contact,
-        "sunk": sunk,
         "friction": None if friction is None else "dahl",
-        "stiff_friction": (
-            0.0 if friction is None else friction.sigma * info["strain"] * info["link_length"]
-        ),
-        "bending": bending > 0.0,
-        "gravity": params.gravity != (0.0, 0.0),
+        "stiff_friction": sigma * info["strain"] * info["link_length"],
         "t_end": min(0.2, max(0.02 * radians / RADIANS, radians / fastest)),
         "wraps": lay.wraps,
         # torque at which a pulley slips: tensions of mean T in the ratio exp(mu wrap)
@@ -299,11 +292,7 @@ def _loads(
         torque = torque + bd.Viscous(load)
     return torque, {
         "shape": shape,
-        "peak": abs(push[0]) / capacity[0],
         "full_slip": slips,
         "belt_speed": belt_speed,
-        "top_rpm": top / float(radii.min()) / RPM,
         "high_speed": bool(top / float(radii.min()) > 3000.0 * RPM),
-        "viscous": bool(load.any()),
-        "sigma": 0.0 if params.friction is None else params.friction.sigma,
     }

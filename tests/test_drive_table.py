@@ -83,9 +83,6 @@ def bits_of(start: bd.State, result: bd.Result) -> str:
     return found.hexdigest()
 
 
-# --- the table ------------------------------------------------------------------------------------
-
-
 def test_every_pair_that_the_library_allows_is_in_the_table() -> None:
     """And every law and method of the core."""
     all_drives = [table.drive(name) for name in table.names()]
@@ -106,9 +103,6 @@ def test_pairs_that_are_left_out_are_refused(pair: table.Pair) -> None:
         return
     with pytest.raises({"Value": ValueError, "Type": TypeError}[kind], match=message):
         table.make(row)
-
-
-# --- restart records ------------------------------------------------------------------------------
 
 
 def simulation_of(drive: table.Drive, start: bd.State) -> tuple[Any, dict[str, np.ndarray]]:
@@ -213,9 +207,6 @@ def test_stopping_changes_nothing(name: str) -> None:
     np.testing.assert_array_equal(one.end["x"], result.final_state.x)
 
 
-# --- the same bits --------------------------------------------------------------------------------
-
-
 @pytest.mark.one_in(3)
 @of_each
 def test_the_same_bits_in_another_process(name: str) -> None:
@@ -235,9 +226,6 @@ def test_the_same_bits_again_and_in_threads_side_by_side() -> None:
     with ThreadPoolExecutor(4) as pool:
         for name, found in zip(names, pool.map(again, names), strict=True):
             assert found == once[name], name
-
-
-# --- physics --------------------------------------------------------------------------------------
 
 
 @of_each
@@ -346,9 +334,6 @@ def early(drive: table.Drive, one: Ran) -> tuple[dict[str, np.ndarray], Any]:
     rates = params._model.rate(end, np.linspace(-4.0, 3.0, len(params.pulleys)))
     options = {"initial": one.start, "t_eval": np.linspace(0.0, 0.003, 4), **drive.options}
     return rates, bd.simulate(params, torque, 0.003, motion, **options)
-
-
-# --- what is off, files, texts --------------------------------------------------------------------
 
 
 @of_each

@@ -168,10 +168,10 @@ def test_exceptions_and_what_is_no_number_come_from_any_call(method: str) -> Non
         assert np.all(np.isfinite(said.value.result.final_state.x))
 
 
-def started(t: float = 0.06) -> tuple[bd.Scene, bd.State]:
+def started() -> tuple[bd.Scene, bd.State]:
+    """A scene and its state at 0.3 s."""
     scene = bd.scenes.kubas_case_1()
-    final = bd.simulate(*scene[:2], t, t_eval=[t], rtol=1e-2).final_state
-    return scene, attrs.evolve(final, t=t)
+    return scene, bd.simulate(*scene[:2], 0.3, t_eval=[0.3], rtol=1e-2).final_state
 
 
 @of_each
@@ -179,7 +179,7 @@ def test_turns_taken_off_while_running(method: str) -> None:
     """Turns leave phi once it has gone past 50 rad: a run that starts just before goes on like one
     that starts a turn back, states of the past included.
     """
-    scene, state = started(0.3)
+    scene, state = started()
     # link 0 is to be one that turns with a pulley
     first = int(np.flatnonzero(state.mu)[3])
     state = renumbered(scene.params, state, first)
@@ -203,7 +203,7 @@ def test_turns_taken_off_while_running(method: str) -> None:
 
 def test_kinks_of_the_torque_cost_no_order() -> None:
     """A stop at every step, as of a torque given as a table: nothing jumps, so the past goes on."""
-    scene, state = started(0.3)
+    scene, state = started()
     times, step = np.linspace(0.301, 0.32, 39), 1e-4
     runs = [
         bd.simulate(*scene[:2], 0.32, initial=state, t_eval=times, method="lbdf2", step=step,
