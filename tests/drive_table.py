@@ -272,13 +272,9 @@ def _mount(row: Row) -> tuple[int, bd.Arm | bd.Slider | bd.Path | None]:
         )  # fmt: skip
     if kind == "spring":
         return at, bd.Slider(
-            direction=(1.0, 0.1),
-            mass=1.0,
-            stiffness=2e3,
-            preload=240.0,
-            damping=60.0,
+            direction=(1.0, 0.1), mass=1.0, stiffness=2e3, preload=240.0, damping=60.0,
             friction=20.0,
-        )
+        )  # fmt: skip
     if kind == "weight":
         return at, bd.Slider(
             direction=(2.0, 0.0), mass=1.0, weight=24.0, damping=60.0, stops=(-0.02, 0.02)

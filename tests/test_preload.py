@@ -188,18 +188,14 @@ def test_toml_pickle_print_and_names() -> None:
     params = drive(preload=400.0)
     text = params.to_toml()
     assert "preload = 400.0" in text and "length" not in text
-    again = bd.Params.from_toml(text)
-    assert again == params and again.info["length"] == params.info["length"]
-    copy = pickle.loads(pickle.dumps(params))
-    assert copy == params and copy.info == params.info
+    assert bd.Params.from_toml(text).info == pickle.loads(pickle.dumps(params)).info == params.info
     assert f"preload 400 N: length {params.info['length']:.6g} m" in str(params)
     assert "  preload " in str(params.belt) and "  length " not in str(params.belt)
     assert "preload" not in str(drive(length=1.2).belt) + drive(length=1.2).to_toml()
     with pytest.raises(ValueError, match=r"^belt\.preload must not be given together"):
         bd.Params.from_toml(text.replace("preload", "length = 1.2\npreload"))
     # it has a name for identification, in place of the length
-    assert "belt.preload" in names.numbers(params)
-    assert "belt.length" not in names.numbers(params)
+    assert {"belt.preload", "belt.length"} & set(names.numbers(params)) == {"belt.preload"}
     rule = names.rule_of(params, "belt.preload")
     assert rule is not None and (rule.rule, rule.unit) == ("POSITIVE", "N")
     tighter = names.assign(params, [(names.parse("belt.preload"), 500.0)])
