@@ -26,7 +26,7 @@ from tiers import first
 import beltdyn as bd
 from beltdyn import _core, sanity
 
-V = ValueError
+V, TORQUES = ValueError, drives.plain_scene().torque_fn
 
 LAWS = {name: oracle_law(law) for name, law in EXAMPLES.items()}
 CURVED = {name: oracle_law(STRIBECK[name]) for name in ("maxwell_slip", "coulomb")}
@@ -84,24 +84,15 @@ def test_constants_of_the_links() -> None:
 def test_the_spectral_bound_bounds(damping: float, bending: float) -> None:
     """No eigenvalue of a free ring is beyond it; without bending the largest reaches it."""
     oracle = reference.paper_drive(
-        18,
-        mesh="joint",
-        mu_k=None,
-        sigma=None,
-        axial_damping=damping,
-        bending_stiffness=bending,
+        18, mesh="joint", mu_k=None, sigma=None, axial_damping=damping, bending_stiffness=bending,
         centers=np.array([[50.0, 0.0], [60.0, 0.0]]),
-    )
+    )  # fmt: skip
     angle = -2 * np.pi * np.arange(18) / 18
     radius = oracle.l0 / (2 * math.tan(np.pi / 18))  # of unstretched joints
-    y = oracle.pack(
-        {"x": radius * np.cos(angle), "y": radius * np.sin(angle), "phi": angle - np.pi / 2}
-    )
-    n, h = 6 * 18, 1e-7
-    columns = []
-    for k in range(n):
-        step = np.zeros(oracle.size)
-        step[k] = h
+    y = oracle.pack({"x": radius * np.cos(angle), "y": radius * np.sin(angle),
+                     "phi": angle - np.pi / 2})  # fmt: skip
+    n, h, columns = 6 * 18, 1e-7, []
+    for step in h * np.eye(oracle.size)[:n]:
         ahead, behind = (oracle.rhs(0.0, y + s * step, lambda t, a, b: 0 * b) for s in (1, -1))
         columns.append((ahead - behind)[:n] / (2 * h))
     fastest = np.max(np.abs(np.linalg.eigvals(np.column_stack(columns))))
@@ -188,17 +179,16 @@ def test_printing_says_which_belt_it_is_and_what_is_counted(
 ) -> None:
     base = drives.plain()
     belt = attrs.evolve(base.belt, mesh="joint", model=model, bending_stiffness=bending)
-    printed = str(attrs.evolve(base, belt=belt))
+    params, bodies = attrs.evolve(base, belt=belt), kind.removeprefix("rigid ")
+    printed = str(params)
     rows = {line.split()[0]: line.split(maxsplit=2)[1:] for line in printed.splitlines()}
     assert " ".join(rows["belt.model"]) == shown
     assert rows["belt.n_bodies"] == ["60", f"number of {kind}, n_b"]
-    bodies = kind.removeprefix("rigid ")
     assert printed.startswith(f"Belt drive, 60 {bodies} on 2 pulley(s)\n")
     assert f"error of the mesh: with 60 {bodies} some" in printed
     coarse = attrs.evolve(base, belt=attrs.evolve(belt, n_bodies=12))
     assert f"  note  mesh: 12 {bodies} are few" in str(coarse)
-    run = bd.simulate(attrs.evolve(base, belt=belt), drives.plain_scene().torque_fn, 1e-4)
-    assert f" s, 60 {bodies}, 2 pulley(s); " in repr(run)
+    assert f" s, 60 {bodies}, 2 pulley(s); " in repr(bd.simulate(params, TORQUES, 1e-4))
 
 
 #: Slack tension [N] and creep [%] of the paper's mesh with 1440 (U: 960) links in steady motion,
@@ -259,9 +249,7 @@ def test_both_meshes_rest_at_one_limit(kind: str) -> None:
 
     def tension(n_bodies: int, mesh: str) -> float:
         params = scene_of(kind, n_bodies, mesh).params
-        rest = bd.settle(params, friction=False)
-        still = bd.Viscous([0.0, 0.0])
-        return float(bd.simulate(params, still, 1e-6, initial=rest).joints.force[0].mean())
+        return bd.settle(params, friction=False).tension(params).mean
 
     coarse, fine = (tension(n, "paper") for n in (240, 480))
     limit = fine - (coarse - fine) / 3.0
@@ -280,9 +268,7 @@ def test_both_meshes_are_laid_with_friction_at_one_limit(kind: str) -> None:
 
     def tensions(n_bodies: int, mesh: str) -> np.ndarray:
         params = scene_of(kind, n_bodies, mesh).params
-        still = bd.Viscous([0.0, 0.0])
-        run = bd.simulate(params, still, 1e-6, initial=bd.settle(params))
-        return np.asarray(run.span_tension[0])
+        return bd.settle(params).tension(params).spans
 
     expected = tensions(240, "paper")
     for n_bodies in (120, 240):

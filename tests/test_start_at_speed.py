@@ -191,15 +191,14 @@ def test_where_the_belt_would_leave_its_pulleys() -> None:
 
 def test_bad_speeds() -> None:
     params = drive("two", 60)
-    rows: list[tuple[dict[str, Any], type[Exception], str]] = [
+    for options, error, message in (
         ({"speed": 50.0}, TypeError, "speed must be a mapping from pulleys to speeds"),
         ({"speed": {}}, ValueError, "speed must name at least one pulley"),
         ({"speed": {2: 1.0}}, ValueError, "speed index must be an integer from 0 to 1, got 2"),
         ({"speed": {0: math.inf}}, ValueError, r"speed\[0\] must be finite"),
         ({"speed": {0: 1.0, 1: 2.0}}, ValueError, "the rims of pulleys 1 and 0 must run at one"),
         ({"speed": {0: 1.0}, "friction": True}, ValueError, "friction must not be set together"),
-    ]
-    for options, error, message in rows:
+    ):
         with pytest.raises(error, match=f"^{message}"):
             bd.settle(params, **options)
     with pytest.raises(ValueError, match="speed must be 0 where friction acts"):
