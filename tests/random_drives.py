@@ -174,26 +174,19 @@ def _drive(
     ]
     params = bd.Params(
         belt=bd.Belt(
-            length=length,
-            n_bodies=n_bodies,
-            linear_density=density,
-            axial_stiffness=stiffness,
-            axial_damping=stiffness * 2.0 * damping / fastest,
-            bending_stiffness=bending,
+            length=length, n_bodies=n_bodies, linear_density=density, axial_stiffness=stiffness,
+            axial_damping=stiffness * 2.0 * damping / fastest, bending_stiffness=bending,
             mesh="paper",
         ),
         pulleys=[
             bd.Pulley(center=c, radius=float(r), inertia=i)
             for c, r, i in zip(lay.centers, lay.radii, inertia, strict=True)
         ],
-        contact=bd.Contact(
-            quadratic=quadratic,
-            linear=linear,
-            damping=2.0 * of_contact * math.sqrt(linear * density),
-        ),
+        contact=bd.Contact(quadratic=quadratic, linear=linear,
+                           damping=2.0 * of_contact * math.sqrt(linear * density)),
         friction=friction,
         gravity=(0.0, -9.81) if chance(rng, 0.3) else (0.0, 0.0),
-    )
+    )  # fmt: skip
     info = params.info
     share = info["mesh_strain"] / (info["mesh_strain"] + info["strain"])
     if calm and share > MESH:

@@ -231,14 +231,3 @@ def test_step_floor_is_a_named_error() -> None:
     error = caught.value
     assert (error.symbol, error.pulley, error.field) == ("BD_ERR_STEP_FLOOR", 0, "omega")
     assert error.result is not None and not error.result.success
-
-
-def test_belt_pulled_through_a_pulley_is_a_named_error() -> None:
-    # 490 N of preload are left with 490 / (1 + 2 pi 70e3 / (2e4 0.1 1.2)) N, which sink in 1.3 mm.
-    params = attrs.evolve(drives.plain(), contact=bd.Contact(linear=2e4))
-    with (
-        pytest.raises(bd.SimulationError, match="pulley") as failed,
-        pytest.warns(bd.AccuracyWarning, match="^compliance: .* 1.3 % of its radius"),
-    ):
-        bd.simulate(params, bd.Viscous([0, 0]), 0.1)
-    assert any("compliance: " in note for note in failed.value.__notes__)
