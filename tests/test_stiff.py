@@ -137,6 +137,7 @@ def test_nothing_fails(name: str, n: int) -> None:
             assert made_up(result) <= 1e-2 * result.energy.axial[0], where
 
 
+@pytest.mark.one_in(2)
 @sizes(60, 240, 960, 3840)
 def test_contact_a_thousand_times_stiffer(name: str, n: int) -> None:
     """Steps of 1e-4 s, and steps chosen by rtol = 1e-2, which see links bounce, within micrometres.
@@ -168,6 +169,7 @@ def test_a_step_that_is_too_long_is_not_believed(method: str) -> None:
 LADDER = (4e-4, 2e-4, 1e-4, 5e-5)  # s
 
 
+@pytest.mark.one_in(2)
 @sizes(60, 240)
 def test_results_are_those_of_a_tight_run(name: str, n: int) -> None:
     """40 ms against rodas4 at 3e-7 (itself against the explicit pair where that can be had).
