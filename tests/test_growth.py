@@ -8,7 +8,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
-from tiers import extended_if, first
+from tiers import first
 
 import beltdyn as bd
 
@@ -88,12 +88,7 @@ def calm(name: str, method: str, rtol: float) -> bd.Result:
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("name", "method", "rtol"),
-    extended_if(
-        lambda case: (
-            case[:2] not in {("usual", "rodas4"), ("undamped", "auto"), ("6000 rpm", "lbdf2")}
-        ),
-        [(name, *setting) for name in CALM for setting in SETTINGS],
-    ),
+    [("usual", "rodas4", 1e-3), ("undamped", "auto", 1e-4), ("6000 rpm", "lbdf2", 1e-2)],
 )
 def test_drives_that_do_not(name: str, method: str, rtol: float) -> None:
     """Nothing is said, and the estimate holds, within its factor of five."""
