@@ -259,6 +259,7 @@ static void check_ring(const bd_kernels *kernels, ring_case *c) {
       left -= row[j] * c->x[j % size][BD_HALO + j / size];
       sum += fabs(row[j]);
     }
+    CHECK(isfinite(left));
     norm = fmax(norm, sum);
     worst = fmax(worst, fabs(left));
     largest_x = fmax(largest_x, fabs(c->x[u][at]));
