@@ -190,8 +190,6 @@ def make(row: Row) -> Drive:
     )
 
 
-# --- parts ----------------------------------------------------------------------------------------
-
 _LAWS: dict[str, Callable[..., bd.Friction]] = {
     "dahl": lambda **curve: bd.Dahl(mu_k=0.8, sigma=1e4, **curve),
     "lugre": lambda mu_s=0.6, v_stribeck=0.05: bd.LuGre(
@@ -274,13 +272,9 @@ def _mount(row: Row) -> tuple[int, bd.Arm | bd.Slider | bd.Path | None]:
         )  # fmt: skip
     if kind == "spring":
         return at, bd.Slider(
-            direction=(1.0, 0.1),
-            mass=1.0,
-            stiffness=2e3,
-            preload=240.0,
-            damping=60.0,
+            direction=(1.0, 0.1), mass=1.0, stiffness=2e3, preload=240.0, damping=60.0,
             friction=20.0,
-        )
+        )  # fmt: skip
     if kind == "weight":
         return at, bd.Slider(
             direction=(2.0, 0.0), mass=1.0, weight=24.0, damping=60.0, stops=(-0.02, 0.02)
@@ -309,8 +303,6 @@ def _belt(row: Row, pulleys: list[bd.Pulley]) -> bd.Belt:
         **given,
     )
 
-
-# --- loads and motions ----------------------------------------------------------------------------
 
 Loads = tuple[bd.Torque | Callable[..., Any], dict[int | str, Any] | None]
 _REAL = ctypes.POINTER(ctypes.c_double)
@@ -389,7 +381,6 @@ _LOADS: dict[str, Callable[..., Loads]] = {
     "moved": _moved,
 }
 
-# --- the table ------------------------------------------------------------------------------------
 
 Pair = tuple[tuple[str, str], tuple[str, str]]
 

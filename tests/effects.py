@@ -31,12 +31,13 @@ def bare(mesh: str) -> bd.Params:
     return attrs.evolve(params, belt=belt, contact=contact, friction=None)
 
 
-def of_belt(**numbers: float) -> Change:
-    return lambda params: attrs.evolve(params, belt=attrs.evolve(params.belt, **numbers))
+def of_part(part: str, **numbers: float) -> Change:
+    """Change numbers of the belt or of the contact."""
 
+    def change(params: bd.Params) -> bd.Params:
+        return attrs.evolve(params, **{part: attrs.evolve(getattr(params, part), **numbers)})
 
-def of_contact(**numbers: float) -> Change:
-    return lambda params: attrs.evolve(params, contact=attrs.evolve(params.contact, **numbers))
+    return change
 
 
 def of_pulley(**parts: Any) -> Change:
@@ -67,30 +68,23 @@ class Effect:
     meshes: tuple[str, ...] = ("paper", "joint")
 
 
+#: Effects of a single number, which joints and contact have by themselves.
+NUMBERS = {
+    "bending stiffness": ("belt", "bending_stiffness", 0.01),
+    "bending damping": ("belt", "bending_damping", 1e-6),
+    "axial damping": ("belt", "axial_damping", 1.4),
+    "contact damping": ("contact", "damping", 1e3),
+    "contact damping by the force": ("contact", "hunt_crossley", 0.3),
+}
 EFFECTS: dict[str, Effect] = {
-    "bending stiffness": Effect(
-        on=of_belt(bending_stiffness=0.01),
-        tiny=of_belt(bending_stiffness=TINY),
-        zero=of_belt(bending_stiffness=0.0),
-    ),
-    "bending damping": Effect(
-        on=of_belt(bending_damping=1e-6),
-        tiny=of_belt(bending_damping=TINY),
-        zero=of_belt(bending_damping=0.0),
-    ),
-    "axial damping": Effect(
-        on=of_belt(axial_damping=1.4),
-        tiny=of_belt(axial_damping=TINY),
-        zero=of_belt(axial_damping=0.0),
-    ),
-    "contact damping": Effect(
-        on=of_contact(damping=1e3), tiny=of_contact(damping=TINY), zero=of_contact(damping=0.0)
-    ),
-    "contact damping by the force": Effect(
-        on=of_contact(hunt_crossley=0.3),
-        tiny=of_contact(hunt_crossley=TINY),
-        zero=of_contact(hunt_crossley=0.0),
-    ),
+    **{
+        name: Effect(
+            on=of_part(part, **{number: value}),
+            tiny=of_part(part, **{number: TINY}),
+            zero=of_part(part, **{number: 0.0}),
+        )
+        for name, (part, number, value) in NUMBERS.items()
+    },
     "gravity": Effect(
         on=lambda params: attrs.evolve(params, gravity=(0.0, -9.81)),
         tiny=lambda params: attrs.evolve(params, gravity=(0.0, -TINY)),
@@ -132,5 +126,3 @@ for law_name, example in EXAMPLES.items():
         bytes=True,
         outputs=frozenset(name for name, _, size, *_ in _core.OUTPUTS if size == "FRICTION"),
     )
-
-CASES = [(name, mesh) for name, effect in EFFECTS.items() for mesh in effect.meshes]

@@ -77,9 +77,6 @@ def start(params: bd.Params, drawn: dict[str, Any]) -> bd.State:
     )
 
 
-# ---------------------------------------------------------------- the drive
-
-
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
@@ -177,35 +174,26 @@ def _drive(
     ]
     params = bd.Params(
         belt=bd.Belt(
-            length=length,
-            n_bodies=n_bodies,
-            linear_density=density,
-            axial_stiffness=stiffness,
-            axial_damping=stiffness * 2.0 * damping / fastest,
-            bending_stiffness=bending,
+            length=length, n_bodies=n_bodies, linear_density=density, axial_stiffness=stiffness,
+            axial_damping=stiffness * 2.0 * damping / fastest, bending_stiffness=bending,
             mesh="paper",
         ),
         pulleys=[
             bd.Pulley(center=c, radius=float(r), inertia=i)
             for c, r, i in zip(lay.centers, lay.radii, inertia, strict=True)
         ],
-        contact=bd.Contact(
-            quadratic=quadratic,
-            linear=linear,
-            damping=2.0 * of_contact * math.sqrt(linear * density),
-        ),
+        contact=bd.Contact(quadratic=quadratic, linear=linear,
+                           damping=2.0 * of_contact * math.sqrt(linear * density)),
         friction=friction,
         gravity=(0.0, -9.81) if chance(rng, 0.3) else (0.0, 0.0),
-    )
+    )  # fmt: skip
     info = params.info
     share = info["mesh_strain"] / (info["mesh_strain"] + info["strain"])
     if calm and share > MESH:
         raise ValueError("the mesh is too coarse")
-    mu = 0.5 if friction is None else friction.mu_k
+    mu, sigma = (0.5, 0.0) if friction is None else (friction.mu_k, friction.sigma)
     pull = stiffness * (info["mesh_strain"] + info["strain"])
     drawn = {
-        "n_pulleys": len(params.pulleys),
-        "n_bodies": n_bodies,
         "idlers": sum(lay.idlers),
         "link_over_radius": info["link_length"] / least,
         "mesh_share": share,
@@ -213,22 +201,14 @@ def _drive(
         "damping": damping,
         "light_damping": damping < 0.02,
         "contact_damping": of_contact,
-        "sunk": sunk,
         "friction": None if friction is None else "dahl",
-        "stiff_friction": (
-            0.0 if friction is None else friction.sigma * info["strain"] * info["link_length"]
-        ),
-        "bending": bending > 0.0,
-        "gravity": params.gravity != (0.0, 0.0),
+        "stiff_friction": sigma * info["strain"] * info["link_length"],
         "t_end": min(0.2, max(0.02 * radians / RADIANS, radians / fastest)),
         "wraps": lay.wraps,
         # torque at which a pulley slips: tensions of mean T in the ratio exp(mu wrap)
         "capacity": 2.0 * pull * lay.radii * np.tanh(0.5 * mu * lay.wraps),
     }
     return params, drawn
-
-
-# ---------------------------------------------------------------- its loads
 
 
 def _loads(
@@ -305,11 +285,7 @@ def _loads(
         torque = torque + bd.Viscous(load)
     return torque, {
         "shape": shape,
-        "peak": abs(push[0]) / capacity[0],
         "full_slip": slips,
         "belt_speed": belt_speed,
-        "top_rpm": top / float(radii.min()) / RPM,
         "high_speed": bool(top / float(radii.min()) > 3000.0 * RPM),
-        "viscous": bool(load.any()),
-        "sigma": 0.0 if params.friction is None else params.friction.sigma,
     }

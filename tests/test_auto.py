@@ -7,7 +7,6 @@ Steps are weighed, not timed: a try of the implicit method, six stages and a fac
 from __future__ import annotations
 
 import re
-from itertools import product
 from typing import Any
 
 import attrs
@@ -18,13 +17,6 @@ from tiers import extended_if
 import beltdyn as bd
 
 WORTH = 5.2
-SCENES = ("kubas-case-1", "kubas-case-2", "three-pulleys")
-
-
-def coarse(name: str) -> bd.Scene:
-    """A scene with 64 links of the paper's mesh, on which neither method is cheaper throughout."""
-    scene = bd.scenes.get(name)
-    return scene._replace(params=with_belt(scene.params, n_bodies=64, mesh="paper"))
 
 
 def with_belt(params: bd.Params, **changes: Any) -> bd.Params:
@@ -33,11 +25,8 @@ def with_belt(params: bd.Params, **changes: Any) -> bd.Params:
 
 def weight(stats: bd.Stats) -> float:
     """Tries in units of an explicit one; of auto, rejected ones shared as the accepted are."""
-    counts = {
-        name: int(n) for name, n in re.findall(r"(\w+) for \S+ s in (\d+) steps", stats.choice)
-    }
-    if not counts:
-        counts = {stats.method: stats.steps}
+    said = re.findall(r"(\w+) for \S+ s in (\d+) steps", stats.choice)
+    counts = {name: int(n) for name, n in said} or {stats.method: stats.steps}
     assert sum(counts.values()) == stats.steps
     explicit = counts.pop("tsit5", 0)
     return (explicit + WORTH * sum(counts.values())) * (1 + stats.rejected / stats.steps)
@@ -75,10 +64,7 @@ def test_what_is_chosen(
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("name", "rtol"),
-    extended_if(
-        lambda case: case not in {(SCENES[0], 1e-3), (SCENES[1], 1e-4), (SCENES[2], 1e-2)},
-        product(SCENES, (1e-2, 1e-3, 1e-4)),
-    ),
+    [("kubas-case-1", 1e-3), ("kubas-case-2", 1e-4), ("three-pulleys", 1e-2)],
 )
 def test_costs_about_what_the_better_of_both_costs(name: str, rtol: float) -> None:
     """At most half as much again, the looks at the other method included."""
@@ -100,11 +86,8 @@ def test_changes_its_mind_and_says_so() -> None:
     contact = attrs.evolve(base.params.contact, linear=1e3 * base.params.contact.linear)
     params = attrs.evolve(base.params, contact=contact)
     result = bd.simulate(params, base.torque_fn, 0.05, rtol=1e-6)
-    stats = result.stats
-    assert stats.changes >= 1
-    assert "switched" in result.message
-    assert "rodas4 for" in result.message
-    assert stats.nlu > 0
+    assert result.stats.changes >= 1 and result.stats.nlu > 0
+    assert "switched" in result.message and "rodas4 for" in result.message
     assert "switched" in dict(result.summary(verbose=True))["method"]
 
 
@@ -115,22 +98,21 @@ def test_changes_its_mind_and_says_so() -> None:
 @pytest.mark.filterwarnings("ignore:full_slip. pulley . slips:UserWarning")  # the flywheel's does
 @pytest.mark.filterwarnings("ignore:mesh:UserWarning")
 def test_is_as_exact_as_asked_across_its_changes(name: str) -> None:
-    """Joint forces against a tight run, and the ledger, which goes on through every change."""
-    scene = coarse(name)
-    start = bd.settle(scene.params)
+    """Joint forces against a tight run, and the ledger, which goes on through every change. 64
+    links of the paper's mesh, on which neither method is cheaper throughout.
+    """
+    scene = bd.scenes.get(name)
+    params, torque = with_belt(scene.params, n_bodies=64, mesh="paper"), scene.torque_fn
     times = np.sort(np.random.default_rng(3).uniform(0.0, 0.2, 300))
-    exact = bd.simulate(
-        *scene[:2], 0.2, initial=start, t_eval=times, method="tsit5", rtol=1e-9
-    ).joints.force
-    tension = exact.mean()
+    given: dict[str, Any] = {"initial": bd.settle(params), "t_eval": times}
+    exact = bd.simulate(params, torque, 0.2, method="tsit5", rtol=1e-9, **given).joints.force
     changes = 0
     for rtol in (1e-2, 1e-3, 1e-4):
-        result = bd.simulate(*scene[:2], 0.2, initial=start, t_eval=times, rtol=rtol)
-        error = np.sqrt(np.mean((result.joints.force - exact) ** 2)) / tension
+        result = bd.simulate(params, torque, 0.2, rtol=rtol, **given)
+        error = np.sqrt(np.mean((result.joints.force - exact) ** 2)) / exact.mean()
         assert error <= rtol
         slips = any(one.code == "full_slip" for one in result.warnings)
         assert slips == (name == "flywheel-start")
-        assert result.stats.local_error is not None
         assert result.stats.local_error <= rtol * (1 + 1e-12)
         # power is integrated at least to the second order of what the steps leave of the motion
         assert np.max(np.abs(result.energy.residual)) <= 10 * rtol * result.energy.passed[-1]
@@ -138,20 +120,10 @@ def test_is_as_exact_as_asked_across_its_changes(name: str) -> None:
     assert changes > 0
 
 
-@pytest.mark.filterwarnings("ignore:mesh:UserWarning")
-def test_repeats_to_the_last_bit() -> None:
-    scene = coarse("three-pulleys")
-    one, other = (bd.simulate(*scene[:2], 0.2, rtol=1e-3) for _ in range(2))
-    assert one.stats.changes == other.stats.changes > 0
-    assert one.stats.choice == other.stats.choice
-    assert np.array_equal(one.joints.force, other.joints.force)
-
-
 def test_a_named_method_is_kept() -> None:
-    scene = bd.scenes.kubas_case_1()
-    start = bd.settle(scene.params)
+    params, torque, *_ = bd.scenes.kubas_case_1()
+    start = bd.settle(params)
     for method in ("tsit5", "rodas4", "lbdf2", "lie"):
-        result = bd.simulate(*scene[:2], 2e-3, initial=start, method=method)
-        assert result.stats.method == method
-        assert result.stats.choice == f"{method}, as asked"
+        result = bd.simulate(params, torque, 2e-3, initial=start, method=method)
+        assert (result.stats.method, result.stats.choice) == (method, f"{method}, as asked")
         assert "asked" not in result.message

@@ -21,12 +21,11 @@ pytestmark = pytest.mark.filterwarnings("ignore:compliance:beltdyn.AccuracyWarni
 
 EA, STRAIN, DISTANCE = 70e3, 0.007, 0.29
 SOFT = bd.Contact(linear=2.5e7, damping=1.5e3)
-STIFF = bd.Contact(linear=2.5e9, damping=1.5e4)
 CONTACTS = {
     "soft": SOFT,
     "softer": bd.Contact(linear=5e6, damping=1e3),
     "quadratic": bd.Contact(quadratic=1e11, linear=1e7, damping=1e3),
-    "stiff": STIFF,
+    "stiff": bd.Contact(linear=2.5e9, damping=1.5e4),
 }
 
 
@@ -36,25 +35,17 @@ def drive(
     n_bodies: int = 120,
     **belt: Any,
 ) -> bd.Params:
-    spans = math.sqrt(DISTANCE**2 - (radii[1] - radii[0]) ** 2)
-    tilt = math.asin((radii[1] - radii[0]) / DISTANCE)
-    path = 2 * spans + radii[0] * (math.pi - 2 * tilt) + radii[1] * (math.pi + 2 * tilt)
-    data = {
-        "length": path / (1.0 + STRAIN),
-        "n_bodies": n_bodies,
-        "linear_density": 0.1,
-        "axial_stiffness": EA,
-        "axial_damping": 1.4,
-        "model": "links",  # at_rest reads the belt off their angles
-        "mesh": "joint",
-    }
+    pulleys = [
+        bd.Pulley(center=(0.0, 0.0), radius=radii[0], inertia=0.005),
+        bd.Pulley(center=(DISTANCE, 0.0), radius=radii[1], inertia=0.02),
+    ]
+    data = {"length": bd.route(pulleys).length / (1.0 + STRAIN), "n_bodies": n_bodies,
+            "linear_density": 0.1, "axial_stiffness": EA, "axial_damping": 1.4, "mesh": "joint",
+            "model": "links"}  # fmt: skip  # at_rest reads the belt off their angles
     return bd.Params(
         belt=bd.Belt(**(data | belt)),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=radii[0], inertia=0.005),
-            bd.Pulley(center=(DISTANCE, 0.0), radius=radii[1], inertia=0.02),
-        ],
-        contact=bd.Contact() if contact is None else contact,
+        pulleys=pulleys,
+        contact=contact or bd.Contact(),
         friction=bd.Dahl(mu_k=0.8, sigma=1e4),
     )
 
@@ -114,10 +105,10 @@ def test_depth_and_tension_at_rest_against_settled_belts(name: str) -> None:
     assert said.relative_tension_change == pytest.approx(said.tension_change / (EA * STRAIN))
     # The depth follows the tension, which has errors of its own.
     rel = error + mesh_tension(params) / tension
+    radii = np.array([[pulley.radius] * 2 for pulley in params.pulleys])
     np.testing.assert_allclose(said.tension, tension, rtol=rel)
     np.testing.assert_allclose(said.depth, np.column_stack([inside, inside]), rtol=rel)
-    radii = [pulley.radius for pulley in params.pulleys]
-    np.testing.assert_allclose(said.radius + said.depth, np.column_stack([radii, radii]))
+    np.testing.assert_allclose(said.radius + said.depth, radii)
     if name != "stiff":
         assert abs(change) > 10.0 * (error * abs(change) + mesh_tension(params))
     if name in ("stiff", "softer"):
@@ -125,31 +116,24 @@ def test_depth_and_tension_at_rest_against_settled_belts(name: str) -> None:
     params = attrs.evolve(params, contact=attrs.evolve(params.contact, compensate=True))
     said = params.compliance
     compensated, off = at_rest(params)
-    assert params.info["contact_strain"] == 0.0
-    assert said.tension_change == 0.0 and not said.ratio_change.any()
-    np.testing.assert_allclose(said.radius, np.column_stack([radii, radii]))
-    error = second_order(params)
-    depth = said.depth[:, 0]
+    assert params.info["contact_strain"] == said.tension_change == 0.0
+    assert not said.ratio_change.any()
+    np.testing.assert_allclose(said.radius, radii)
+    error, depth = second_order(params), said.depth[:, 0]
     shift = EA * float(np.sum(params.route.wraps * depth)) / params.belt.length
     assert abs(compensated - EA * STRAIN) < error * shift + mesh_tension(params)
     assert np.all(np.abs(off) < error * depth)
     # without: thirty times further off
-    assert abs(tension - EA * STRAIN) > 30.0 * abs(compensated - EA * STRAIN)
+    assert abs(change) > 30.0 * abs(compensated - EA * STRAIN)
     assert np.all(inside > 30.0 * np.abs(off))
 
 
 def running_ratio(params: bd.Params) -> float:
     """Ratio of the speeds of pulley 1, which turns freely, and pulley 0, over two revolutions."""
-    speed = -20.0
-    start = bd.settle(params).at_speed(params, {0: speed, 1: speed / 2})
-    result = bd.simulate(
-        params,
-        bd.Viscous([0.0, 0.0]),
-        0.4,
-        motion={0: bd.PiecewiseLinear([0.0, 1.0], [speed, speed])},
-        initial=start,
-        t_eval=[0.1, 0.4],
-    )
+    start = bd.settle(params).at_speed(params, {0: -20.0, 1: -10.0})
+    motion = {0: bd.PiecewiseLinear([0.0], [-20.0])}
+    free, times = bd.Viscous([0.0, 0.0]), [0.1, 0.4]
+    result = bd.simulate(params, free, 0.4, motion=motion, initial=start, t_eval=times)
     turned = np.diff(result.pulleys.theta, axis=0)[0]
     return float(turned[1] / turned[0])
 
@@ -184,13 +168,10 @@ def test_running_ratio_of_an_unloaded_drive(name: str, compensate: bool) -> None
 @functools.cache
 def loaded(name: str) -> tuple[bd.Params, np.ndarray, float]:
     """Mean span tensions, and the creep of a reduction under load."""
-    contact = {
-        "soft": SOFT,
-        "compensated": attrs.evolve(SOFT, compensate=True),
-        "stiff": STIFF,
-        "chosen": bd.Contact(),
-    }[name]
-    params = drive(contact, radii=(0.05, 0.12))
+    contact = CONTACTS | {
+        "compensated": attrs.evolve(SOFT, compensate=True), "chosen": bd.Contact(),
+    }  # fmt: skip
+    params = drive(contact[name], radii=(0.05, 0.12))
     torque = bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [-15.0, 0.0]]) + bd.Viscous([0.0, 3.0])
     result = bd.simulate(params, torque, 0.5, t_eval=np.linspace(0.4, 0.5, 400), ledger=False)
     rims = result.pulleys.omega.mean(axis=0) * [0.05, 0.12]
@@ -198,10 +179,7 @@ def loaded(name: str) -> tuple[bd.Params, np.ndarray, float]:
 
 
 @pytest.mark.one_in(3)
-@pytest.mark.parametrize(
-    ("name", "least"),
-    [("soft", 0.3), ("compensated", 0.05), ("chosen", 0.0)],
-)
+@pytest.mark.parametrize(("name", "least"), [("soft", 0.3), ("compensated", 0.05), ("chosen", 0.0)])
 def test_errors_under_load_against_a_contact_100_times_stiffer(name: str, least: float) -> None:
     """The estimates bound what runs show, and are not far above where there is much to show.
 
@@ -232,23 +210,15 @@ def test_errors_under_load_against_a_contact_100_times_stiffer(name: str, least:
 
 def test_a_chosen_contact_yields_a_hundredth_of_what_the_belt_does() -> None:
     params = drive()
-    tilt = math.asin(0.06 / DISTANCE)
-    wraps = [math.pi - 2 * tilt, math.pi + 2 * tilt]
-    np.testing.assert_allclose(params.route.wraps, wraps, rtol=1e-14)
     contact = params.effective_contact
-    assert (
-        params.contact
-        == bd.Contact()
-        == bd.Params(belt=params.belt, pulleys=params.pulleys).contact
-    )
+    assert bd.Params(belt=params.belt, pulleys=params.pulleys).contact == bd.Contact()
     assert contact.linear == pytest.approx(100.0 * EA / 0.06**2)
     assert contact.damping == pytest.approx(math.sqrt(contact.linear * 0.1))
     assert contact.quadratic == 0.0 and contact.compensate is True
     assert params.compliance.creep_share == pytest.approx(0.01)
     assert shares(params).max() == pytest.approx(0.01 * STRAIN * (1.0 + STRAIN))
     for strain in (1e-4, 0.03, 0.0987):
-        length = params.info["path_length"] / (1.0 + strain)
-        stretched = drive(length=length)
+        stretched = drive(length=params.info["path_length"] / (1.0 + strain))
         assert shares(stretched).max() < 1.1e-3
         assert stretched.effective_contact == contact  # neither the preload nor the mesh counts
     assert drive(n_bodies=300).effective_contact == contact
@@ -270,10 +240,8 @@ def test_what_a_contact_leaves_open() -> None:
     for contact in (bd.Contact(linear=1e7), bd.Contact(quadratic=1e11)):
         assert contact.damping == 0.0 and contact.compensate is False
         assert drive(contact).effective_contact is contact
-    assert bd.Contact(quadratic=1e11).linear == 0.0
     open_ = bd.Contact()
     assert (open_.linear, open_.damping, open_.compensate) == (None, None, True)
-    assert eval(repr(open_), vars(bd)) == open_ != bd.Contact(linear=1e7)
     assert "linear" in str(open_) and "chosen" in str(open_)
 
 
@@ -289,13 +257,9 @@ def test_tensions_at_both_sides_of_a_loaded_wrap() -> None:
             assert SOFT.linear * said.depth[k, side] == pytest.approx(want, rel=1e-12)
     # the belt arrives on the other side when it runs the other way
     other = compliance.compliance(params, tension, -1e-9)
-    radius = said.radius
-    assert said.ratio_change[1] == pytest.approx(
-        radius[0, 0] / 0.06 / (radius[1, 0] / 0.12) - 1.0, abs=1e-15
-    )
-    assert other.ratio_change[1] == pytest.approx(
-        radius[0, 1] / 0.06 / (radius[1, 1] / 0.12) - 1.0, abs=1e-15
-    )
+    for side, one in enumerate((said, other)):
+        small, large = said.radius[:, side]
+        assert one.ratio_change[1] == pytest.approx(small / 0.06 / (large / 0.12) - 1.0, abs=1e-15)
     # without a load creep is measured by a tenth of a per cent
     errors = compliance.compliance_error(params)
     assert set(errors) == {"tension", "span_mean", "speed", "creep", "friction", "power"}
@@ -311,10 +275,8 @@ def test_tensions_at_both_sides_of_a_loaded_wrap() -> None:
 
 
 def line_of(params: bd.Params) -> str:
-    (line,) = (one for one in str(params).splitlines() if "sinking into the pulleys" in one)
-    label, text = line.strip().split(": ", 1)
-    assert label == "error of the contact"
-    return text
+    (line,) = (one for one in str(params).splitlines() if "error of the contact: " in one)
+    return line.split(": ", 1)[1]
 
 
 def test_print_says_what_sinking_in_does() -> None:
@@ -326,11 +288,9 @@ def test_print_says_what_sinking_in_does() -> None:
     assert "speed ratio" not in line_of(drives.plain())
     compensated = line_of(drive(attrs.evolve(SOFT, compensate=True)))
     assert "runs on the pulleys' radii at the preload" in compensated and " N " not in compensated
-    assert "contact  " in str(drive()) and "chosen" in str(drive())
-    assert "chosen" not in str(drive(SOFT))
+    assert "chosen" in str(drive()) and "chosen" not in str(drive(SOFT))
     warned = str(drive(bd.Contact(linear=4e6, compensate=True)))
     assert "compliance: at the preload" in warned and "made up for at rest" in warned
-    assert "lowers its tension" not in warned
 
 
 def test_refused_values() -> None:
@@ -347,22 +307,3 @@ def test_refused_values() -> None:
     for tension in bad:
         with pytest.raises(ValueError, match=r"^tension must be 2 finite numbers >= 0"):
             compliance.compliance(params, tension)
-
-
-def test_implicit_steps_hardly_mind_a_stiff_contact() -> None:
-    """A hundred times stiffer has ten times the frequency, which explicit steps must follow."""
-    steps: dict[str, list[int]] = {"tsit5": [], "rodas4": []}
-    chosen = drive().effective_contact
-    assert chosen.linear is not None and chosen.damping is not None
-    torque = bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [-15.0, 0.0]])
-    for scale in (1.0, 100.0):
-        contact = bd.Contact(
-            linear=scale * chosen.linear, damping=math.sqrt(scale) * chosen.damping, compensate=True
-        )
-        params = drive(contact, n_bodies=60)
-        start = bd.settle(params)
-        for method, counted in steps.items():
-            result = bd.simulate(params, torque, 0.02, initial=start, method=method, ledger=False)
-            counted.append(result.stats.steps)
-    assert steps["rodas4"][1] < 4.0 * steps["rodas4"][0], steps
-    assert steps["tsit5"][1] > 5.0 * steps["tsit5"][0], steps

@@ -35,7 +35,6 @@ from beltdyn.torques import as_terms
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 of_each = pytest.mark.parametrize("name", table.names())
-GROUPS = ("pulleys", "belt", "joints", "contact", "mounts", "energy")
 MEASURED = ("cpu_time", "wall_time", "settle_time")
 
 
@@ -63,40 +62,32 @@ def tight(name: str) -> bd.Result:
 
 
 def arrays_of(result: bd.Result) -> dict[str, np.ndarray]:
-    groups = [getattr(result, group) for group in GROUPS]
+    parts = ("pulleys", "belt", "joints", "contact", "mounts", "energy")
+    groups = [getattr(result, part) for part in parts]
     return {f"{type(g).__name__}.{k}": a for g in groups if g for k, a in g.arrays().items()}
-
-
-def vars_of(state: bd.State) -> list[np.ndarray]:
-    fields = attrs.asdict(state, recurse=False).values()
-    return [value for value in fields if isinstance(value, np.ndarray)]
 
 
 def bits_of(start: bd.State, result: bd.Result) -> str:
     """Check sum of all that a run gives but its times."""
     counted = {k: v for k, v in attrs.asdict(result.stats).items() if k not in MEASURED}
-    said = repr((counted, result.warnings, result.message))
-    found = hashlib.sha256(said.encode())
-    states = [v for state in (start, result.final_state) for v in vars_of(state)]
-    for array in (*states, *arrays_of(result).values()):
+    found = hashlib.sha256(repr((counted, result.warnings, result.message)).encode())
+    for state in (start, result.final_state):
+        for value in attrs.asdict(state, recurse=False).values():
+            found.update(value.tobytes() if isinstance(value, np.ndarray) else b"")
+    for array in arrays_of(result).values():
         found.update(np.ascontiguousarray(array).tobytes())
     return found.hexdigest()
 
 
-# --- the table ------------------------------------------------------------------------------------
-
-
 def test_every_pair_that_the_library_allows_is_in_the_table() -> None:
-    rows = [table.drive(name).row for name in table.names()]
+    """And every law and method of the core."""
+    all_drives = [table.drive(name) for name in table.names()]
+    rows = [drive.row for drive in all_drives]
     assert list(table.missing(rows)) == [], "run tests/drive_table.py: it prints the rows to add"
     refused = [pair for row in rows for pair in table.pairs(row) if pair in table.REFUSED]
-    assert not refused and len(rows) == len(table.names()) <= 64
-
-
-def test_the_table_has_every_law_and_method_of_the_core() -> None:
+    assert not refused and len(rows) <= 64
     assert {name for name, *_ in _core.LAWS} == {law().law for law in table._LAWS.values()}
-    methods = {table.drive(name).options["method"] for name in table.names()}
-    assert methods == set(_core.METHODS)
+    assert {drive.options["method"] for drive in all_drives} == set(_core.METHODS)
 
 
 @pytest.mark.parametrize("pair", table.REFUSED, ids=lambda pair: "-".join(v for _, v in pair))
@@ -108,33 +99,6 @@ def test_pairs_that_are_left_out_are_refused(pair: table.Pair) -> None:
         return
     with pytest.raises({"Value": ValueError, "Type": TypeError}[kind], match=message):
         table.make(row)
-
-
-def test_rows_are_found_for_whatever_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where a law comes: its rows alone, and every pair of it."""
-    rows = [table.drive(name).row for name in table.names()]
-    monkeypatch.setitem(table.VALUES, "law", (*table.VALUES["law"], "another"))
-    assert list(table.missing(rows))
-    added = list(table.further_rows(rows))
-    assert {row["law"] for row in added} == {"another"} and len(added) <= 8
-    assert not table.missing([*rows, *added])
-    assert not [p for row in added for p in table.pairs(row) if p in table.REFUSED]
-
-
-def test_drives_have_what_their_names_say() -> None:
-    for name in table.names():
-        drive = table.drive(name)
-        params, row = drive.scene.params, drive.row
-        assert name == table.name_of(row)
-        assert params.belt_model == ("string" if row["belt"] == "string" else "links")
-        assert bool(params.mounted) == (row["mount"] != "fixed")
-        assert params.has_friction or row["law"] == "none"
-        outside = any(pulley.side == "outside" for pulley in params.pulleys)
-        assert outside == (row["layout"] in ("crossed", "back"))
-        assert bool(drive.scene.motion) == (row["loads"] in ("speed", "crank", "moved"))
-
-
-# --- restart records ------------------------------------------------------------------------------
 
 
 def simulation_of(drive: table.Drive, start: bd.State) -> tuple[Any, dict[str, np.ndarray]]:
@@ -239,9 +203,6 @@ def test_stopping_changes_nothing(name: str) -> None:
     np.testing.assert_array_equal(one.end["x"], result.final_state.x)
 
 
-# --- the same bits --------------------------------------------------------------------------------
-
-
 @pytest.mark.one_in(3)
 @of_each
 def test_the_same_bits_in_another_process(name: str) -> None:
@@ -261,9 +222,6 @@ def test_the_same_bits_again_and_in_threads_side_by_side() -> None:
     with ThreadPoolExecutor(4) as pool:
         for name, found in zip(names, pool.map(again, names), strict=True):
             assert found == once[name], name
-
-
-# --- physics --------------------------------------------------------------------------------------
 
 
 @of_each
@@ -374,18 +332,21 @@ def early(drive: table.Drive, one: Ran) -> tuple[dict[str, np.ndarray], Any]:
     return rates, bd.simulate(params, torque, 0.003, motion, **options)
 
 
-# --- what is off, files, texts --------------------------------------------------------------------
-
-
 @of_each
 def test_effects_are_there_only_where_the_drive_calls_for_them(name: str) -> None:
     drive, _, result = ran(name)
-    row, friction = drive.row, drive.scene.params.has_friction
+    row, params = drive.row, drive.scene.params
+    assert name == table.name_of(row)
+    assert params.belt_model == ("string" if row["belt"] == "string" else "links")
+    outside = any(pulley.side == "outside" for pulley in params.pulleys)
+    assert outside == (row["layout"] in ("crossed", "back"))
+    friction = params.has_friction
+    assert friction or row["law"] == "none"
     called = {
         "gravity": row["gravity"] != "-",
         "bearing drag": row["drag"] != "-",
         "axes on mounts": row["mount"] != "fixed",
-        "prescribed motion": drive.scene.motion is not None,
+        "prescribed motion": row["loads"] in ("speed", "crank", "moved"),
         "energy ledger": True,
     }
     assert {effect: effect in result.effects for effect in called} == called
@@ -432,13 +393,8 @@ def test_it_is_printed_reported_and_explained(name: str) -> None:
     drive, _, result = ran(name)
     told = result.report()
     params = drive.scene.params
-    for text in (
-        str(drive.scene),
-        str(result),
-        str(told),
-        repr(result),
-        json.dumps(told.to_dict()),
-    ):
+    texts = (str(drive.scene), str(result), str(told), repr(result), json.dumps(told.to_dict()))
+    for text in texts:
         assert "\n" in text or text.startswith(("Result(", "{"))
         assert all(label in text for label in params.pulley_names if text.startswith("Means"))
     explanation = bd.explain(*drive.scene, ablation=False, method="rodas4")

@@ -16,20 +16,15 @@ from drives import on_mesh, plain
 import beltdyn as bd
 
 
-def worst_residual(scene: bd.scenes.Scene, t_end: float, start: bd.State, rtol: float) -> float:
-    """Largest residual over the run, relative to the energy that passed through."""
-    result = bd.simulate(*scene[:2], t_end, initial=start, rtol=rtol)
-    energy = result.energy
-    passed = max(np.max(np.abs(energy.drive)), np.max(np.abs(energy.total - energy.total[0])))
-    return float(np.max(np.abs(energy.residual)) / passed)
-
-
 @pytest.mark.ci(guard="test_drive_table.py::test_the_energy_balance_closes")
 def test_case_1_closes_its_balance() -> None:
     """The whole second. What passes through is the drive's work; the bound is the issue's."""
-    scene = bd.scenes.kubas_case_1()
-    start = bd.settle(scene.params)
-    ladder = [worst_residual(scene, 1.0, start, rtol) for rtol in (1e-2, 1e-4, 1e-6, 1e-8)]
+    params, torque, *_ = bd.scenes.kubas_case_1()
+    start, ladder = bd.settle(params), []
+    for rtol in (1e-2, 1e-4, 1e-6, 1e-8):
+        energy = bd.simulate(params, torque, 1.0, initial=start, rtol=rtol).energy
+        passed = max(np.max(np.abs(energy.drive)), np.max(np.abs(energy.total - energy.total[0])))
+        ladder.append(float(np.max(np.abs(energy.residual)) / passed))
     assert ladder[-1] <= 1e-6
     # falls with the tolerance until it meets rounding: 1e5 steps of 1e-16 of the stored energy
     assert all(tight < loose for loose, tight in pairwise(ladder))
@@ -41,40 +36,12 @@ def test_losses_are_losses() -> None:
 
     That is per contact mu^2 N / (2 sigma), the elastic part of a Dahl bristle near mu = 0.
     """
-    scene = bd.scenes.kubas_case_2()
-    energy = bd.simulate(*scene).energy
-    assert np.min(np.diff(energy.joint_loss)) >= 0.0
-    assert np.min(np.diff(energy.contact_loss)) >= 0.0
+    energy = bd.simulate(*bd.scenes.kubas_case_2()).energy
+    assert np.min(np.diff([energy.joint_loss, energy.contact_loss])) >= 0.0
     held = 1.0**2 * (2 * np.pi * 1100.0) / (2 * 1e4)
-    running_maximum = np.maximum.accumulate(energy.friction_loss)
-    assert np.max(running_maximum - energy.friction_loss) <= held
+    handed_back = np.maximum.accumulate(energy.friction_loss) - energy.friction_loss
+    assert np.max(handed_back) <= held
     assert energy.friction_loss[-1] > 0.5 * energy.drive[-1]
-
-
-@pytest.mark.one_in(3)
-def test_undamped_drive_conserves_energy(mesh: str) -> None:
-    """No damping, no friction, no torque, from a shaken state: the stored energy stays."""
-    base = on_mesh(bd.scenes.three_pulleys().params, mesh)
-    params = attrs.evolve(
-        base,
-        belt=attrs.evolve(base.belt, axial_damping=0.0),
-        contact=attrs.evolve(base.contact, damping=0.0),
-        friction=None,
-    )
-    rest = bd.settle(params)
-    rng = np.random.default_rng(5)
-    shaken = attrs.evolve(rest, vx=0.05 * rng.standard_normal(len(rest.vx)))
-    still = bd.Viscous([0.0, 0.0, 0.0])
-    drift = []
-    for rtol in (1e-5, 1e-7):
-        result = bd.simulate(params, still, 0.02, initial=shaken, rtol=rtol)
-        energy = result.energy
-        assert not energy.joint_loss.any()
-        assert not energy.friction_loss.any()
-        moving = energy.kinetic[0]
-        drift.append(np.max(np.abs(energy.total - energy.total[0])) / moving)
-    assert drift[1] < 0.1 * drift[0]
-    assert drift[1] <= 1e-4
 
 
 def test_it_closes_where_links_leave_too_fast_for_damping_to_pull(mesh: str) -> None:

@@ -7,10 +7,9 @@ Runs, Jacobians, kernels, records and symmetries on both meshes are in the tests
 from __future__ import annotations
 
 import functools
-import itertools
 import math
-import pickle
 import re
+from contextlib import nullcontext
 from typing import Any
 
 import attrs
@@ -27,38 +26,28 @@ from tiers import first
 import beltdyn as bd
 from beltdyn import _core, sanity
 
-DAHL, LUGRE, ELASTIC = (oracle_law(EXAMPLES[name]) for name in ("dahl", "lugre", "elastic_plastic"))
-LAWS: dict[str, tuple[Any, ...]] = {
-    **{name: (oracle_law(law),) * 2 for name, law in EXAMPLES.items()},
-    "mixed": (LUGRE, ELASTIC),
-    "several states and one": (oracle_law(EXAMPLES["maxwell_slip"]), DAHL),
-    "several states and none": (
-        oracle_law(STRIBECK["maxwell_slip"]),
-        oracle_law(STRIBECK["coulomb"]),
-    ),
-    "none": (None, None),
-}
+V, TORQUES = ValueError, drives.plain_scene().torque_fn
 
-
-@pytest.fixture(params=["paper", "joint"], scope="module")
-def mesh(request: pytest.FixtureRequest) -> str:
-    """Those that links have."""
-    return str(request.param)
-
-
-# -------------------------------------------------------------------- rates
+LAWS = {name: oracle_law(law) for name, law in EXAMPLES.items()}
+CURVED = {name: oracle_law(STRIBECK[name]) for name in ("maxwell_slip", "coulomb")}
 
 
 @pytest.mark.parametrize(
-    ("laws", "n"), [*zip(LAWS, itertools.cycle([3, 5, 8, 13, 24, 33, 60]), strict=False)]
+    ("laws", "n"),
+    [
+        ((LAWS["lugre"], LAWS["elastic_plastic"]), 33),
+        ((LAWS["maxwell_slip"], LAWS["dahl"]), 13),
+        ((CURVED["maxwell_slip"], CURVED["coulomb"]), 8),
+        ((LAWS["threlfall"], LAWS["creep_rate"]), 5),
+        ((None, None), 24),
+    ],
 )
-def test_rates_are_the_oracles(laws: str, n: int) -> None:
-    """Every law, rings that end anywhere in a vector; two overlapping pulleys, gravity, drag,
-    bending damping; joints on none, one or both of them. To rounding: positions of 0.1 m carry
-    1e-17 m, stretches are 1e-4 m.
+def test_rates_are_the_oracles(laws: tuple[Any, Any], n: int) -> None:
+    """Two overlapping pulleys of different laws, gravity, drag, bending damping; joints on none,
+    one or both of them. To rounding: positions of 0.1 m carry 1e-17 m, stretches are 1e-4 m.
     """
     drag = np.array([[0.0, 0.3, 0.02], [0.0, 0.0, 0.3]])
-    oracle, state = crossed(n, mesh="joint", friction=LAWS[laws], drag=drag)
+    oracle, state = crossed(n, mesh="joint", friction=laws, drag=drag)
     for seed in range(3):
         case = case_of(oracle, state, seed)
         layout = case.layout
@@ -68,24 +57,9 @@ def test_rates_are_the_oracles(laws: str, n: int) -> None:
         for name, rows in layout.blocks().items():
             scale = np.max(np.abs(expected[rows]), initial=0.0)
             assert np.max(np.abs(got - expected)[rows], initial=0.0) <= 1e-11 * scale, name
-
-
-def test_the_states_reach_every_kind_of_contact() -> None:
-    oracle, state = crossed(33, mesh="joint", friction=LAWS["mixed"])
-    place = {k: v for k, v in case_of(oracle, state).state.items() if k not in ("mu", "slip")}
-    touching = (oracle.penetration(oracle.pack(place)) > 0).sum(axis=0)
-    assert {0, 1, 2} <= set(touching)
-
-
-@pytest.mark.parametrize("change", ["inertia", "contact_radii"])
-def test_the_comparison_sees_a_part_of_a_thousand(change: str) -> None:
-    oracle, state = crossed(24, mesh="joint")
-    case = case_of(oracle, state)
-    layout, y = case.layout, case.layout.pack(case.state)
-    object.__setattr__(oracle, change, getattr(oracle, change) * 1.001)
-    got = dense.rate_of_core(case.model, layout)(y)
-    expected = dense.rate_of_oracle(oracle, layout, dense.slots_of(oracle))(y)
-    assert np.max(np.abs(got - expected)) > 1e-6 * np.max(np.abs(expected))
+    if n == 33:
+        place = {k: v for k, v in case.state.items() if k not in ("mu", "slip")}
+        assert {0, 1, 2} <= set((oracle.penetration(oracle.pack(place)) > 0).sum(axis=0))
 
 
 def test_constants_of_the_links() -> None:
@@ -100,10 +74,8 @@ def test_constants_of_the_links() -> None:
         bound = math.sqrt(k) if d * d <= 4 * k else (d + math.sqrt(d * d - 4 * k)) / 2
         assert joint["spectral_bound"] == pytest.approx(bound, rel=1e-13)
         assert joint["mesh_strain"] == 0.0 and paper["mesh_strain"] > 0.0
-        same = ("strain", "strain_tension", "link_mass", "link_length", "wave_speed")
-        assert [joint[name] for name in same if name in joint] == [
-            paper[name] for name in same if name in paper
-        ]
+        for name in ("strain", "strain_tension", "link_mass", "link_length"):
+            assert joint[name] == paper[name]
 
 
 @pytest.mark.parametrize(
@@ -112,24 +84,15 @@ def test_constants_of_the_links() -> None:
 def test_the_spectral_bound_bounds(damping: float, bending: float) -> None:
     """No eigenvalue of a free ring is beyond it; without bending the largest reaches it."""
     oracle = reference.paper_drive(
-        18,
-        mesh="joint",
-        mu_k=None,
-        sigma=None,
-        axial_damping=damping,
-        bending_stiffness=bending,
+        18, mesh="joint", mu_k=None, sigma=None, axial_damping=damping, bending_stiffness=bending,
         centers=np.array([[50.0, 0.0], [60.0, 0.0]]),
-    )
+    )  # fmt: skip
     angle = -2 * np.pi * np.arange(18) / 18
     radius = oracle.l0 / (2 * math.tan(np.pi / 18))  # of unstretched joints
-    y = oracle.pack(
-        {"x": radius * np.cos(angle), "y": radius * np.sin(angle), "phi": angle - np.pi / 2}
-    )
-    n, h = 6 * 18, 1e-7
-    columns = []
-    for k in range(n):
-        step = np.zeros(oracle.size)
-        step[k] = h
+    y = oracle.pack({"x": radius * np.cos(angle), "y": radius * np.sin(angle),
+                     "phi": angle - np.pi / 2})  # fmt: skip
+    n, h, columns = 6 * 18, 1e-7, []
+    for step in h * np.eye(oracle.size)[:n]:
         ahead, behind = (oracle.rhs(0.0, y + s * step, lambda t, a, b: 0 * b) for s in (1, -1))
         columns.append((ahead - behind)[:n] / (2 * h))
     fastest = np.max(np.abs(np.linalg.eigvals(np.column_stack(columns))))
@@ -144,30 +107,20 @@ def test_pulleys_that_one_joint_could_touch(radius: float) -> None:
     have more links. Two links reach from one to the other where the span is shorter than they, with
     half a link for the joint to gape.
     """
+    centers = np.array([[0.0, 0.0], [math.hypot(0.25, 0.1 - radius), 0.0]])
     for mesh, n, close in (("joint", 10, False), ("joint", 8, True), ("paper", 8, False)):
-        centers = np.array([[0.0, 0.0], [math.hypot(0.25, 0.1 - radius), 0.0]])
-        belt = (1.0, n, 0.1, 7e4, 1.0, 0.0, 0.0)
         assert close == (2.5 * 1.0 / n > 0.25 + 1e-9 and mesh == "joint")
-        friction = EXAMPLES["dahl"]._to_core()
-        model = _core.Model(
-            belt, centers, np.array([0.1, radius]) * 0.999, np.ones(2), (0.0, 1e6, 0.0, 0, 0.0),
-            friction,
-            (0.0, 0.0), mesh=mesh,
-        )  # fmt: skip
+        belt, radii = (1.0, n, 0.1, 7e4, 1.0, 0.0, 0.0), np.array([0.1, radius]) * 0.999
+        contact = (0.0, 1e6, 0.0, 0, 0.0)
+        model = make_model(belt=belt, centers=centers, radii=radii, contact=contact, mesh=mesh)
         state = {name: np.zeros(n) for name in ("x", "y", "vx", "vy", "vphi")}
-        state |= {
-            "phi": -2 * np.pi * np.arange(n) / n,
-            "t": 0.0,
-            "theta": np.zeros(2),
-            "omega": np.zeros(2),
-        }
+        state |= {"phi": -2 * np.pi * np.arange(n) / n, "t": 0.0}
+        state |= {"theta": np.zeros(2), "omega": np.zeros(2)}
         for slots in (1, 2):
             given = state | {name: np.zeros(slots * n) for name in ("mu", "slip")}
-            if slots == 1 + close:
+            fits = slots == 1 + close
+            with nullcontext() if fits else pytest.raises(V, match=r"^state 'mu' must have shape"):
                 model.rate(given, np.zeros(2))
-            else:
-                with pytest.raises(ValueError, match=r"^state 'mu' must have shape"):
-                    model.rate(given, np.zeros(2))
 
 
 def test_a_belt_of_too_few_links_for_close_pulleys_is_refused() -> None:
@@ -186,26 +139,6 @@ def test_a_belt_of_too_few_links_for_close_pulleys_is_refused() -> None:
     assert bd.settle(params(12, "joint")).mu.shape == (12,)
 
 
-# -------------------------------------------------------------------- what is off costs nothing
-
-
-def test_the_papers_mesh_is_as_before() -> None:
-    """Named or not: the same bytes of a record, passes and numbers; joints need their own."""
-    records, passes, infos = [], [], []
-    for given in ({}, {"mesh": "paper"}, {"mesh": "joint"}):
-        model = make_model(**given)
-        settling = _core.Simulation.settle(model, tolerance=1e-5)
-        assert settling.advance(INF) is True
-        sim = _core.Simulation(model, settling.state(), TORQUE, 0.02, method="rodas4")
-        sim.advance(0.0)  # once: further chunks are as long as the clock says
-        records.append(bytes(sim.export_record()))
-        passes.append(sim.passes)
-        infos.append(model.info)
-    assert records[0] == records[1] != records[2]
-    assert passes[0] == passes[1] and infos[0] == infos[1]
-    assert len(records[2]) == len(records[0])
-
-
 def test_a_record_of_the_other_mesh_is_refused() -> None:
     def make(mesh: str) -> Any:
         return _core.Simulation(make_model(mesh=mesh), rest, TORQUE, 0.02, method="tsit5")
@@ -220,46 +153,16 @@ def test_a_record_of_the_other_mesh_is_refused() -> None:
             make(other).import_record(record)
 
 
-# -------------------------------------------------------------------- input
-
-
 def test_what_is_no_mesh_is_refused_and_the_field_named() -> None:
-    belt = drives.plain().belt
-    for value in ("", "Joint", "joints", "paper "):
-        with refused(ValueError, f'belt.mesh must be "joint" or "paper", got "{value}"'):
-            make_model(mesh=value)
-        with refused(ValueError, f"belt.mesh must be one of joint, paper, got {value!r}"):
-            attrs.evolve(belt, mesh=value)
-    for wrong in (None, 1, True, b"joint", ["joint"]):
-        with pytest.raises(TypeError):
-            make_model(mesh=wrong)
-        with refused(TypeError, f"belt.mesh must be one of joint, paper, got {wrong!r}"):
-            attrs.evolve(belt, mesh=wrong)
+    with refused(V, 'belt.mesh must be "joint" or "paper", got "joints"'):
+        make_model(mesh="joints")
+    for wrong, kind in (("Joint", V), ("", V), (None, TypeError), (1, TypeError)):
+        with refused(kind, f"belt.mesh must be one of joint, paper, got {wrong!r}"):
+            attrs.evolve(drives.plain().belt, mesh=wrong)
     right = drives.on_mesh(drives.plain(), "joint").to_toml()
-    for text in ('"Joint"', '""', "1", "true", '["joint"]', "1.5", "1979-05-27"):
-        with pytest.raises(ValueError, match=r"^belt\.mesh must be one of joint, paper, got "):
+    for text in ('"Joint"', "1", "true", '["joint"]', "1979-05-27"):
+        with pytest.raises(V, match=r"^belt\.mesh must be one of joint, paper, got "):
             bd.Params.from_toml(right.replace('"joint"', text))
-    message = r"^belt\.mehs: unknown field \(did you mean 'mesh'\?\)"
-    with pytest.raises(ValueError, match=message):
-        bd.Params.from_toml(right.replace("mesh =", "mehs ="))
-
-
-def test_toml_copies_printing_and_results_say_the_mesh(mesh: str, tmp_path: Any) -> None:
-    params = drives.on_mesh(drives.plain(), mesh)
-    text = params.to_toml()
-    again = bd.Params.from_toml(text)
-    assert again == params and again.belt.mesh == mesh and again.to_toml() == text
-    assert f'mesh = "{mesh}"' in text or mesh == bd.Belt.__attrs_attrs__.mesh.default
-    again = pickle.loads(pickle.dumps(params))
-    assert again == params and again.info == params.info
-    assert again != drives.on_mesh(params, "paper" if mesh == "joint" else "joint")
-    assert f"mesh='{mesh}'" in repr(params.belt)
-    assert eval(repr(params), vars(bd)) == params
-    (line,) = (line for line in str(params).splitlines() if line.split()[0] == "belt.mesh")
-    assert mesh in line
-    bd.simulate(params, drives.plain_scene().torque_fn, 1e-3).save(tmp_path / "run")
-    (path,) = tmp_path.iterdir()
-    assert bd.Result.load(path).params == params
 
 
 @pytest.mark.parametrize(
@@ -276,51 +179,17 @@ def test_printing_says_which_belt_it_is_and_what_is_counted(
 ) -> None:
     base = drives.plain()
     belt = attrs.evolve(base.belt, mesh="joint", model=model, bending_stiffness=bending)
-    printed = str(attrs.evolve(base, belt=belt))
+    params, bodies = attrs.evolve(base, belt=belt), kind.removeprefix("rigid ")
+    printed = str(params)
     rows = {line.split()[0]: line.split(maxsplit=2)[1:] for line in printed.splitlines()}
     assert " ".join(rows["belt.model"]) == shown
     assert rows["belt.n_bodies"] == ["60", f"number of {kind}, n_b"]
-    bodies = kind.removeprefix("rigid ")
     assert printed.startswith(f"Belt drive, 60 {bodies} on 2 pulley(s)\n")
     assert f"error of the mesh: with 60 {bodies} some" in printed
     coarse = attrs.evolve(base, belt=attrs.evolve(belt, n_bodies=12))
     assert f"  note  mesh: 12 {bodies} are few" in str(coarse)
-    run = bd.simulate(attrs.evolve(base, belt=belt), drives.plain_scene().torque_fn, 1e-4)
-    assert f" s, 60 {bodies}, 2 pulley(s); " in repr(run)
+    assert f" s, 60 {bodies}, 2 pulley(s); " in repr(bd.simulate(params, TORQUES, 1e-4))
 
-
-# -------------------------------------------------------------------- energy
-
-
-@pytest.mark.parametrize(
-    ("law", "method", "rtol"),
-    [
-        (law, *method)
-        for law, method in zip(
-            EXAMPLES,
-            itertools.cycle([("rodas4", 1e-5), ("tsit5", 1e-4), ("lbdf2", 1e-3), ("lie", 1e-2)]),
-            strict=False,
-        )
-    ],
-)
-def test_the_ledger_closes(law: str, method: str, rtol: float) -> None:
-    """What is left over is below three times rtol of the work put in (rtol is an error of forces,
-    kept within that factor); and the forces' differences, of the mean tension, from the same
-    drive's at a tolerance of 1e-6 are below rtol.
-    """
-    torque = drives.plain_scene().torque_fn
-    params = attrs.evolve(drives.on_mesh(drives.plain(), "joint"), friction=EXAMPLES[law])
-    given: dict[str, Any] = {"initial": bd.settle(params), "t_eval": np.linspace(0.0, 0.02, 21)}
-    exact = bd.simulate(params, torque, 0.02, method="rodas4", rtol=1e-6, **given)
-    result = bd.simulate(params, torque, 0.02, method=method, rtol=rtol, **given)
-    assert result.energy is not None
-    work = np.abs(result.energy.drive).max()
-    assert np.abs(result.energy.residual).max() <= 3.0 * rtol * work
-    off = np.abs(result.joints.force - exact.joints.force).max()
-    assert off <= rtol * params.info["strain_tension"]
-
-
-# -------------------------------------------------------------------- accuracy in space
 
 #: Slack tension [N] and creep [%] of the paper's mesh with 1440 (U: 960) links in steady motion,
 #: from 0.9 s on. Earlier, while the wraps that were laid at rest still run off, its tension is up
@@ -374,15 +243,13 @@ def test_few_links_give_what_many_give(
 
 
 @pytest.mark.filterwarnings("ignore:mesh:UserWarning")
-@pytest.mark.parametrize("kind", ["M", "U"])
+@pytest.mark.parametrize("kind", first(1, ["U", "M"]))
 def test_both_meshes_rest_at_one_limit(kind: str) -> None:
     """Without friction; the paper's extrapolated by its error of second order."""
 
     def tension(n_bodies: int, mesh: str) -> float:
         params = scene_of(kind, n_bodies, mesh).params
-        rest = bd.settle(params, friction=False)
-        still = bd.Viscous([0.0, 0.0])
-        return float(bd.simulate(params, still, 1e-6, initial=rest).joints.force[0].mean())
+        return bd.settle(params, friction=False).tension(params).mean
 
     coarse, fine = (tension(n, "paper") for n in (240, 480))
     limit = fine - (coarse - fine) / 3.0
@@ -392,7 +259,7 @@ def test_both_meshes_rest_at_one_limit(kind: str) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:(mesh|long_links):UserWarning")
-@pytest.mark.parametrize("kind", ["M", "U"])
+@pytest.mark.parametrize("kind", first(1, ["M", "U"]))
 def test_both_meshes_are_laid_with_friction_at_one_limit(kind: str) -> None:
     """What friction holds after tensioning comes from how the belt was laid, and that from the
     belt: 240 links of either mesh have span tensions within 2 % of each other, no more of which is
@@ -401,16 +268,11 @@ def test_both_meshes_are_laid_with_friction_at_one_limit(kind: str) -> None:
 
     def tensions(n_bodies: int, mesh: str) -> np.ndarray:
         params = scene_of(kind, n_bodies, mesh).params
-        still = bd.Viscous([0.0, 0.0])
-        run = bd.simulate(params, still, 1e-6, initial=bd.settle(params))
-        return np.asarray(run.span_tension[0])
+        return bd.settle(params).tension(params).spans
 
     expected = tensions(240, "paper")
     for n_bodies in (120, 240):
         assert tensions(n_bodies, "joint") == pytest.approx(expected, rel=0.02), n_bodies
-
-
-# -------------------------------------------------------------------- what is said of the mesh
 
 
 @pytest.mark.filterwarnings("ignore:(mesh|long_links):UserWarning")
@@ -458,10 +320,7 @@ def test_a_warning_names_links_enough_for_one_percent() -> None:
     assert enough <= 0.01 < fewer
     assert noticed(60) == []
     assert str(one) in str(scene_of("U", 30, "joint").params)
-
-
-def test_printing_says_what_the_mesh_makes_wrong(mesh: str) -> None:
-    params = scene_of("U", 60, mesh).params
-    (line,) = (one for one in str(params).splitlines() if "error of the mesh" in one)
-    assert f"{100 * sanity.mesh_error(params)['span_mean']:.2g} %" in line
-    assert "error in time" in str(params) and "error of the contact" in str(params)
+    for mesh in ("paper", "joint"):
+        params = scene_of("U", 60, mesh).params
+        (line,) = (one for one in str(params).splitlines() if "error of the mesh" in one)
+        assert f"{100 * sanity.mesh_error(params)['span_mean']:.2g} %" in line

@@ -39,20 +39,12 @@ cases = pytest.mark.parametrize(
 class Counted:
     """What a simulation of a drive takes."""
 
-    def __init__(
-        self, params: bd.Params, method: str = "rodas4", ledger: bool = True, **parts: Any
-    ) -> None:
+    def __init__(self, params: bd.Params, **parts: Any) -> None:
         state = bd.settle(params)
         motion = motion_terms(as_motions(parts.get("motion"), params.pulley_names))
         torque = as_terms(parts.get("torque", bd.Viscous([0.0, 0.0])), params.pulley_names)
         self.sim = _core.Simulation(
-            params._model,
-            state._to_core(params),
-            torque,
-            T_END,
-            method=method,
-            ledger=ledger,
-            motion=motion,
+            params._model, state._to_core(params), torque, T_END, method="rodas4", motion=motion
         )
         self.passes, self.sizes = self.sim.passes, self.sim.sizes
         arrays = self.sim.sample([0.0, T_END])
@@ -63,9 +55,13 @@ class Counted:
         return dict(self.sim.stats)
 
 
-def padded(n: int) -> int:
-    """Numbers that a field of n links can take in the state: whole vectors and their margins."""
-    return n + 3 * 8
+def assert_same_in_all(one: Counted, other: Counted) -> None:
+    """In every counter, and in the bits of a run."""
+    assert (one.passes, one.sizes, one.widths) == (other.passes, other.sizes, other.widths)
+    assert one.run() == other.run()
+    found, expected = one.sim.state(), other.sim.state()
+    for field, values in expected.items():
+        np.testing.assert_array_equal(found[field], values, err_msg=field)
 
 
 @pytest.mark.one_in(3)
@@ -76,8 +72,8 @@ def test_off_is_not_there_and_on_takes_what_it_needs(name: str, mesh: str) -> No
     assert len(on.passes) == len(off.passes) + effect.passes
     grown = on.sizes["state"] - off.sizes["state"]
     if effect.state:
-        n = bare(mesh).belt.n_bodies
-        assert effect.state * n <= grown <= effect.state * padded(n)
+        n = bare(mesh).belt.n_bodies  # and at most so many to fill vectors and margins
+        assert effect.state * n <= grown <= effect.state * (n + 3 * 8)
     else:  # of pulleys and mounts a few numbers at most
         assert grown <= (16 if effect.bytes else 0)
     assert (on.sizes["bytes"] > off.sizes["bytes"]) == effect.bytes
@@ -88,17 +84,11 @@ def test_off_is_not_there_and_on_takes_what_it_needs(name: str, mesh: str) -> No
 @pytest.mark.one_in(3)
 @cases
 def test_a_coefficient_of_0_is_off(name: str, mesh: str) -> None:
-    """In every counter, and in the bits of a run."""
     effect, off = EFFECTS[name], Counted(bare(mesh))
     if effect.zero is None:
         assert name == "mounts", "only a mount has no number that is 0 without it"
         return
-    zero = Counted(effect.zero(bare(mesh)))
-    assert (zero.passes, zero.sizes, zero.widths) == (off.passes, off.sizes, off.widths)
-    assert zero.run() == off.run()
-    found, expected = zero.sim.state(), off.sim.state()
-    for field, values in expected.items():
-        np.testing.assert_array_equal(found[field], values, err_msg=field)
+    assert_same_in_all(Counted(effect.zero(bare(mesh))), off)
 
 
 @pytest.mark.one_in(3)
@@ -121,9 +111,8 @@ def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> N
     off, on = runs
     assert len(on.effects) == len(off.effects) + effect.passes
     assert on.stats.steps == off.stats.steps
-    scale = np.abs(off.joints.force).mean()
+    scale, speeds = np.abs(off.joints.force).mean(), np.abs(off.pulleys.omega).max()
     assert np.abs(on.joints.force - off.joints.force).max() <= 1e-9 * scale
-    speeds = np.abs(off.pulleys.omega).max()
     assert np.abs(on.pulleys.omega - off.pulleys.omega).max() <= 1e-9 * speeds
     assert np.abs(on.contact.normal - off.contact.normal).max() <= 1e-9 * scale
 
@@ -142,50 +131,11 @@ def test_motions_and_loads() -> None:
     assert loaded.sizes["bytes"] > off.sizes["bytes"]
 
 
-def test_what_is_not_asked_for_is_no_array() -> None:
-    """Outputs one by one are in ``test_outputs.py``; here: none of them costs a byte of the
-    simulation, or an evaluation."""
-    params = bare("joint")
-    state = bd.settle(params)._to_core(params)
-    counted = []
-    for names in ([], ["span_tension"], None):
-        sim = _core.Simulation(params._model, state, [], T_END, ledger=False)
-        before = sim.sizes
-        arrays = sim.sample(np.linspace(0.0, T_END, 50), names)
-        assert sim.sizes == before and (names is None or set(arrays) == set(names))
-        assert sim.advance(np.inf)
-        counted.append(dict(sim.stats))
-    assert counted[0] == counted[1] == counted[2]
+def run(params: bd.Params, torque: bd.TorqueLike) -> bd.Result:
+    return bd.simulate(params, torque, T_END, method="rk4", step=2e-6)
 
 
-# --- order ----------------------------------------------------------------------------------------
-
-
-def run(params: bd.Params, torque: bd.TorqueLike, **options: Any) -> bd.Result:
-    return bd.simulate(params, torque, T_END, method="rk4", step=2e-6, **options)
-
-
-def test_the_order_of_loads_changes_nothing_but_rounding() -> None:
-    """Sums of four numbers, in another order: a rounding of the torque in each of 2000 steps."""
-    params = drives.on_mesh(drives.plain(), "joint")
-    terms = [
-        bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-5.0, 2.0]]),
-        bd.Viscous([0.01, 0.03]),
-        bd.Load(pulley=1, coulomb=0.3, viscous=0.02),
-        bd.Harmonics(pulley=0, orders=[1.0], amplitudes=[0.7], phases=[0.3]),
-    ]
-    first, *others = (
-        run(params, a + b + c + d, initial=bd.settle(params))
-        for a, b, c, d in itertools.islice(itertools.permutations(terms), 0, None, 5)
-    )
-    for other in others:
-        assert other.effects == first.effects
-        scale = np.abs(first.pulleys.omega).max()
-        assert np.abs(other.pulleys.omega - first.pulleys.omega).max() <= 1e-11 * scale
-        scale = np.abs(first.joints.force).max()
-        assert np.abs(other.joints.force - first.joints.force).max() <= 1e-10 * scale
-
-
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("name", "mesh"), list(zip(STRIBECK, itertools.cycle(["paper", "joint"]), strict=False))
 )
@@ -201,12 +151,8 @@ def test_a_stribeck_curve_costs_no_counter_and_equal_coefficients_are_none(
     off, on, same = (
         Counted(attrs.evolve(bare(mesh), friction=law)) for law in (without, curved, equal)
     )
-    for other in (on, same):
-        assert (other.passes, other.sizes, other.widths) == (off.passes, off.sizes, off.widths)
-    assert same.run() == off.run()
-    found, expected = same.sim.state(), off.sim.state()
-    for field, values in expected.items():
-        np.testing.assert_array_equal(found[field], values, err_msg=field)
+    assert (on.passes, on.sizes, on.widths) == (off.passes, off.sizes, off.widths)
+    assert_same_in_all(same, off)
 
 
 @pytest.mark.parametrize("law", EXAMPLES)

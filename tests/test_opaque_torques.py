@@ -14,7 +14,6 @@ what is asserted, of which `test_references_are_known` makes sure by an unrelate
 
 from __future__ import annotations
 
-import bisect
 import functools
 import math
 import struct
@@ -98,11 +97,10 @@ def hold_to(
     exact: Course,
     options: dict[str, Any],
     allowed: tuple[float, float] = (RIGHT, RIGHT),
-    start: tuple[bd.Params, bd.State] | None = None,
     steps: int = STEPS,
 ) -> None:
     """Assert that a run is right or says so."""
-    params, rest = start or drive()
+    params, rest = drive()
     try:
         result = quiet(
             params, function, t_end, initial=rest, t_eval=samples(t_end), max_steps=steps, **options
@@ -130,9 +128,6 @@ def table(times: list[float] | Array, values: list[float] | Array) -> bd.TorqueL
     """The same from a table, which the core sees."""
     rows = np.column_stack([np.asarray(values, float), np.zeros(len(values))])
     return bd.PiecewiseLinear(times, rows) + bd.Viscous([0.0, LOAD])
-
-
-# ---------------------------------------------------------------- pulses
 
 
 @attrs.frozen
@@ -171,7 +166,7 @@ def sample(*default: Any, ci: Any, rest: Any = ()) -> list[Any]:
     return [*default, *outside]
 
 
-@pytest.mark.parametrize("seed", sample(*range(6), ci=range(30), rest=range(200)))
+@pytest.mark.parametrize("seed", sample(*range(4), ci=range(30), rest=range(200)))
 def test_random_pulse(seed: int) -> None:
     """1 to 20 ms of 20 to 200 N m, after a rest in which nothing asks for short steps."""
     pulse = Pulse.draw(seed)
@@ -197,64 +192,27 @@ def test_references_are_known(seed: int) -> None:
     assert max(errors(other, exact)) <= 1e-3
 
 
-@functools.cache
-def plain() -> tuple[bd.Params, bd.State]:
-    params = drives.plain()
-    return params, bd.settle(params)
-
-
-def test_pulse_of_ten_milliseconds() -> None:
-    """Rest, then 10 ms of 100 N m at t = 0.1377 s: once finished in 30 steps, at rest."""
-    pulse = Pulse(0.1377, 0.1477, 100.0)
-    start = plain()
-    t_eval = samples(0.3)
-    exact = quiet(
-        start[0], pulse.visible(), 0.3, initial=start[1], t_eval=t_eval, method="tsit5", rtol=1e-6
-    )
-    for options in ASKED.values():
-        hold_to(pulse.opaque(), 0.3, Course.of(exact), options, start=start)
-
-
-# ---------------------------------------------------------------- noise
-
-
 def hashed(t: float) -> float:
     """Noise from -1 to 1 that is a function of the time, whatever called before."""
     return zlib.crc32(struct.pack("d", t)) / 2.0**31 - 1.0
 
 
-def noisy(share: float, load: float, seed: int | None) -> Function:
-    """-100 N m anew at each call, or (no seed) hashed from the time, against a load."""
+def noisy(share: float, seed: int | None) -> Function:
+    """-100 N m anew at each call, or (no seed) hashed from the time, against the load."""
     rng = np.random.default_rng(seed)
 
-    def function(t: float, theta: Array, omega: Array) -> list[float]:
+    def torque(t: float, *_: Array) -> float:
         noise = hashed(t) if seed is None else float(rng.uniform(-1.0, 1.0))
-        return [-100.0 * (1.0 + share * noise), -load * omega[1]]
+        return -100.0 * (1.0 + share * noise)
 
-    return function
+    return loaded(torque)
 
 
 @functools.cache
-def under_the_mean(start: Any, load: float, method: str, rtol: float | None) -> bd.Result:
-    mean = bd.PiecewiseLinear([0.0], [[-100.0, 0.0]]) + bd.Viscous([0.0, load])
+def under_the_mean(method: str, rtol: float | None) -> bd.Result:
     options = {} if rtol is None else {"rtol": rtol}
-    params, rest = start()
+    (params, rest), mean = drive(), table([0.0], [-100.0])
     return quiet(params, mean, 0.1, initial=rest, t_eval=samples(0.1), method=method, **options)
-
-
-def hold_noise_to_its_mean(
-    function: Function, options: dict[str, Any], start: Any = drive, load: float = LOAD
-) -> None:
-    """Noise of mean 0 adds nothing to the impulse but by chance: 5 %, uniform, over a hundred steps
-    0.05 / sqrt(3) / 10 = 0.3 %. So with the method's own error under the mean alone, which acts at
-    once and makes the drive ring, it is within the bound; and what adds nothing is to cost no more
-    than three times the steps.
-    """
-    exact = Course.of(under_the_mean(start, load, "rodas4", 1e-6))
-    own = under_the_mean(start, load, options["method"], options.get("rtol"))
-    speed, work = errors(Course.of(own), exact)
-    allowed, steps = (RIGHT + speed, RIGHT + work), 3 * own.stats.steps + 3000
-    hold_to(function, 0.1, exact, options, allowed, start(), steps)
 
 
 NOISES = [(seed, of_time) for seed in range(16) for of_time in (False, True)]
@@ -262,50 +220,28 @@ NOISES = [(seed, of_time) for seed in range(16) for of_time in (False, True)]
 
 @pytest.mark.parametrize("case", sample((1, False), (3, True), ci=NOISES[:8], rest=NOISES))
 def test_noise(case: tuple[int, bool]) -> None:
-    """0.1 to 5 % of 100 N m; per call, or a function of the time."""
+    """0.1 to 5 % of 100 N m; per call, or a function of the time.
+
+    Noise of mean 0 adds nothing to the impulse but by chance: 5 %, uniform, over a hundred steps
+    0.05 / sqrt(3) / 10 = 0.3 %. So with the method's own error under the mean alone, which acts at
+    once and makes the drive ring, it is within the bound; and what adds nothing is to cost no more
+    than three times the steps.
+    """
     seed, of_time = case
     share = 1e-3 * math.exp(np.random.default_rng([seed, 2]).uniform(0.0, math.log(50.0)))
     options = ASKED[method_of(seed)]
     if options["method"] == "lie":
         options = options | {"rtol": 2e-2}
-    hold_noise_to_its_mean(noisy(share, LOAD, None if of_time else seed), options)
+    exact = Course.of(under_the_mean("rodas4", 1e-6))
+    own = under_the_mean(options["method"], options.get("rtol"))
+    speed, work = errors(Course.of(own), exact)
+    allowed, steps = (RIGHT + speed, RIGHT + work), 3 * own.stats.steps + 3000
+    hold_to(noisy(share, None if of_time else seed), 0.1, exact, options, allowed, steps)
 
 
-ON_THE_PLAIN_DRIVE = [(m, r) for m in ("auto", "rodas4", "lbdf2") for r in (1e-2, 1e-4)]
-
-
-@pytest.mark.parametrize(
-    "asked", sample(("auto", 1e-2), ("rodas4", 1e-2), ("lie", 1e-2), ci=ON_THE_PLAIN_DRIVE)
-)
-def test_noise_of_one_percent_on_the_plain_drive(asked: tuple[str, float]) -> None:
-    """-100 N m, 1 % of noise: once froze at -0.004 rad/s for -6.35, and was 3 % off at 1e-4."""
-    load = 100.0 / (2.0 * math.pi)
-    options = {"method": asked[0], "rtol": asked[1]}
-    hold_noise_to_its_mean(noisy(0.01, load, 1), options, plain, load)
-
-
-# ---------------------------------------------------------------- relays and steps of the speed
-
-
-#: A torque function, the course of what it means, and how far off a run may be.
-Riddle = tuple[Function, Course, tuple[float, float]]
-KEPT = (RIGHT, RIGHT)
+#: A torque function, and the course of what it means.
+Riddle = tuple[Function, Course]
 RIDDLE_END = 0.06
-
-
-def smoothed(law: Callable[[float], float], jump: float, width: float) -> Callable[[float], float]:
-    """A law that jumps where x / jump - 1/2 is an integer, with the jumps made ramps of ``width``.
-
-    What slides along a jump, switched to and fro faster than anything moves, slides within the
-    ramp: the two differ by its width.
-    """
-
-    def ramp(x: float) -> float:
-        edge = (math.floor(x / jump) + 0.5) * jump
-        share = min(max((x - edge) / width + 0.5, 0.0), 1.0)
-        return (1.0 - share) * law(edge - 0.25 * jump) + share * law(edge + 0.25 * jump)
-
-    return ramp
 
 
 def relay(seed: int) -> Riddle:
@@ -315,34 +251,7 @@ def relay(seed: int) -> Riddle:
     width = 2e-3 * w0  # a tenth of what is asserted
     smooth = loaded(lambda t, _, w: -torque * min(max((w[0] - w0) / width, -1.0), 1.0))
     exact = reference(smooth, RIDDLE_END, max_step=5e-5)
-    return loaded(lambda t, _, w: -math.copysign(torque, w[0] - w0)), exact, KEPT
-
-
-def quantised_speed(seed: int) -> Riddle:
-    """A controller that sees the speed in steps of a tenth to a third of the set one."""
-    rng = np.random.default_rng([seed, 4])
-    w0 = rng.uniform(5.0, 20.0)
-    step, gain = rng.uniform(0.1, 0.33) * w0, rng.uniform(20.0, 80.0) / w0
-
-    def law(w: float) -> float:
-        return gain * (w0 - step * round(w / step))
-
-    ramps = smoothed(law, step, 2e-3 * w0)
-    exact = reference(loaded(lambda t, _, w: ramps(w[0])), RIDDLE_END, max_step=5e-5)
-    return loaded(lambda t, _, w: law(w[0])), exact, KEPT
-
-
-def hysteresis(torque: float, w0: float, band: float) -> Function:
-    """On below w0 - band, off above w0 + band, else as it was: remembers what it saw last."""
-    on = True
-
-    def seen(t: float, theta: Array, omega: Array) -> float:
-        nonlocal on
-        if abs(omega[0] - w0) > band:
-            on = bool(omega[0] < w0)
-        return torque if on else 0.0
-
-    return loaded(seen)
+    return loaded(lambda t, _, w: -math.copysign(torque, w[0] - w0)), exact
 
 
 class Legs:
@@ -375,42 +284,6 @@ class Legs:
         return Course(np.vstack(omega), sum(work), sum(passed))
 
 
-def switched(torque: float, w0: float, band: float) -> Course:
-    """Legs up to each switch, found between samples of 20 us by a straight line."""
-    legs, on = Legs(), True
-    while legs.t < RIDDLE_END:
-        push = table([0.0], [torque if on else 0.0])
-        ahead = min(RIDDLE_END, legs.t + 5e-3)
-        seen = legs.peek(push, ahead, 2 + round((ahead - legs.t) / 2e-5))
-        w, level = seen.pulleys.omega[:, 0], w0 + (band if on else -band)
-        past = np.flatnonzero((w > level) if on else (w < level))
-        if not past.size or seen.t[past[0]] <= legs.t:
-            legs.go(push, ahead)
-            continue
-        k = int(past[0])
-        share = (level - w[k - 1]) / (w[k] - w[k - 1])
-        legs.go(push, max(seen.t[k - 1] + share * (seen.t[k] - seen.t[k - 1]), legs.t + 1e-7))
-        on = not on
-    return legs.course()
-
-
-def relay_with_hysteresis(seed: int) -> Riddle:
-    """It goes round between two speeds; in what phase, each switch shifts a little. Two courses out
-    of phase differ by the width of the band, and by the energy that is put in across it.
-    """
-    rng = np.random.default_rng([seed, 5])
-    torque, w0 = rng.uniform(30.0, 100.0), rng.uniform(10.0, 25.0)
-    band = rng.uniform(0.02, 0.08) * w0
-    exact = switched(torque, w0, band)
-    peak = np.max(np.abs(exact.omega))
-    inertia = sum(pulley.inertia for pulley in drive()[0].pulleys) + 1.2 * 0.1 * 0.1**2
-    across = inertia * w0 * 2.0 * band / exact.passed
-    return hysteresis(torque, w0, band), exact, (RIGHT + 2.0 * band / peak, RIGHT + across)
-
-
-# ---------------------------------------------------------------- controllers with memory
-
-
 def sampled(gain: float, w0: float, period: float) -> Function:
     """Looks at the speed once a period and holds its answer."""
     due = held = 0.0
@@ -435,7 +308,7 @@ def sample_and_hold(seed: int) -> Riddle:
     for k in range(math.ceil(RIDDLE_END / period)):
         push = table([0.0], [gain * (w0 - legs.state.omega[0])])
         legs.go(push, (k + 1) * period)
-    return sampled(gain, w0, period), legs.course(), KEPT
+    return sampled(gain, w0, period), legs.course()
 
 
 def latest(gain: float, w0: float, delay: float) -> Function:
@@ -453,22 +326,7 @@ def latest(gain: float, w0: float, delay: float) -> Function:
     return loaded(seen)
 
 
-def in_order(gain: float, w0: float, delay: float) -> Function:
-    """The same by one who keeps times in order, interpolates, and forgets nothing."""
-    times, speeds = [-math.inf], [0.0]
-
-    def seen(t: float, theta: Array, omega: Array) -> float:
-        k = bisect.bisect_left(times, t)
-        times[k:], speeds[k:] = [t], [float(omega[0])]  # after a step made again
-        k = bisect.bisect_right(times, t - delay)
-        (t0, t1), (v0, v1) = times[k - 1 : k + 1], speeds[k - 1 : k + 1]
-        old = v0 + (v1 - v0) * (t - delay - t0) / (t1 - t0) if t0 >= 0.0 else 0.0
-        return gain * (w0 - old)
-
-    return loaded(seen)
-
-
-def delayed(seed: int, kind: Any = latest) -> Riddle:
+def delayed(seed: int) -> Riddle:
     """Delay 1 to 5 ms, gain / I times delay up to 0.3 (without oscillation up to 1 / e). The
     reference goes delay by delay: in each the torque is known from the one before.
     """
@@ -484,26 +342,22 @@ def delayed(seed: int, kind: Any = latest) -> Riddle:
         seen = legs.peek(push, end, 200)
         times, speeds = seen.t, seen.pulleys.omega[:, 0]
         legs.go(push, end)
-    return kind(gain, w0, delay), legs.course(), KEPT
+    return latest(gain, w0, delay), legs.course()
 
 
 RIDDLES: dict[str, Callable[[int], Riddle]] = {
     "relay": relay,
-    "quantised speed": quantised_speed,
-    "relay with hysteresis": relay_with_hysteresis,
     "sample and hold": sample_and_hold,
     "delayed": delayed,
-    "delayed, in order": functools.partial(delayed, kind=in_order),
 }
 CASES = [(name, seed) for seed in range(16) for name in RIDDLES]
-#: One of each by default, with each of the methods.
-SHOWN = zip(RIDDLES, (0, 1, 3, 2, 1, 3), strict=True)
+#: One of each by default, each with another method.
+SHOWN = zip(RIDDLES, (0, 2, 1), strict=True)
 
 
-@pytest.mark.one_in(2)
-@pytest.mark.parametrize("case", sample(*SHOWN, ci=CASES[:24], rest=CASES))
+@pytest.mark.parametrize("case", sample(*SHOWN, ci=CASES[:12], rest=CASES))
 def test_controllers_and_relays(case: tuple[str, int]) -> None:
     """Each is right, or says that it may not be."""
     name, seed = case
-    function, exact, allowed = RIDDLES[name](seed)
-    hold_to(function, RIDDLE_END, exact, ASKED[method_of(seed)], allowed)
+    function, exact = RIDDLES[name](seed)
+    hold_to(function, RIDDLE_END, exact, ASKED[method_of(seed)])
