@@ -64,8 +64,6 @@ def spin_down(drag: bd.Drag, t_end: float, start: float = START, **options: Any)
 
 pytestmark = pytest.mark.filterwarnings("ignore:(mesh|no_friction):UserWarning")
 
-# --- closed forms ---------------------------------------------------------------------------------
-
 
 def viscous(t: Any) -> Any:
     return np.exp(-3.0 * t)
@@ -171,9 +169,6 @@ def test_below_the_coulomb_torque_a_pulley_creeps() -> None:
         assert found == pytest.approx(creep, abs=1e-6 * 1e3 * omega_0(params))
 
 
-# --- tangent --------------------------------------------------------------------------------------
-
-
 def test_tangent_at_every_speed() -> None:
     """Of a pulley free of the belt: k = g c / (1 + g slope / I), exact but for rounding; the slope
     by central differences, over 1e-4 of the scale on which it changes: 1e-8 of curvature.
@@ -204,8 +199,6 @@ def test_tangent_at_every_speed() -> None:
                 g / (1.0 + g * slope), rel=1e-12
             )
 
-
-# --- ledger and balance ---------------------------------------------------------------------------
 
 DRAGS = (bd.Drag(coulomb=3.0, viscous=0.1, quadratic=0.02), bd.Drag(viscous=0.3))
 
@@ -256,9 +249,6 @@ def test_settling_knows_no_drag() -> None:
     assert all(np.array_equal(fields(one)[name], fields(other)[name]) for name in fields(one))
 
 
-# --- steps ----------------------------------------------------------------------------------------
-
-
 def test_the_fixed_step_follows_steep_drag() -> None:
     """Decay at 1e6 1/s, of the viscous term or of the Coulomb term near rest: the step of the
     joints, 1e-5 s, would be far beyond the stability limit, 2.8e-6 s.
@@ -270,9 +260,6 @@ def test_the_fixed_step_follows_steep_drag() -> None:
         steep = spin_down(drag, 1e-4, start=0.3 * w0, method="rk4")
         assert 1e-6 < steep.stats.largest_step < 2.8e-6
         assert abs(steep.pulleys.omega[-1, 0]) < 1e-9 * w0
-
-
-# --- what is given and what comes out -------------------------------------------------------------
 
 
 def test_the_core_names_a_bad_number_or_argument() -> None:

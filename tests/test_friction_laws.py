@@ -83,9 +83,6 @@ def at_one(
     return float(force[0]), float(rate[0])
 
 
-# -------------------------------------------------------------------- the equations as they stand
-
-
 def random_points(law: Law, seed: int) -> tuple[Array, Array, Array]:
     """States within the bound (elastic/plastic: up to twice the limit, N falls while z waits)."""
     rng = np.random.default_rng(seed)
@@ -167,9 +164,6 @@ def test_elastic_plastic_never_pulls_beyond_its_limit_and_never_drives(provider:
     assert np.all(lost >= -(f_rounding * np.abs(v) + np.abs(spring) * rate_rounding))
 
 
-# -------------------------------------------------------------------- laws without a state
-
-
 @pytest.mark.parametrize("name", STATELESS)
 def test_friction_without_a_state_has_its_published_points(provider: Provider, name: str) -> None:
     """Nothing at rest, mu N in full slip, and what stands between as it is published: at v_reg
@@ -207,8 +201,6 @@ def test_creep_is_the_velocity_that_a_share_of_friction_needs(name: str) -> None
     assert bd.Dahl(mu_k=0.8, sigma=1e4).creep(0.5) == 0.0
 
 
-# -------------------------------------------------------------------- elastic/plastic
-
 NORMAL = 120.0
 
 
@@ -223,9 +215,6 @@ def test_elastic_plastic_force_drops_at_a_reversal(provider: Provider) -> None:
         ahead, back = (at_one(provider, ELASTIC, z, way * v, NORMAL)[0] for way in (1.0, -1.0))
         assert ahead - back == pytest.approx(drop * c * v, abs=rounded)
         assert drop == 2.0 or ahead == pytest.approx(limit, abs=rounded)
-
-
-# -------------------------------------------------------------------- LuGre against Dahl
 
 
 def test_lugre_without_its_additions_is_dahl(provider: Provider) -> None:

@@ -33,9 +33,6 @@ MAXWELL = EXAMPLES["maxwell_slip"]
 assert isinstance(MAXWELL, bd.MaxwellSlip)
 
 
-# -------------------------------------------------------------------- Dahl's law
-
-
 def test_published_values() -> None:
     """CHECKS section 1, seven digits: from rest, after a reversal, and of a belt slid over a locked
     drum, T2/T1 = exp(mu(x) pi).
@@ -72,9 +69,6 @@ def test_nested_loops_follow_the_exact_path() -> None:
     assert np.max(np.abs(got)) <= 0.8
     found = bd.Dahl(mu_k=0.8, sigma=1e4).coefficient(turning, velocity=0.37, normal=NORMAL)
     assert np.max(np.abs(found - exact)) <= 40 * 20 * EPS
-
-
-# -------------------------------------------------------------------- every law along a path
 
 
 def there_and_back(points: int = 2000) -> Array:
@@ -167,9 +161,6 @@ def test_what_is_refused(change: dict[str, Any], message: str) -> None:
         LUGRE.coefficient(**given)
 
 
-# -------------------------------------------------------------------- Maxwell slip
-
-
 def prandtl(law: bd.MaxwellSlip, slip: Array) -> Array:
     """Friction coefficient along a slow path from rest: each element's stop operator in turn.
 
@@ -242,9 +233,6 @@ def test_in_full_slip_with_a_stribeck_curve_the_sum_is_that_curve() -> None:
         exact = kinetic + (law.mu_s - kinetic) * np.exp(-((v / law.v_stribeck) ** 2))
         found = law.coefficient(path, velocity=v, normal=NORMAL)[-1]
         assert found == pytest.approx(exact, rel=1e-12)
-
-
-# -------------------------------------------------------------------- in steady slip
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

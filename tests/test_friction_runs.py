@@ -95,9 +95,6 @@ def tight(pair: str) -> bd.Result:
     return run(pair, "tsit5", rtol=1e-8)
 
 
-# -------------------------------------------------------------------- energy, methods
-
-
 @pytest.mark.parametrize("pair", PAIRS)
 def test_the_ledger_closes(pair: str) -> None:
     """Explicit, at a tight tolerance: a millionth of what passes through, as with Dahl's law; every
@@ -136,9 +133,6 @@ def test_methods_agree(pair: str, method: str) -> None:
     assert error <= 5 * METHODS[method].get("rtol", 1e-3)
     most = 10 * METHODS[method].get("rtol", 1e-4) * energy.passed[-1]
     assert np.max(np.abs(energy.residual)) <= most
-
-
-# -------------------------------------------------------------------- bounds
 
 
 def _bounds(pair: str, state: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
@@ -231,9 +225,6 @@ def test_nothing_is_reported_where_nothing_presses() -> None:
         assert np.all(sample["mu"][0][lifted] == given)
 
 
-# -------------------------------------------------------------------- the memory of the contact
-
-
 def test_integrated_state_form_follows_the_closed_form() -> None:
     """Case 2, links that stay on a pulley: (2.9) evaluated along the slip they report.
 
@@ -316,9 +307,6 @@ def test_memory_does_not_pass_from_pulley_to_pulley(way: float) -> None:
     assert abs(end["mu"][3]) <= 1e-6
 
 
-# -------------------------------------------------------------------- LuGre as Dahl's law
-
-
 @pytest.mark.parametrize(
     ("method", "mu"),
     [("rk4", 1.0), ("tsit5", 1.0), ("tsit5", 0.7), ("auto", 0.7), ("rodas4", 1.0), ("lbdf2", 0.7),
@@ -347,9 +335,6 @@ def test_lugre_without_its_additions_runs_like_dahl(method: str, mu: float) -> N
         assert np.array_equal(dahl.energy.friction_loss, lugre.energy.friction_loss)
     error = np.max(np.abs(dahl.joints.force - lugre.joints.force))
     assert error <= 1e-13 * dahl.stats.steps * np.max(dahl.joints.force)
-
-
-# -------------------------------------------------------------------- records and states
 
 
 def test_a_record_of_another_law_is_refused() -> None:
@@ -440,9 +425,6 @@ def test_laws_of_the_pulleys_cost_what_that_of_the_drive_does(name: str) -> None
     assert facts(None, [law, DAHL._to_core()]) == max(dahl, own, key=lambda found: found[0])
 
 
-# -------------------------------------------------------------------- settling
-
-
 @pytest.mark.one_in(2)
 @dealt(["free", "held"])
 def test_settling_with_friction(pair: str, method: str) -> None:
@@ -467,9 +449,6 @@ def test_settling_with_friction(pair: str, method: str) -> None:
     result = bd.simulate(params, STILL, 2e-3, initial=state, rtol=1e-6)
     moved = np.max(np.abs(result.joints.force - result.joints.force[0]))
     assert moved <= 1e-6 * params.info["strain_tension"] or method == "held"
-
-
-# -------------------------------------------------------------------- warnings
 
 
 @pytest.mark.one_in(2)

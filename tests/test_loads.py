@@ -55,9 +55,6 @@ def sign(omega: Any, w0: float) -> Any:
     return omega / np.sqrt(omega**2 + w0**2)
 
 
-# --- values and slopes ----------------------------------------------------------------------------
-
-
 def load_law(theta: Any, omega: Any, w0: float) -> Any:
     w = omega[:, 1]
     return -(0.4 * sign(w, w0) + 0.02 * w + 3e-3 * w * np.abs(w))
@@ -188,9 +185,6 @@ def test_a_step_and_a_ramp_are_their_histories(free: bd.Params, rest: bd.State) 
         assert loads(t, [0, 0], [0, 0]) == pytest.approx(both(t, [0, 0], [0, 0]))
 
 
-# --- closed forms ---------------------------------------------------------------------------------
-
-
 def test_terminal_speed(free: bd.Params, rest: bd.State) -> None:
     """A constant torque against a quadratic load: W tanh(t sqrt(M q) / I), with W = sqrt(M / q)."""
     m, q, inertia = 4.0, 1e-2, 0.01
@@ -258,8 +252,6 @@ def test_a_load_is_what_a_drag_is() -> None:
     assert lost is not None and lost[-1] > 0.1
     assert one.energy.drive - lost == pytest.approx(other.energy.drive, abs=1e-5 * lost[-1])
 
-
-# --- drives with loads ----------------------------------------------------------------------------
 
 LOADS = (
     bd.Ramp(0, 0.0, 0.01, -60.0),
@@ -442,8 +434,6 @@ def test_a_load_on_a_pulley_that_is_moved_has_no_effect(free: bd.Params, rest: b
         bd.simulate(free, bd.Load(0, coulomb=1.0), 0.01, motion, initial=rest)
 
 
-# --- crank ----------------------------------------------------------------------------------------
-
 CRANK_SPEED = bd.PiecewiseLinear([0.01, 0.03, 0.06], [0.0, -30.0, -50.0])
 CRANK = bd.CrankMotion(CRANK_SPEED, [1.5, 4.0], [0.02, 0.003], [0.3, -1.1], fade=(0.02, 0.05))
 
@@ -556,9 +546,6 @@ def test_verification_and_studies_take_them_for_data(drive: bd.Params) -> None:
     assert in_core(CRANK) and in_core(CRANK_SPEED) and in_core(bd.Motion(speed=CRANK_SPEED))
     assert not in_core(math.sin) and not in_core(bd.Motion(angle=math.sin))
     assert _in_core(bd.Scene(drive, total(), 0.1, {0: CRANK}))
-
-
-# --- what is given --------------------------------------------------------------------------------
 
 
 def scene(torque: Any = None, motion: Any = None) -> bd.Scene:

@@ -82,9 +82,6 @@ def grip(result: bd.Result, pulley: int) -> np.ndarray:
     return np.sum(np.where(on, result.contact.friction * lever, 0.0), axis=1)
 
 
-# --- against other models -------------------------------------------------------------------------
-
-
 def moved_run(*moved: int) -> stored_runs.Case:
     params, laws = params_with(), (
         lambda t: (wave(t), wave_rate(t)), lambda t: (0.9 * wave(t), 0.9 * wave_rate(t))
@@ -141,9 +138,6 @@ def test_a_heavy_flywheel_moves_alike(params: bd.Params, start: bd.State) -> Non
     moved = run(params, start, {0: RAMP}, rtol=1e-8)
     assert np.max(np.abs(free.pulleys.omega[:, 0] - moved.pulleys.omega[:, 0])) <= 2e-6
     assert np.max(np.abs(free.joints.force - moved.joints.force)) <= 1e-6 * tension(params)
-
-
-# --- methods --------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -216,9 +210,6 @@ def free_drag(params: bd.Params, omega: float) -> float:
     return float(coulomb + drag.viscous * omega + drag.quadratic * omega * abs(omega))
 
 
-# --- what the motion needs ------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("method", ["tsit5", "rodas4", "lbdf2"])
 def test_torque_of_a_pulley_free_of_the_belt(method: str, start: bd.State) -> None:
     """Closed form: I dOmega/dt + Z(Omega); its work is the energy of the pulley and what drag took,
@@ -268,9 +259,6 @@ def test_a_pulley_may_be_driven_through_its_sensitivity_to_others(start: bd.Stat
     apart = (one.joints.force - other.joints.force) / tension(params)
     assert math.sqrt(np.mean(apart**2)) <= 2e-6
     assert one.stats.twin_steps > 0
-
-
-# --- forms of a motion ----------------------------------------------------------------------------
 
 
 def test_angle_and_speed_are_one_motion(params: bd.Params, start: bd.State) -> None:
@@ -346,9 +334,6 @@ def test_a_torque_on_a_moved_pulley_is_ignored_with_a_warning(
     assert found[0].where == "pulley 0" and not found[0].accuracy
     assert np.array_equal(result.joints.force, expected.joints.force)
     assert result.stats.error is not None
-
-
-# --- starting at speed ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scene", ["kubas-case-1", "three-pulleys"])
@@ -428,9 +413,6 @@ def test_the_speed_of_the_start_must_fit(params: bd.Params, start: bd.State) -> 
     run(params, nearly, {0: lambda t: -50.0}, t_end=1e-3, t_eval=[])
     with pytest.raises(ValueError, match=r"^the rims of pulleys 1 and 0 must run at one speed"):
         bd.simulate(params, FREE, T_END, {0: lambda t: -50.0, 1: lambda t: -49.0})
-
-
-# --- what is refused ------------------------------------------------------------------------------
 
 
 ONE_VALUE = "must be a PiecewiseLinear with one value per time"
@@ -583,8 +565,6 @@ def test_functions_are_called_within_the_run_alone(params: bd.Params, start: bd.
     assert min(seen) == 0.001 and max(seen) == T_END
 
 
-# --- restart, twins, nothing when off -------------------------------------------------------------
-
 MOTIONS: dict[str, list[tuple[Any, ...]]] = {
     "piecewise": [(0, "piecewise", [0.0, 0.004, 0.012], [0.0, -4.0, -20.0])],
     "speed": [(0, "speed", wave)],
@@ -676,9 +656,6 @@ def test_off_costs_nothing(model: Any, rest: Any) -> None:
     more = {"prescribed motion", "torques of prescribed motion"}
     assert set(on.passes) - set(plain.passes) == more
     assert len(on_record) > len(record)
-
-
-# --- files ----------------------------------------------------------------------------------------
 
 
 def scene_with(motion: Any) -> bd.Scene:

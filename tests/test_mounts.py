@@ -30,9 +30,6 @@ GRAVITIES = ((0.0, 0.0), (0.0, -9.81), (-9.81, 0.0))
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
-# -------------------------------------------------------------------- geometry
-
-
 def tangent(
     one: Array, r: float, side: int, other: Array, q: float, its_side: int
 ) -> tuple[Array, float]:
@@ -91,9 +88,6 @@ def span_tensions(params: bd.Params, state: bd.State) -> Array:
     still = bd.Viscous([0.0] * len(params.pulleys))
     result = bd.simulate(params, still, 1e-7, initial=state, t_eval=[0.0])
     return np.asarray(result.span_tension[0])
-
-
-# -------------------------------------------------------------------- at rest
 
 
 def arm_at_rest(params: bd.Params) -> tuple[float, float]:
@@ -252,9 +246,6 @@ def test_stiffnesses_that_are_chosen_are_those_of_the_core() -> None:
             assert rates[1][name] == pytest.approx(rates[0][name], rel=1e-14)
 
 
-# -------------------------------------------------------------------- running
-
-
 @pytest.mark.ci(guard="test_mounts.py::test_weighted_take_up_keeps_its_tension")
 def test_running_belt_on_a_weighted_slider() -> None:
     """The spans of an idling belt have W g / 2 and rho A v^2 more, which rims do not feel, rho A
@@ -295,9 +286,6 @@ def test_loaded_take_up_keeps_the_sum_of_its_spans() -> None:
     assert abs(spans[0] - spans[1]) == pytest.approx(load / 0.08, rel=1e-2)
 
 
-# -------------------------------------------------------------------- the pivot
-
-
 def cycled(damping: float = 0.0, **options: Any) -> tuple[bd.Params, bd.Result]:
     """An arm that the belt's tension moves there and back: the crank is held, the alternator turned
     by torques up to 5 N m either way.
@@ -305,8 +293,7 @@ def cycled(damping: float = 0.0, **options: Any) -> tuple[bd.Params, bd.Result]:
     mount = drives.arm(friction=0.4, friction_stiffness=80.0, damping=damping, mass=0.0)
     params = drives.tensioner(mount)
     torque = bd.PiecewiseLinear(
-        [0.0, 0.06, 0.18, 0.30, 0.42],
-        np.outer([0.0, 1.0, -1.0, 1.0, -1.0], [0.0, 0.0, 5.0]),
+        [0.0, 0.06, 0.18, 0.30, 0.42], np.outer([0.0, 1.0, -1.0, 1.0, -1.0], [0.0, 0.0, 5.0])
     )
     still = bd.PiecewiseLinear([0.0], [0.0])
     times = np.linspace(0.0, 0.42, 4201)
@@ -370,9 +357,6 @@ def test_forces_of_a_mount_are_those_of_its_parts() -> None:
     assert result.energy.mount_loss == pytest.approx(lost, abs=1e-3 * lost[-1])
 
 
-# -------------------------------------------------------------------- stops
-
-
 @pytest.mark.parametrize(("method", "way"), [*zip(METHODS, turns_of((1.0, -1.0)), strict=False)])
 def test_stops_make_no_energy(method: str, way: float) -> None:
     """An arm thrown against a stop is pushed back, never pulled, and slower than it came: damper
@@ -434,9 +418,6 @@ def test_a_chosen_stop_is_as_stiff_as_stated() -> None:
     assert push > 0.5
     assert state.travel[0] + 0.05 == pytest.approx(push / stiffness, rel=1e-9)
     assert push == pytest.approx(at.spring_force[0, 0] + at.belt_force[0, 0], rel=1e-6)
-
-
-# -------------------------------------------------------------------- paths
 
 
 def test_an_axis_on_a_path_is_where_the_spline_is() -> None:
@@ -514,8 +495,7 @@ def test_a_stiff_mount_is_a_fixed_axis() -> None:
     torque = drives.torque(fixed)
     times = np.linspace(0.0, 0.02, 21)
     same = attrs.evolve(
-        bd.settle(fixed),
-        **{name: getattr(start, name) for name in ("x", "y", "phi")},
+        bd.settle(fixed), **{name: getattr(start, name) for name in ("x", "y", "phi")}
     )
     one = bd.simulate(heavy, torque, 0.02, initial=start, t_eval=times, rtol=1e-7)
     other = bd.simulate(fixed, torque, 0.02, initial=same, t_eval=times, rtol=1e-7)

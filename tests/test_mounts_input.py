@@ -36,8 +36,6 @@ def test_mounts_cost_their_own_numbers_and_no_more() -> None:
         assert value is None or value.size == 0
 
 
-# -------------------------------------------------------------------- what is refused
-
 ARM: dict[str, Any] = {
     "pivot": (0.215, 0.105),
     "inertia": 0.0025,
@@ -121,9 +119,6 @@ def test_states_of_other_mounts_are_refused() -> None:
         with pytest.raises(ValueError, match=next(iter(bad))):
             wrong = attrs.evolve(start, **bad)
             bd.simulate(params, drives.torque(params), 1e-4, initial=wrong)
-
-
-# -------------------------------------------------------------------- files
 
 
 def test_text_toml_and_files(tmp_path: Path) -> None:

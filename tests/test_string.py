@@ -83,9 +83,6 @@ def at_random(params: bd.Params, seed: int) -> tuple[String, reference.Array, di
     return oracle, y, state
 
 
-# -------------------------------------------------------------------- rates and outputs
-
-
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", DRIVES)
 def test_rates_at_every_level(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,9 +194,6 @@ def test_numbers_gone_show_in_the_rates(
         assert not np.isfinite([rate[key] for key in ("vx", "vy")]).all(), level
 
 
-# -------------------------------------------------------------------- rest
-
-
 @pytest.mark.parametrize(
     ("name", "friction"),
     [("two pulleys", True), ("dahl", False), ("crossed", True), ("outside idler", False)],
@@ -239,10 +233,7 @@ def test_tension_at_rest_is_that_of_a_string(name: str, compensate: bool) -> Non
     params = DRIVES[name]()
     contact = attrs.evolve(params.contact, compensate=compensate)
     params = attrs.evolve(
-        params,
-        belt=attrs.evolve(params.belt, n_bodies=480),
-        contact=contact,
-        gravity=(0.0, 0.0),
+        params, belt=attrs.evolve(params.belt, n_bodies=480), contact=contact, gravity=(0.0, 0.0)
     )
     state = bd.settle(params, friction=False, tolerance=1e-6)
     oracle = oracle_of(params)
@@ -277,9 +268,6 @@ def test_a_slider_s_weight_sets_the_tension_and_speed_adds_to_it() -> None:
     more = params.belt.linear_density * v**2 / stretch
     assert more > 0.2 * spans.mean()
     assert spans - more == pytest.approx(rest, abs=1e-3 * spans.mean())
-
-
-# -------------------------------------------------------------------- motion
 
 
 def test_lateral_vibration_of_a_span() -> None:
@@ -376,9 +364,6 @@ def test_the_balance_closes_with_the_tolerance() -> None:
     assert left[1] < 0.1 * left[0]
 
 
-# -------------------------------------------------------------------- links
-
-
 def paper_drive(n_bodies: int, model: str) -> bd.Params:
     """The paper's, without bending."""
     params = drives.plain()
@@ -429,9 +414,6 @@ def test_string_and_links_run_at_one_limit(n_bodies: int, slack: float, creep: f
     ours, links = (in_steady_motion(n_bodies, model) for model in ("string", "links"))
     assert ours[0] == pytest.approx(links[0], rel=slack)
     assert ours[1] == pytest.approx(links[1], rel=creep)
-
-
-# -------------------------------------------------------------------- choice and input
 
 
 @pytest.mark.parametrize("bending", [(0.0, 0.0), (0.01, 0.0), (0.0, 1e-5), (0.01, 1e-5)])

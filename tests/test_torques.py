@@ -69,9 +69,6 @@ def expected(run: Callable[..., bd.Result]) -> bd.Result:
     return run(law)
 
 
-# --- objects -------------------------------------------------------------------------------------
-
-
 def test_piecewise_linear_values() -> None:
     torque = bd.PiecewiseLinear([1.0, 2.0, 2.0, 4.0], [[0, 1], [10, 1], [20, 1], [40, 5]])
     for t, value in [(0.0, 0.0), (1.0, 0.0), (1.5, 5.0), (3.0, 30.0), (4.0, 40.0), (9.0, 40.0)]:
@@ -159,9 +156,6 @@ def test_bad_viscous(coefficients: Any, error: type[Exception], rule: str) -> No
         bd.Viscous(coefficients)
 
 
-# --- the same torque, given in every way ---------------------------------------------------------
-
-
 def ctypes_callback() -> Any:
     def fill(t: float, theta: Any, omega: Any, torque: Any, user: Any) -> None:
         torque[0], torque[1] = law(t, theta, omega)
@@ -237,9 +231,6 @@ def test_objects_are_as_python(run: Callable[..., bd.Result], expected: bd.Resul
         np.testing.assert_allclose(
             result.pulleys.omega, expected.pulleys.omega, rtol=1e-9, atol=1e-12
         )
-
-
-# --- what is refused -----------------------------------------------------------------------------
 
 
 def test_not_a_torque_or_for_another_number_of_pulleys(run: Callable[..., bd.Result]) -> None:
