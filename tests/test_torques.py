@@ -224,8 +224,13 @@ def test_callable_returns_something_else() -> None:
     }.items():
         for value in values:
             calls: list[float] = []
+
+            def torque(t: float, *_: Any, value: Any = value, calls: list[float] = calls) -> Any:
+                calls.append(t)
+                return value
+
             with pytest.raises(error, match="2 torques, one per pulley"):
-                run(lambda t, theta, omega, value=value, calls=calls: calls.append(t) or value)
+                run(torque)
             assert calls == [0.0], "refused at the first call"
 
 
