@@ -28,8 +28,6 @@ from reference_friction import (
 import beltdyn as bd
 from beltdyn import _core
 
-"""From law, l0, z, v, normal (arrays of one size): F and dz/dt."""
-
 EPS = float(np.finfo(float).eps)
 L0 = 0.02  # m, of a link
 

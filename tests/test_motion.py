@@ -1,6 +1,6 @@
 """Prescribed motion (MODEL section 5): against the oracle and closed forms, what it needs, what is
-refused, and nothing of it when it is off. Methods, ledger, records: test_drive_table.py; starts at
-speed: test_start_at_speed.py.
+refused. Methods, ledger, records: test_drive_table.py; that it costs nothing when it is off:
+test_off_is_free.py; starts at speed: test_start_at_speed.py.
 """
 
 from __future__ import annotations
