@@ -22,20 +22,10 @@ METHODS: dict[str, dict[str, Any]] = {
 
 def plain() -> bd.Params:
     """Two equal pulleys, a soft, well damped contact, settled without friction."""
+    belt = {"linear_density": 0.10, "axial_stiffness": 70e3, "axial_damping": 1.4}
     return bd.Params(
-        belt=bd.Belt(
-            length=1.2,
-            n_bodies=60,
-            linear_density=0.10,
-            axial_stiffness=70e3,
-            axial_damping=1.4,
-            bending_stiffness=0.01,
-            mesh="paper",
-        ),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.010),
-            bd.Pulley(center=(0.290, 0.0), radius=0.1, inertia=0.010),
-        ],
+        belt=bd.Belt(length=1.2, n_bodies=60, bending_stiffness=0.01, mesh="paper", **belt),
+        pulleys=[bd.Pulley(center=(x, 0.0), radius=0.1, inertia=0.010) for x in (0.0, 0.290)],
         contact=bd.Contact(quadratic=5e10, linear=2.5e7, damping=1.0e3),
         friction=bd.Dahl(mu_k=1.0, sigma=1e4),
     )
@@ -82,29 +72,22 @@ def scene_u() -> bd.Scene:
     apart, small, large = 0.29, 0.05, 0.12
     lean = math.asin((large - small) / apart)
     path = 2 * apart * math.cos(lean) + math.pi * (small + large) + 2 * lean * (large - small)
-    params = attrs.evolve(
-        params,
-        belt=attrs.evolve(params.belt, length=path / 1.005),
-        pulleys=[
-            bd.Pulley(center=(0.0, 0.0), radius=small, inertia=0.005),
-            bd.Pulley(center=(apart, 0.0), radius=large, inertia=0.02),
-        ],
-    )
+    pulleys = [
+        bd.Pulley(center=(0.0, 0.0), radius=small, inertia=0.005),
+        bd.Pulley(center=(apart, 0.0), radius=large, inertia=0.02),
+    ]
+    belt = attrs.evolve(params.belt, length=path / 1.005)
     ramp = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-10.0, 0.0]])
+    params = attrs.evolve(params, belt=belt, pulleys=pulleys)
     return bd.Scene(params, ramp + bd.Viscous([0.0, 4.57]), 0.6)
 
 
 def _stretched(*pulleys: bd.Pulley) -> bd.Params:
     """The belt of the scenes round any pulleys, strained by 0.6 %."""
+    belt = {"linear_density": 0.10, "axial_stiffness": 80e3, "axial_damping": 1.5}
+    length = bd.route(pulleys).length / 1.006
     return bd.Params(
-        belt=bd.Belt(
-            length=bd.route(pulleys).length / 1.006,
-            n_bodies=90,
-            linear_density=0.10,
-            axial_stiffness=80e3,
-            axial_damping=1.5,
-            bending_stiffness=0.02,
-        ),
+        belt=bd.Belt(length=length, n_bodies=90, bending_stiffness=0.02, **belt),
         pulleys=pulleys,
         contact=bd.Contact(linear=2e8, damping=4.0e3, compensate=True),
         friction=bd.Dahl(mu_k=0.8, sigma=1e4),
@@ -123,15 +106,10 @@ def crossed_scene() -> bd.Scene:
 
 def idler_scene() -> bd.Scene:
     """Two pulleys, and on the back of the belt between them an idler with drag."""
+    idler = {"radius": 0.04, "inertia": 0.0003, "drag": bd.Drag(viscous=0.01)}
     params = _stretched(
         bd.Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.01),
-        bd.Pulley(
-            center=(0.13, 0.085),
-            radius=0.04,
-            inertia=0.0003,
-            side="outside",
-            drag=bd.Drag(viscous=0.01),
-        ),
+        bd.Pulley(center=(0.13, 0.085), side="outside", **idler),
         bd.Pulley(center=(0.30, 0.02), radius=0.10, inertia=0.02),
     )
     ramp = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0, 0.0], [-20.0, 0.0, 0.0]])
@@ -140,14 +118,9 @@ def idler_scene() -> bd.Scene:
 
 def reduction(n_bodies: int = 60, **belt: Any) -> bd.Params:
     """Two unequal pulleys and a belt of 400 N, whose friction is small enough to slip."""
+    given = {"linear_density": 0.1, "axial_stiffness": 80e3, "axial_damping": 1.5} | belt
     return bd.Params(
-        belt=bd.Belt(
-            preload=400.0,
-            n_bodies=n_bodies,
-            linear_density=0.1,
-            axial_stiffness=80e3,
-            **{"axial_damping": 1.5, **belt},
-        ),
+        belt=bd.Belt(preload=400.0, n_bodies=n_bodies, **given),
         pulleys=[
             bd.Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
             bd.Pulley(center=(0.35, 0.05), radius=0.1, inertia=0.02),
@@ -159,15 +132,9 @@ def reduction(n_bodies: int = 60, **belt: Any) -> bd.Params:
 
 def cranked(n_bodies: int = 60) -> bd.Params:
     """A crank and an alternator, of a belt without bending stiffness."""
+    belt = {"linear_density": 0.1, "axial_stiffness": 60e3, "axial_damping": 5.0}
     return bd.Params(
-        belt=bd.Belt(
-            preload=300.0,
-            n_bodies=n_bodies,
-            linear_density=0.1,
-            axial_stiffness=60e3,
-            axial_damping=5.0,
-            bending_stiffness=0.0,
-        ),
+        belt=bd.Belt(preload=300.0, n_bodies=n_bodies, bending_stiffness=0.0, **belt),
         pulleys=[
             bd.Pulley(name="crank", center=(0.0, 0.0), radius=0.08, inertia=0.03),
             bd.Pulley(name="alternator", center=(0.3, 0.0), radius=0.05, inertia=0.01),

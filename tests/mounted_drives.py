@@ -23,51 +23,24 @@ METHODS: dict[str, dict[str, Any]] = {
     "lbdf2": {"rtol": 1e-3},
     "lie": {"rtol": 1e-2},
 }
-STRAIN = 0.006
-
-
-def belt(
-    pulleys: list[bd.Pulley], n_bodies: int, strain: float = STRAIN, **changes: Any
-) -> bd.Belt:
-    """A belt of 120 N as the pulleys are drawn."""
-    data: dict[str, Any] = {
-        "length": bd.route(pulleys).length / (1.0 + strain),
-        "n_bodies": n_bodies,
-        "linear_density": 0.10,
-        "axial_stiffness": 20e3,
-        "axial_damping": 1.0,
-        "bending_stiffness": 0.005,
-        "mesh": "joint",
-    }
-    return bd.Belt(**(data | changes))
 
 
 def drive(
     pulleys: list[bd.Pulley], n_bodies: int = 48, belt_changes: Any = None, **changes: Any
 ) -> bd.Params:
-    data: dict[str, Any] = {
-        "belt": belt(pulleys, n_bodies, **(belt_changes or {})),
-        "pulleys": pulleys,
-        "contact": bd.Contact(linear=5e7, damping=2e3, compensate=True),
-        "friction": bd.Dahl(mu_k=0.8, sigma=5e3),
-    }
-    return bd.Params(**(data | changes))
-
-
-PIVOT = (0.215, 0.105)
+    """With a belt of 120 N as the pulleys are drawn."""
+    belt: dict[str, Any] = {"length": bd.route(pulleys).length / 1.006, "mesh": "joint"}
+    belt |= {"linear_density": 0.10, "axial_stiffness": 20e3, "axial_damping": 1.0}
+    belt |= {"bending_stiffness": 0.005, "n_bodies": n_bodies} | (belt_changes or {})
+    data: dict[str, Any] = {"contact": bd.Contact(linear=5e7, damping=2e3, compensate=True)}
+    data |= {"friction": bd.Dahl(mu_k=0.8, sigma=5e3)} | changes
+    return bd.Params(belt=bd.Belt(**belt), pulleys=pulleys, **data)
 
 
 def arm(**changes: Any) -> bd.Arm:
     """An arm that presses its idler on the back of the belt."""
-    data: dict[str, Any] = {
-        "pivot": PIVOT,
-        "inertia": 0.0025,
-        "mass": 0.2,
-        "stiffness": 10.0,
-        "preload": 6.0,
-        "damping": 0.03,
-        "friction": 0.3,
-    }
+    data: dict[str, Any] = {"pivot": (0.215, 0.105), "inertia": 0.0025, "mass": 0.2}
+    data |= {"stiffness": 10.0, "preload": 6.0, "damping": 0.03, "friction": 0.3}
     return bd.Arm(**(data | changes))
 
 
@@ -75,16 +48,10 @@ def tensioner(
     mount: bd.Arm | None = None, drag: bd.Drag | None = None, n_bodies: int = 48, **changes: Any
 ) -> bd.Params:
     """Crank, idler on an arm on the back of the belt, alternator."""
+    idler = {"radius": 0.04, "inertia": 0.0002, "side": "outside", "drag": drag}
     pulleys = [
         bd.Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.01),
-        bd.Pulley(
-            center=(0.135, 0.068),
-            radius=0.04,
-            inertia=0.0002,
-            side="outside",
-            drag=drag,
-            mount=arm() if mount is None else mount,
-        ),
+        bd.Pulley(center=(0.135, 0.068), mount=arm() if mount is None else mount, **idler),
         bd.Pulley(center=(0.30, 0.02), radius=0.06, inertia=0.004),
     ]
     return drive(pulleys, n_bodies, **changes)
@@ -140,25 +107,15 @@ def stopped(**changes: Any) -> bd.Params:
 
 def both(laws: bool = False, **changes: Any) -> bd.Params:
     """Crank, idler with drag on an arm, alternator, and below a pulley on a slider; gravity."""
+    tensioning = arm(pivot=(0.225, 0.11), preload=8.0, stops=(-0.2, 0.3))
+    carriage = slider(direction=(-0.2, -2.0), mass=0.6, weight=14.0, stiffness=500.0, friction=10.0,
+                      friction_stiffness=2e4)  # fmt: skip
     pulleys = [
         bd.Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.01),
-        bd.Pulley(
-            center=(0.14, 0.075),
-            radius=0.04,
-            inertia=0.0002,
-            side="outside",
-            drag=DRAG,
-            mount=arm(pivot=(0.225, 0.11), preload=8.0, stops=(-0.2, 0.3)),
-        ),
+        bd.Pulley(center=(0.14, 0.075), radius=0.04, inertia=0.0002, side="outside", drag=DRAG,
+                  mount=tensioning),
         bd.Pulley(center=(0.32, 0.02), radius=0.07, inertia=0.004),
-        bd.Pulley(
-            center=(0.18, -0.16),
-            radius=0.05,
-            inertia=0.0005,
-            drag=DRAG,
-            mount=slider(direction=(-0.2, -2.0), mass=0.6, weight=14.0, stiffness=500.0,
-                         friction=10.0, friction_stiffness=2e4),
-        ),
+        bd.Pulley(center=(0.18, -0.16), radius=0.05, inertia=0.0005, drag=DRAG, mount=carriage),
     ]  # fmt: skip
     params = drive(pulleys, **{"gravity": (0.0, -9.81)} | changes)
     if laws:
@@ -174,11 +131,6 @@ def moved_on_path(**changes: Any) -> bd.Params:
     return attrs.evolve(params, pulleys=[*params.pulleys[:2], last])
 
 
-def lawful(name: str) -> bd.Params:
-    law = None if name == "none" else EXAMPLES[name]
-    return tensioner(friction=law)
-
-
 DRIVES: dict[str, Any] = {
     "arm": tensioner,
     "arm with stops": stopped,
@@ -191,8 +143,12 @@ DRIVES: dict[str, Any] = {
     "arm and slider": both,
     "arm and slider, three laws": lambda: both(laws=True),
     "arm and path": moved_on_path,
-    "no friction": lambda: lawful("none"),
-    **{name: lambda name=name: lawful(name) for name in EXAMPLES if name != "dahl"},
+    "no friction": lambda: tensioner(friction=None),
+    **{
+        name: lambda law=law: tensioner(friction=law)
+        for name, law in EXAMPLES.items()
+        if name != "dahl"
+    },
     "string, arm": lambda: on_mesh(tensioner(drag=DRAG), "string"),
     "string, arm with stops": lambda: on_mesh(stopped(), "string"),
     "string, slider, gravity": lambda: on_mesh(leaning(), "string"),

@@ -31,16 +31,15 @@ STRAIN, OMEGA = 0.02, 100.0
 #: per metre of belt: what it gives moves radii by (T_t - T_s) / (k R^2) < 1.1e-5, a creep that is
 #: 0.3 % of the smallest one here.
 BRISTLES, CONTACT = 1e10, 1e10
-TIMES = np.linspace(0.4, 0.5, 401)
 
 
-def theory(strain: float = STRAIN) -> creep_theory.Drive:
+def theory() -> creep_theory.Drive:
     made = functools.partial(
         creep_theory.Drive.open, RADII, APART, axial_stiffness=EA, linear_density=DENSITY, mu=MU
     )
     straight = made(length=1.0)
     arcs = sum(r * wrap for r, wrap in zip(RADII, straight.wraps, strict=True))
-    return made(length=(straight.spans + arcs) / (1.0 + strain))
+    return made(length=(straight.spans + arcs) / (1.0 + STRAIN))
 
 
 DRIVE = theory()
@@ -48,33 +47,22 @@ FULL = creep_theory.full_slip(DRIVE, OMEGA)
 
 
 def unequal(n_bodies: int) -> bd.Params:
+    """As links: as near to theory as the string, and calmer on so stiff a contact."""
+    belt = {"length": DRIVE.length, "linear_density": DENSITY, "axial_stiffness": EA}
     return open_drive(
-        RADII,
-        APART,
-        (1e-3, 4e-3),
-        length=DRIVE.length,
-        n_bodies=n_bodies,
-        linear_density=DENSITY,
-        axial_stiffness=EA,
-        model="links",  # as near to theory as the string, and calmer on so stiff a contact
+        RADII, APART, (1e-3, 4e-3), n_bodies=n_bodies, model="links", **belt,
         contact=bd.Contact(linear=CONTACT, damping=2e4, compensate=True),
         friction=bd.ElasticPlastic(mu=MU, stiffness=BRISTLES, damping=1e-5 * BRISTLES),
-    )
+    )  # fmt: skip
 
 
 @functools.cache
-def loaded(n_bodies: int, share: float, t_end: float = 0.5) -> bd.Result:
-    """From running without load, under a share of the load of full slip; two rounds and a half."""
+def loaded(n_bodies: int, share: float, t_end: float = 0.3) -> bd.Result:
+    """From running without load, under a share of the load of full slip; a round and a half."""
     load = bd.PiecewiseLinear([0.0, 0.1], [0.0, -share * FULL.load], pulley=1)
-    result = bd.simulate(
-        unequal(n_bodies),
-        load,
-        t_end,
-        {0: bd.PiecewiseLinear([0.0], [OMEGA])},
-        t_eval=TIMES - TIMES[-1] + t_end,
-        method="rodas4",
-        rtol=1e-3,
-    )
+    motion, times = {0: bd.PiecewiseLinear([0.0], [OMEGA])}, np.linspace(t_end - 0.1, t_end, 401)
+    options = {"t_eval": times, "method": "rodas4", "rtol": 1e-3}
+    result = bd.simulate(unequal(n_bodies), load, t_end, motion, **options)
     transmitted = share * FULL.torque * OMEGA * (t_end - 0.05)
     assert np.abs(result.energy.residual).max() < 1e-3 * transmitted
     return result
@@ -99,17 +87,13 @@ def arcs(result: bd.Result, *, slipping: bool) -> list[float]:
 def hub_loads_and_tensions_along_the_belt(result: bd.Result, state: creep_theory.Creep) -> None:
     """Means over the samples against theory."""
     line = result.params.route
-    away = line.arrive[1] - line.leave[0], line.arrive[0] - line.leave[1]
-    pulls = [
-        tension * way / np.hypot(*way)
-        for tension, way in zip(result.span_tension.mean(axis=0), away, strict=True)
-    ]
-    tight, slack = DRIVE.stretch(state.tight), DRIVE.stretch(state.slack)
-    c = OMEGA * RADII[0] / tight
-    relief = [
-        DENSITY * c * c * stretch * way / np.hypot(*way)
-        for stretch, way in zip((tight, slack), away, strict=True)
-    ]
+    away = np.array([line.arrive[1] - line.leave[0], line.arrive[0] - line.leave[1]])
+    away /= np.hypot(*away.T)[:, None]
+    pulls = result.span_tension.mean(axis=0)[:, None] * away
+    stretch = np.array([DRIVE.stretch(state.tight), DRIVE.stretch(state.slack)])
+    c = OMEGA * RADII[0] / stretch[0]
+    momentum = DENSITY * c * c
+    relief = momentum * stretch[:, None] * away
     textbook = pulls[0] - pulls[1]
     for loads, expected in (
         (result.pulleys.load, textbook - relief[0] + relief[1]),
@@ -122,15 +106,13 @@ def hub_loads_and_tensions_along_the_belt(result: bd.Result, state: creep_theory
     # comes with T_t. The links' ends in steps of l: forces over a link differ by mu l / R of them.
     along = result.along_belt("joints.force", np.linspace(0.0, line.length, 2001))
     tension = along.values.mean(axis=0)
-    momentum = DENSITY * c * c
-    for k in (0, 1):
+    for k, (entering, sign) in enumerate(((state.tight, -1.0), (state.slack, 1.0))):
         begin, end = along.wraps[k]
         inside = (along.s > begin) & (along.s < end)
         # the belt runs against the sense in which links are numbered if pulley 0 turns backwards
         forward = OMEGA * line.senses[0] > 0.0
         way = (along.s[inside] - begin if forward else end - along.s[inside]) / RADII[k]
-        h_0, sign = ((state.tight, -1.0), (state.slack, 1.0))[k]
-        h_0 -= momentum * DRIVE.stretch(h_0)
+        h_0 = entering - momentum * DRIVE.stretch(entering)
         h = h_0 * np.exp(sign * MU * np.maximum(way - (DRIVE.wraps[k] - state.slip), 0.0))
         expected = h + momentum * (1.0 + h / EA)
         step = MU * result.params.info["link_length"] / RADII[k]
@@ -138,12 +120,12 @@ def hub_loads_and_tensions_along_the_belt(result: bd.Result, state: creep_theory
         assert apart.max() < 0.5 * step + 5e-3, (k, apart.max())
 
 
-@pytest.mark.parametrize("share", extended_if(lambda share: share != 0.5, [0.2, 0.5, 0.7, 0.9]))
+@pytest.mark.parametrize("share", extended_if(lambda share: share != 0.5, [0.5, 0.9]))
 def test_speed_ratio_and_slip_arcs_of_unequal_pulleys(share: float) -> None:
     state = creep_theory.steady(DRIVE, OMEGA, lambda _omega: share * FULL.load)
     result, params = loaded(240, share), unequal(240)
     omega = float(result.pulleys.omega[:, 1].mean())
-    # Half a per cent of the ratio would be half of the creep, 0.4 to 1.9 %: ask for 1 % of that.
+    # Half a per cent of the ratio would be half of the creep, 1.0 to 1.9 %: ask for 1 % of that.
     creep = [1.0 - w * RADII[1] / (OMEGA * RADII[0]) for w in (omega, state.omega)]
     assert omega == pytest.approx(state.omega, rel=5e-3)
     assert creep[0] == pytest.approx(creep[1], rel=0.01)
@@ -166,20 +148,14 @@ def test_speed_ratio_and_slip_arcs_of_unequal_pulleys(share: float) -> None:
     hub_loads_and_tensions_along_the_belt(result, state)
 
 
-@functools.cache
-def report() -> bd.Report:
-    """Of the unequal pulleys, over all samples."""
-    return loaded(240, 0.5).report(0.999)
-
-
-HALF = creep_theory.steady(DRIVE, OMEGA, lambda _omega: 0.5 * FULL.load)
-
-
-def test_creep_of_stretch_is_that_of_theory_and_its_parts_add_up() -> None:
-    row = report().creep["pulley 1"]
-    stretch = math.log(DRIVE.stretch(HALF.tight) / DRIVE.stretch(HALF.slack))
+def test_a_report_tells_what_theory_does() -> None:
+    """Of the unequal pulleys, over all samples: creep and its parts, arcs and ratios, powers."""
+    half = creep_theory.steady(DRIVE, OMEGA, lambda _omega: 0.5 * FULL.load)
+    told = loaded(240, 0.5).report(0.999)
+    row = told.creep["pulley 1"]
+    stretch = math.log(DRIVE.stretch(half.tight) / DRIVE.stretch(half.slack))
     assert row.stretch == pytest.approx(stretch, rel=0.01)
-    lost = -math.log(HALF.omega * RADII[1] / (OMEGA * RADII[0]))
+    lost = -math.log(half.omega * RADII[1] / (OMEGA * RADII[0]))
     assert row.lost == pytest.approx(lost, rel=0.01)
     # Nothing else is there to take speed: contact and bristles are all but rigid.
     assert abs(row.friction) + abs(row.radius) + abs(row.remainder) < 0.02 * stretch
@@ -187,30 +163,22 @@ def test_creep_of_stretch_is_that_of_theory_and_its_parts_add_up() -> None:
     assert total == pytest.approx(row.lost, rel=1e-12)
     assert row.ratio / row.nominal == pytest.approx(math.exp(-row.lost), rel=1e-12)
 
-
-def test_arcs_and_ratios_are_those_of_theory() -> None:
-    mass = DENSITY * (OMEGA * RADII[0] / DRIVE.stretch(HALF.tight)) ** 2
-    tight, slack = (H - mass * (1.0 + H / EA) for H in (HALF.tight, HALF.slack))
-    for k, row in enumerate(report().pulleys):
-        assert row.ratio == pytest.approx(tight / slack, rel=5e-3)
-        assert row.limit == pytest.approx(math.exp(0.4 * DRIVE.wraps[k]), rel=1e-9)
-        assert row.used == pytest.approx(HALF.slip / DRIVE.wraps[k], rel=5e-3)
-        assert row.wrap == pytest.approx(DRIVE.wraps[k], rel=5e-3)
+    mass = DENSITY * (OMEGA * RADII[0] / DRIVE.stretch(half.tight)) ** 2
+    tight, slack = (H - mass * (1.0 + H / EA) for H in (half.tight, half.slack))
+    for wrap, pulley in zip(DRIVE.wraps, told.pulleys, strict=True):
+        assert pulley.ratio == pytest.approx(tight / slack, rel=5e-3)
+        assert pulley.limit == pytest.approx(math.exp(0.4 * wrap), rel=1e-9)
+        assert pulley.used == pytest.approx(half.slip / wrap, rel=5e-3)
+        assert pulley.wrap == pytest.approx(wrap, rel=5e-3)
         # Of friction from 0.95 of its limit on, and links are 5 and 10 degrees long.
-        assert row.slip_arc == pytest.approx(HALF.slip, rel=0.05)
+        assert pulley.slip_arc == pytest.approx(half.slip, rel=0.05)
 
-
-def test_powers_add_up_to_what_is_put_in() -> None:
-    rows = report().powers
-    put_in = sum(row.power for row in rows if row.kind == "in")
-    others = sum(row.power for row in rows if row.kind != "in")
-    assert put_in == pytest.approx(others, rel=1e-12)
+    rows = told.powers
+    put_in, lost = (sum(r.power for r in rows if r.kind == kind) for kind in ("in", "lost"))
+    assert put_in == pytest.approx(sum(r.power for r in rows if r.kind != "in"), rel=1e-12)
     # What friction takes is the creep of theory; links that pass lose some in the joints, too.
-    lost = sum(row.power for row in rows if row.kind == "lost")
-    friction = sum(row.power for row in rows if row.name.startswith("friction"))
-    of_theory = HALF.torque * OMEGA - HALF.load * HALF.omega
-    assert friction == pytest.approx(of_theory, rel=0.02)
-    told = report()
+    friction = sum(r.power for r in rows if r.name.startswith("friction"))
+    assert friction == pytest.approx(half.torque * OMEGA - half.load * half.omega, rel=0.02)
     assert told.efficiency == pytest.approx(1.0 - lost / put_in, rel=1e-12)
     assert rows["friction on pulley 0"].power > 0.0 < rows["friction on pulley 1"].power
     assert abs(rows["friction, error of sampling"].power) < 0.05 * lost
@@ -219,18 +187,16 @@ def test_powers_add_up_to_what_is_put_in() -> None:
 
 @pytest.mark.ci(guard="test_report_margin.py::test_the_torque_at_which_a_run_slips")
 @pytest.mark.filterwarnings("ignore:full_slip:UserWarning")
-@pytest.mark.parametrize("n_bodies", extended_if(lambda n: n == 240, [120, 240]))
-def test_full_slip_comes_at_the_torque_of_theory(n_bodies: int) -> None:
+def test_full_slip_comes_at_the_torque_of_theory() -> None:
     """1 % below it the driven pulley keeps its speed, 1 % above it comes to a halt.
 
     The torque in excess of it, 0.01 M, takes 0.01 M t / I, 26 rad/s, from its speed within 0.2 s;
     half of that must be seen, and no more than 0.1 rad/s below it.
     """
-    below = loaded(n_bodies, 0.99, 0.6).pulleys.omega[:, 1]
+    below = loaded(120, 0.99, 0.6).pulleys.omega[:, 1]
     assert abs(below[-1] - below[0]) < 0.1
     assert below.mean() == pytest.approx(FULL.omega, rel=2e-3)
-    above = loaded(n_bodies, 1.01, 0.6).pulleys.omega[:, 1]
-    lost = FULL.omega - above[-1]
+    lost = FULL.omega - loaded(120, 1.01, 0.6).pulleys.omega[-1, 1]
     assert lost > 0.5 * 0.01 * FULL.load * 0.2 / 4e-3
 
 
@@ -253,20 +219,6 @@ def test_dahl_gives_the_quoted_slip() -> None:
     assert slip_of(1120.0 / 120.0, 5e3) == pytest.approx(4.576055e-3, rel=5e-7)
 
 
-@functools.cache
-def stiff(sigma: float) -> bd.Result:
-    """A belt so stiff that what creeps is Dahl's friction."""
-    belt = {"preload": 620.0, "n_bodies": 240, "axial_stiffness": 2e6, "axial_damping": 400.0}
-    contact = bd.Contact(linear=2e9, damping=2e4, compensate=True)
-    law = bd.Dahl(mu_k=MU_K, sigma=sigma)
-    params = open_drive((RADIUS, RADIUS), 0.29, (0.01, 0.01), contact=contact, friction=law, **belt)
-    on = bd.PiecewiseLinear([0.0, 0.5], [0.0, 1.0])
-    # some 95 N m: three quarters of the wrap's capacity
-    load, motion = bd.Load(1, viscous=50.0, factor=on), {0: bd.PiecewiseLinear([0.0], [2.0])}
-    times = np.linspace(3.0, 6.0, 401)
-    return bd.simulate(params, load, 6.0, motion, t_eval=times, method="rodas4", rtol=1e-3)
-
-
 @pytest.mark.parametrize("sigma", extended_if(lambda sigma: sigma != 250.0, [250.0, 125.0]))
 def test_creep_of_a_stiff_belt_is_that_of_dahl(sigma: float) -> None:
     """Slip over belt speed within 1 %, for the tensions that the run has.
@@ -276,7 +228,15 @@ def test_creep_of_a_stiff_belt_is_that_of_dahl(sigma: float) -> None:
     they land on the pulleys. Here EA is 2e6 N: elastic creep, (T_t - T_s) / EA, is at most 1.6 % of
     d, and adds to the slip only where the belt leaves, not where it enters.
     """
-    result = stiff(sigma)
+    belt = {"preload": 620.0, "n_bodies": 240, "axial_stiffness": 2e6, "axial_damping": 400.0}
+    contact = bd.Contact(linear=2e9, damping=2e4, compensate=True)
+    law = bd.Dahl(mu_k=MU_K, sigma=sigma)
+    params = open_drive((RADIUS, RADIUS), 0.29, (0.01, 0.01), contact=contact, friction=law, **belt)
+    on = bd.PiecewiseLinear([0.0, 0.5], [0.0, 1.0])
+    # some 95 N m: three quarters of the wrap's capacity
+    load, motion = bd.Load(1, viscous=50.0, factor=on), {0: bd.PiecewiseLinear([0.0], [2.0])}
+    options = {"t_eval": np.linspace(3.0, 6.0, 401), "method": "rodas4", "rtol": 1e-3}
+    result = bd.simulate(params, load, 6.0, motion, **options)
     tight, slack = result.span_tension.mean(axis=0)
     driving, driven = result.pulleys.omega.mean(axis=0)
     # (1 + d) v on the driving pulley's rim, (1 - d) v on that of the driven one

@@ -1,16 +1,12 @@
-"""Bearing drag (MODEL section 5): closed forms, tangent, ledger, steps, files.
-
-That it costs nothing when off is in ``test_off_is_free.py``, that runs are the same again in
-``test_determinism.py``.
+"""Bearing drag (MODEL section 5): closed forms, tangent, balance, steps, what is given.
 
 In a drive without friction a pulley turns free of the belt, so that its speed follows from its drag
-alone.
+alone. That it costs nothing when off: test_off_is_free.py; ledgers and files: test_drive_table.py.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +16,11 @@ import numpy as np
 import pytest
 import scipy.optimize
 from bridge import fields
-from click.testing import CliRunner
 from drives import METHODS
 from matplotlib.figure import Figure
 from module_common import make_model, refused
 
 import beltdyn as bd
-from beltdyn import cli
 
 INERTIA = 0.01
 START = -60.0  # rad/s
@@ -64,54 +58,18 @@ def spin_down(drag: bd.Drag, t_end: float, start: float = START, **options: Any)
 
 pytestmark = pytest.mark.filterwarnings("ignore:(mesh|no_friction):UserWarning")
 
-# --- closed forms ---------------------------------------------------------------------------------
-
-
-def viscous(t: Any) -> Any:
-    return np.exp(-3.0 * t)
-
-
-def quadratic(t: Any) -> Any:
-    return 1.0 / (1.0 + 4.0 * t)
-
-
-def both(t: Any) -> Any:
-    """w' = -(3 w + 4 w^2), w(0) = 1."""
-    gone = np.exp(-3.0 * t)
-    return 3.0 * gone / (3.0 + 4.0 * (1.0 - gone))
-
-
-SMOOTH: dict[str, tuple[bd.Drag, Callable[[Any], Any]]] = {
-    "viscous": (bd.Drag(viscous=3.0 * INERTIA), viscous),
-    "quadratic": (bd.Drag(quadratic=4.0 * INERTIA / 60.0), quadratic),
-    "both": (bd.Drag(viscous=3.0 * INERTIA, quadratic=4.0 * INERTIA / 60.0), both),
-}
-
-
-@pytest.mark.parametrize(
-    ("kind", "start"), [("viscous", START), ("quadratic", START), ("quadratic", -START)]
-)
-def test_smooth_drag_follows_its_closed_form(kind: str, start: float) -> None:
-    """Steps end at some 1e-5 s, the joints' limit, in which drag takes 1e-4 of the speed: an error
-    of order 5 is below rounding, 1e-16 a step, and 1e5 steps of that are 1e-11.
-    """
-    drag, exact = SMOOTH[kind]
-    result = spin_down(drag, 0.1, start, method="tsit5")
-    assert result.stats.steps < 1e5
-    speed = result.pulleys.omega[:, 0] / start
-    assert np.max(np.abs(speed - exact(result.t))) <= 1e-11
-
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_follows_it(method: str) -> None:
-    """Errors of steps, at most the tolerance on the scale of speeds, add up at most: drag damps
-    them. A fixed step is that of the joints, far below what drag asks.
+def test_every_method_follows_its_closed_form(method: str) -> None:
+    """w' = -(3 w + 4 w^2), w(0) = 1. Errors of steps, at most the tolerance on the scale of speeds,
+    add up at most: drag damps them. A fixed step is that of the joints, far below what drag asks.
     """
-    drag, exact = SMOOTH["both"]
+    drag = bd.Drag(viscous=3.0 * INERTIA, quadratic=4.0 * INERTIA / 60.0)
     result = spin_down(drag, 0.1, method=method, **METHODS[method])
-    scale = 1e3 * omega_0(result.params)
-    allowed = result.stats.steps * METHODS[method].get("rtol", 1e-9) * scale
-    error = np.max(np.abs(result.pulleys.omega[:, 0] - START * exact(result.t)))
+    gone = np.exp(-3.0 * result.t)
+    exact = START * 3.0 * gone / (3.0 + 4.0 * (1.0 - gone))
+    allowed = result.stats.steps * METHODS[method].get("rtol", 1e-9) * 1e3 * omega_0(result.params)
+    error = np.max(np.abs(result.pulleys.omega[:, 0] - exact))
     assert error <= min(allowed, 0.01 * abs(START))
     implicit = method in ("rodas4", "lbdf2", "lie")
     assert not implicit or result.stats.steps < 600  # its derivative lets steps be long
@@ -120,7 +78,7 @@ def test_every_method_follows_it(method: str) -> None:
 def test_coulomb_drag_follows_its_closed_form_through_the_stop() -> None:
     """I w' = -C w / sqrt(w^2 + w0^2): sqrt(w^2 + w0^2) - w0 arsinh(w0 / w) falls at C / I.
 
-    While w is large, errors are rounding (as above); in the stop each step's is held to rtol of the
+    While w is large, errors are rounding (as below); in the stop each step's is held to rtol of the
     scale of speeds, and what was before is damped.
     """
     coulomb, rtol = 8.0, 1e-8
@@ -131,27 +89,28 @@ def test_coulomb_drag_follows_its_closed_form_through_the_stop() -> None:
         return math.hypot(w, w0) - w0 * math.asinh(w0 / w)
 
     for t, omega in zip(result.t, -result.pulleys.omega[:, 0], strict=True):
-        level = fallen(-START) - coulomb / INERTIA * t
-        if level < fallen(1e-300):
-            exact = 0.0
-        else:
+        level, exact = fallen(-START) - coulomb / INERTIA * t, 0.0
+        if level >= fallen(1e-300):
             exact = scipy.optimize.brentq(lambda w, at=level: fallen(w) - at, 1e-300, 100.0)
         assert omega == pytest.approx(exact, abs=10 * rtol * 1e3 * w0, rel=1e-10)
     assert -result.pulleys.omega[-1, 0] < 1e-3 * w0  # it has stopped
 
 
-def test_all_terms_together() -> None:
-    """Down to 1 rad/s the sign falls short of 1 by less than w0^2 / 2: w' = -(A + a w + b w^2)."""
+@pytest.mark.parametrize("start", [START, -START])
+def test_all_terms_together(start: float) -> None:
+    """Down to 1 rad/s the sign falls short of 1 by less than w0^2 / 2: w' = -(A + a w + b w^2).
+    Steps end at some 1e-5 s, the joints' limit: what else errs is rounding.
+    """
     large, damping, square, t_end = 400.0, 8.0, 0.2, 0.0525
     drag = bd.Drag(coulomb=large * INERTIA, viscous=damping * INERTIA, quadratic=square * INERTIA)
-    result = spin_down(drag, t_end, method="tsit5")
+    result = spin_down(drag, t_end, start, method="tsit5")
     root = math.sqrt(4.0 * large * square - damping**2)
-    angle = math.atan((2.0 * square * -START + damping) / root) - 0.5 * root * result.t
+    angle = math.atan((2.0 * square * 60.0 + damping) / root) - 0.5 * root * result.t
     exact = (root * np.tan(angle) - damping) / (2.0 * square)
     assert exact[-1] > 1.0
     short = large * t_end * 0.5 * omega_0(result.params) ** 2
-    error = np.max(np.abs(-result.pulleys.omega[:, 0] - exact))
-    assert error <= short + 1e-10 * abs(START)
+    error = np.max(np.abs(np.abs(result.pulleys.omega[:, 0]) - exact))
+    assert error <= short + 1e-10 * 60.0
 
 
 def test_below_the_coulomb_torque_a_pulley_creeps() -> None:
@@ -159,19 +118,14 @@ def test_below_the_coulomb_torque_a_pulley_creeps() -> None:
     milliseconds, and the stated speed is small: 0.2 mm/s at the rim, however the torque.
     """
     params = drive(bd.Drag(coulomb=2.0), None, friction=False)
-    assert params.info["drag_speed"] == pytest.approx(
-        omega_0(params) * params.pulleys[0].radius, rel=1e-12
-    )
-    assert params.info["drag_speed"] < 2e-4
+    w0, speed = omega_0(params), params.info["drag_speed"]
+    assert speed == pytest.approx(w0 * params.pulleys[0].radius, rel=1e-12)
+    assert speed < 2e-4
     for share in (0.5, -0.9):
         torque = bd.PiecewiseLinear([0.0], [[share * 2.0, 0.0]])
         result = bd.simulate(params, torque, 0.05, rtol=1e-6)
-        creep = omega_0(params) * share / math.sqrt(1.0 - share**2)
-        found = result.pulleys.omega[-1, 0]
-        assert found == pytest.approx(creep, abs=1e-6 * 1e3 * omega_0(params))
-
-
-# --- tangent --------------------------------------------------------------------------------------
+        creep = w0 * share / math.sqrt(1.0 - share**2)
+        assert result.pulleys.omega[-1, 0] == pytest.approx(creep, abs=1e-6 * 1e3 * w0)
 
 
 def test_tangent_at_every_speed() -> None:
@@ -205,46 +159,18 @@ def test_tangent_at_every_speed() -> None:
             )
 
 
-# --- ledger and balance ---------------------------------------------------------------------------
-
 DRAGS = (bd.Drag(coulomb=3.0, viscous=0.1, quadratic=0.02), bd.Drag(viscous=0.3))
 
 
-def ramp() -> bd.PiecewiseLinear:
-    return bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-60.0, 0.0]])
-
-
-@pytest.fixture(scope="module")
-def start() -> bd.State:
-    return bd.settle(drive(*DRAGS))
-
-
 @pytest.mark.parametrize("method", METHODS)
-def test_energy_closes(method: str, start: bd.State) -> None:
-    """As without drag; the ledger of every method errs by a small part of what drag takes. The
-    balance is watched without a ledger: of pulleys that stop by drag alone, left out, 50 J would
-    come from nowhere.
-    """
-    params = drive(*DRAGS)
-    result = bd.simulate(params, ramp(), 0.05, initial=start, method=method, **METHODS[method])
-    energy = result.energy
-    assert energy.drag_loss is not None
-    assert (np.diff(energy.drag_loss) >= 0.0).all()
-    assert np.array_equal(
-        energy.losses, energy.joint_loss + energy.contact_loss + energy.friction_loss
-        + energy.drag_loss,
-    )  # fmt: skip
-    most = 10 * METHODS[method].get("rtol", 1e-4) * energy.passed[-1]
-    assert np.max(np.abs(energy.residual)) <= most
-    assert energy.drag_loss[-1] > 5 * most  # so it would show if it were left out
-
-    stopping = drive(bd.Drag(coulomb=4.0, viscous=0.2), bd.Drag(coulomb=4.0), friction=False)
-    turning = attrs.evolve(start, omega=[-100.0, 30.0])
+def test_the_balance_counts_drag_without_a_ledger(method: str) -> None:
+    """Of pulleys that stop by drag alone, left out, 50 J would come from nowhere."""
+    params = drive(bd.Drag(coulomb=4.0, viscous=0.2), bd.Drag(coulomb=4.0), friction=False)
+    turning = attrs.evolve(bd.settle(params), omega=[-100.0, 30.0])
     result = bd.simulate(
-        stopping, bd.Viscous([0.0, 0.0]), 0.025, initial=turning, ledger=False, method=method,
+        params, bd.Viscous([0.0, 0.0]), 0.025, initial=turning, ledger=False, method=method,
         **METHODS[method],
     )  # fmt: skip
-    assert result.energy is None
     assert abs(result.stats.balance) <= 0.02
     assert not any(one.code == "balance" for one in result.warnings)
 
@@ -254,9 +180,6 @@ def test_settling_knows_no_drag() -> None:
     kinds = {"friction": True, "pulleys": "free"}
     one, other = (bd.settle(drive(*drags), **kinds) for drags in ((None, None), DRAGS))
     assert all(np.array_equal(fields(one)[name], fields(other)[name]) for name in fields(one))
-
-
-# --- steps ----------------------------------------------------------------------------------------
 
 
 def test_the_fixed_step_follows_steep_drag() -> None:
@@ -272,16 +195,7 @@ def test_the_fixed_step_follows_steep_drag() -> None:
         assert abs(steep.pulleys.omega[-1, 0]) < 1e-9 * w0
 
 
-# --- what is given and what comes out -------------------------------------------------------------
-
-
-def test_the_core_names_a_bad_number_or_argument() -> None:
-    for at, field in enumerate(("coulomb", "viscous", "quadratic")):
-        for value, what in ((-1.0, "must be >= 0"), (math.nan, "must be finite and >= 0")):
-            row = [0.0, 0.0, 0.0]
-            row[at] = value
-            with pytest.raises(ValueError, match=rf"^pulleys\[1\]\.drag\.{field} {what} "):
-                make_model(drag=[None, tuple(row)])
+def test_what_is_no_drag_is_refused() -> None:
     zero = [0.0, 0.0, 0.0]
     for given, kind, message in (
         (1.0, TypeError, "drag must be a sequence of tuples, got float"),
@@ -291,57 +205,35 @@ def test_the_core_names_a_bad_number_or_argument() -> None:
     ):
         with refused(kind, message):
             make_model(drag=given)
-
-
-def test_a_pulley_takes_nothing_else_for_drag() -> None:
     with refused(TypeError, "pulley.drag must be a Drag, got float"):
         bd.Pulley(center=(0, 0), radius=0.1, inertia=0.01, drag=0.5)
-
-
-def test_text_and_toml(tmp_path: Path) -> None:
-    params = drive(DRAGS[0], None)
-    text = str(params)
-    for name, value in (("coulomb", "3 N m"), ("viscous", "0.1 N m s"), ("quadratic", "0.02")):
-        assert f"pulleys[0].drag.{name}" in text
-        assert value in text
-    assert "pulleys[1].drag" not in text
-    assert "drag.coulomb" in str(params.pulleys[0])
-    assert bd.Params.from_toml(params.to_toml(tmp_path / "drive.toml")) == params
-    assert bd.Params.from_toml(tmp_path / "drive.toml") == params
-    bad = params.to_toml().replace("coulomb = 3.0", "coulomb = -3.0")
+    text = drive(DRAGS[0], None).to_toml()
     with pytest.raises(ValueError, match=r"^pulleys\[0\]\.drag\.coulomb must be >= 0 "):
-        bd.Params.from_toml(bad)
+        bd.Params.from_toml(text.replace("coulomb = 3.0", "coulomb = -3.0"))
     with pytest.raises(ValueError, match=r"^pulleys\[0\]\.drag\.colomb: unknown field \(did you "):
-        bd.Params.from_toml(params.to_toml().replace("coulomb", "colomb"))
+        bd.Params.from_toml(text.replace("coulomb", "colomb"))
 
 
-def test_a_scene_file_with_drag_runs_and_its_result_is_saved_loaded_and_drawn(
-    tmp_path: Path, start: bd.State
-) -> None:
-    scene = bd.Scene(drive(*DRAGS), ramp(), 0.002)
-    scene.to_toml(tmp_path / "scene.toml")
-    assert bd.Scene.from_toml(tmp_path / "scene.toml").params == scene.params
-    out = tmp_path / "run.npz"
-    done = CliRunner().invoke(cli.main, ["run", str(tmp_path / "scene.toml"), "--out", str(out)])
-    assert done.exit_code == 0, done.output
-    result, again = bd.simulate(*scene), bd.Result.load(out)
-    assert again.params == result.params
-    assert again.effects == result.effects and "bearing drag" in again.effects
-    assert np.array_equal(again.energy.drag_loss, result.energy.drag_loss)
-    ax = bd.plot.energy(result, ax=Figure().add_subplot())
+def test_a_drag_is_printed_and_its_loss_is_saved_and_drawn(tmp_path: Path) -> None:
+    """Where there is none, there is no column: not in the result, and not in its file."""
+    params, start = drive(DRAGS[0], None), bd.settle(drive(None, None))
+    for text in ("pulleys[0].drag.coulomb", "3 N m", "pulleys[0].drag.viscous", "0.1 N m s"):
+        assert text in str(params)
+    assert "pulleys[1].drag" not in str(params) and "drag.coulomb" in str(params.pulleys[0])
+    ramp = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-60.0, 0.0]])
+    on, off = (bd.simulate(one, ramp, 0.002, initial=start) for one in (params, drive(None, None)))
+    energy = on.energy
+    parts = energy.joint_loss + energy.contact_loss + energy.friction_loss + energy.drag_loss
+    assert np.array_equal(energy.losses, parts) and (np.diff(energy.drag_loss) >= 0.0).all()
+    ax = bd.plot.energy(on, ax=Figure().add_subplot())
     assert "bearing drag" in [text.get_text() for text in ax.get_legend().get_texts()]
-    assert len(ax.collections) == 4
-
-    plain = bd.simulate(drive(None, None), ramp(), 0.002, initial=start)
-    plain.save(tmp_path / "plain.npz")
-    assert bd.Result.load(tmp_path / "plain.npz").energy.drag_loss is None
-    with np.load(tmp_path / "run.npz") as arrays:
-        lacking = {name: value for name, value in arrays.items() if name != "energy.drag_loss"}
-    np.savez(tmp_path / "lacking.npz", **lacking)
-    with pytest.raises(ValueError, match=r"energy\.drag_loss is missing"):
-        bd.Result.load(tmp_path / "lacking.npz")
-    with np.load(tmp_path / "plain.npz") as arrays:
-        more = {**arrays, "energy.drag_loss": np.zeros(plain.t.size)}
-    np.savez(tmp_path / "more.npz", **more)
-    with pytest.raises(ValueError, match=r"energy\.drag_loss does not belong there"):
-        bd.Result.load(tmp_path / "more.npz")
+    on.save(tmp_path / "on.npz")
+    off.save(tmp_path / "off.npz")
+    assert bd.Result.load(tmp_path / "off.npz").energy.drag_loss is None
+    with np.load(tmp_path / "on.npz") as one, np.load(tmp_path / "off.npz") as other:
+        column = {"energy.drag_loss": one["energy.drag_loss"]}
+        lacking, more = {k: v for k, v in one.items() if k not in column}, {**other, **column}
+    for arrays, message in ((lacking, "is missing"), (more, "does not belong there")):
+        np.savez(tmp_path / "bad.npz", **arrays)
+        with pytest.raises(ValueError, match=rf"energy\.drag_loss {message}"):
+            bd.Result.load(tmp_path / "bad.npz")

@@ -1,13 +1,11 @@
 """The friction laws of MODEL section 4 on their own: closed forms and published numbers, of the
-core's by default, of the oracle's in the extended tier. Loops: test_friction_path.py.
+core's. The oracle's are the same (test_law_slopes.py). Loops: test_friction_path.py.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,19 +24,16 @@ from reference_friction import (
     Stateless,
     Threlfall,
 )
-from tiers import extended_if
 
 import beltdyn as bd
 from beltdyn import _core
-
-Provider = Callable[[Law, float, Array, Array, Array], tuple[Array, Array]]
-"""From law, l0, z, v, normal (arrays of one size): F and dz/dt."""
 
 EPS = float(np.finfo(float).eps)
 L0 = 0.02  # m, of a link
 
 
 def oracle(law: Law, l0: float, z: Array, v: Array, normal: Array) -> tuple[Array, Array]:
+    """F and dz/dt, of arrays of one size."""
     return law.force(z, v, normal, l0), law.rate(z, v, normal, l0)
 
 
@@ -48,11 +43,6 @@ def core(law: Law, l0: float, z: Array, v: Array, normal: Array) -> tuple[Array,
         return np.sum([out["force"] for out in each], axis=0), np.array([o["rate"] for o in each])
     out = _core.friction_law(core_law(law), l0, z, v, normal)
     return out["force"], out["rate"]
-
-
-@pytest.fixture(params=extended_if(lambda one: one is oracle, [core, oracle]))
-def provider(request: pytest.FixtureRequest) -> Any:
-    return request.param
 
 
 DAHL = Dahl(mu_k=0.8, sigma=1e4)
@@ -76,14 +66,9 @@ LAWS: dict[str, Law] = {
 }
 
 
-def at_one(
-    provider: Provider, law: Law, z: float, v: float, normal: float, l0: float = L0
-) -> tuple[float, float]:
-    force, rate = provider(law, l0, np.array([z]), np.array([v]), np.array([normal]))
+def at_one(law: Law, z: float, v: float, normal: float) -> tuple[float, float]:
+    force, rate = core(law, L0, np.array([z]), np.array([v]), np.array([normal]))
     return float(force[0]), float(rate[0])
-
-
-# -------------------------------------------------------------------- the equations as they stand
 
 
 def random_points(law: Law, seed: int) -> tuple[Array, Array, Array]:
@@ -127,34 +112,34 @@ def rounding(law: Law, z: Array, v: Array, normal: Array) -> tuple[Array, Array]
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_force_and_rate_are_those_of_the_equations(provider: Provider, name: str) -> None:
+def test_force_and_rate_are_those_of_the_equations(name: str) -> None:
     """And those of the mirror image are opposite, to the last bit."""
     law = LAWS[name]
     z, v, normal = random_points(law, 1)
-    force, rate = provider(law, L0, z, v, normal)
+    force, rate = core(law, L0, z, v, normal)
     by_hand = [law_by_hand(law, *p, L0) for p in zip(z.T, v, normal, strict=True)]
     f_rounding, rate_rounding = rounding(law, z, v, normal)
     assert np.all(np.abs(force - np.array([force for force, _ in by_hand])) <= f_rounding)
     assert np.all(np.abs(rate - np.array([rate for _, rate in by_hand]).T) <= rate_rounding)
-    opposite, opposite_rate = provider(law, L0, -z, -v, normal)
+    opposite, opposite_rate = core(law, L0, -z, -v, normal)
     np.testing.assert_array_equal(opposite, -force)
     np.testing.assert_array_equal(opposite_rate, -rate)
 
 
-def test_state_does_not_leave_its_bound(provider: Provider) -> None:
+def test_state_does_not_leave_its_bound() -> None:
     v = np.concatenate([10.0 ** np.arange(-8.0, 2.0), -(10.0 ** np.arange(-8.0, 2.0)), [0.0]])
     for law in (DAHL, LUGRE):
         z, normal = np.full_like(v, law.bound), np.full_like(v, 100.0)
-        _, rate = provider(law, L0, z, v, normal)
+        _, rate = core(law, L0, z, v, normal)
         # Dahl's rate is 0 there for v > 0, but for the rounding of z / mu_k.
         assert np.all(rate <= rounding(law, z, v, normal)[1]), law
         assert np.all(rate[v < 0] < 0), law
 
 
-def test_elastic_plastic_never_pulls_beyond_its_limit_and_never_drives(provider: Provider) -> None:
+def test_elastic_plastic_never_pulls_beyond_its_limit_and_never_drives() -> None:
     """F v is at least the growth of the spring's energy, k z dz/dt, for any state."""
     z, v, normal = random_points(ELASTIC, 3)
-    force, rate = provider(ELASTIC, L0, z, v, normal)
+    force, rate = core(ELASTIC, L0, z, v, normal)
     limit = ELASTIC.mu * normal
     f_rounding, rate_rounding = rounding(ELASTIC, z, v, normal)
     assert np.all(np.abs(force) <= limit + f_rounding)
@@ -167,11 +152,8 @@ def test_elastic_plastic_never_pulls_beyond_its_limit_and_never_drives(provider:
     assert np.all(lost >= -(f_rounding * np.abs(v) + np.abs(spring) * rate_rounding))
 
 
-# -------------------------------------------------------------------- laws without a state
-
-
 @pytest.mark.parametrize("name", STATELESS)
-def test_friction_without_a_state_has_its_published_points(provider: Provider, name: str) -> None:
+def test_friction_without_a_state_has_its_published_points(name: str) -> None:
     """Nothing at rest, mu N in full slip, and what stands between as it is published: at v_reg
     Coulomb 1 / sqrt(2), Threlfall 1 - exp(-3) = 0.950213; half of v_critical half of mu. And no
     hysteresis: whatever stands where other laws have their state, the force is the same.
@@ -184,12 +166,12 @@ def test_friction_without_a_state_has_its_published_points(provider: Provider, n
     }[name]
     for v, share in points:
         for way in (1.0, -1.0):
-            force, rate = at_one(provider, law, 0.0, way * v, 80.0)
+            force, rate = at_one(law, 0.0, way * v, 80.0)
             assert force == pytest.approx(way * share * law.mu * 80.0, rel=1e-14, abs=20 * EPS * 80)
             assert rate == 0.0
-            assert at_one(provider, law, 0.3 * way, way * v, 80.0) == (force, 0.0)
-    assert at_one(provider, law, 0.0, 0.0, 80.0) == (0.0, 0.0)
-    assert at_one(provider, law, 0.0, 0.3, 0.0) == (0.0, 0.0)
+            assert at_one(law, 0.3 * way, way * v, 80.0) == (force, 0.0)
+    assert at_one(law, 0.0, 0.0, 80.0) == (0.0, 0.0)
+    assert at_one(law, 0.0, 0.3, 0.0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", STATELESS)
@@ -199,7 +181,7 @@ def test_creep_is_the_velocity_that_a_share_of_friction_needs(name: str) -> None
     friction = getattr(bd, type(law).__name__)(**dataclasses.asdict(law))
     for share in (0.0, 1e-6, 0.3, 0.5, 0.9, 0.999):
         v = friction.creep(share)
-        force, _ = at_one(core, law, 0.0, v, 80.0)
+        force, _ = at_one(law, 0.0, v, 80.0)
         assert force == pytest.approx(share * law.mu * 80.0, abs=40 * EPS * 80.0)
     for bad in (1.0, -0.1, math.nan):
         with pytest.raises(ValueError, match=r"^share must "):
@@ -207,12 +189,10 @@ def test_creep_is_the_velocity_that_a_share_of_friction_needs(name: str) -> None
     assert bd.Dahl(mu_k=0.8, sigma=1e4).creep(0.5) == 0.0
 
 
-# -------------------------------------------------------------------- elastic/plastic
-
 NORMAL = 120.0
 
 
-def test_elastic_plastic_force_drops_at_a_reversal(provider: Provider) -> None:
+def test_elastic_plastic_force_drops_at_a_reversal() -> None:
     """By 2 c V while it sticks; by c V, and what the damper carried of it, while it slips."""
     k, c, limit = ELASTIC.stiffness * L0, ELASTIC.damping * L0, ELASTIC.mu * NORMAL
     v, rounded = 0.02, 40 * EPS * limit
@@ -220,35 +200,32 @@ def test_elastic_plastic_force_drops_at_a_reversal(provider: Provider) -> None:
     slipping = (limit - c * v * math.exp(-1.5)) / k
     drops = {0.0: 2.0, 0.5 * limit / k: 2.0, -0.3 * limit / k: 2.0, limit / k: 1.0}
     for z, drop in (drops | {slipping: 1.0 + math.exp(-1.5)}).items():
-        ahead, back = (at_one(provider, ELASTIC, z, way * v, NORMAL)[0] for way in (1.0, -1.0))
+        ahead, back = (at_one(ELASTIC, z, way * v, NORMAL)[0] for way in (1.0, -1.0))
         assert ahead - back == pytest.approx(drop * c * v, abs=rounded)
         assert drop == 2.0 or ahead == pytest.approx(limit, abs=rounded)
 
 
-# -------------------------------------------------------------------- LuGre against Dahl
-
-
-def test_lugre_without_its_additions_is_dahl(provider: Provider) -> None:
+def test_lugre_without_its_additions_is_dahl() -> None:
     plain = LuGre(DAHL.mu_k, DAHL.mu_k, 0.02, DAHL.sigma, 0.0, 0.0)
     z, v, normal = random_points(DAHL, 4)
-    pairs = zip(*(provider(law, L0, z, v, normal) for law in (plain, DAHL)), strict=True)
+    pairs = zip(*(core(law, L0, z, v, normal) for law in (plain, DAHL)), strict=True)
     for (one, dahl), bound in zip(pairs, rounding(DAHL, z, v, normal), strict=True):
         assert np.all(np.abs(one - dahl) <= bound)
 
 
-def test_lugre_mass_of_the_article(provider: Provider) -> None:
+def test_lugre_mass_of_the_article() -> None:
     """Mass on a spring whose end is drawn at 0.1 m/s, 25 s of stick and slip (CHECKS section 1).
 
     In the article's symbols M = 1, K = 2, sigma_0 = 1e5, sigma_1 = sqrt(1e5), sigma_2 = 0.4,
     F_C = 1, F_S = 1.5, v_s = 1e-3; with N = 1 N, z is its deflection times sigma_0.
     """
     sigma = 1e5
-    law = LuGre(1.0, 1.5, 1e-3, sigma, math.sqrt(sigma), 0.4)
+    law = core_law(LuGre(1.0, 1.5, 1e-3, sigma, math.sqrt(sigma), 0.4))
 
     def motion(t: float, state: Array) -> list[float]:
         x, v, z = state
-        friction, rate = at_one(provider, law, z, v, 1.0)
-        return [v, 2.0 * (0.1 * t - x) - friction, rate]
+        out = _core.friction_law(law, L0, np.array([z]), np.array([v]), np.array([1.0]))
+        return [v, 2.0 * (0.1 * t - x) - out["force"][0], out["rate"][0]]
 
     # An error dz leaves the mass swinging on its bristles at dz / sqrt(sigma_0 M): 7e-15 at these.
     atol = np.array([1e-12, 1e-15, 1e-12])

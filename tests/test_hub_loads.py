@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import attrs
@@ -68,22 +67,13 @@ def shaken(name: str) -> tuple[_core.Model, reference.Reference, State]:
     torque = mounted_drives.torque(params)
     run = bd.simulate(params, torque, 0.02, t_eval=[0.02], rtol=1e-2, outputs=("pulleys.omega",))
     oracle, state = oracle_of(params), run.final_state._to_core(params)
-    for key, scale in {
-        "x": 1e-5,
-        "y": 1e-5,
-        "phi": 1e-3,
-        "vx": 1.0,
-        "vy": 1.0,
-        "vphi": 50.0,
-    }.items():
+    scales = {"x": 1e-5, "y": 1e-5, "phi": 1e-3, "vx": 1.0, "vy": 1.0, "vphi": 50.0}
+    for key, scale in scales.items():
         state[key] = state[key] + scale * rng.standard_normal(oracle.n_bodies)
     state["omega"] = state["omega"] + 5.0 * rng.standard_normal(oracle.n_pulleys)
     state["mu"] = state["mu"] * rng.uniform(-1.0, 1.0, np.shape(state["mu"]))
-    return (
-        params._model,
-        oracle,
-        mounted_drives.shake_mounts(oracle, state, 1, HOW.get(name, "moving")),
-    )
+    how = HOW.get(name, "moving")
+    return params._model, oracle, mounted_drives.shake_mounts(oracle, state, 1, how)
 
 
 def overlapping(mesh: str) -> tuple[_core.Model, reference.Reference, State]:
@@ -103,12 +93,8 @@ def overlapping(mesh: str) -> tuple[_core.Model, reference.Reference, State]:
     state |= {"phi": angle - np.pi / 2, "theta": np.zeros(2), "omega": rng.uniform(-20, 20, 2)}
     state |= {name: rng.uniform(-0.5, 0.5, 40) for name in ("vx", "vy")}
     n = 40 * (1 + max(dense.slots_of(o)))
-    state |= {
-        "vphi": rng.uniform(-50, 50, 40),
-        "mu": rng.uniform(-0.7, 0.7, n),
-        "slip": np.zeros(n),
-    }
-    return model, o, state
+    state |= {"vphi": rng.uniform(-50, 50, 40), "mu": rng.uniform(-0.7, 0.7, n)}
+    return model, o, state | {"slip": np.zeros(n)}
 
 
 @pytest.mark.one_in(3)
@@ -155,14 +141,8 @@ def test_loads_are_those_of_the_oracle_and_of_newton(name: str) -> None:
 def idler(n_bodies: int, model: str, bending: float = 0.0) -> bd.Params:
     """Two pulleys and an idler on the back of the belt, preloaded to 400 N; contact compensated."""
     params = drives.idler_scene().params
-    belt = attrs.evolve(
-        params.belt,
-        length=None,
-        preload=400.0,
-        n_bodies=n_bodies,
-        bending_stiffness=bending,
-        model=model,
-    )
+    changes = {"n_bodies": n_bodies, "bending_stiffness": bending, "model": model}
+    belt = attrs.evolve(params.belt, length=None, preload=400.0, **changes)
     return attrs.evolve(params, belt=belt)
 
 
@@ -245,20 +225,3 @@ def test_impulse_of_the_loads_is_the_momentum_the_belt_loses() -> None:
     weight = end * mass * params.belt.n_bodies * np.array(params.gravity)
     passed = end * np.abs(result.pulleys.load).sum(axis=(1, 2)).mean()
     assert np.abs(weight - gained - impulse).max() <= 1e-6 * passed
-
-
-def test_loads_alone_and_not_asked_for(tmp_path: Path) -> None:
-    params, torque, *_ = drives.idler_scene()
-    alone, without = (
-        bd.simulate(params, torque, 1e-3, outputs=names, method="tsit5")
-        for names in (("pulleys.load",), ("pulleys.omega",))
-    )
-    assert list(alone.pulleys.arrays()) == ["load"] and alone.pulleys.load.shape[1:] == (3, 2)
-    assert alone.stats.nfev == without.stats.nfev and alone.stats.steps == without.stats.steps
-    assert alone.final_state == without.final_state, "looking changes nothing"
-    with pytest.raises(AttributeError, match=r"^pulleys\.load was not asked for"):
-        _ = without.pulleys.load
-    alone.save(tmp_path / "run.npz")
-    np.testing.assert_array_equal(
-        bd.Result.load(tmp_path / "run.npz").pulleys.load, alone.pulleys.load
-    )

@@ -25,15 +25,11 @@ def blank() -> bd.Result:
     params = bd.scenes.kubas_case_2().params
     params = attrs.evolve(params, friction=bd.Dahl(mu_k=1.0, sigma=1e4))
     run = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-3, t_eval=[0.0, 1e-3])
-
-    def silent(group: Any) -> Any:
-        arrays = group.arrays()
-        return attrs.evolve(
-            group, **{k: np.zeros((T.size, v.shape[1]), v.dtype) for k, v in arrays.items()}
-        )
-
-    groups = ("pulleys", "belt", "joints", "contact")
-    parts = {name: silent(getattr(run, name)) for name in groups}
+    parts = {}
+    for name in ("pulleys", "belt", "joints", "contact"):
+        group = getattr(run, name)
+        silent = {k: np.zeros((T.size, v.shape[1]), v.dtype) for k, v in group.arrays().items()}
+        parts[name] = attrs.evolve(group, **silent)
     parts["contact"].pulley[:] = -1
     return attrs.evolve(run, t=T, energy=None, **parts)
 
@@ -43,16 +39,13 @@ def made(blank: bd.Result, **changes: dict[str, Any]) -> bd.Result:
     groups = {}
     for group, arrays in changes.items():
         before = getattr(blank, group)
-        new = {
-            name: np.array(np.broadcast_to(value, getattr(before, name).shape))
-            for name, value in arrays.items()
-        }
+        new = {k: np.broadcast_to(v, getattr(before, k).shape).copy() for k, v in arrays.items()}
         groups[group] = attrs.evolve(before, **new)
     return attrs.evolve(blank, **groups)
 
 
-def of_link(blank: bd.Result, link: int, values: Any, rest: float = 0.0) -> np.ndarray:
-    array = np.full(blank.contact.mu.shape, rest)
+def of_link(blank: bd.Result, link: int, values: Any) -> np.ndarray:
+    array = np.zeros(blank.contact.mu.shape)
     array[:, link] = values
     return array
 
@@ -65,10 +58,9 @@ def through(*points: tuple[float, float]) -> np.ndarray:
 @pytest.fixture(scope="module")
 def case_1(blank: bd.Result) -> bd.Result:
     """Case 1 as the paper tells it, to the letter."""
-    ramp = np.arange(1, 14) / 14.0
-    along = np.concatenate(
-        [np.zeros(9), ramp, np.ones(17), 1.0 - ramp, np.zeros(8)]
-    )  # elements 1-9, 10-22, 23-39, 40-52, 53-60
+    # of elements 1-9, 10-22, 23-39, 40-52, 53-60
+    along, ramp = np.zeros(60), np.arange(1, 14) / 14.0
+    along[9:22], along[22:39], along[39:52] = ramp, 1.0, 1.0 - ramp
     force = np.broadcast_to(120.0 + 1000.0 * along, blank.joints.force.shape)
     pulley = np.full(blank.contact.pulley.shape, -1, dtype=np.int32)
     pulley[:, 9:22], pulley[:, 39:52] = 1, 0
@@ -85,12 +77,6 @@ def case_1(blank: bd.Result) -> bd.Result:
     )
 
 
-def dahl(sigma: float, start: float, stroke: float) -> tuple[np.ndarray, np.ndarray]:
-    """Slip and mu of one forward stroke from -mu_k = -1 at t = 0.25 s on: (2.9)."""
-    x = start + stroke * np.clip((T - 0.25) / 0.5, 0.0, 1.0)
-    return x, 1.0 - 2.0 * np.exp(-sigma * (x - start))
-
-
 @pytest.fixture(scope="module")
 def case_2(blank: bd.Result) -> bd.Result:
     """Case 2 as the paper tells it, to the letter."""
@@ -100,15 +86,12 @@ def case_2(blank: bd.Result) -> bd.Result:
     )  # fmt: skip
     slip = through((0, 0), (0.25, -0.83e-3), (0.75, -0.38e-3), (1, -0.5e-3))
     force = through((0, 420), (0.25, 100), (0.75, 1110), (1, 580))
+    contact = {"mu": mu, "slip": slip, "friction": 190.0 * mu}
     return made(
         blank,
         pulleys={"omega": np.array([0.05, -0.05])},
         joints={"force": of_link(blank, LINK_2, force)},
-        contact={
-            "mu": of_link(blank, LINK_2, mu),
-            "slip": of_link(blank, LINK_2, slip),
-            "friction": of_link(blank, LINK_2, 190.0 * mu),
-        },
+        contact={name: of_link(blank, LINK_2, values) for name, values in contact.items()},
     )
 
 
@@ -129,13 +112,10 @@ def test_runs_to_the_letter_read_as_the_paper(case_1: bd.Result, case_2: bd.Resu
 
 def test_the_part_of_damping(blank: bd.Result, case_1: bd.Result) -> None:
     """A force of stiffness alone that goes up and down, and 3 % of it from damping."""
-    k = blank.params.info["joint_stiffness"]
-    spring = 100.0 * np.sin(2.0 * np.pi * 10.0 * T)
-    force = spring + 3.0 * np.cos(2.0 * np.pi * 10.0 * T)
-    joints = {
-        "force": of_link(blank, LINK_1, force),
-        "deformation": of_link(blank, LINK_1, spring / k),
-    }
+    spring = 100.0 * np.sin(20.0 * np.pi * T)
+    force = of_link(blank, LINK_1, spring + 3.0 * np.cos(20.0 * np.pi * T))
+    deformation = of_link(blank, LINK_1, spring / blank.params.info["joint_stiffness"])
+    joints = {"force": force, "deformation": deformation}
     share = rows.read(made(case_1, joints=joints), 1, LINK_1)["damping"]
     # the whole is 0.05 % above the spring's part; one sample in 2001 is counted twice
     assert share == pytest.approx(0.03, rel=2e-3)
@@ -163,21 +143,18 @@ def test_the_misfit_and_the_demands() -> None:
 
 @pytest.fixture(scope="module")
 def letter(case_1: bd.Result, case_2: bd.Result) -> kubas.Runs:
-    """Case 1 to the letter; in place of case 2 the loops of (2.9) for both values of sigma."""
+    """Case 1 to the letter; in place of case 2 the loops of (2.9) for both values of sigma: one
+    forward stroke of 2 mm from -mu_k = -1 at t = 0.25 s on.
+    """
+    stroke, runs = 2e-3 * np.clip((T - 0.25) / 0.5, 0.0, 1.0), T > 0.25
+    for_slip = {"slip": of_link(case_2, LINK_2, stroke - 0.83e-3)}
+    for_slip |= {"velocity": np.where(runs, 4e-3, 0.0)[:, None]}
 
     def loop(sigma: float) -> bd.Result:
-        x, mu = dahl(sigma, -0.83e-3, 2.0e-3)
+        mu = of_link(case_2, LINK_2, 1.0 - 2.0 * np.exp(-sigma * stroke))
+        swing = np.where(runs, np.sin(700.0 * T), 0.0)[:, None] * [1e3 / sigma, 0.0]
+        looped = made(case_2, pulleys={"omega": swing}, contact={"mu": mu, **for_slip})
         friction = bd.Dahl(mu_k=1.0, sigma=sigma)
-        swing = np.where(T > 0.25, np.sin(700.0 * T), 0.0)[:, None] * [1e3 / sigma, 0.0]
-        looped = made(
-            case_2,
-            pulleys={"omega": swing},
-            contact={
-                "mu": of_link(case_2, LINK_2, mu),
-                "slip": of_link(case_2, LINK_2, x),
-                "velocity": np.where(T > 0.25, 4e-3, 0.0)[:, None],
-            },
-        )
         return attrs.evolve(looped, params=attrs.evolve(looped.params, friction=friction))
 
     return kubas.Runs(case_1, loop(1e4), loop(5e3))
@@ -203,19 +180,15 @@ def test_a_smaller_sigma(letter: kubas.Runs) -> None:
 
 def test_little_strokes_back_and_forth_do_not_change_the_slope(letter: kubas.Runs) -> None:
     """While it runs forward the belt shakes: strokes back obey the other branch of (2.9)."""
-    x, mu = np.full(T.size, -0.83e-3), np.full(T.size, -1.0)
-    velocity = np.zeros(T.size)
-    first = int(0.25 / DT)
-    for k in range(first, T.size - 1):
+    x, mu, velocity = np.full(T.size, -0.83e-3), np.full(T.size, -1.0), np.zeros(T.size)
+    for k in range(int(0.25 / DT), T.size - 1):
         velocity[k] = -2e-3 if k % 8 > 4 else 4e-3
         step, sense = velocity[k] * DT, np.sign(velocity[k])
         x[k + 1] = x[k] + step
         mu[k + 1] = sense + (mu[k] - sense) * math.exp(-5e3 * abs(step))
     contact = {"mu": mu, "slip": x, "velocity": velocity}
-    shaken = made(
-        letter.case_2_soft,
-        contact={name: of_link(letter.case_2, LINK_2, v) for name, v in contact.items()},
-    )
+    contact = {name: of_link(letter.case_2, LINK_2, v) for name, v in contact.items()}
+    shaken = made(letter.case_2_soft, contact=contact)
     table = kubas.compare(letter._replace(case_2_soft=shaken), LINKS)
     assert table["slope"].computed == pytest.approx(0.5, rel=1e-4)
 
@@ -225,16 +198,12 @@ def test_every_quantity_has_its_line(letter: kubas.Runs) -> None:
     names = [line.quantity.name for line in table.lines]
     assert len(set(names)) == len(names)
     assert {q.name for q in kubas.QUANTITIES} < set(names)
-    assert {line.quantity.row for line in table.lines} == set(range(15))
-    assert [line.quantity.row for line in table.lines] == sorted(
-        line.quantity.row for line in table.lines
-    )
+    numbers = [line.quantity.row for line in table.lines]
+    assert set(numbers) == set(range(15)) and numbers == sorted(numbers)
     text, html = str(table), table._repr_html_()
-    for line in table.lines:
-        assert line.quantity.says in text
-    assert html.count("<tr") == len(table.lines) + 1
+    assert all(line.quantity.says in text for line in table.lines)
+    assert html.count("<tr") == len(text.splitlines()) == len(table.lines) + 1
     assert "&gt; 1" in html and "|mu|" in html
-    assert len(text.splitlines()) == len(table.lines) + 1
     assert table["end"].computed == 580.0
     with pytest.raises(KeyError):
         table["nothing"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import pickle
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import cffi
@@ -18,13 +19,8 @@ import beltdyn as bd
 T_END = 0.005
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 PROTOTYPE = ctypes.CFUNCTYPE(None, ctypes.c_double, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p)
-NUMBA_SIGNATURE = numba.types.void(
-    numba.types.double,
-    numba.types.CPointer(numba.types.double),
-    numba.types.CPointer(numba.types.double),
-    numba.types.CPointer(numba.types.double),
-    numba.types.voidptr,
-)
+_REALS = numba.types.CPointer(numba.types.double)
+NUMBA_SIGNATURE = numba.types.void(numba.types.double, _REALS, _REALS, _REALS, numba.types.voidptr)
 C_SIGNATURE = "void (double, double *, double *, double *, void *)"
 
 
@@ -46,56 +42,39 @@ def numba_law_with_data(t: float, theta: Any, omega: Any, torque: Any, user: Any
     torque[1] = data[1] * omega[1]
 
 
-@pytest.fixture(scope="module")
-def params() -> bd.Params:
-    return bd.scenes.kubas_case_1().params
+@cache
+def start() -> tuple[bd.Params, bd.State]:
+    params = bd.scenes.kubas_case_1().params
+    return params, bd.settle(params)
 
 
-@pytest.fixture(scope="module")
-def start(params: bd.Params) -> bd.State:
-    return bd.settle(params)
+def run(torque: Any) -> bd.Result:
+    params, state = start()
+    return bd.simulate(params, torque, T_END, initial=state)
 
 
-@pytest.fixture(scope="module")
-def run(params: bd.Params, start: bd.State) -> Callable[..., bd.Result]:
-    def run(torque: Any, **options: Any) -> bd.Result:
-        return bd.simulate(params, torque, T_END, initial=start, **options)
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def expected(run: Callable[..., bd.Result]) -> bd.Result:
+@cache
+def expected() -> bd.Result:
     return run(law)
 
 
-# --- objects -------------------------------------------------------------------------------------
-
-
-def test_piecewise_linear_values() -> None:
+def test_values() -> None:
+    """At a jump the value after it; of one time a constant; sums by their parts."""
+    still = [0, 0]
     torque = bd.PiecewiseLinear([1.0, 2.0, 2.0, 4.0], [[0, 1], [10, 1], [20, 1], [40, 5]])
-    for t, value in [(0.0, 0.0), (1.0, 0.0), (1.5, 5.0), (3.0, 30.0), (4.0, 40.0), (9.0, 40.0)]:
-        assert torque(t, [0, 0], [0, 0])[0] == value
-    assert torque(2.0, [0, 0], [0, 0])[0] == 20.0, "at a jump the value after it"
-    assert torque(np.nextafter(2.0, 0.0), [0, 0], [0, 0])[0] == pytest.approx(10.0)
-    assert torque.n_pulleys == 2
-
-
-def test_one_time_is_a_constant() -> None:
-    torque = bd.PiecewiseLinear([0.3], [[1.0, -2.0]])
+    for t, value in [(0, 0), (1, 0), (1.5, 5), (2.0, 20), (3, 30), (4, 40), (9, 40)]:
+        assert torque(t, still, still)[0] == value
+    assert torque(np.nextafter(2.0, 0.0), still, still)[0] == pytest.approx(10.0)
+    flat = bd.PiecewiseLinear([0.0, 1.0], [0.0, 2.0])
+    assert flat == bd.PiecewiseLinear([0.0, 1.0], [[0.0], [2.0]])
+    assert (torque.n_pulleys, flat.n_pulleys) == (2, 1)
     for t in (0.0, 0.3, 1.0):
-        assert torque(t, [0, 0], [0, 0]).tolist() == [1.0, -2.0]
-
-
-def test_viscous_opposes_the_motion() -> None:
+        assert bd.PiecewiseLinear([0.3], [[1.0, -2.0]])(t, still, still).tolist() == [1.0, -2.0]
     assert bd.Viscous([2.0, 0.5])(0.0, [9, 9], [3.0, -4.0]).tolist() == [-6.0, 2.0]
-
-
-def test_sums() -> None:
     ramp, drag = bd.PiecewiseLinear([0, 1], [[0, 0], [1, 2]]), bd.Viscous([1, 1])
     total = ramp + drag + ramp
     assert isinstance(total, bd.TorqueSum) and total.parts == (ramp, drag, ramp)
-    assert total(0.5, [0, 0], [3, 4]).tolist() == [-2.0, -2.0]
+    assert total(0.5, still, [3, 4]).tolist() == [-2.0, -2.0]
     assert len(total.terms()) == 3
     with pytest.raises(ValueError, match=r"torque\[1\] must be for 2 pulley\(s\).*got one for 3"):
         ramp + bd.Viscous([1, 1, 1])
@@ -107,18 +86,14 @@ def test_objects_are_values() -> None:
     torque = bd.PiecewiseLinear([0, 1], [[0, 0], [1, 2]]) + bd.Viscous([1, 1])
     assert eval(repr(torque), vars(bd)) == torque
     assert pickle.loads(pickle.dumps(torque)) == torque
-    assert torque != bd.Viscous([1, 1])
-    assert bd.Viscous([1, 1]) != bd.Viscous([1, 2])
+    assert torque != bd.Viscous([1, 1]) != bd.Viscous([1, 2])
     assert "piecewise linear" in str(torque) and "N m s/rad" in str(torque)
-
-
-def test_arrays_are_read_only_copies() -> None:
     given = np.array([1.0, 2.0])
-    torque = bd.Viscous(given)
+    viscous = bd.Viscous(given)
     given[0] = 7.0
-    assert torque.coefficients[0] == 1.0
+    assert viscous.coefficients[0] == 1.0
     with pytest.raises(ValueError, match="read-only"):
-        torque.coefficients[0] = 3.0
+        viscous.coefficients[0] = 3.0
 
 
 @pytest.mark.parametrize(
@@ -159,9 +134,6 @@ def test_bad_viscous(coefficients: Any, error: type[Exception], rule: str) -> No
         bd.Viscous(coefficients)
 
 
-# --- the same torque, given in every way ---------------------------------------------------------
-
-
 def ctypes_callback() -> Any:
     def fill(t: float, theta: Any, omega: Any, torque: Any, user: Any) -> None:
         torque[0], torque[1] = law(t, theta, omega)
@@ -169,13 +141,12 @@ def ctypes_callback() -> Any:
     return PROTOTYPE(fill)
 
 
-def cffi_pointer(const: str) -> Any:
-    declaration = f"void (*)(double, {const}double *, {const}double *, double *, void *)"
-    return cffi.FFI().cast(declaration, address())
-
-
 def address() -> int:
     return int(numba_law.address)
+
+
+def as_cffi(declaration: str) -> Any:
+    return FFI.cast(declaration, address())
 
 
 #: Of the two coefficients of the law; they must outlive the run.
@@ -194,10 +165,8 @@ def low_level_with_data(kind: str) -> Any:
 
 def capsule() -> Any:
     new = ctypes.pythonapi.PyCapsule_New
-    new.restype, new.argtypes = (
-        ctypes.py_object,
-        [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p],
-    )
+    new.restype = ctypes.py_object
+    new.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
     return new(address(), CAPSULE_NAME, None)
 
 
@@ -206,8 +175,9 @@ CAPSULE_NAME = C_SIGNATURE.encode()  # a capsule keeps the pointer to its name o
 
 COMPILED: dict[str, Callable[[], Any]] = {
     "ctypes callback": ctypes_callback,
-    "cffi": lambda: cffi_pointer(""),
-    "cffi const": lambda: cffi_pointer("const "),
+    "cffi": lambda: as_cffi("void (*)(double, double *, double *, double *, void *)"),
+    "cffi const": lambda: as_cffi("void (*)(double, const double *, const double *, double *, "
+                                  "void *)"),
     "numba": lambda: numba_law,
     "numba.ctypes": lambda: numba_law.ctypes,
     "ctypes address": lambda: PROTOTYPE(address()),
@@ -216,90 +186,70 @@ COMPILED: dict[str, Callable[[], Any]] = {
     "capsule": capsule,
     "ctypes with data": lambda: low_level_with_data("ctypes"),
     "cffi with data": lambda: low_level_with_data("cffi"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", COMPILED)
-def test_compiled_is_as_python(
-    kind: str, run: Callable[..., bd.Result], expected: bd.Result
-) -> None:
+def test_compiled_is_as_python(kind: str) -> None:
     """User data reach those that are made with some."""
-    result = run(COMPILED[kind]())
-    np.testing.assert_allclose(result.pulleys.omega, expected.pulleys.omega, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(result.pulleys.torque, expected.pulleys.torque, rtol=1e-9)
-    assert result.stats.nfev == expected.stats.nfev
+    result, python = run(COMPILED[kind]()), expected()
+    np.testing.assert_allclose(result.pulleys.omega, python.pulleys.omega, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(result.pulleys.torque, python.pulleys.torque, rtol=1e-9)
+    assert result.stats.nfev == python.stats.nfev
 
 
-def test_objects_are_as_python(run: Callable[..., bd.Result], expected: bd.Result) -> None:
+def test_objects_are_as_python() -> None:
     torque = bd.PiecewiseLinear([0.0, 1.0], [[0, 0], [-2e4, 0]]) + bd.Viscous([0, 10.0])
     for given in (torque, lambda t, theta, omega: torque(t, theta, omega)):
-        result = run(given)
-        np.testing.assert_allclose(
-            result.pulleys.omega, expected.pulleys.omega, rtol=1e-9, atol=1e-12
-        )
+        omega = run(given).pulleys.omega
+        np.testing.assert_allclose(omega, expected().pulleys.omega, rtol=1e-9, atol=1e-12)
 
 
-# --- what is refused -----------------------------------------------------------------------------
-
-
-def test_not_a_torque_or_for_another_number_of_pulleys(run: Callable[..., bd.Result]) -> None:
+def test_not_a_torque_or_for_another_number_of_pulleys() -> None:
     for wrong in (None, 3.0, "law", [1.0, 2.0], object()):
         with pytest.raises(TypeError, match=r"^torque_fn must be callable"):
             run(wrong)
     for torque in (bd.Viscous([1.0]), bd.PiecewiseLinear([0.0], [[1, 2, 3]]), bd.Viscous([1] * 3)):
-        expected = rf"each of the 2 pulley\(s\), got a torque for {torque.n_pulleys}$"
-        with pytest.raises(ValueError, match=expected):
+        message = rf"each of the 2 pulley\(s\), got a torque for {torque.n_pulleys}$"
+        with pytest.raises(ValueError, match=message):
             run(torque)
+    with pytest.raises(ValueError, match="must not be a null pointer"):
+        run(PROTOTYPE())
 
 
-@pytest.mark.parametrize(
-    ("value", "error"),
-    [
-        ([1.0], ValueError),
-        ([1.0, 2.0, 3.0], ValueError),
-        (np.zeros((2, 2)), ValueError),
-        ([], ValueError),
-        (1.0, TypeError),
-        (None, TypeError),
-        ("ab", TypeError),
-        (["1", "2"], TypeError),
-        ([1.0, 1j], TypeError),
-        ([1.0, None], TypeError),
-    ],
-)
-def test_callable_returns_something_else(
-    run: Callable[..., bd.Result], value: Any, error: type[Exception]
-) -> None:
-    calls = []
+def test_callable_returns_something_else() -> None:
+    for error, values in {
+        ValueError: ([1.0], [1.0, 2.0, 3.0], np.zeros((2, 2)), []),
+        TypeError: (1.0, None, "ab", ["1", "2"], [1.0, 1j], [1.0, None]),
+    }.items():
+        for value in values:
+            calls: list[float] = []
 
-    def torque(t: float, theta: Any, omega: Any) -> Any:
-        calls.append(t)
-        return value
+            def torque(t: float, *_: Any, value: Any = value, calls: list[float] = calls) -> Any:
+                calls.append(t)
+                return value
 
-    with pytest.raises(error, match="2 torques, one per pulley"):
-        run(torque)
-    assert calls == [0.0], "refused at the first call"
+            with pytest.raises(error, match="2 torques, one per pulley"):
+                run(torque)
+            assert calls == [0.0], "refused at the first call"
 
 
-def test_not_finite_torque_stops_the_run(run: Callable[..., bd.Result]) -> None:
+def test_not_finite_torque_stops_the_run() -> None:
     with pytest.raises(bd.SimulationError, match="pulley 1 is nan") as caught:
         run(lambda t, theta, omega: [0.0, np.nan])
     assert caught.value.pulley == 1
     assert caught.value.result is not None
 
 
-def test_exceptions_of_a_callable_come_out_unchanged(run: Callable[..., bd.Result]) -> None:
-    class Mine(Exception):
-        pass
-
-    mine = Mine("from the torque")
+def test_exceptions_of_a_callable_come_out_unchanged() -> None:
+    mine = Exception("from the torque")
 
     def torque(t: float, theta: Any, omega: Any) -> Any:
         if t > T_END / 2:
             raise mine
         return [0.0, 0.0]
 
-    with pytest.raises(Mine) as caught:
+    with pytest.raises(Exception, match="from the torque") as caught:
         run(torque)
     assert caught.value is mine
 
@@ -312,19 +262,14 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "ctypes float": lambda: ctypes.CFUNCTYPE(
         None, ctypes.c_float, DOUBLES, DOUBLES, DOUBLES, ctypes.c_void_p
     )(lambda *_: None),
-    "cffi": lambda: cffi.FFI().cast("double (*)(double)", address()),
-    "cffi void *": lambda: cffi.FFI().cast("void *", address()),
+    "cffi": lambda: as_cffi("double (*)(double)"),
+    "cffi void *": lambda: as_cffi("void *"),
     "numba": lambda: numba.cfunc(numba.types.double(numba.types.double))(lambda x: x),
     "LowLevel": lambda: LowLevelCallable(OTHERS["ctypes few"]()),
 }
 
 
 @pytest.mark.parametrize("kind", OTHERS)
-def test_compiled_with_another_signature(kind: str, run: Callable[..., bd.Result]) -> None:
+def test_compiled_with_another_signature(kind: str) -> None:
     with pytest.raises(TypeError, match=r"^torque_fn must be compiled as void f\(double t, "):
         run(OTHERS[kind]())
-
-
-def test_null_pointer(run: Callable[..., bd.Result]) -> None:
-    with pytest.raises(ValueError, match="must not be a null pointer"):
-        run(PROTOTYPE())
