@@ -20,7 +20,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from drives import plain, plain_scene
+from drives import on_mesh, plain, plain_scene
 from module_common import refused
 
 import beltdyn as bd
@@ -68,10 +68,10 @@ def same(one: bd.Result, other: bd.Result) -> bool:
     return parts(one) == parts(other)
 
 
-def small(t_end: float = 0.02) -> bd.Scene:
+def small(t_end: float = 0.02, mesh: str = "paper", **changes: Any) -> bd.Scene:
     """Twenty-four links: a run of some milliseconds."""
-    params = plain()
-    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24))
+    params = on_mesh(plain(), mesh)
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24), **changes)
     ramp = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]])
     return bd.Scene(params, ramp + bd.Viscous([0.0, 16.0]), t_end)
 
@@ -137,34 +137,23 @@ def test_every_method_goes_on_from_anywhere(name: str, tmp_path: Path) -> None:
     goes_on(path, expected, some(path, 1))
 
 
-def changed(**fields: Any) -> bd.Scene:
-    """The small scene with other parameters; a dict is of the belt's."""
-    scene = small()
-    belt = attrs.evolve(scene.params.belt, **fields.pop("belt", {}))
-    return scene._replace(params=attrs.evolve(scene.params, belt=belt, **fields))
-
-
-def moved(speed: Any) -> bd.Scene:
-    return small()._replace(motion={0: speed}, torque_fn=bd.Viscous([0, 1.0]))
-
-
-STRING = {"mesh": "joint", "model": "string", "bending_stiffness": 0.0}
 MAXWELL = bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3))
+LOAD = bd.Viscous([0.0, 1.0])
 CRANK = bd.CrankMotion(bd.PiecewiseLinear([0.0], [-20.0]), orders=[2.0], amplitudes=[0.05])
+STEP = bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])
+STEPS = {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}
+TWICE = [0.0, 0.0, 0.013, 0.013, 0.02]
 CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
-    "no ledger": (small, {"ledger": False}),
+    "no ledger, steps": (small, {"ledger": False, **STEPS}),
+    "string": (lambda: small(mesh="string"), {}),
     "outputs": (small, {"outputs": ("span_tension", "pulleys.omega", "contact.pulley")}),
     "outputs with the ledger": (small, {"outputs": ("energy", "joints.force")}),
-    "no outputs": (small, {"outputs": ()}),
-    "no samples": (small, {"t_eval": []}),
-    "samples twice, and late": (small, {"t_eval": [0.0, 0.0, 0.013, 0.013, 0.02]}),
-    "breakpoints": (small, {"breakpoints": [0.007, 0.003], "max_step": 1e-4}),
-    "steps": (small, {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}),
-    "string": (lambda: changed(belt=STRING), {}),
-    "friction with states": (lambda: changed(friction=MAXWELL), {}),
+    "samples twice, and late": (small, {"t_eval": TWICE, "breakpoints": [7e-3, 3e-3]}),
+    "no outputs, no samples": (small, {"outputs": (), "t_eval": [], "max_step": 1e-4}),
+    "friction with states": (lambda: small(friction=MAXWELL), {}),
     "an arm": (lambda: bd.scenes.get("tensioned-alternator")._replace(t_end=0.001), {}),
-    "motion": (lambda: moved(bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])), {}),
-    "motion with harmonics": (lambda: moved(CRANK), {}),
+    "motion": (lambda: small()._replace(motion={0: STEP}, torque_fn=LOAD), {}),
+    "motion with harmonics": (lambda: small()._replace(motion={0: CRANK}, torque_fn=LOAD), {}),
 }
 
 
