@@ -57,9 +57,9 @@ def test_parameters_are_fields_in_order_with_their_units(group: str) -> None:
     for name, rule in rules.items():
         if rule.rule not in ("LINKS", "FLAG"):
             assert f"[{rule.unit}]" in texts[name], rule
-            bound = {"NONNEGATIVE": ">= 0", "FINITE": ""}.get(rule.rule, "> 0")
-            # of these 0 has a meaning
-            bound = {"mu_s": "0: no", "v_stribeck": "> 0"}.get(name, bound)
+            # of parameters whose 0 has a meaning, a docstring says so
+            from_0 = {"mu_s": "0: no", "v_stribeck": "> 0"}.get(name, ">= 0")
+            bound = {"NONNEGATIVE": from_0, "FINITE": ""}.get(rule.rule, "> 0")
             assert re.search(rf"(?<![<>=]){bound}(?!\d)", texts[name]), rule
             if rule.rule == "FINITE":
                 assert not re.search(r"[<>]=? ?0", texts[name]), rule
@@ -87,9 +87,8 @@ def test_histories_have_the_outputs_of_the_table() -> None:
         names = [row[0] for row in rows]
         if group == "energy":
             names = [name for name, *_ in _core.ENERGY_TERMS]
-        assert {field.name for field in attrs.fields(cls)} - {"pulley", "passed", "names"} == {
-            *names
-        }
+        fields = {field.name for field in attrs.fields(cls)}
+        assert fields - {"pulley", "passed", "names"} == {*names}
         if group == "energy":
             assert sorted(texts) == sorted([*names, "passed"])
             continue
