@@ -82,10 +82,11 @@ def test_scenes_by_name_and_file_options_and_quiet(tmp_path: Path) -> None:
     assert call("run", path, "--out", out).exit_code == 0
     loaded = bd.Result.load(out)
     assert loaded.params == scene.params and loaded.t[-1] == 0.001
-    options = ("--t-end", "0.002", "--method", "rk4", "--quiet", "--out", out)
-    result = call("run", "kubas_case_2", *options)
+    options = ("--t-end", "0.002", "--method", "rk4", "--outputs", "span_tension, pulleys.omega")
+    result = call("run", "kubas_case_2", *options, "--quiet", "--out", out)
     assert result.exit_code == 0 and result.output == ""
-    assert bd.Result.load(out).stats.method == "rk4"
+    loaded = bd.Result.load(out)
+    assert loaded.stats.method == "rk4" and loaded.outputs == ("pulleys.omega", "span_tension")
     refused(call("run", "nope", "--quiet"), "nope")
 
 
@@ -123,6 +124,9 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
         ((*RUN, "--rtol", "x"), ["--rtol"]),
         ((*RUN, "--nope"), ["--nope"]),
         ((*RUN, "--t-end"), ["--t-end"]),
+        ((*RUN, "--outputs", "tension"), ["there is no 'tension', there are"]),
+        ((*RUN, "--outputs", "belt", "--plot", "a.png"), ["leave --outputs out"]),
+        ((*RUN, "--outputs", "belt", "--animate", "a.gif"), ["leave --outputs out"]),
         (("run",), []),
     ]
     for arguments, words in wrong:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import attrs
 import drives
@@ -28,6 +29,7 @@ from beltdyn import cli, files
 from beltdyn.cli import commands, written
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX files and processes")
+Savers = dict[str, Callable[[Path], object]]
 OLD = b"what was there before"
 CALL = ("run", "kubas-case-1", "--t-end", "1e-3")
 
@@ -39,7 +41,7 @@ def result() -> bd.Result:
 
 
 @pytest.fixture(scope="module")
-def savers(result: bd.Result) -> dict[str, Callable[[Path], object]]:
+def savers(result: bd.Result) -> Savers:
     """Everything that writes a file, by the name of the file."""
     scene, film = drives.plain_scene(), bd.plot.animate(result, duration=0.1)
     return {
@@ -54,7 +56,7 @@ def savers(result: bd.Result) -> dict[str, Callable[[Path], object]]:
     }
 
 
-NAMES = ["run.npz", "state.npz", "scene.toml", "drive.toml"]
+SMALL = ["run.npz", "state.npz", "scene.toml", "drive.toml", "run.png"]
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -103,33 +105,18 @@ def test_killed_at_any_moment_the_file_is_the_old_or_the_new(
 
 
 @pytest.mark.one_in(2)
-@pytest.mark.parametrize("name", [*NAMES, *(f"run.{end}" for end in ("png", "gif", "html", "mp4"))])
+@pytest.mark.parametrize("name", [*SMALL, "run.gif", "run.html", "run.mp4"])
 def test_the_old_file_stays_until_the_new_one_is_complete(
-    savers: dict[str, Callable[[Path], object]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
+    savers: Savers, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """Of a result and a scene however it is stopped, of others one way."""
-    path, ways = tmp_path / name, list(itertools.product((None, errno.ENOSPC), (True, False)))
-    for number, there in ways if name in ("run.npz", "scene.toml") else ways[2:3]:
-
-        def fsync(_descriptor: int, number: int | None = number) -> None:
-            raise OSError(number, "No space left") if number else KeyboardInterrupt
-
-        path.unlink(missing_ok=True)
+    path = tmp_path / name
+    for there in (False, True) if name in SMALL else (True,):
         if there:
             path.write_bytes(OLD)
-        monkeypatch.setattr(os, "fsync", fsync)
-        with pytest.raises(OSError if number else KeyboardInterrupt) as caught:
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(os, "fsync", Mock(side_effect=KeyboardInterrupt))
             savers[name](path)
         assert contents(tmp_path) == ({name: OLD} if there else {})
-        if isinstance(caught.value, OSError):
-            now = "the file there is unchanged" if there else "no file was left there"
-            assert caught.value.errno == errno.ENOSPC and caught.value.filename == str(path)
-            assert caught.value.strerror == f"No space left; {now}"
-        monkeypatch.undo()
-    path.write_bytes(OLD)
     savers[name](path)
     assert list(contents(tmp_path)) == [name]
     assert not path.read_bytes().startswith(OLD)
@@ -148,11 +135,11 @@ def files_of_at_most(n_bytes: int) -> Iterator[None]:
 
 @posix
 def test_a_disk_that_is_full(
-    savers: dict[str, Callable[[Path], object]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    savers: Savers, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What was there stays; the command line says so of a result and a picture."""
     unchanged = "File too large; the file there is unchanged"
-    for name in NAMES:
+    for name in SMALL:
         (tmp_path / name).write_bytes(OLD)
         for path, now in (
             (tmp_path / name, unchanged),
@@ -162,13 +149,11 @@ def test_a_disk_that_is_full(
                 savers[name](path)
             assert str(caught.value) == f"[Errno {errno.EFBIG}] {now}: {str(path)!r}"
     monkeypatch.setattr("beltdyn.plot.overview", lambda result: Figure())
-    for option, name in (("--out", "run.npz"), ("--plot", "a.png")):
-        path = tmp_path / name
-        path.write_bytes(OLD)
+    for option, name in (("--out", "run.npz"), ("--plot", "run.png")):
         with files_of_at_most(100):
-            code, said = called(*CALL, option, path, "--quiet")
-        assert (code, said) == (1, f"beltdyn: cannot write {path}: {unchanged}\n")
-    assert contents(tmp_path) == dict.fromkeys([*NAMES, "a.png"], OLD)
+            code, said = called(*CALL, option, tmp_path / name, "--quiet")
+        assert (code, said) == (1, f"beltdyn: cannot write {tmp_path / name}: {unchanged}\n")
+    assert contents(tmp_path) == dict.fromkeys(SMALL, OLD)
 
 
 @contextmanager
@@ -250,7 +235,7 @@ def test_a_read_only_file_system(
     assert called("figures", "--out", tmp_path) == (2, said)
 
 
-def test_no_such_folder(savers: dict[str, Callable[[Path], object]], tmp_path: Path) -> None:
+def test_no_such_folder(savers: Savers, tmp_path: Path) -> None:
     for name, save in savers.items():
         with pytest.raises(FileNotFoundError) as caught:
             save(tmp_path / "none" / name)

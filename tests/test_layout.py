@@ -161,27 +161,6 @@ def test_pulleys_turn_with_the_belt_less_creep(steady: bd.Result) -> None:
 
 
 @pytest.mark.parametrize("name", drives.LAYOUTS)
-def test_at_speed(name: str) -> None:
-    """Rims go with the belt, outside ones the other way round."""
-    params = drives.scene(name).params
-    rest = bd.settle(params)
-    running = rest.at_speed(params, {1: 30.0})
-    v = params.route.senses[1] * 30.0 * params.pulleys[1].radius
-    radii = np.array([one.radius for one in params.pulleys])
-    # on the radii where it runs, which at 3 m/s it sinks into less by some 1e-5 of them
-    assert running.omega == pytest.approx(params.route.senses * v / radii, rel=2e-5)
-    along = running.vx * np.cos(rest.phi) + running.vy * np.sin(rest.phi)
-    # centres of links that turn by 2 a in the time of one are slower by a / tan(a)
-    turn = np.roll(rest.phi, -1) - np.roll(rest.phi, 1)
-    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi) / 4.0 + 1e-9
-    assert along == pytest.approx(v * turn / np.tan(turn), rel=2e-5)
-    with pytest.raises(ValueError, match="must run at one speed"):
-        rest.at_speed(params, {0: 30.0, 1: 30.0})
-    both = {0: float(running.omega[0]), 1: 30.0}
-    assert rest.at_speed(params, both).omega == pytest.approx(running.omega, rel=1e-9)
-
-
-@pytest.mark.parametrize("name", drives.LAYOUTS)
 def test_settled_with_the_tension_of_the_line(name: str) -> None:
     """Without friction the tension is the same all round, that of the strain round the route."""
     params = drives.scene(name).params

@@ -77,6 +77,11 @@ def test_what_is_saved_is_loaded(result: bd.Result, good: Arrays, path: Path) ->
     early = bd.simulate(result.params, bd.Viscous([0.0, 0.0]), 1e-4, t_eval=[0.0])
     early.save(path)
     assert bd.Result.load(path).final_state.t == 1e-4, "not that of the last sample"
+    for state in (bd.settle(result.params), result.final_state):
+        state.save(path)
+        loaded = bd.State.load(path)
+        assert loaded == state and loaded.residual == state.residual
+        assert not any(getattr(loaded, name).flags.writeable for name in ("x", "mu", "theta"))
     changed = {key: value.astype(value.dtype.newbyteorder(">")) for key, value in good.items()}
     changed["belt.x"] = np.asfortranarray(changed["belt.x"])
     write(path, changed)
@@ -214,31 +219,18 @@ def described(shape: str, kind: str = "<f8") -> str:
     return f"{{'descr': {kind!r}, 'fortran_order': False, 'shape': {shape}, }}\n"
 
 
-CRAFTED = [
-    npy(described("(1000000000000,)")),
-    npy(described("(1000000, 1000000, 1000000)"), bytes(64)),
-    npy(described(f"({10**30},)")),
-    npy(described("(-1,)")),
-    npy(described("(-2, -3)"), bytes(48)),
-    npy(described("(0, 1000000000000)"), bytes(8)),
-    npy(described("(2,)", "<U1000000000"), bytes(8)),
-    npy(described("(1,)", "O"), b"\x80\x04N."),
-    npy(described("(1,)", "V8"), bytes(8)),
-    npy(described("()", "<f16"), bytes(8)),
-    npy(described("(1,)", "nonsense"), bytes(8)),
-    npy("-" * 9000 + "1"),
-    npy("(" * 9000),
-    npy("[" * 90 + "]" * 90),
-    npy("__import__('os')"),
-    npy("{}"),
-    npy(described("(1,)"), bytes(8), b"\x03\x00"),
-    npy(described("(1,)"), bytes(8), b"\x09\x00"),
-    npy(described("(1,)"), bytes(7)),
-    npy(described("(1,)"), bytes(9)),
-    b"",
-    b"\x93NUMPY",
-    b"\x80\x04N.",
-]
+#: What a header says of the shape and type, and how many bytes follow.
+ARRAYS = [
+    ("(1000000000000,)", "<f8", 0), ("(1000000, 1000000, 1000000)", "<f8", 64), ("(-1,)", "<f8", 0),
+    (f"({10**30},)", "<f8", 0), ("(-2, -3)", "<f8", 48), ("(0, 1000000000000)", "<f8", 8),
+    ("(2,)", "<U1000000000", 8), ("(1,)", "V8", 8), ("()", "<f16", 8), ("(1,)", "nonsense", 8),
+    ("(1,)", "<f8", 7), ("(1,)", "<f8", 9),
+]  # fmt: skip
+HEADERS = ["-" * 9000 + "1", "(" * 9000, "[" * 90 + "]" * 90, "__import__('os')", "{}"]
+CRAFTED = [npy(described(shape, kind), bytes(size)) for shape, kind, size in ARRAYS]
+CRAFTED += [npy(described("(1,)"), bytes(8), version) for version in (b"\x03\x00", b"\x09\x00")]
+CRAFTED += [npy(described("(1,)", "O"), b"\x80\x04N."), b"", b"\x93NUMPY", b"\x80\x04N."]
+CRAFTED += [npy(header) for header in HEADERS]
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
