@@ -19,6 +19,7 @@ import beltdyn as bd
 from beltdyn import _core
 from beltdyn import parameters as names
 from beltdyn.friction import LAWS
+from beltdyn.rules import rules_of
 
 CLASSES: dict[str, Any] = {
     **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},
@@ -38,7 +39,6 @@ GOOD: dict[str, dict[str, Any]] = {
 }
 #: Of mounts the core has numbers that stand together in one field, `stops`.
 ROWS = [row[:3] for row in _core.PARAMETERS if row[1] not in ("lowest", "highest")]
-KINDS = {"LINKS": "an integer", "FLAG": "a bool"}
 
 
 def build(group: str, **changes: Any) -> Any:
@@ -64,7 +64,7 @@ def test_every_number_is_checked_by_its_rule(group: str, name: str, rule: str) -
     if rule not in ("LINKS", "FLAG"):
         for value in (math.nan, math.inf, -math.inf, 10**400):
             refused(ValueError, r"(\[0\])? must be finite", group, name, value)
-    kind = KINDS.get(rule, "a real number")
+    kind = {"LINKS": "an integer", "FLAG": "a bool"}.get(rule, "a real number")
     for value in ("1.2", True, None, 1j, [1.0], np.bool_(True), np.array([1.0])):
         left_open = value is None and attrs.fields_dict(CLASSES[group])[name].default is None
         if left_open or (rule == "FLAG" and isinstance(value, (bool, np.bool_))):
@@ -188,8 +188,6 @@ def test_missing_and_unknown_fields_and_defaults(params: bd.Params) -> None:
     bare = bd.Params(belt=belt, pulleys=params.pulleys, contact=params.contact)
     assert bare.friction is None and bare.gravity == (0.0, 0.0)
     assert all(pulley.friction is None for pulley in bare.pulleys)
-    lugre = bd.LuGre(mu_k=0.6, mu_s=0.9, v_stribeck=0.01, sigma=1e4)
-    assert (lugre.damping, lugre.viscous) == (0.0, 0.0)
 
 
 def test_fields_are_of_their_class(params: bd.Params) -> None:
@@ -245,21 +243,21 @@ def test_laws_are_values(params: bd.Params, name: str) -> None:
 def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None:
     law = EXAMPLES[name]
     on_pulley, of_drive = str(with_laws(params, None, law)), str(attrs.evolve(params, friction=law))
-    for group, field, _, unit, meaning in _core.PARAMETERS:
-        value = getattr(law, field, 0.0)
-        if group != name or (field in ("mu_s", "v_stribeck") and value == 0.0):
+    for field, rule in rules_of(name).items():
+        value = getattr(law, field)
+        if field in ("mu_s", "v_stribeck") and value == 0.0:
             continue
-        number = f"{value:.10g}" if isinstance(value, float) else ""
+        quantity = ", ".join(f"{one:.10g}" for one in np.atleast_1d(value))
         if isinstance(value, tuple):
-            number = f"({', '.join(f'{one:.10g}' for one in value)})"
-        quantity = number + ("" if unit == "1" else f" {unit}")
+            quantity = f"({quantity})"
+        quantity += "" if rule.unit == "1" else f" {rule.unit}"
         for text, label in (
             (str(law), field),
             (on_pulley, f"pulleys[1].friction.{field}"),
             (of_drive, f"friction.{field}"),
         ):
             (line,) = (one for one in text.splitlines() if one.split()[:1] == [label])
-            assert quantity in line and line.endswith(meaning)
+            assert quantity in line and line.endswith(rule.text)
     assert str(law).splitlines()[0] == type(law).__name__
     assert "friction.law" in of_drive and name in of_drive
     assert "pulleys[0].friction" not in on_pulley

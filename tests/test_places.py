@@ -14,7 +14,6 @@ import drives
 import mounted_drives
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from test_hub_loads import idler, off_statics, statics, straight_line
 
@@ -36,38 +35,32 @@ def at_rest(params: bd.Params) -> bd.Result:
     return bd.simulate(params, still, 1e-4, t_eval=[0.0, 1e-4])
 
 
-def test_parts_of_the_line() -> None:
-    """Wraps and spans in turn, as long as the route has them."""
-    for make in LAYOUTS.values():
-        params = make()
-        line, radii = params.route, np.array([one.radius for one in params.pulleys])
-        wraps = places.line_parts(line, radii)
-        np.testing.assert_allclose(np.diff(wraps)[:, 0], radii * line.wraps, rtol=1e-12)
-        ends = np.r_[0.0, wraps[1:, 1]]
-        np.testing.assert_allclose(np.r_[wraps[1:, 0], wraps[0, 0]] - ends, line.spans, rtol=1e-12)
-        assert wraps[0, 1] == pytest.approx(line.length, rel=1e-12)
-
-
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_links_at_rest_lie_along_the_line_and_on_its_wraps(layout: str, mesh: str) -> None:
     """As far apart as they are long, where the belt crosses itself as well, to 5 %: that is what
     projecting a link that lies off the line where a wrap ends moves it.
 
-    Wraps are those of the line to a link, and nothing slips. With contact along the links and no
+    Parts of the line are its wraps and spans in turn, as long as the route has them. Wraps of the
+    belt are those of the line to a link, and nothing slips. With contact along the links and no
     bending they are to a tenth of one, of which compliance takes sqrt(T / c) / r of angle at either
     end.
     """
     params = LAYOUTS[layout]()
     belt = attrs.evolve(params.belt, bending_stiffness=0.0)
     params = drives.on_mesh(attrs.evolve(params, belt=belt), mesh)
-    result, length, link = at_rest(params), params.route.length, params.info["link_length"]
+    result, line, link = at_rest(params), params.route, params.info["link_length"]
     points = np.stack([result.belt.x, result.belt.y], axis=-1)
     s = places.where(params, points, *places.routes(params, None))
-    apart = np.diff(s, axis=1, append=s[:, :1]) % length
-    np.testing.assert_allclose(apart.sum(axis=1), length, rtol=1e-9)
-    np.testing.assert_allclose(apart, length / params.belt.n_bodies, rtol=0.05)
+    apart = np.diff(s, axis=1, append=s[:, :1]) % line.length
+    np.testing.assert_allclose(apart.sum(axis=1), line.length, rtol=1e-9)
+    np.testing.assert_allclose(apart, line.length / params.belt.n_bodies, rtol=0.05)
     radii = np.array([one.radius for one in params.pulleys])
-    off = (result.arcs.wrap - params.route.wraps) * radii / link
+    begins, ends = places.line_parts(line, radii).T
+    np.testing.assert_allclose(ends - begins, radii * line.wraps, rtol=1e-12)
+    spans = np.roll(begins, -1) - [0.0, *ends[1:]]
+    np.testing.assert_allclose(spans, line.spans, rtol=1e-12)
+    assert ends[0] == pytest.approx(line.length, rel=1e-12)
+    off = (result.arcs.wrap - line.wraps) * radii / link
     soft = 2.0 * np.sqrt(params.info["mean_tension"] / params.contact.linear)
     assert np.abs(off).max() <= (0.1 + soft / link if mesh != "paper" else 1.0)
     assert not result.arcs.slip.any()
@@ -114,7 +107,6 @@ def test_moving_axes_keep_places_in_their_part() -> None:
     """A take-up that moves by some millimetres: places stand on the line of the time."""
     params = mounted_drives.path(n_bodies=120)
     result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.03, t_eval=[0.0, 0.03])
-    assert result.mounts is not None
     x, y = (result.along_belt(f"belt.{name}") for name in ("x", "y"))
     axes = np.array([params.centers(row)[1] for row in result.mounts.travel])
     inside = 2.0 * params.info["link_length"] ** 2 / (8.0 * 0.08)
@@ -185,18 +177,11 @@ def test_directions_follow_the_travel() -> None:
     params = mounted_drives.wandering()
     result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.03, t_eval=[0.0, 0.03])
     flux = result.hub_load(centrifugal=False) - result.pulleys.load
-    assert result.mounts is not None
     for row, travel in enumerate(result.mounts.travel):
         across = np.subtract(*params.centers(travel)[::-1])
         if np.abs(flux[row]).max() > 0.0:  # of equal pulleys, along the line of their centres
             cross = flux[row] @ np.array([-across[1], across[0]])
             assert np.abs(cross).max() <= 1e-3 * np.abs(flux[row] @ across).max()
-
-
-def legend_of(ax: Axes) -> list[str]:
-    legend = ax.get_legend()
-    assert legend is not None
-    return [text.get_text() for text in legend.get_texts()]
 
 
 def test_pictures_draw_what_along_belt_and_arcs_give(loaded: bd.Result) -> None:
@@ -208,9 +193,11 @@ def test_pictures_draw_what_along_belt_and_arcs_give(loaded: bd.Result) -> None:
         expected = loaded.along_belt("joints.force", s).values[row]
         np.testing.assert_array_equal(line.get_ydata(), expected)
     assert [text.get_text() for text in ax.texts] == list(loaded.pulleys.names)
-    assert legend_of(ax) == ["t = 0 s", "t = 0.05 s"]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["t = 0 s", "t = 0.05 s"]
     alone = bd.plot.tension_along(loaded)
-    assert legend_of(alone) == ["t = 0.05 s"] and not alone.get_title()
+    (legend,) = alone.get_legend().get_texts()
+    assert legend.get_text() == "t = 0.05 s" and not alone.get_title()
     with pytest.raises(ValueError, match="at least one time"):
         bd.plot.tension_along(loaded, [])
     ax = bd.plot.arcs(loaded)

@@ -98,7 +98,6 @@ def test_a_run_that_finished_says_what_it_did(result: bd.Result, scene: bd.Scene
     assert stats.njev == stats.nlu == 0 and stats.local_error is not None
     assert 0.0 < stats.local_error <= 1e-4  # the default tolerance
     energy = result.energy
-    assert energy is not None
     balance = energy.total - energy.total[0] - (energy.drive - energy.losses)
     np.testing.assert_allclose(energy.residual, balance, atol=1e-9 * energy.total[0])
     assert (np.diff(energy.passed) >= 0.0).all()
