@@ -34,9 +34,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 #: a second is then [s].
 METHODS: dict[str, tuple[dict[str, Any], float]] = {
     "auto": ({}, 0.5),
-    "auto coarse": ({"rtol": 1e-2}, 1.0),
     "tsit5": ({"method": "tsit5"}, 0.3),
-    "tsit5 step": ({"method": "tsit5", "step": 1e-6}, 0.3),
     "rodas4": ({"method": "rodas4"}, 0.7),
     "lbdf2": ({"method": "lbdf2", "rtol": 1e-2}, 1.0),
     "lie": ({"method": "lie", "rtol": 1e-2}, 0.3),
@@ -234,31 +232,29 @@ def test_a_run_survives_kills(name: str, tmp_path: Path) -> None:
     assert all(other.startswith((".run-", ".out.npz-")) for other in others)
 
 
-class Stops:
+def stops(error: BaseException, after: float) -> Callable[..., list[float]]:
     """A torque function that raises after a time, once."""
+    errors = [error]
 
-    def __init__(self, error: BaseException, after: float) -> None:
-        self.error: BaseException | None = error
-        self.after = after
-
-    def __call__(self, t: float, _theta: Any, omega: Any) -> list[float]:
-        if self.error is not None and t > self.after:
-            error, self.error = self.error, None
-            raise error
+    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
+        if errors and t > after:
+            raise errors.pop()
         return [-50.0 * t / 0.02, -16.0 * float(omega[1])]
+
+    return torque
 
 
 @pytest.mark.usefixtures("short_chunks")
 @pytest.mark.parametrize("error", [ZeroDivisionError("mine"), KeyboardInterrupt()])
 def test_a_torque_function_that_raises_loses_little(error: BaseException, tmp_path: Path) -> None:
     """It fails in the middle of a step, so the last chunk is lost, and no more."""
-    params, path, stops = small().params, tmp_path / "run", Stops(error, 0.015)
+    params, path, torque = small().params, tmp_path / "run", stops(error, 0.015)
     kind = bd.Interrupted if isinstance(error, KeyboardInterrupt) else ZeroDivisionError
     with pytest.raises(kind) as caught:
-        bd.simulate(params, stops, 0.02, checkpoint=path)
+        bd.simulate(params, torque, 0.02, checkpoint=path)
     assert f"go on with beltdyn.resume({str(path)!r})" in caught.value.__notes__
     assert 0.005 < last_record(path)[1] < 0.015
-    assert same(bd.resume(path, stops), bd.simulate(params, stops, 0.02))
+    assert same(bd.resume(path, torque), bd.simulate(params, torque, 0.02))
 
 
 @pytest.mark.usefixtures("short_chunks")
@@ -449,7 +445,7 @@ def test_functions_must_be_given_again(tmp_path: Path) -> None:
     def speed(t: float) -> float:
         return -100.0 * t
 
-    torque = Stops(ValueError(), np.inf)
+    torque = stops(ValueError(), np.inf)
     expected = bd.simulate(scene.params, torque, 0.005, {0: speed})
     bd.simulate(scene.params, torque, 0.005, {0: speed}, checkpoint=often(path))
     os.truncate(path, commits(path)[2])

@@ -22,16 +22,10 @@ from beltdyn import _core
 
 #: Options of Simulation: every method, adaptive and, where it may be, with a fixed step.
 METHODS: list[dict[str, Any]] = [
-    {"method": "auto"},
-    {"method": "auto", "rtol": 1e-2},
-    {"method": "tsit5"},
-    {"method": "rodas4"},
-    {"method": "lbdf2", "rtol": 1e-3},
-    {"method": "lie", "rtol": 1e-2},
-    {"method": "rk4"},
-    {"method": "lbdf2", "step": 2e-5},
-    {"method": "lie", "step": 2e-5},
-]
+    {"method": "auto"}, {"method": "auto", "rtol": 1e-2}, {"method": "tsit5"}, {"method": "rk4"},
+    {"method": "rodas4"}, {"method": "lbdf2", "rtol": 1e-3}, {"method": "lie", "rtol": 1e-2},
+    {"method": "lbdf2", "step": 2e-5}, {"method": "lie", "step": 2e-5},
+]  # fmt: skip
 
 
 def relay(_t: float, _theta: Any, omega: Any) -> list[float]:
