@@ -17,5 +17,5 @@ EXAMPLES = pytest.mark.parametrize("examples", first(1, [40, 600]))
 
 def fuzz(examples: int, check: Callable[..., object], *strategies: SearchStrategy[Any]) -> None:
     """Call the check with so many examples."""
-    options: dict[str, Any] = {"derandomize": True, "database": None, "deadline": None}
-    settings(max_examples=examples, **options)(given(*strategies)(check))()
+    run = settings(max_examples=examples, derandomize=True, database=None, deadline=None)
+    run(given(*strategies)(check))()

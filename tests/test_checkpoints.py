@@ -5,28 +5,28 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import itertools
+import multiprocessing
 import os
+import pickle
 import random
-import shutil
 import signal
-import subprocess
-import sys
 import time
-import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import attrs
 import numpy as np
 import pytest
-from drives import plain, plain_scene
+from drives import on_mesh, plain, plain_scene
 from module_common import refused
 
 import beltdyn as bd
 from beltdyn import _core, checkpoints, simulation, start_of_run
 from beltdyn.blocks import BlockFile
+from beltdyn.histories import GROUPS
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -34,9 +34,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 #: a second is then [s].
 METHODS: dict[str, tuple[dict[str, Any], float]] = {
     "auto": ({}, 0.5),
-    "auto coarse": ({"rtol": 1e-2}, 1.0),
     "tsit5": ({"method": "tsit5"}, 0.3),
-    "tsit5 step": ({"method": "tsit5", "step": 1e-6}, 0.3),
     "rodas4": ({"method": "rodas4"}, 0.7),
     "lbdf2": ({"method": "lbdf2", "rtol": 1e-2}, 1.0),
     "lie": ({"method": "lie", "rtol": 1e-2}, 0.3),
@@ -45,35 +43,33 @@ METHODS: dict[str, tuple[dict[str, Any], float]] = {
     "lbdf2 fixed": ({"method": "lbdf2", "step": 1e-4}, 0.8),
     "lie fixed": ({"method": "lie", "step": 5e-5}, 0.4),
 }
-TIMES = ("cpu_time", "wall_time", "settle_time")
 
 
 def same(one: bd.Result, other: bd.Result) -> bool:
     """The same bits in all that a result has, but the times it took."""
 
-    def parts(result: bd.Result) -> tuple[Any, ...]:
+    def parts(result: bd.Result) -> list[Any]:
         final = result.final_state
         arrays = {name: getattr(final, name) for name, *_ in _core.STATE_FIELDS}
-        arrays |= {"end": np.float64(final.t), "times": result.t, "of spans": result._sampled_spans}
-        for group in ("pulleys", "belt", "joints", "contact", "mounts", "energy"):
-            held = getattr(result, group)
-            of_group = {} if held is None else held.arrays()
-            arrays |= {f"{group}.{name}": array for name, array in of_group.items()}
-        stats = attrs.asdict(result.stats)
+        arrays |= {"end": final.t, "times": result.t, "of spans": result._sampled_spans}
+        for group in GROUPS:
+            if held := getattr(result, group):
+                arrays |= {f"{group}.{name}": array for name, array in held.arrays().items()}
+        times = dict.fromkeys(("cpu_time", "wall_time", "settle_time"), 0.0)
         fields = "params status success message warnings effects outputs unchecked".split()  # noqa: SIM905
-        return (
-            {k: a if a is None else (a.dtype, a.shape, a.tobytes()) for k, a in arrays.items()},
-            {name: value for name, value in stats.items() if name not in TIMES},
-            [getattr(result, name) for name in fields],
-        )
+        return [
+            {name: pickle.dumps(array) for name, array in arrays.items()},
+            attrs.evolve(result.stats, **times),
+            *(getattr(result, name) for name in fields),
+        ]
 
     return parts(one) == parts(other)
 
 
-def small(t_end: float = 0.02) -> bd.Scene:
+def small(t_end: float = 0.02, mesh: str = "paper", **changes: Any) -> bd.Scene:
     """Twenty-four links: a run of some milliseconds."""
-    params = plain()
-    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24))
+    params = on_mesh(plain(), mesh)
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24), **changes)
     ramp = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]])
     return bd.Scene(params, ramp + bd.Viscous([0.0, 16.0]), t_end)
 
@@ -94,24 +90,16 @@ def commits(path: Path) -> list[int]:
     return ends
 
 
-def last_record(path: Path) -> tuple[float, ...]:
+def last_record(path: Path) -> Any:
     """What stands before the last restart record: its time is the second, those spent follow."""
     with opened(path) as file:
         return checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))
-
-
-def up_to(path: Path) -> float:
-    """Time up to which a file holds the run [s]."""
-    return float(last_record(path)[1])
 
 
 @pytest.fixture
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A restart record in memory every few milliseconds."""
     monkeypatch.setattr(simulation, "CHUNK", 0.0)
-
-
-# --- cut anywhere --------------------------------------------------------------------------------
 
 
 def goes_on(path: Path, expected: bd.Result, at: list[int]) -> None:
@@ -125,9 +113,9 @@ def goes_on(path: Path, expected: bd.Result, at: list[int]) -> None:
 
 
 def some(path: Path, seed: int) -> list[int]:
-    """The last end of a write, one between, a length at which no write ends, and the first."""
+    """An end of a write, a length at which no write ends, and the first end."""
     ends, rng = commits(path), random.Random(seed)
-    return [ends[-1], rng.choice(ends[1:-1] or ends), rng.randint(ends[0], ends[-1]), ends[0]]
+    return [rng.choice(ends[1:-1] or ends), rng.randint(ends[0], ends[-1]), ends[0]]
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -142,34 +130,23 @@ def test_every_method_goes_on_from_anywhere(name: str, tmp_path: Path) -> None:
     goes_on(path, expected, some(path, 1))
 
 
-def changed(**fields: Any) -> bd.Scene:
-    """The small scene with other parameters; a dict is of the belt's."""
-    scene = small()
-    belt = attrs.evolve(scene.params.belt, **fields.pop("belt", {}))
-    return scene._replace(params=attrs.evolve(scene.params, belt=belt, **fields))
-
-
-def moved(speed: Any) -> bd.Scene:
-    return small()._replace(motion={0: speed}, torque_fn=bd.Viscous([0, 1.0]))
-
-
-STRING = {"mesh": "joint", "model": "string", "bending_stiffness": 0.0}
 MAXWELL = bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3))
+LOAD = bd.Viscous([0.0, 1.0])
 CRANK = bd.CrankMotion(bd.PiecewiseLinear([0.0], [-20.0]), orders=[2.0], amplitudes=[0.05])
+STEP = bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])
+STEPS = {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}
+TWICE = [0.0, 0.0, 0.013, 0.013, 0.02]
 CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
-    "no ledger": (small, {"ledger": False}),
+    "no ledger, steps": (small, {"ledger": False, **STEPS}),
+    "string": (lambda: small(mesh="string"), {}),
     "outputs": (small, {"outputs": ("span_tension", "pulleys.omega", "contact.pulley")}),
     "outputs with the ledger": (small, {"outputs": ("energy", "joints.force")}),
-    "no outputs": (small, {"outputs": ()}),
-    "no samples": (small, {"t_eval": []}),
-    "samples twice, and late": (small, {"t_eval": [0.0, 0.0, 0.013, 0.013, 0.02]}),
-    "breakpoints": (small, {"breakpoints": [0.007, 0.003], "max_step": 1e-4}),
-    "steps": (small, {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}),
-    "string": (lambda: changed(belt=STRING), {}),
-    "friction with states": (lambda: changed(friction=MAXWELL), {}),
+    "samples twice, and late": (small, {"t_eval": TWICE, "breakpoints": [7e-3, 3e-3]}),
+    "no outputs, no samples": (small, {"outputs": (), "t_eval": [], "max_step": 1e-4}),
+    "friction with states": (lambda: small(friction=MAXWELL), {}),
     "an arm": (lambda: bd.scenes.get("tensioned-alternator")._replace(t_end=0.001), {}),
-    "motion": (lambda: moved(bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])), {}),
-    "motion with harmonics": (lambda: moved(CRANK), {}),
+    "motion": (lambda: small()._replace(motion={0: STEP}, torque_fn=LOAD), {}),
+    "motion with harmonics": (lambda: small()._replace(motion={0: CRANK}, torque_fn=LOAD), {}),
 }
 
 
@@ -183,57 +160,20 @@ def test_whatever_it_is_called_with_is_in_the_file(name: str, tmp_path: Path) ->
     goes_on(path, expected, some(path, 2))
 
 
-def test_it_begins_from_any_state(tmp_path: Path) -> None:
-    """Also one at a time before 0, of a run that ends before 0."""
-    scene, path = small(), tmp_path / "run"
-    first = bd.simulate(*scene[:3], t_eval=[]).final_state
-    first = attrs.evolve(first, t=-0.05)
-    expected = bd.simulate(*scene[:2], -0.03, initial=first)
-    bd.simulate(*scene[:2], -0.03, initial=first, checkpoint=often(path))
-    goes_on(path, expected, some(path, 3))
-
-
-def test_many_samples_are_written_in_several_blocks(
+def test_it_begins_from_any_state_and_writes_samples_in_several_blocks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Also from one at a time before 0, of a run that ends before 0."""
     monkeypatch.setattr(checkpoints, "_MOST_ROWS", 50_000)
-    scene, path = small(), tmp_path / "run"
-    bd.simulate(*scene[:3], checkpoint=path)
+    scene, path = small()[:2], tmp_path / "run"
+    first = attrs.evolve(bd.simulate(*scene, 0.01, t_eval=[]).final_state, t=-0.05)
+    expected = bd.simulate(*scene, -0.03, initial=first)
+    bd.simulate(*scene, -0.03, initial=first, checkpoint=path)
     with opened(path) as file:
         kinds = [block.kind for block in file.blocks]
         assert max(block.size for block in file.blocks if block.kind == b"rows") <= 50_000
     assert kinds.count(b"rows") > 10 and kinds.count(b"rest") == 1
-    goes_on(path, bd.simulate(*scene[:3]), commits(path))
-
-
-def test_a_file_that_is_damaged_gives_the_run_or_is_refused(tmp_path: Path) -> None:
-    """Bits flipped anywhere, and lengths that no write has."""
-    scene, path, copy = small(0.008), tmp_path / "run", tmp_path / "copy"
-    t_eval = np.linspace(0.0, 0.008, 9)
-    expected = bd.simulate(*scene[:3], t_eval=t_eval)
-    bd.simulate(*scene[:3], t_eval=t_eval, checkpoint=often(path))
-    whole, head = path.read_bytes(), commits(path)[0]
-    rng = random.Random(4)
-    flips = [rng.randrange(head) for _ in range(20)]
-    flips += [rng.randrange(head, len(whole)) for _ in range(10)]
-    for at in flips:
-        damaged = bytearray(whole)
-        damaged[at] ^= 1 << rng.randrange(8)
-        copy.write_bytes(damaged)
-        if at >= head:
-            assert same(bd.resume(copy, checkpoint=False), expected)
-            continue
-        with pytest.raises(ValueError, match=r"^cannot go on from .*: it is no checkpoint") as no:
-            bd.resume(copy)
-        assert "\n" not in str(no.value)
-        assert copy.read_bytes() == damaged  # left as it is
-    for length in [*range(10), *(rng.randrange(head) for _ in range(10))]:
-        copy.write_bytes(whole[:length])
-        with pytest.raises(ValueError, match="cannot go on from"):
-            bd.resume(copy)
-
-
-# --- killed --------------------------------------------------------------------------------------
+    goes_on(path, expected, commits(path))
 
 
 def driven(t: float, _theta: Any, omega: Any) -> list[float]:
@@ -241,179 +181,77 @@ def driven(t: float, _theta: Any, omega: Any) -> list[float]:
     return [-60.0 if 0.104 < t < 0.106 else -30.0 * min(t, 0.2) / 0.2, -16.0 * float(omega[1])]
 
 
-def called(name: str) -> tuple[bd.Scene, dict[str, Any]]:
-    if name == "function":
-        return plain_scene()._replace(torque_fn=driven, t_end=0.15), {}
-    options, t_end = METHODS[name]
-    return plain_scene()._replace(t_end=t_end), options
-
-
-def child(name: str, path: Path, out: str, kill_at: int) -> None:
-    """Begin the run or go on with it; the process dies after so many bytes were written."""
+def child(name: str, path: Path, out: Path) -> bd.Result:
+    """Begin the run or go on with it; without a file for it, only compute it."""
     warnings.simplefilter("ignore")
-    scene, options = called(name)
-    if kill_at >= 0:
-        real: Any = BlockFile._write
-        left = [kill_at]
-
-        def write(self: BlockFile, view: memoryview) -> None:
-            real(self, view[: left[0]])
-            if view.nbytes > left[0]:
-                os.kill(os.getpid(), signal.SIGKILL)
-            left[0] -= view.nbytes
-
-        BlockFile._write = write  # type: ignore[method-assign]
+    options, t_end = METHODS.get(name, ({}, 0.15))
+    torque = driven if name == "function" else None
     if path.exists():
-        result = bd.resume(path, driven if name == "function" else None, every=0.0)
+        result = bd.resume(path, torque, every=0.0)
     else:
-        result = bd.simulate(*scene, checkpoint=often(path), **options)
-    if out:
+        scene = plain_scene()
+        options = {"checkpoint": often(path), **options} if out.name else options
+        result = bd.simulate(scene.params, torque or scene.torque_fn, t_end, **options)
+    if out.name:
         result.save(out)
+    return result
 
 
-def size_of(path: Path) -> int:
-    return path.stat().st_size if path.exists() else 0
-
-
-def nursery() -> None:
-    """What a process does that imports once: fork a child for each line, and print how it ended.
-
-    A child may be killed at a moment in which it works on the run, however fast the machine:
-    counted from when the file exists, or has grown; or, if not `grows`, from its birth.
-    """
-    for line in sys.stdin:
-        (name, where, *others), grows, after = eval(line)
-        path = Path(where)
-        before, pid = size_of(path), os.fork()
-        if not pid:
-            try:
-                child(name, path, *others)
-            except BaseException:
-                traceback.print_exc()
-                os._exit(1)
-            os._exit(0)
-        ended = (0, 0)
-        if after is not None:
-            while not ended[0] and grows and size_of(path) == before:
-                time.sleep(1e-3)
-                ended = os.waitpid(pid, os.WNOHANG)
-            if not ended[0]:
-                time.sleep(after)
-                os.kill(pid, signal.SIGKILL)
-        code = os.waitstatus_to_exitcode((ended if ended[0] else os.waitpid(pid, 0))[1])
-        print(code, flush=True)
-
-
-@pytest.fixture(scope="module")
-def in_child() -> Iterator[Callable[..., bool]]:
-    """Let a process work on the run; tell whether it was killed."""
-    command = [sys.executable, "-c", "import test_checkpoints; test_checkpoints.nursery()"]
-    with subprocess.Popen(
-        command, cwd=Path(__file__).parent, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdin is not None and process.stdout is not None
-        given, told = process.stdin, process.stdout
-
-        def call(name: str, path: Path, out: str = "", kill_at: int = -1, grows: bool = True,
-                 after: float | None = None) -> bool:  # fmt: skip
-            print(((name, str(path), out, kill_at), grows, after), file=given, flush=True)
-            code = int(told.readline())
-            assert code in (0, -signal.SIGKILL)
-            return code != 0
-
-        yield call
-        given.close()
-
-
-CUT = "test_checkpoints.py::test_every_method_goes_on_from_anywhere"
-KILLED = ["auto", "tsit5", "rodas4", "lbdf2", "lie", "rk4", "rk4 fixed", "lbdf2 fixed", "function"]
-
-
-@pytest.mark.parametrize(
-    ("name", "kills"),
-    [pytest.param(name, 2, marks=pytest.mark.ci(guard=CUT)) for name in KILLED]
-    + [pytest.param(name, 20, marks=pytest.mark.extended(guard=CUT)) for name in KILLED],
-)
-def test_a_run_survives_kills(
-    name: str, kills: int, tmp_path: Path, in_child: Callable[..., bool]
-) -> None:
-    """Killed again and again, until it was so often, it is let finish; if it does before, it begins
+@pytest.mark.ci(guard="test_checkpoints.py::test_every_method_goes_on_from_anywhere")
+@pytest.mark.parametrize("name", [*METHODS, "function"])
+def test_a_run_survives_kills(name: str, tmp_path: Path) -> None:
+    """Four times, soon after it has written something; where it has finished before, it begins
     anew."""
     rng, path, out = random.Random(sum(map(ord, name))), tmp_path / "run", tmp_path / "out.npz"
-    scene, options = called(name)
-    expected = bd.simulate(*scene, **options)
-    done = 0
-    for _ in range(4 * kills):
-        grows = rng.random() > 0.2
-        if in_child(name, path, grows=grows, after=rng.uniform(0.0, 0.03 if grows else 0.3)):
-            done += 1
-        else:
-            again = bd.resume(path, driven if name == "function" else None)
-            assert same(again, expected)
+    expected = child(name, path, Path())
+    processes = multiprocessing.get_context("forkserver")
+    processes.set_forkserver_preload(["beltdyn", "pytest"])
+    kills = 0
+    while not out.exists():
+        process = processes.Process(target=child, args=(name, path, out))
+        before = path.stat().st_size if path.exists() else 0
+        process.start()
+        if kills < 4:
+            while process.is_alive() and (path.stat().st_size if path.exists() else 0) == before:
+                time.sleep(1e-3)
+            time.sleep(rng.uniform(0.0, 0.03))
+            process.kill()
+        process.join()
+        if process.exitcode == 0 and kills < 4:
+            out.unlink()
             path.unlink()
-        if done >= kills:
-            break
-    assert done >= kills
-    assert not in_child(name, path, str(out))
+        else:
+            assert process.exitcode == (0 if kills == 4 else -signal.SIGKILL)
+            kills += 1
     assert same(bd.Result.load(out), expected)
     # what is left beside it are at most the beginnings of files whose process was killed then
     others = [other.name for other in tmp_path.iterdir() if other not in (path, out)]
-    assert all(other.startswith(".run-") for other in others)
+    assert all(other.startswith((".run-", ".out.npz-")) for other in others)
 
 
-@pytest.mark.parametrize(
-    "places",
-    [
-        pytest.param(2, marks=pytest.mark.ci(guard=CUT)),
-        pytest.param(15, marks=pytest.mark.extended(guard=CUT)),
-    ],
-)
-def test_processes_killed_in_the_middle_of_writes(
-    places: int, tmp_path: Path, in_child: Callable[..., bool]
-) -> None:
-    rng, path = random.Random(6), tmp_path / "run"
-    scene, options = called("rk4")
-    expected = bd.simulate(*scene, **options)
-    assert not in_child("rk4", path)
-    size = size_of(path)
-    for k, place in enumerate([size // 3, 0, *(rng.randrange(size // 2) for _ in range(places))]):
-        path.unlink()
-        assert in_child("rk4", path, kill_at=place)
-        with opened(path) as file:
-            assert file.cut > 0 or k > 0  # in the middle of a write
-        assert same(bd.resume(path), expected)
-
-
-# --- ended otherwise -----------------------------------------------------------------------------
-
-
-class Stops:
+def stops(error: BaseException, after: float) -> Callable[..., list[float]]:
     """A torque function that raises after a time, once."""
+    errors = [error]
 
-    def __init__(self, error: BaseException, after: float) -> None:
-        self.error: BaseException | None = error
-        self.after = after
-
-    def __call__(self, t: float, _theta: Any, omega: Any) -> list[float]:
-        if self.error is not None and t > self.after:
-            error, self.error = self.error, None
-            raise error
+    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
+        if errors and t > after:
+            raise errors.pop()
         return [-50.0 * t / 0.02, -16.0 * float(omega[1])]
+
+    return torque
 
 
 @pytest.mark.usefixtures("short_chunks")
 @pytest.mark.parametrize("error", [ZeroDivisionError("mine"), KeyboardInterrupt()])
 def test_a_torque_function_that_raises_loses_little(error: BaseException, tmp_path: Path) -> None:
     """It fails in the middle of a step, so the last chunk is lost, and no more."""
-    scene, path = small(), tmp_path / "run"
-    expected = bd.simulate(scene.params, Stops(error, np.inf), 0.02)
-    stops = Stops(error, 0.015)
+    params, path, torque = small().params, tmp_path / "run", stops(error, 0.015)
     kind = bd.Interrupted if isinstance(error, KeyboardInterrupt) else ZeroDivisionError
     with pytest.raises(kind) as caught:
-        bd.simulate(scene.params, stops, 0.02, checkpoint=path)
+        bd.simulate(params, torque, 0.02, checkpoint=path)
     assert f"go on with beltdyn.resume({str(path)!r})" in caught.value.__notes__
-    assert 0.005 < up_to(path) < 0.015 < expected.t[-1]
-    assert same(bd.resume(path, stops), expected)
+    assert 0.005 < last_record(path)[1] < 0.015
+    assert same(bd.resume(path, torque), bd.simulate(params, torque, 0.02))
 
 
 @pytest.mark.usefixtures("short_chunks")
@@ -434,47 +272,52 @@ def test_a_compiled_function_that_raises_spoils_nothing(tmp_path: Path) -> None:
     scene, path = small(), tmp_path / "run"
     with pytest.raises(ZeroDivisionError):
         bd.simulate(scene.params, torque, 0.02, checkpoint=path)
-    assert up_to(path) < 0.012
+    assert last_record(path)[1] < 0.012
     assert same(bd.resume(path, torque), bd.simulate(scene.params, torque, 0.02))
 
 
 def test_stopped_between_steps_nothing_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_chunks: None
 ) -> None:
-    scene, path = small(), tmp_path / "run"
-    looks = [0]
+    scene, path, looks = small(), tmp_path / "run", itertools.count()
     real: Any = checkpoints.Recorder.look
 
     def look(self: Any, sim: Any) -> None:
         real(self, sim)
-        looks[0] += 1
-        if looks[0] == 4:
+        if next(looks) == 3:
             sim.stop()
 
     monkeypatch.setattr(checkpoints.Recorder, "look", look)
     with pytest.raises(bd.Interrupted) as caught:
         bd.simulate(*scene[:3], checkpoint=path)
-    assert caught.value.result is not None
-    assert up_to(path) == caught.value.result.final_state.t > 0.0
-    monkeypatch.undo()
+    assert last_record(path)[1] == caught.value.result.final_state.t > 0.0
     assert same(bd.resume(path), bd.simulate(*scene[:3]))
 
 
-def test_a_limit_of_steps_can_be_raised(tmp_path: Path) -> None:
+def test_a_limit_of_steps_can_be_raised_and_times_add_up(tmp_path: Path) -> None:
     scene, path = small(), tmp_path / "run"
-    options: dict[str, Any] = {"method": "tsit5"}
-    with pytest.raises(bd.SimulationError, match="limit of 100 steps"):
-        bd.simulate(*scene[:3], max_steps=100, checkpoint=path, **options)
-    assert up_to(path) > 0.0
-    with pytest.raises(bd.SimulationError, match="limit of 100 steps"):
+    limited = pytest.raises(bd.SimulationError, match="limit of 200 steps")
+    with limited:
+        bd.simulate(*scene[:3], method="tsit5", max_steps=200, checkpoint=path)
+    with limited:
         bd.resume(path)
-    assert same(bd.resume(path, max_steps=10**6), bd.simulate(*scene[:3], **options))
+    with opened(path) as file:
+        start = start_of_run.unpack(file.content(file.blocks[0]))[0]
+    expected, before = bd.simulate(*scene[:3], method="tsit5"), last_record(path)[1:4]
+    for _ in range(2):  # the second time it has finished
+        result = bd.resume(path, max_steps=10**6)
+        stats, later = result.stats, last_record(path)[1:4]
+        assert same(result, expected)
+        assert stats.cpu_time > before[1] > 0.0 and stats.wall_time > before[2] > 0.0
+        assert stats.settle_time == start.settle_time > 0.0
+        assert later >= before and before[0] > 0.0
+        before = later
 
 
 def test_a_run_that_fails_fails_again(tmp_path: Path) -> None:
     scene, path = plain_scene(), tmp_path / "run"
     options: dict[str, Any] = {"method": "rk4", "step": 1e-5}
-    failures = []
+    failures: list[bd.SimulationError] = []
     for run in (
         lambda: bd.simulate(*scene, **options),
         lambda: bd.simulate(*scene, checkpoint=often(path), **options),
@@ -483,10 +326,8 @@ def test_a_run_that_fails_fails_again(tmp_path: Path) -> None:
         with pytest.raises(bd.SimulationError) as caught:
             run()
         failures.append(caught.value)
-    assert len({str(failure) for failure in failures}) == 1
-    results = [failure.result for failure in failures]
-    assert results[0] is not None and results[1] is not None and results[2] is not None
-    assert same(results[0], results[1]) and same(results[0], results[2])
+        assert str(failures[-1]) == str(failures[0])
+        assert same(failures[-1].result, failures[0].result)
 
 
 @pytest.mark.usefixtures("short_chunks")
@@ -517,51 +358,62 @@ def test_a_full_disk_does_not_end_the_run(
     *others, warning = result.warnings
     assert warning.code == "checkpoint" and str(path) in warning.text
     assert same(attrs.evolve(result, warnings=tuple(others)), expected)
-    assert f"holds the run up to t = {up_to(path):.6g} s" in warning.text
-    assert (up_to(path) == 0.02) is again
+    assert f"holds the run up to t = {last_record(path)[1]:.6g} s" in warning.text
+    assert (last_record(path)[1] == 0.02) is again
     monkeypatch.undo()
     assert same(bd.resume(path), expected)
-
-
-def test_times_add_up(tmp_path: Path) -> None:
-    scene, path = small(), tmp_path / "run"
-    with pytest.raises(bd.SimulationError, match="limit of 200 steps"):
-        bd.simulate(*scene[:3], method="tsit5", max_steps=200, checkpoint=path)
-    with opened(path) as file:
-        start = start_of_run.unpack(file.content(file.blocks[0]))[0]
-    before = last_record(path)[2:4]
-    for _ in range(2):  # the second time it has finished
-        stats = bd.resume(path, max_steps=10**6).stats
-        assert stats.cpu_time > before[0] > 0.0 and stats.wall_time > before[1] > 0.0
-        assert stats.settle_time == start.settle_time > 0.0
-        later = last_record(path)[2:4]
-        assert later > before or later == before
-        before = later
-
-
-# --- refused -------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def half(tmp_path: Path) -> Path:
     """The file of half a run of :func:`small`."""
     path = tmp_path / "half"
-    scene = small()
-    bd.simulate(*scene[:3], checkpoint=often(path))
+    bd.simulate(*small()[:3], checkpoint=often(path))
     ends = commits(path)
     os.truncate(path, ends[len(ends) // 2])
     return path
 
 
-def test_a_file_that_is_there_is_not_written_over(half: Path) -> None:
-    before = half.read_bytes()
+def test_half_a_run_goes_on_as_it_was_or_not_at_all(
+    half: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With its torques, in its version, on its instruction level; and it is not written over."""
+    before, expected = half.read_bytes(), bd.simulate(*small()[:3])
     with refused(
         ValueError,
         f"checkpoint: there is a file {half} already: go on with the run in it (beltdyn resume "
         f"{half}, or beltdyn.resume in Python), remove it, or choose another name",
     ):
         bd.simulate(*small()[:3], checkpoint=half)
+    motion = {0: bd.PiecewiseLinear([0.0], [0.0])}
+    for given in ((bd.Viscous([0.0, 17.0]),), (None, motion), (driven,)):
+        with pytest.raises(ValueError, match=r"cannot go on from .* the record is of another run"):
+            bd.resume(half, *given)
+    with monkeypatch.context() as patch:
+        patch.setattr(_core, "__version__", "99.0")
+        with refused(
+            ValueError,
+            f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is "
+            "99.0: a run goes on in the version that began it",
+        ):
+            bd.resume(half)
+    if (level := _core.kernel_level()) != "baseline":
+        with monkeypatch.context() as patch:
+            patch.setenv("BELTDYN_KERNELS", "baseline")
+            with pytest.raises(ValueError, match=f"variable BELTDYN_KERNELS={level}"):
+                bd.resume(half)
+    with opened(half, write=True):
+        with pytest.raises(BlockingIOError, match="another run is writing to it"):
+            bd.resume(half)
+        assert bd.resume(half, checkpoint=False).success
+    half.chmod(0o400)
+    assert same(bd.resume(half, checkpoint=False), expected)
+    if os.geteuid() != 0:
+        with pytest.raises(PermissionError):
+            bd.resume(half)
+    half.chmod(0o600)
     assert half.read_bytes() == before
+    assert same(bd.resume(half, small().torque_fn), expected)
 
 
 def test_what_cannot_be_a_checkpoint(tmp_path: Path) -> None:
@@ -590,7 +442,7 @@ def test_functions_must_be_given_again(tmp_path: Path) -> None:
     def speed(t: float) -> float:
         return -100.0 * t
 
-    torque = Stops(ValueError(), np.inf)
+    torque = stops(ValueError(), np.inf)
     expected = bd.simulate(scene.params, torque, 0.005, {0: speed})
     bd.simulate(scene.params, torque, 0.005, {0: speed}, checkpoint=often(path))
     os.truncate(path, commits(path)[2])
@@ -604,112 +456,47 @@ def test_functions_must_be_given_again(tmp_path: Path) -> None:
     assert same(bd.resume(path, torque, {0: speed}), expected)
 
 
-def test_another_torque_is_refused(half: Path) -> None:
-    before = half.read_bytes()
-    other = bd.Viscous([0.0, 17.0])
-    motion = {0: bd.PiecewiseLinear([0.0], [0.0])}
-    for given in ((other,), (None, motion), (driven,)):
-        with pytest.raises(ValueError, match=r"cannot go on from .* the record is of another run"):
-            bd.resume(half, *given)
-    assert half.read_bytes() == before
-    assert same(bd.resume(half, small().torque_fn), bd.simulate(*small()[:3]))
-
-
-def test_another_version_or_instruction_level_is_refused(
-    half: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(_core, "__version__", "99.0")
-        with refused(
-            ValueError,
-            f"cannot go on from {half}: it was written by beltdyn {bd.__version__}, and this is "
-            "99.0: a run goes on in the version that began it",
-        ):
-            bd.resume(half)
-    level = _core.kernel_level()
-    monkeypatch.setenv("BELTDYN_KERNELS", "baseline")
-    if level == "baseline":
-        pytest.skip("there is no other level")
-    with pytest.raises(ValueError, match=f"set the environment variable BELTDYN_KERNELS={level}"):
-        bd.resume(half)
-    monkeypatch.setenv("BELTDYN_KERNELS", level)
-    assert bd.resume(half).stats.kernels == level
-
-
-def test_a_file_that_is_only_read_or_written_by_another(half: Path) -> None:
-    expected = bd.simulate(*small()[:3])
-    with opened(half, write=True):
-        with pytest.raises(BlockingIOError, match="another run is writing to it"):
-            bd.resume(half)
-        assert bd.resume(half, checkpoint=False).success
-    half.chmod(0o400)
-    before = half.read_bytes()
-    assert same(bd.resume(half, checkpoint=False), expected)
-    assert half.read_bytes() == before
-    if os.geteuid() != 0:
-        with pytest.raises(PermissionError):
-            bd.resume(half)
-
-
-def rewritten(path: Path, change: Callable[[bytes, bytes], Iterator[bytes]]) -> Path:
-    """The same blocks with other contents, and check sums that are right."""
-    forged = path.with_name("forged")
-    with opened(path) as file:
-        found = [(block.kind, file.content(block)) for block in file.blocks]
-    changed = [(kind, other) for kind, content in found for other in change(kind, content)]
-    BlockFile.create(forged, checkpoints._MARK, *changed[0])
-    with opened(forged, write=True) as file:
-        file.append((kind, [memoryview(content)]) for kind, content in changed[1:])
-    return forged
-
-
 def test_forged_files_are_refused_by_name(half: Path) -> None:
     """Whoever makes one makes its check sums as well."""
 
-    def only(kind: bytes, change: Callable[[bytes], bytes]) -> Any:
-        return lambda found, content: iter([change(content) if found == kind else content])
+    def option(old: str, new: str) -> Callable[[bytes], bytes]:
+        def change(content: bytes) -> bytes:
+            arrays = bd.npz.unpack(content, start_of_run._NAMES)  # type: ignore[attr-defined]
+            text = str(arrays["meta.json"])
+            assert old in text
+            arrays["meta.json"] = np.array(text.replace(old, new))
+            return bd.npz.pack(arrays)  # type: ignore[attr-defined, no-any-return]
 
-    cases: list[tuple[Any, str]] = [
-        (only(b"head", lambda content: b"PK" + content[100:]), ""),
-        (only(b"head", lambda content: content[:-30]), ""),
-        (only(b"rows", lambda content: content[:-8]), "samples"),
-        (only(b"rows", lambda content: content + content), "samples"),
-        (lambda kind, content: iter([] if kind == b"rows" else [content]), "samples are missing"),
-        (only(b"rest", lambda content: content[:20]), "too short"),
-        (only(b"rest", lambda content: b"\xff" * 8 + content[8:]), "do not fit together"),
-        (only(b"rest", lambda content: content[:-1]), "record is damaged"),
+        return change
+
+    cases: list[tuple[bytes, Callable[[bytes], bytes], str]] = [
+        (b"head", lambda content: b"PK" + content[100:], "^cannot go on from "),
+        (b"head", lambda content: content[:-30], "^cannot go on from "),
+        (b"rows", lambda content: content[:-8], "^cannot go on from .*samples"),
+        (b"rows", lambda content: content + content, "^cannot go on from .*samples"),
+        (b"rows", lambda content: b"", "^cannot go on from .*samples are missing"),
+        (b"rest", lambda content: content[:20], "^cannot go on from .*too short"),
+        (b"rest", lambda content: b"\xff" * 8 + content[8:], "do not fit together"),
+        (b"rest", lambda content: content[:-1], "^cannot go on from .*record is damaged"),
+        (b"head", option('"method": "auto"', '"method": "otto"'), "method"),
+        (b"head", option('"ledger": true', '"ledger": 1234'), "ledger is of another kind"),
+        (b"head", option('"rtol": 0.0001', '"rtol": 1e9999'), "rtol"),
+        (b"head", option('"t_end": 0.02', '"t_end": -5.0'), "t_end"),
+        (b"head", option('"every": 0.0', '"every": -1.0'), "every"),
+        (b"head", option('"settle_time"', '"settle_tima"'), "does not hold"),
+        (b"head", option('"outputs": null', '"outputs": ["x"]'), "outputs"),
     ]
-    for change, words in cases:
-        forged = rewritten(half, change)
-        with pytest.raises(ValueError, match=f"^cannot go on from .*{words}") as caught:
+    with opened(half) as file:
+        found = [(block.kind, file.content(block)) for block in file.blocks]
+    forged = half.with_name("forged")
+    for of, change, words in cases:
+        first, *others = [(kind, change(held) if kind == of else held) for kind, held in found]
+        BlockFile.create(forged, checkpoints._MARK, *first)
+        with opened(forged, write=True) as file:
+            file.append((kind, [memoryview(content)]) for kind, content in others)
+        with pytest.raises((ValueError, TypeError), match=words) as caught:
             bd.resume(forged)
         assert "\n" not in str(caught.value) and len(str(caught.value)) < 800
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('"method": "auto"', '"method": "otto"', "method"),
-        ('"ledger": true', '"ledger": 1234', "ledger is of another kind"),
-        ('"rtol": 0.0001', '"rtol": 1e9999', "rtol"),
-        ('"t_end": 0.02', '"t_end": -5.0', "t_end"),
-        ('"every": 0.0', '"every": -1.0', "every"),
-        ('"settle_time"', '"settle_tima"', "does not hold"),
-        ('"outputs": null', '"outputs": ["x"]', "outputs"),
-    ],
-)
-def test_forged_options_are_refused_by_name(half: Path, old: str, new: str, words: str) -> None:
-    def change(kind: bytes, content: bytes) -> Iterator[bytes]:
-        if kind != b"head":
-            yield content
-            return
-        arrays = bd.npz.unpack(content, start_of_run._NAMES)  # type: ignore[attr-defined]
-        text = str(arrays["meta.json"])
-        assert old in text
-        yield bd.npz.pack(arrays | {"meta.json": np.array(text.replace(old, new))})  # type: ignore[attr-defined]
-
-    with pytest.raises((ValueError, TypeError), match=words):
-        bd.resume(rewritten(half, change))
 
 
 def test_other_files_are_refused(tmp_path: Path, half: Path) -> None:
@@ -723,12 +510,10 @@ def test_other_files_are_refused(tmp_path: Path, half: Path) -> None:
             "it begins otherwise",
         ):
             bd.resume(path)
+        assert path.read_bytes() == content  # left as it is
     for wrong in (tmp_path, tmp_path / "none"):
         with pytest.raises(OSError, match=f"{wrong}"):
             bd.resume(wrong)
-    with pytest.raises(TypeError):
-        bd.resume(3)  # type: ignore[arg-type]
-    shutil.copy(half, path)
-    for name in ("progress", "checkpoint"):
-        with pytest.raises(TypeError, match=name):
-            bd.resume(path, **{name: 3})  # type: ignore[arg-type]
+    for given in ((3, {}), (half, {"progress": 3}), (half, {"checkpoint": 3})):
+        with pytest.raises(TypeError):
+            bd.resume(given[0], **given[1])  # type: ignore[arg-type]

@@ -25,46 +25,36 @@ def there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def command(folder: Path, *arguments: object) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "beltdyn", *map(str, arguments)],
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-
-
-def grows(process: subprocess.Popen[str], path: Path, size: int) -> None:
-    """Wait until the file has so many bytes; the process must not end before."""
-    while not path.exists() or path.stat().st_size < size:
-        assert process.poll() is None, process.communicate()
-        time.sleep(2e-3)
+def command(*arguments: str) -> subprocess.Popen[str]:
+    parts = [sys.executable, "-m", "beltdyn", *arguments, "--out", "out.npz"]
+    return subprocess.Popen(parts, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.ci(guard="test_cli_checkpoints.py::test_options_reach_the_file")
-def test_a_run_that_is_killed_twice_and_stopped_once(tmp_path: Path) -> None:
-    """By kill -9, again while it goes on, then by SIGTERM; the last part writes the whole run."""
-    scene = plain_scene()._replace(t_end=1.0)
-    scene.to_toml(tmp_path / "drive.toml")
-    written, out = tmp_path / "the run", tmp_path / "out.npz"
-    arguments = ("--out", "out.npz", "--checkpoint-every", "0", "--quiet")
-    size = 200_000
-    process = command(tmp_path, "run", "drive.toml", "--checkpoint", "the run", *arguments)
-    grows(process, written, size)
-    process.kill()
-    assert process.communicate() == ("", "") and process.returncode == -signal.SIGKILL
-    for end in (signal.SIGKILL, signal.SIGTERM):
-        assert not out.exists()
-        size = written.stat().st_size + 200_000
-        process = command(tmp_path, "resume", "the run", *arguments)
-        grows(process, written, size)
+def test_a_run_that_is_killed_and_interrupted_goes_on() -> None:
+    """By kill -9, by Ctrl-C and by SIGTERM; the last part writes the whole run."""
+    scene, written, out = plain_scene()._replace(t_end=1.0), Path("the run"), Path("out.npz")
+    scene.to_toml("drive.toml")
+    arguments, size = ("run", "drive.toml", "--checkpoint", "the run"), 0
+    for end in (signal.SIGKILL, signal.SIGINT, signal.SIGTERM):
+        process = command(*arguments, "--checkpoint-every", "0", "--quiet")
+        while not written.exists() or written.stat().st_size < size + 200_000:
+            assert process.poll() is None, process.communicate()
+            time.sleep(2e-3)
         process.send_signal(end)
-        said = process.communicate()
-        assert process.returncode == (130 if end is signal.SIGTERM else -signal.SIGKILL), said
-    interrupted, parts, on = said[1].splitlines()
-    assert interrupted.startswith("beltdyn: interrupted at t = ")
-    assert parts == "written (up to that time): out.npz"
-    assert on == "go on with: beltdyn resume 'the run'"
-    assert bd.Result.load(out).status == "interrupted"
-    process = command(tmp_path, "resume", "the run", "--out", "out.npz")
+        stdout, stderr = process.communicate()
+        assert stdout == ""
+        if end is signal.SIGKILL:
+            assert stderr == "" and process.returncode == -end and not out.exists()
+        else:
+            interrupted, parts, on = stderr.splitlines()
+            assert process.returncode == 130
+            assert interrupted.startswith("beltdyn: interrupted at t = ")
+            assert parts == "written (up to that time): out.npz"
+            assert on == "go on with: beltdyn resume 'the run'"
+            assert bd.Result.load(out).status == "interrupted"
+        arguments, size = ("resume", "the run"), written.stat().st_size
+    process = command(*arguments)
     stdout, stderr = process.communicate()
     assert process.returncode == 0, stderr
     assert "pulley speeds" in stdout and "written: out.npz" in stdout
@@ -72,52 +62,45 @@ def test_a_run_that_is_killed_twice_and_stopped_once(tmp_path: Path) -> None:
     assert same(bd.Result.load(out), bd.simulate(*scene))
 
 
-def test_options_reach_the_file(tmp_path: Path) -> None:
+def test_options_reach_the_file() -> None:
+    """Also --error, which chooses the run, which is then one."""
+    short = ("run", "kubas-case-1", "--t-end", "0.004", "--checkpoint")
     result = call(
-        "run", "kubas-case-1", "--t-end", "0.004", "--checkpoint", "run", "--checkpoint-every", "7",
-        "--method", "rodas4", "--rtol", "1e-3", "--outputs", "pulleys", "--quiet",
+        *short, "run", "--checkpoint-every", "7", "--method", "rodas4", "--rtol", "1e-3",
+        "--outputs", "pulleys", "--quiet",
     )  # fmt: skip
     assert result.exit_code == 0 and result.output == ""
     assert call("resume", "run", "--out", "out.npz", "--quiet").output == ""
-    saved = bd.Result.load(tmp_path / "out.npz")
     scene = bd.scenes.kubas_case_1()
-    options = {"method": "rodas4", "rtol": 1e-3, "outputs": ("pulleys",)}
-    assert same(saved, bd.simulate(*scene[:2], 0.004, **options))  # type: ignore[arg-type]
+    expected = bd.simulate(*scene[:2], 0.004, method="rodas4", rtol=1e-3, outputs=("pulleys",))
+    assert same(bd.Result.load("out.npz"), expected)
     for option, name in (("--plot", "file.png"), ("--animate", "file.gif")):
         refused(call("resume", "run", option, name), "draw from all outputs")
-
-
-def test_the_accuracy_asked_for_may_choose(tmp_path: Path) -> None:
-    """--error chooses the run, which is then one."""
-    found = call(
-        "run", "kubas-case-1", "--t-end", "0.01", "--error", "0.2", "--checkpoint", "run",
-        "--out", "one.npz", "--quiet",
-    )  # fmt: skip
-    assert found.exit_code == 0, found.output
-    assert call("resume", "run", "--out", "other.npz", "--quiet").exit_code == 0
-    assert same(*(bd.Result.load(tmp_path / name) for name in ("one.npz", "other.npz")))
+    assert call(*short, "other", "--error", "0.2", "--out", "one.npz", "--quiet").exit_code == 0
+    assert call("resume", "other", "--out", "other.npz", "--quiet").exit_code == 0
+    assert same(bd.Result.load("one.npz"), bd.Result.load("other.npz"))
 
 
 def test_what_is_refused(tmp_path: Path) -> None:
     short = ("run", "kubas-case-1", "--t-end", "0.002")
     there = tmp_path / "there"
     there.write_text("mine")
-    refused(call(*short, "--checkpoint", "there"), "beltdyn resume there")
-    refused(call("resume", "there"), "cannot go on from there: it is no checkpoint of a run")
-    refused(call("resume", "none"), "cannot read or write none: No such file")
-    refused(call(*short, "--checkpoint", "none/run"), "cannot read or write none/run: No such file")
-    refused(call(*short, "--checkpoint", "a", "--out", "a"), "--out and --checkpoint", "same file")
-    refused(call("resume", "there", "--out", "there"), "there is the run itself")
-    refused(call(*short, "--checkpoint-every", "1"), "give both")
-    refused(call(*short, "--checkpoint", "a", "--checkpoint-every", "-1"), "every must be >= 0")
-    refused(call(*short, "--checkpoint", "a", "--verify"), "--verify makes several")
-    refused(call(*short, "--checkpoint", "a", "--budget", "5"), "--budget makes several")
-    refused(call("resume", "there", "--last", "2"), "--last")
+    for arguments, words in (
+        ((*short, "--checkpoint", "there"), "beltdyn resume there"),
+        (("resume", "there"), "cannot go on from there: it is no checkpoint of a run"),
+        (("resume", "none"), "cannot read or write none: No such file"),
+        ((*short, "--checkpoint", "none/run"), "cannot read or write none/run: No such file"),
+        ((*short, "--checkpoint", "a", "--out", "a"), "--out and --checkpoint"),
+        (("resume", "there", "--out", "there"), "there is the run itself"),
+        ((*short, "--checkpoint-every", "1"), "give both"),
+        ((*short, "--checkpoint", "a", "--checkpoint-every", "-1"), "every must be >= 0"),
+        ((*short, "--checkpoint", "a", "--verify"), "--verify makes several"),
+        ((*short, "--checkpoint", "a", "--budget", "5"), "--budget makes several"),
+        (("resume", "there", "--last", "2"), "--last"),
+    ):
+        refused(call(*arguments), words)
     assert there.read_text() == "mine" and list(tmp_path.iterdir()) == [there]
-
-
-def test_what_cannot_be_gone_on_with() -> None:
-    """Runs of functions are for Python, and of two at once one writes."""
+    # runs of functions are for Python, and of two at once one writes
     scene = bd.scenes.kubas_case_1()
     bd.simulate(scene.params, lambda t, theta, omega: [0.0, 0.0], 0.001, checkpoint="of Python")
     refused(call("resume", "of Python"), "beltdyn.resume('of Python', torque_fn=...)")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import drives
 import mounted_drives
@@ -13,7 +14,8 @@ import pytest
 import xarray as xr
 
 import beltdyn as bd
-from beltdyn import _core, outputs
+from beltdyn import _core
+from beltdyn.histories import GROUPS
 
 T = np.linspace(0.0, 4e-3, 5)
 
@@ -21,10 +23,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 
 @cache
-def plain(*names: str) -> bd.Result:
+def plain() -> bd.Result:
     scene = drives.plain_scene()
-    options: dict[str, Any] = {"outputs": names} if names else {}
-    return bd.simulate(scene.params, scene.torque_fn, T[-1], t_eval=T, **options)
+    return bd.simulate(scene.params, scene.torque_fn, T[-1], t_eval=T)
 
 
 @cache
@@ -34,28 +35,16 @@ def mounted() -> bd.Result:
 
 
 @pytest.fixture(params=[plain, mounted])
-def result(request: pytest.FixtureRequest) -> bd.Result:
-    run: bd.Result = request.param()
-    return run
-
-
-def comes_back(data: Any, path: Path) -> None:
-    data.to_netcdf(path)
-    with xr.open_dataset(path) as read:
-        assert read.identical(data)
-        for name in data.data_vars:
-            assert read[name].dtype == data[name].dtype
+def result(request: pytest.FixtureRequest) -> Any:
+    return request.param()
 
 
 def test_every_array_is_there_with_its_unit_and_text(result: bd.Result) -> None:
     data = result.to_xarray()
-    found = {
-        f"{group}.{name}": array
-        for group in ("pulleys", "belt", "joints", "contact", "mounts", "energy")
-        if getattr(result, group) is not None
-        for name, array in getattr(result, group).arrays().items()
-    }
-    found["span_tension"] = result.span_tension
+    found = {"span_tension": result.span_tension}
+    for group in GROUPS:
+        if (held := getattr(result, group)) is not None:
+            found |= {f"{group}.{name}": array for name, array in held.arrays().items()}
     assert set(data.data_vars) == set(found)
     for name, array in found.items():
         np.testing.assert_array_equal(data[name], array)
@@ -70,8 +59,7 @@ def test_every_array_is_there_with_its_unit_and_text(result: bd.Result) -> None:
 
 
 def test_coordinates_carry_names(result: bd.Result) -> None:
-    data = result.to_xarray()
-    params = result.params
+    data, params = result.to_xarray(), result.params
     np.testing.assert_array_equal(data["time"], result.t)
     assert data["time"].attrs["units"] == "s"
     assert tuple(data["pulley"].values) == params.pulley_names
@@ -102,55 +90,43 @@ def test_mounts_are_called_by_their_pulleys_and_have_one_unit_where_they_are_of_
 
 
 def test_the_whole_says_what_was_run(result: bd.Result) -> None:
-    attributes = result.to_xarray().attrs
-    assert bd.Params.from_toml(attributes["scene"]) == result.params
-    assert attributes["beltdyn_version"] == bd.__version__
-    assert attributes["method"] == result.stats.method
-    assert attributes["kernels"] == result.stats.kernels
-    assert (attributes["status"], attributes["message"]) == (result.status, result.message)
-    lines = attributes["warnings"].splitlines()
-    assert [line.partition(":")[0] for line in lines] == [one.code for one in result.warnings]
-
-
-def test_a_file_comes_back_equal(result: bd.Result, tmp_path: Path) -> None:
-    comes_back(result.to_xarray(), tmp_path / "run.nc")
-
-
-def test_only_what_was_asked_for(tmp_path: Path) -> None:
-    every = set(plain().to_xarray().data_vars)
-    for names in (("pulleys.omega",), ("joints.force", "contact.pulley"), ("span_tension",),
-                  ("energy",)):  # fmt: skip
-        data = plain(*names).to_xarray()
-        assert set(data.data_vars) == {
-            name
-            for name in every
-            if outputs.has(names, "energy" if name.startswith("energy.") else name)
-        }
-        assert ("pulley" in data.coords) == ("pulleys.omega" in names) and "time" in data.coords
-        comes_back(data, tmp_path / "run.nc")
-    scene = drives.plain_scene()
-    nothing = bd.simulate(scene.params, scene.torque_fn, T[-1], t_eval=T, outputs=()).to_xarray()
-    assert set(nothing.data_vars) == set() and set(nothing.coords) == {"time"}
-    comes_back(nothing, tmp_path / "nothing.nc")
-
-
-def test_a_run_that_failed_has_what_was_computed() -> None:
-    scene = drives.plain_scene()
+    """Also one that failed, of what was computed."""
     with pytest.raises(bd.SimulationError) as caught:
-        bd.simulate(scene.params, scene.torque_fn, T[-1], t_eval=T, max_steps=3)
-    result = caught.value.result
-    assert result is not None
-    data = result.to_xarray()
-    assert data.attrs["status"] == "failed" and data.sizes["time"] == result.t.size < T.size
+        bd.simulate(*drives.plain_scene()[:2], T[-1], t_eval=T, max_steps=3)
+    failed = caught.value.result
+    assert failed is not None and failed.to_xarray().sizes["time"] == failed.t.size < T.size
+    for one in (result, failed):
+        attributes = one.to_xarray().attrs
+        assert bd.Params.from_toml(attributes["scene"]) == one.params
+        assert attributes["beltdyn_version"] == bd.__version__
+        said = [attributes[name] for name in ("method", "kernels", "status", "message")]
+        assert said == [one.stats.method, one.stats.kernels, one.status, one.message]
+        lines = attributes["warnings"].splitlines()
+        assert [line.partition(":")[0] for line in lines] == [each.code for each in one.warnings]
+
+
+def test_only_what_was_asked_for_and_files_come_back_equal(tmp_path: Path) -> None:
+    whole, path, scene = plain().to_xarray(), tmp_path / "run.nc", drives.plain_scene()
+    found = [whole, mounted().to_xarray()]
+    energy = {name for name in whole.data_vars if name.startswith("energy.")}
+    omega, force = {"pulleys.omega"}, {"joints.force", "contact.pulley"}
+    for names, expected in (
+        (omega, omega), (force, {*force, "span_tension"}), ({"energy"}, energy), (set(), set()),
+    ):  # fmt: skip
+        data = bd.simulate(*scene[:2], T[-1], t_eval=T, outputs=names).to_xarray()
+        assert set(data.data_vars) == expected and "time" in data.coords
+        assert ("pulley" in data.coords) == (names == omega)
+        assert names or set(data.coords) == {"time"}
+        found.append(data)
+    for data in found:
+        data.to_netcdf(path)
+        with xr.open_dataset(path) as read:
+            assert read.identical(data)
+            assert all(read[name].dtype == data[name].dtype for name in data.data_vars)
 
 
 def test_without_xarray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    from beltdyn import optional
-
-    def missing(name: str) -> Any:
-        raise ModuleNotFoundError(name=name)
-
-    result = plain()
-    monkeypatch.setattr(optional, "import_module", missing)
+    missing = Mock(side_effect=ModuleNotFoundError(name="xarray"))
+    monkeypatch.setattr("beltdyn.optional.import_module", missing)
     with pytest.raises(ImportError, match=r'needs the package xarray: .* "beltdyn\[sweep\]"'):
-        result.to_xarray()
+        plain().to_xarray()

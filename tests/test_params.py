@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 import pickle
 import re
@@ -18,25 +19,16 @@ import beltdyn as bd
 from beltdyn import _core
 from beltdyn import parameters as names
 from beltdyn.friction import LAWS
+from beltdyn.rules import rules_of
 
 CLASSES: dict[str, Any] = {
-    "belt": bd.Belt,
-    "pulley": bd.Pulley,
-    "drag": bd.Drag,
-    "arm": bd.Arm,
-    "slider": bd.Slider,
-    "contact": bd.Contact,
-    **LAWS,
+    **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},
+    **{"slider": bd.Slider, "contact": bd.Contact, **LAWS},
 }
 GOOD: dict[str, dict[str, Any]] = {
     "belt": {
-        "length": 1.2,
-        "n_bodies": 60,
-        "linear_density": 0.1,
-        "axial_stiffness": 70e3,
-        "axial_damping": 1.4,
-        "bending_stiffness": 0.01,
-        "bending_damping": 1e-6,
+        **{"length": 1.2, "n_bodies": 60, "linear_density": 0.1, "axial_stiffness": 70e3},
+        **{"axial_damping": 1.4, "bending_stiffness": 0.01, "bending_damping": 1e-6},
     },
     "pulley": {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01},
     "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
@@ -45,21 +37,12 @@ GOOD: dict[str, dict[str, Any]] = {
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3, "compensate": True},
     **{name: attrs.asdict(law) for name, law in EXAMPLES.items()},
 }
-PAIRS = ("center", "pivot", "direction")
 #: Of mounts the core has numbers that stand together in one field, `stops`.
-STOPS = ("lowest", "highest")
-ROWS = [(row[0], row[1], row[2]) for row in _core.PARAMETERS if row[1] not in STOPS]
-KINDS = {"LINKS": "an integer", "FLAG": "a bool"}
+ROWS = [row[:3] for row in _core.PARAMETERS if row[1] not in ("lowest", "highest")]
 
 
 def build(group: str, **changes: Any) -> Any:
     return CLASSES[group](**(GOOD[group] | changes))
-
-
-def as_value(group: str, name: str, value: Any) -> Any:
-    """As the value of a parameter: of a list, in the place of its first."""
-    good = GOOD[group].get(name)
-    return (value, *good[1:]) if isinstance(good, tuple) and name not in PAIRS else value
 
 
 @pytest.fixture
@@ -67,18 +50,13 @@ def params() -> bd.Params:
     return drives.plain()
 
 
-def with_pulleys(params: bd.Params, *pulleys: tuple[float, float, float], **belt: Any) -> bd.Params:
-    """Change the pulleys to these (x, y, radius)."""
-    return attrs.evolve(
-        params,
-        pulleys=[bd.Pulley(center=(x, y), radius=r, inertia=0.01) for x, y, r in pulleys],
-        belt=attrs.evolve(params.belt, **belt),
-    )
-
-
 def refused(kind: type[Exception], message: str, group: str, name: str, value: Any) -> None:
+    """As the value of a parameter; of a list, in the place of its first."""
+    good = GOOD[group].get(name)
+    if isinstance(good, tuple) and name not in ("center", "pivot", "direction"):
+        value = (value, *good[1:])
     with pytest.raises(kind, match=rf"^{group}\.{name}{message}"):
-        build(group, **{name: as_value(group, name, value)})
+        build(group, **{name: value})
 
 
 @pytest.mark.parametrize(("group", "name", "rule"), ROWS)
@@ -86,7 +64,7 @@ def test_every_number_is_checked_by_its_rule(group: str, name: str, rule: str) -
     if rule not in ("LINKS", "FLAG"):
         for value in (math.nan, math.inf, -math.inf, 10**400):
             refused(ValueError, r"(\[0\])? must be finite", group, name, value)
-    kind = KINDS.get(rule, "a real number")
+    kind = {"LINKS": "an integer", "FLAG": "a bool"}.get(rule, "a real number")
     for value in ("1.2", True, None, 1j, [1.0], np.bool_(True), np.array([1.0])):
         left_open = value is None and attrs.fields_dict(CLASSES[group])[name].default is None
         if left_open or (rule == "FLAG" and isinstance(value, (bool, np.bool_))):
@@ -124,33 +102,34 @@ def test_every_number_is_checked_by_its_rule(group: str, name: str, rule: str) -
 
 
 def test_lists_of_a_law_have_one_number_for_each_element() -> None:
-    good = GOOD["maxwell_slip"]
+    def law(value: Any, *fields: str) -> bd.MaxwellSlip:
+        return build("maxwell_slip", **dict.fromkeys(fields, value))  # type: ignore[no-any-return]
+
     for name, count in (("stiffness", 2), ("damping", 4)):
         message = rf"^maxwell_slip\.{name} must have one number for each .*, 3 as .*, got {count}"
         with pytest.raises(ValueError, match=message):
-            build("maxwell_slip", **{name: (1.0,) * count})
+            law((1.0,) * count, name)
     for bad, kind in (((), ValueError), (1.0, TypeError), ("12", TypeError), (None, TypeError)):
         with pytest.raises(kind, match=r"^maxwell_slip\.mu must "):
-            build("maxwell_slip", mu=bad)
-    most = {name: (1.0,) * 64 for name in ("mu", "stiffness", "damping")}
-    assert bd.MaxwellSlip(**most).n_states == 64
+            law(bad, "mu")
+    assert law((1.0,) * 64, "mu", "stiffness", "damping").n_states == 64
     with pytest.raises(ValueError, match=r"must have 1 to 64 numbers, got 65"):
-        bd.MaxwellSlip(**{name: (1.0,) * 65 for name in most})
-    for same in (list(good["mu"]), np.array(good["mu"])):
-        assert build("maxwell_slip", mu=same) == bd.MaxwellSlip(**good)
+        law((1.0,) * 65, "mu", "stiffness", "damping")
+    good = GOOD["maxwell_slip"]["mu"]
+    for same in (list(good), np.array(good)):
+        assert law(same, "mu") == build("maxwell_slip")
 
 
-@pytest.mark.parametrize("name", STRIBECK)
-def test_a_stribeck_curve_has_two_numbers(name: str) -> None:
-    law = STRIBECK[name]
-    for missing, other in (("mu_s", "v_stribeck"), ("v_stribeck", "mu_s")):
-        if attrs.fields_dict(type(law))[missing].default == 0.0:
-            message = rf"^{name}\.{missing} must be > 0, too: a Stribeck curve needs mu_s and "
-            with pytest.raises(ValueError, match=message):
-                attrs.evolve(law, **{missing: 0.0})
-            rows = str(attrs.evolve(law, **{missing: 0.0, other: 0.0}))
-            assert "mu_s" not in rows and "v_stribeck" not in rows
-    assert "mu_s" in str(law) and "v_stribeck" in str(law)
+def test_a_stribeck_curve_has_two_numbers() -> None:
+    for name, law in STRIBECK.items():
+        for missing, other in (("mu_s", "v_stribeck"), ("v_stribeck", "mu_s")):
+            if attrs.fields_dict(type(law))[missing].default == 0.0:
+                message = rf"^{name}\.{missing} must be > 0, too: a Stribeck curve needs mu_s and "
+                with pytest.raises(ValueError, match=message):
+                    attrs.evolve(law, **{missing: 0.0})
+                rows = str(attrs.evolve(law, **{missing: 0.0, other: 0.0}))
+                assert "mu_s" not in rows and "v_stribeck" not in rows
+        assert "mu_s" in str(law) and "v_stribeck" in str(law)
 
 
 def test_one_pulley_of_a_drive_without_friction(params: bd.Params) -> None:
@@ -167,76 +146,68 @@ def test_one_pulley_of_a_drive_without_friction(params: bd.Params) -> None:
     assert bd.Frictionless().n_states == 0 and bd.Frictionless().creep(0.5) == 0.0
 
 
-def test_numbers_become_plain() -> None:
+def test_pairs_and_plain_numbers(params: bd.Params) -> None:
+    """Centres and gravity are pairs of finite numbers; what is kept is an int or a float."""
+
+    def gravity(pair: Any) -> bd.Params:
+        return attrs.evolve(params, gravity=pair)
+
+    def centre(pair: Any) -> bd.Pulley:
+        return build("pulley", center=pair)  # type: ignore[no-any-return]
+
+    for make, name, unit in ((centre, r"pulley\.center", "m"), (gravity, "gravity", r"m/s\^2")):
+        for bad in (math.nan, math.inf):
+            for axis, pair in enumerate(((bad, 0.0), (0.0, bad))):
+                with pytest.raises(ValueError, match=rf"^{name}\[{axis}\] must be finite \({unit}"):
+                    make(pair)
+        for no_pair in ("ab", 1.0, (1.0,), (1.0, 2.0, 3.0), None, {0: 1.0, 1: 2.0}):
+            with pytest.raises(TypeError, match=rf"^{name} must be a pair of real numbers"):
+                make(no_pair)
+        with pytest.raises(TypeError, match=rf"^{name}\[1\] must be a real number"):
+            make((0.0, "0"))
+    kept = centre(np.array([1, 2])).center
+    assert kept == (1.0, 2.0) and {type(c) for c in kept} == {float}
     belt = build("belt", n_bodies=np.int64(60), length=np.float32(1.25), axial_stiffness=70000)
-    assert type(belt.n_bodies) is int and type(belt.length) is float
-    assert type(belt.axial_stiffness) is float
-    assert belt.length == 1.25
-    pulley = build("pulley", center=np.array([1, 2]))
-    assert pulley.center == (1.0, 2.0) and {type(c) for c in pulley.center} == {float}
+    assert type(belt.n_bodies) is int and type(belt.axial_stiffness) is float
+    assert type(belt.length) is float and belt.length == 1.25
 
 
-def test_centre_and_gravity_must_be_pairs_of_finite_numbers(params: bd.Params) -> None:
-    for axis, bad in ((0, math.nan), (0, math.inf), (1, math.nan), (1, math.inf)):
-        pair = [0.0, 0.0]
-        pair[axis] = bad
-        with pytest.raises(ValueError, match=rf"^pulley\.center\[{axis}\] must be finite \(m\)"):
-            build("pulley", center=pair)
-        with pytest.raises(ValueError, match=rf"^gravity\[{axis}\] must be finite \(m/s\^2\)"):
-            attrs.evolve(params, gravity=pair)
-    for no_pair in ("ab", 1.0, (1.0,), (1.0, 2.0, 3.0), None, {0: 1.0, 1: 2.0}):
-        with pytest.raises(
-            TypeError, match=r"^pulley\.center must be a pair of real numbers \(m\)"
-        ):
-            build("pulley", center=no_pair)
-        with pytest.raises(TypeError, match=r"^gravity must be a pair of real numbers"):
-            attrs.evolve(params, gravity=no_pair)
-    with pytest.raises(TypeError, match=r"^pulley\.center\[1\] must be a real number"):
-        build("pulley", center=(0.0, "0"))
-
-
-def test_missing_and_unknown_fields() -> None:
-    with pytest.raises(TypeError, match="linear_density"):
-        bd.Belt(**{k: v for k, v in GOOD["belt"].items() if k != "linear_density"})
+def test_missing_and_unknown_fields_and_defaults(params: bd.Params) -> None:
+    """Only what has a natural zero has a default."""
+    for name in ("belt", *EXAMPLES):
+        for field in attrs.fields(CLASSES[name]):
+            if field.default is attrs.NOTHING:
+                given = {k: v for k, v in GOOD[name].items() if k != field.name}
+                with pytest.raises(TypeError, match=field.name):
+                    CLASSES[name](**given)
     with pytest.raises(TypeError, match="radus"):
         build("pulley", radus=0.1)
-
-
-def test_only_what_has_a_natural_zero_has_a_default(params: bd.Params) -> None:
     belt = bd.Belt(length=1.2, n_bodies=60, linear_density=0.1, axial_stiffness=70e3)
     assert (belt.axial_damping, belt.bending_stiffness, belt.bending_damping) == (0.0, 0.0, 0.0)
     assert bd.Contact(linear=1e7) == bd.Contact(quadratic=0.0, linear=1e7, damping=0.0)
     bare = bd.Params(belt=belt, pulleys=params.pulleys, contact=params.contact)
     assert bare.friction is None and bare.gravity == (0.0, 0.0)
     assert all(pulley.friction is None for pulley in bare.pulleys)
-    lugre = bd.LuGre(mu_k=0.6, mu_s=0.9, v_stribeck=0.01, sigma=1e4)
-    assert (lugre.damping, lugre.viscous) == (0.0, 0.0)
-    for name, law in EXAMPLES.items():
-        for field in attrs.fields(type(law)):
-            if field.default is attrs.NOTHING:
-                given = {k: v for k, v in GOOD[name].items() if k != field.name}
-                with pytest.raises(TypeError, match=field.name):
-                    LAWS[name](**given)
 
 
 def test_fields_are_of_their_class(params: bd.Params) -> None:
-    pulley = params.pulleys[0]
+    pulley, dahl = params.pulleys[0], GOOD["dahl"]
     laws = ", ".join(law.__name__ for law in (*LAWS.values(), bd.Frictionless))
     law = f"friction must be a friction law ({laws}) or None, got"
     assert laws.startswith("Dahl, LuGre, ElasticPlastic, Coulomb, CreepRate, Threlfall, MaxwellSli")
-    for change, message in [
-        ({"belt": GOOD["belt"]}, "belt must be a Belt, got dict"),
-        ({"contact": None}, "contact must be a Contact, got NoneType"),
-        ({"pulleys": [pulley, GOOD["pulley"]]}, "pulleys[1] must be a Pulley, got dict"),
-        ({"pulleys": pulley}, "pulleys must be a sequence of Pulley, got Pulley"),
-        ({"pulleys": None}, "pulleys must be a sequence of Pulley, got NoneType"),
+    for whose, change, message in [
+        (params, {"belt": GOOD["belt"]}, "belt must be a Belt, got dict"),
+        (params, {"contact": None}, "contact must be a Contact, got NoneType"),
+        (params, {"pulleys": [pulley, dahl]}, "pulleys[1] must be a Pulley, got dict"),
+        (params, {"pulleys": pulley}, "pulleys must be a sequence of Pulley, got Pulley"),
+        (params, {"pulleys": None}, "pulleys must be a sequence of Pulley, got NoneType"),
+        (params, {"friction": dahl}, f"{law} dict"),
+        (params, {"friction": bd.Dahl}, f"{law} type"),
+        (pulley, {"friction": 1.0}, f"pulley.{law} float"),
+        (pulley, {"friction": "dahl"}, f"pulley.{law} str"),
     ]:
         with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
-            attrs.evolve(params, **change)
-    for bad, kind in ((1.0, "float"), ("dahl", "str"), (GOOD["dahl"], "dict"), (bd.Dahl, "type")):
-        for whose, prefix in ((pulley, "pulley."), (params, "")):
-            with pytest.raises(TypeError, match=f"^{prefix}{re.escape(law)} {kind}$"):
-                attrs.evolve(whose, friction=bad)
+            attrs.evolve(whose, **change)
     with pytest.raises(ValueError, match="pulleys must hold at least one"):
         attrs.evolve(params, pulleys=[])
     for pulleys in (list(params.pulleys), iter(params.pulleys), np.array(params.pulleys, object)):
@@ -245,75 +216,64 @@ def test_fields_are_of_their_class(params: bd.Params) -> None:
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_laws_are_values(params: bd.Params, name: str) -> None:
-    """Frozen, equal by their numbers, hashable, copied whole; of one pulley and of the drive."""
+    """Frozen, equal by their numbers, hashable, copied whole; of one pulley and of the drive.
+
+    One of typical numbers settles, and holds the belt if it has a state to hold it by.
+    """
     law = EXAMPLES[name]
     again = LAWS[name](**GOOD[name])
     assert law == again and hash(law) == hash(again)
     assert eval(repr(law), vars(bd)) == law
-    first = next(iter(GOOD[name]))
     assert law != scaled(law, 2.0)
     with pytest.raises(attrs.exceptions.FrozenInstanceError):
-        setattr(law, first, 1.0)
-    for drive in (attrs.evolve(params, friction=law), with_laws(params, None, law)):
+        setattr(law, next(iter(GOOD[name])), 1.0)
+    on_one = with_laws(params, None, law)
+    for drive in (attrs.evolve(params, friction=law), on_one):
         assert drive != params or law == params.friction
         for other in (pickle.loads(pickle.dumps(drive)), copy.deepcopy(drive)):
             assert other == drive and other._model.friction == drive._model.friction
         assert eval(repr(drive), vars(bd)) == drive
-    assert with_laws(params, None, law).friction_on(0) is None
-    assert with_laws(params, None, law).friction_on(1) == law
-    assert attrs.evolve(params, friction=law).friction_on(1) == law
+        assert drive.friction_on(1) == law
+    assert on_one.friction_on(0) is None
+    settled = bd.settle(attrs.evolve(params, friction=typical(name)), friction=True, tolerance=1e-3)
+    assert settled.mu.any() == (law.n_states > 0)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None:
     law = EXAMPLES[name]
-    text = str(law)
-    assert text.splitlines()[0] == type(law).__name__
     on_pulley, of_drive = str(with_laws(params, None, law)), str(attrs.evolve(params, friction=law))
-    for group, field, _, unit, meaning in _core.PARAMETERS:
-        if group == name:
-            value = getattr(law, field)
-            if field in ("mu_s", "v_stribeck") and value == 0.0:
-                continue
-            several = isinstance(value, tuple)
-            number = (
-                f"({', '.join(f'{one:.10g}' for one in value)})" if several else f"{value:.10g}"
-            )
-            quantity = number + ("" if unit == "1" else f" {unit}")
-            for lines, label in (
-                (text, field),
-                (on_pulley, f"pulleys[1].friction.{field}"),
-                (of_drive, f"friction.{field}"),
-            ):
-                (line,) = (one for one in lines.splitlines() if one.split()[:1] == [label])
-                assert quantity in line and line.endswith(meaning)
+    for field, rule in rules_of(name).items():
+        value = getattr(law, field)
+        if field in ("mu_s", "v_stribeck") and value == 0.0:
+            continue
+        quantity = ", ".join(f"{one:.10g}" for one in np.atleast_1d(value))
+        if isinstance(value, tuple):
+            quantity = f"({quantity})"
+        quantity += "" if rule.unit == "1" else f" {rule.unit}"
+        for text, label in (
+            (str(law), field),
+            (on_pulley, f"pulleys[1].friction.{field}"),
+            (of_drive, f"friction.{field}"),
+        ):
+            (line,) = (one for one in text.splitlines() if one.split()[:1] == [label])
+            assert quantity in line and line.endswith(rule.text)
+    assert str(law).splitlines()[0] == type(law).__name__
     assert "friction.law" in of_drive and name in of_drive
     assert "pulleys[0].friction" not in on_pulley
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_a_law_is_made_of_typical_numbers(params: bd.Params, name: str) -> None:
-    """As the example is of a law that has none of its own: it settles, and holds the belt if it
-    has a state to hold it by.
-    """
-    friction = attrs.evolve(params, friction=typical(name))
-    settled = bd.settle(friction, friction=True, tolerance=1e-3)
-    assert settled.mu.any() == (EXAMPLES[name].n_states > 0)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_numbers_of_laws_have_names(params: bd.Params, name: str) -> None:
     """What `identify` may look for, of the drive's law and of a pulley's."""
     own = attrs.evolve(with_laws(params, None, EXAMPLES[name]), friction=EXAMPLES[name])
-    numbers = attrs.asdict(EXAMPLES[name])
-    fields = [
-        f"{field}[{e}]" if isinstance(value, tuple) else field
-        for field, value in numbers.items()
-        for e in range(len(value) if isinstance(value, tuple) else 1)
-        if value
-    ]
-    for label in [f"{part}.{field}" for part in ("friction", "pulleys[1].friction")
-                  for field in fields]:  # fmt: skip
+    fields = []
+    for field, value in attrs.asdict(EXAMPLES[name]).items():
+        if value:
+            several = isinstance(value, tuple)
+            fields += [f"{field}[{e}]" for e in range(len(value))] if several else [field]
+    for part, field in itertools.product(("friction", "pulleys[1].friction"), fields):
+        label = f"{part}.{field}"
         assert label in names.numbers(own)
         (value,) = names.read(own, label)
         changed = names.assign(own, [(names.parse(label), 1.5 * value)])
@@ -327,22 +287,24 @@ def test_numbers_of_laws_have_names(params: bd.Params, name: str) -> None:
 
 
 def test_geometry_that_cannot_be(params: bd.Params) -> None:
-    def belt(**changes: Any) -> bd.Params:
-        return attrs.evolve(params, belt=attrs.evolve(params.belt, **changes))
+    def belt(**changes: Any) -> dict[str, Any]:
+        return {"belt": attrs.evolve(params.belt, **changes)}
 
-    far = ((0.0, 0.0, 0.1), (0.3, 0.0, 0.02), (0.6, 0.0, 0.1))
-    for make, words in (
-        (lambda: with_pulleys(params, (0.0, 0.0, 0.1), (0.199, 0.0, 0.1)),
-         r"pulleys\[0\] and pulleys\[1\] overlap"),
-        (lambda: belt(length=0.9), r"belt\.length.*too short"),
-        (lambda: belt(length=1.25), r"belt\.length.*too long.*slack"),
-        (lambda: with_pulleys(params, *far, length=1.8), r"pulleys\[1\] cannot be reached"),
-        (lambda: belt(n_bodies=6), r"belt\.n_bodies is too small for its pulleys: 6 links"),
-        (lambda: attrs.evolve(params, contact=bd.Contact(linear=0.0, damping=1.0)),
+    def pulleys(*places: tuple[float, float]) -> dict[str, Any]:
+        return {"pulleys": [build("pulley", center=(x, 0.0), radius=r) for x, r in places]}
+
+    for changes, words in (
+        (pulleys((0.0, 0.1), (0.199, 0.1)), r"pulleys\[0\] and pulleys\[1\] overlap"),
+        (belt(length=0.9), r"belt\.length.*too short"),
+        (belt(length=1.25), r"belt\.length.*too long.*slack"),
+        (pulleys((0.0, 0.1), (0.3, 0.02), (0.6, 0.1)) | belt(length=1.8),
+         r"pulleys\[1\] cannot be reached"),
+        (belt(n_bodies=6), r"belt\.n_bodies is too small for its pulleys: 6 links"),
+        ({"contact": bd.Contact(linear=0.0, damping=1.0)},
          r"contact\.linear and contact\.quadratic must not both"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=words):
-            make()
+            attrs.evolve(params, **changes)
 
 
 def test_derived_values(params: bd.Params) -> None:
@@ -361,6 +323,7 @@ def test_derived_values(params: bd.Params) -> None:
 
 
 def test_frozen_equal_hashable_copied_whole_and_evaluated(params: bd.Params) -> None:
+    """And printed, every field with its unit."""
     with pytest.raises(attrs.exceptions.FrozenInstanceError):
         params.belt.length = 1.0  # type: ignore[misc]
     again = drives.plain()
@@ -371,9 +334,6 @@ def test_frozen_equal_hashable_copied_whole_and_evaluated(params: bd.Params) -> 
         assert other == params
         assert other.info == params.info
         assert bd.settle(other, tolerance=1e-3).n_bodies == 60
-
-
-def test_printing_shows_every_field_with_its_unit(params: bd.Params) -> None:
     text = str(params)
     for line in ("belt.length", "1.2 m", "pulleys[1].center", "(0.29, 0) m", "friction.sigma"):
         assert line in text

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
 import signal
 from pathlib import Path
 from typing import Any
@@ -15,12 +13,10 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.histories import EnergyLedger, histories
 
 T_END = 0.02
 N_T = 41
 V, T = ValueError, TypeError
-Kind = type[Exception]
 
 
 @pytest.fixture(scope="module")
@@ -38,28 +34,16 @@ def result(scene: bd.Scene, start: bd.State) -> bd.Result:
     return bd.simulate(*scene, t_eval=np.linspace(0.0, T_END, N_T), initial=start, method="tsit5")
 
 
-def with_contact(result: bd.Result, pulley: Any, force: Any) -> bd.Result:
-    """Change touched pulleys and joint forces to these, (n_t, n_b)."""
-    return attrs.evolve(
-        result,
-        contact=attrs.evolve(result.contact, pulley=np.array(pulley, dtype=np.int32)),
-        joints=attrs.evolve(result.joints, force=np.array(force, dtype=float)),
-    )
-
-
-# --- settling ------------------------------------------------------------------------------------
-
-
-def test_settled_state_is_at_rest_under_preload(scene: bd.Scene, start: bd.State) -> None:
+def test_settled_state_is_at_rest_under_preload(
+    scene: bd.Scene, start: bd.State, result: bd.Result
+) -> None:
+    """And a run begins with it where no state is given."""
     assert start.t == 0.0
     assert start.residual is not None and start.residual < 1e-6
     for name in ("vx", "vy", "vphi", "omega", "mu", "slip", "theta"):
         assert not getattr(start, name).any(), name
     assert start.x.shape == (60,) and start.theta.shape == (2,)
     assert start.phi[0] - start.phi[-1] == pytest.approx(2 * np.pi, abs=0.5)
-
-
-def test_simulate_settles_first_when_no_state_is_given(scene: bd.Scene, result: bd.Result) -> None:
     other = bd.simulate(*scene, t_eval=result.t, method="tsit5")
     np.testing.assert_array_equal(other.belt.x, result.belt.x)
     assert other.stats.settle_time > 0.0
@@ -80,92 +64,45 @@ def test_settling_goes_its_ways(scene: bd.Scene, start: bd.State) -> None:
     assert caught.value.symbol == "BD_ERR_NOT_SETTLED" and caught.value.result is None
 
 
-@pytest.mark.parametrize(
-    ("option", "error", "message"),
-    [
+def test_bad_settling_options(scene: bd.Scene) -> None:
+    options: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"pulleys": "loose"}, V, "^pulleys must be one of held, free, got 'loose'"),
-        ({"pulleys": True}, T, "^pulleys must be one of held, free, got True"),
         ({"offset": {2: (0, 0)}}, V, "^offset index must be that of one of the 2 pulley"),
-        ({"offset": {-1: (0, 0)}}, V, "^offset index must be an integer from 0"),
         ({"offset": {"a": (0, 0)}}, V, "^offset: no pulley is called 'a'"),
         ({"offset": {1.0: (0, 0)}}, T, "^offset index must be an integer"),
-        ({"offset": {1: (0, 0, 0)}}, T, r"^offset\[1\] must be a pair"),
         ({"offset": [[0, 0]] * 3}, V, "^offset index must be that of one of the 2 pulley"),
-        ({"offset": {1: (0, np.nan)}}, V, r"^offset\[1\]\[1\] must be finite"),
         ({"tolerance": 0}, V, "^tolerance must be > 0"),
         ({"tolerance": "1"}, T, "^tolerance must be a real number"),
         ({"max_time": -1}, V, "^max_time must be > 0"),
         ({"move_time": np.inf}, V, "^move_time must be finite"),
         ({"initial": 3}, T, "^initial must be a State or None, got int"),
-    ],
-)
-def test_bad_settling_options(
-    scene: bd.Scene, option: dict[str, Any], error: Kind, message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        bd.settle(scene.params, **option)
+    ]
+    for option, error, message in options:
+        with pytest.raises(error, match=message):
+            bd.settle(scene.params, **option)
 
 
-# --- what a result holds -------------------------------------------------------------------------
-
-
-def test_no_output_or_counter_of_the_core_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
-    t = np.zeros(1)
-    arrays = {name: np.zeros((1, 1)) for name, *_ in _core.OUTPUTS} | {"pulley": np.zeros((1, 1))}
-    terms = [name for name, *_ in _core.ENERGY_TERMS]
-    arrays["energy"] = np.zeros((1, len(terms)))
-    histories(t, arrays, terms)
-    table = _core.OUTPUTS
-    for group, error in (("belt", TypeError), ("tensioner", KeyError)):
-        new = ("heat", group, "LINKS", "K", "temperature")
-        monkeypatch.setattr(_core, "OUTPUTS", (*table, new))
-        with pytest.raises(error, match=r"heat|tensioner"):
-            histories(t, arrays | {"heat": np.zeros((1, 1))}, terms)
-    counters = dict.fromkeys([name for name, _ in _core.STATS], 0)
-    others = {"method": "", "kernels": "", "cpu_time": 0.0, "wall_time": 0.0}
-    assert bd.Stats._from_core(counters, **others).steps == 0
-    with pytest.raises(T, match="heat"):
-        bd.Stats._from_core(counters | {"heat": 1}, **others)
-
-
-def test_time_is_the_first_axis(result: bd.Result) -> None:
-    assert result.t.shape == (N_T,)
-    for name, _group, size, *_ in _core.OUTPUTS:
-        if size == "MOUNTS":
-            assert result.mounts is None
-        elif size != "ENERGY":
-            array = getattr(getattr(result, _group), name)
-            widths = {"PULLEYS": (2,), "PLANE": (2, 2)}
-            assert array.shape == (N_T, *widths.get(size, (60,))), name
-            assert np.isfinite(array).all(), name
-    assert result.contact.pulley.shape == (N_T, 60)
-    assert result.contact.pulley.dtype.kind == "i"
-    assert set(np.unique(result.contact.pulley)) == {-1, 0, 1}
-    absent = {"drag_loss", "mount", "mount_loss", "path_work"}
-    for field in attrs.fields(EnergyLedger):
-        array = getattr(result.energy, field.name)
-        assert array is None if field.name in absent else array.shape == (N_T,)
-
-
-def test_success(result: bd.Result, scene: bd.Scene) -> None:
+def test_a_run_that_finished_says_what_it_did(result: bd.Result, scene: bd.Scene) -> None:
+    """Its end is that of the samples; torques, energy and counters are those of the run."""
     assert result.success and result.status == "finished"
     assert result.message == "reached t_end = 0.02 s"
-    assert result.params is scene.params
-    assert result.effects
+    assert result.params is scene.params and result.effects
     assert result.final_state.t == T_END
     np.testing.assert_array_equal(result.final_state.x, result.belt.x[-1])
     np.testing.assert_array_equal(result.final_state.omega, result.pulleys.omega[-1])
-    stats = result.stats
-    assert stats.method == "tsit5" and stats.kernels == _core.kernel_level()
-    assert stats.steps > 0 and stats.nfev > stats.steps
-    assert stats.njev == stats.nlu == 0 and stats.local_error is not None
-    assert 0.0 < stats.local_error <= 1e-4  # the default tolerance
-    assert stats.cpu_time > 0.0
-
-
-def test_set_torques_are_reported(result: bd.Result, scene: bd.Scene) -> None:
     for t, omega, torque in zip(result.t, result.pulleys.omega, result.pulleys.torque, strict=True):
         np.testing.assert_allclose(torque, scene.torque_fn(t, [0, 0], omega), rtol=1e-12)
+    stats = result.stats
+    assert stats.method == "tsit5" and stats.kernels == _core.kernel_level()
+    assert stats.nfev > stats.steps > 0 and stats.cpu_time > 0.0
+    assert stats.njev == stats.nlu == 0 and stats.local_error is not None
+    assert 0.0 < stats.local_error <= 1e-4  # the default tolerance
+    energy = result.energy
+    balance = energy.total - energy.total[0] - (energy.drive - energy.losses)
+    np.testing.assert_allclose(energy.residual, balance, atol=1e-9 * energy.total[0])
+    assert (np.diff(energy.passed) >= 0.0).all()
+    assert energy.passed[-1] >= energy.drive[-1] > 0.0
+    assert abs(energy.residual[-1]) < 1e-3 * energy.passed[-1]
 
 
 def test_any_samples_within_the_run(scene: bd.Scene, start: bd.State) -> None:
@@ -180,18 +117,9 @@ def test_any_samples_within_the_run(scene: bd.Scene, start: bd.State) -> None:
     np.testing.assert_array_equal(run.t, np.linspace(0.0, 0.001, 1001))
 
 
-def test_energy(result: bd.Result) -> None:
-    energy = result.energy
-    assert energy is not None
-    balance = energy.total - energy.total[0] - (energy.drive - energy.losses)
-    np.testing.assert_allclose(energy.residual, balance, atol=1e-9 * energy.total[0])
-    assert (np.diff(energy.passed) >= 0.0).all()
-    assert energy.passed[-1] >= energy.drive[-1] > 0.0
-    assert abs(energy.residual[-1]) < 1e-3 * energy.passed[-1]
-
-
 def test_the_summary_says_the_whole_error(result: bd.Result) -> None:
-    """In time, of the mesh and of contact; what is not known is said not to be."""
+    """In time, of the mesh and of contact; what is not known is said not to be. What the integrator
+    did is told on request."""
     known = result.accuracy["span_mean"]
     assert known.time == result.stats.error and known.total is not None
     errors = {"time": 3e-4, "space": 2e-2, "compliance": 1e-3}
@@ -207,27 +135,19 @@ def test_the_summary_says_the_whole_error(result: bd.Result) -> None:
     assert "verify=True" in rows["  measured"]
     for label, value in rows.items():
         assert label in str(shown) and value in str(shown)
-
-
-def test_what_the_integrator_did_is_told_on_request(result: bd.Result) -> None:
-    short, long = dict(result.summary()), dict(result.summary(verbose=True))
-    assert short.items() <= long.items()
-    assert set(long) - set(short) >= {"method", "steps", "local error", "instruction level"}
+    long = dict(shown.summary(verbose=True))
+    assert rows.items() <= long.items()
+    assert set(long) - set(rows) >= {"method", "steps", "local error", "instruction level"}
     assert long["rates evaluated"] == f"{result.stats.nfev}"
 
 
-def test_without_the_ledger(scene: bd.Scene, start: bd.State, tmp_path: Path) -> None:
-    run = bd.simulate(*scene, initial=start, t_eval=[0.0, T_END], ledger=False)
-    assert run.energy is None
-    label = "  energy unaccounted for"
-    assert label not in dict(run.summary())
-    assert label in dict(bd.simulate(*scene, initial=start, t_eval=[0.0, T_END]).summary())
-    run.save(tmp_path / "run.npz")
-    assert bd.Result.load(tmp_path / "run.npz").energy is None
-
-
 @pytest.mark.filterwarnings("ignore:no_friction:UserWarning")
-def test_without_friction(scene: bd.Scene) -> None:
+def test_without_the_ledger_and_without_friction(scene: bd.Scene, start: bd.State) -> None:
+    label, options = "  energy unaccounted for", {"initial": start, "t_eval": [0.0, T_END]}
+    run = bd.simulate(*scene, ledger=False, **options)
+    assert run.energy is None
+    assert label not in dict(run.summary())
+    assert label in dict(bd.simulate(*scene, **options).summary())
     params = attrs.evolve(scene.params, friction=None)
     run = bd.simulate(params, scene.torque_fn, 0.005, t_eval=[0.0, 0.005])
     assert not run.contact.friction.any() and not run.contact.mu.any()
@@ -235,16 +155,6 @@ def test_without_friction(scene: bd.Scene) -> None:
     more = bd.simulate(params, scene.torque_fn, 0.006, initial=run.final_state, t_eval=[0.006])
     assert more.success
     assert "no_friction" in [one.code for one in run.warnings]
-
-
-def test_restarts_and_methods_agree(scene: bd.Scene, start: bd.State, result: bd.Result) -> None:
-    half = bd.simulate(*scene[:2], T_END / 2, initial=start, t_eval=[T_END / 2])
-    rest = bd.simulate(*scene, initial=half.final_state, t_eval=[T_END / 2, T_END])
-    assert rest.t[0] == half.final_state.t
-    other = bd.simulate(*scene, initial=start, t_eval=[T_END], method="rk4")
-    assert other.stats.method == "rk4"
-    for run in (rest, other):
-        np.testing.assert_allclose(run.pulleys.omega[-1], result.pulleys.omega[-1], rtol=1e-4)
 
 
 @pytest.mark.filterwarnings("ignore:strain:UserWarning")  # the published benchmark's 5 %
@@ -255,9 +165,6 @@ def test_every_scene_runs(name: str) -> None:
     assert run.success
     assert bd.scenes.get(name.replace("-", "_")) == scene
     assert f"{scene.t_end:g} s" in str(scene) and bd.scenes.describe(name)
-
-
-# --- span tension and slip -----------------------------------------------------------------------
 
 
 def test_span_tension_of_a_run(result: bd.Result) -> None:
@@ -271,125 +178,31 @@ def test_span_tension_of_a_run(result: bd.Result) -> None:
     assert tension[-1, 0] == pytest.approx(result.joints.force[-1][upper & free].mean())
 
 
-def test_span_tension_by_hand(result: bd.Result) -> None:
-    """Also with links lifted off within a wrap, and NaN where there is no free joint."""
-    for pulley, force, expected in (
-        #  joint i is between links i-1 and i
-        ([[-1, -1, -1, 1, 1, -1, -1, 0, 0, -1]], [[1.0, 2.0, 4.0, 9, 9, 9, 8.0, 9, 9, 9]],
-         [[(1 + 2 + 4) / 3, 8.0]]),
-        ([[-1, -1, 1, -1, -1, 1, -1, -1, 0, 0]], [[9.0, 3.0, 9, 9, 7.0, 9, 9, 5.0, 9, 9]],
-         [[3.0, 5.0]]),
-        ([[0, 0, -1, 1, 1, -1, -1, 0], [-1] * 8], [[9.0, 9, 9, 9, 9, 9, 6.0, 9], [1.0] * 8],
-         [[np.nan, 6.0], [np.nan, np.nan]]),
-    ):  # fmt: skip
-        np.testing.assert_allclose(with_contact(result, pulley, force).span_tension, expected)
-
-
 def test_slip_by_hand(result: bd.Result) -> None:
-    pulleys = [
-        attrs.evolve(p, radius=r) for p, r in zip(result.params.pulleys, (0.1, 0.05), strict=True)
-    ]
+    big, small = result.params.pulleys
     params = attrs.evolve(
-        result.params, pulleys=pulleys, belt=attrs.evolve(result.params.belt, length=1.055)
+        result.params,
+        pulleys=[attrs.evolve(big, radius=0.1), attrs.evolve(small, radius=0.05)],
+        belt=attrs.evolve(result.params.belt, length=1.055),
     )
-    omega = np.array([[0.0, 1.0], [10.0, 19.0], [-10.0, -20.0]])
-    changed = attrs.evolve(result, params=params, pulleys=attrs.evolve(result.pulleys, omega=omega))
-    np.testing.assert_allclose(
-        changed.slip, [[np.nan, np.nan], [0.0, 0.05], [0.0, 0.0]], atol=1e-15
-    )
+    pulleys = attrs.evolve(result.pulleys, omega=np.array([[0.0, 1.0], [10, 19], [-10, -20]]))
+    slip = attrs.evolve(result, params=params, pulleys=pulleys).slip
+    np.testing.assert_allclose(slip, [[np.nan, np.nan], [0.0, 0.05], [0.0, 0.0]], atol=1e-15)
 
 
-# --- figures -------------------------------------------------------------------------------------
-
-
-def test_overview_draws_what_the_result_holds(
-    result: bd.Result, scene: bd.Scene, start: bd.State
-) -> None:
-    from matplotlib.figure import Figure
-
-    from beltdyn.plot import overview
-
-    given = Figure()
-    assert overview(result, t=0.0101, fig=given) is given
-    speeds, tensions, forces, drive, _colours = given.axes
-    for k in range(2):
-        np.testing.assert_array_equal(speeds.lines[k].get_ydata(), result.pulleys.omega[:, k])
-        np.testing.assert_array_equal(tensions.lines[k].get_ydata(), result.span_tension[:, k])
-    row = int(np.searchsorted(result.t, 0.01))
-    np.testing.assert_array_equal(forces.lines[-1].get_ydata(), result.joints.force[row])
-    assert drive.get_aspect() == 1.0
-    for axes in (speeds, tensions, forces, drive):
-        assert axes.get_title() and axes.get_xlabel() and "[" in axes.get_ylabel()
-    empty = bd.simulate(scene.params, scene.torque_fn, 0.001, initial=start, t_eval=[])
-    with pytest.raises(V, match="at least one sample"):
-        overview(empty)
-
-
-# --- saving --------------------------------------------------------------------------------------
-
-
-def test_save_and_load(result: bd.Result, tmp_path: Path) -> None:
-    path = tmp_path / "run"
-    result.save(path)
-    assert path.is_file(), "exactly the name given"
-    again = bd.Result.load(path)
-    np.testing.assert_array_equal(again.t, result.t)
-    for group in ("pulleys", "belt", "joints", "contact", "energy"):
-        for field in attrs.fields(type(getattr(result, group))):
-            old, new = (getattr(getattr(r, group), field.name) for r in (result, again))
-            np.testing.assert_array_equal(new, old)
-            assert old is None or np.asarray(new).dtype == np.asarray(old).dtype
-    for name in ("params", "stats", "effects", "success", "status", "message", "final_state"):
-        assert getattr(again, name) == getattr(result, name), name
-    assert repr(again) == repr(result)
-    with np.load(path) as file:
-        assert file["belt.x"].shape == (N_T, 60)
-
-
-def test_load_something_else(result: bd.Result, tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        bd.Result.load(tmp_path / "none.npz")
-    (tmp_path / "text.npz").write_text("hello\n")
-    np.savez(tmp_path / "other.npz", a=1)
-    np.save(tmp_path / "array.npy", np.zeros(3))
-    result.save(tmp_path / "cut.npz")
-    (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:3000])
-    for name in ("text.npz", "other.npz", "array.npy", "cut.npz"):
-        with pytest.raises(V, match=f"{name} is not a saved Result"):
-            bd.Result.load(tmp_path / name)
-        with pytest.raises(V, match=f"{name} is not a saved State"):
-            bd.State.load(tmp_path / name)
-
-
-def test_saved_and_copied_states_are_the_same(
-    result: bd.Result, start: bd.State, tmp_path: Path
-) -> None:
-    for state in (start, result.final_state):
-        state.save(tmp_path / "state.npz")
-        loaded = bd.State.load(tmp_path / "state.npz")
-        for other in (loaded, copy.deepcopy(state), pickle.loads(pickle.dumps(state))):
-            assert other == state and other is not state
-            assert other.residual == state.residual
-            assert not any(getattr(other, name).flags.writeable for name in ("x", "mu", "theta"))
-
-
-# --- states --------------------------------------------------------------------------------------
+GOOD: dict[str, Any] = {"x": [0, 1, 2], "y": [0, 0, 0], "phi": [0, 0, 0], "theta": [1.0]}
 
 
 def test_what_a_state_is_not_given_is_zero() -> None:
-    state = bd.State(x=[0, 1, 2], y=[0, 0, 0], phi=[0, 0, 0], theta=[1.0])
+    state = bd.State(**GOOD)
     assert state.vx.tolist() == [0.0] * 3 and state.omega.tolist() == [0.0]
     assert state.t == 0.0 and state.residual is None
-    assert state == bd.State(x=[0, 1, 2], y=[0, 0, 0], phi=[0, 0, 0], theta=[1.0])
-    assert state != attrs.evolve(state, t=1.0)
-    assert state != attrs.evolve(state, x=[0, 1, 3])
-    with pytest.raises(V, match="read-only"):
-        state.x[0] = 1.0
+    assert state == bd.State(**GOOD)
+    assert state != attrs.evolve(state, t=1.0) and state != attrs.evolve(state, x=[0, 1, 3])
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
+def test_bad_states() -> None:
+    changes: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"y": [0, 0]}, V, r"^State\.y must have shape \(3,\) like x, got \(2,\)"),
         ({"omega": [0, 0]}, V, r"^State\.omega must have shape \(1,\) like theta"),
         ({"x": [[0, 1, 2]]}, V, r"^State\.x must have 1 dimension"),
@@ -399,45 +212,41 @@ def test_what_a_state_is_not_given_is_zero() -> None:
         ({"t": np.inf}, V, r"^State\.t must be finite"),
         ({"t": None}, T, r"^State\.t must be a real number"),
         ({"residual": "0"}, T, r"^State\.residual must be a real number"),
-    ],
-)
-def test_bad_states(change: dict[str, Any], error: Kind, message: str) -> None:
-    good: dict[str, Any] = {"x": [0, 1, 2], "y": [0, 0, 0], "phi": [0, 0, 0], "theta": [1.0]}
-    with pytest.raises(error, match=message):
-        bd.State(**(good | change))
+    ]
+    for change, error, message in changes:
+        with pytest.raises(error, match=message):
+            bd.State(**GOOD | change)
 
 
 def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
-    fewer = {
-        field.name: getattr(start, field.name)[:-1]
-        for field in attrs.fields(bd.State)
-        if getattr(start, field.name) is not None and np.shape(getattr(start, field.name)) == (60,)
-    }
+    """Or of a later time than the end of the run: t_end counts from that of the state."""
+    arrays = {field.name: getattr(start, field.name) for field in attrs.fields(bd.State)}
+    fewer = {name: value[:-1] for name, value in arrays.items() if np.shape(value) == (60,)}
     with pytest.raises(V, match=r"^initial\.x must have shape \(60,\), got \(59,\)$"):
         bd.simulate(*scene, initial=attrs.evolve(start, **fewer))
     other = attrs.evolve(start, theta=[0.0] * 3, omega=[0.0] * 3)
     for call in (bd.simulate, lambda *scene, initial: bd.settle(scene[0], initial=initial)):
         with pytest.raises(V, match=r"^initial\.theta must have shape \(2,\), got \(3,\)$"):
             call(*scene, initial=other)
+    later = attrs.evolve(start, t=1.0)
+    with pytest.raises(V, match=r"^t_end must be > initial\.t \(1 s\), got 0\.02 s"):
+        bd.simulate(*scene, initial=later)
+    run = bd.simulate(scene.params, scene.torque_fn, 1.002, initial=later)
+    assert (run.t[0], run.t[-1]) == (1.0, 1.002)
 
 
-# --- wrong arguments -----------------------------------------------------------------------------
+def test_wrong_arguments_are_refused_before_anything_runs(scene: bd.Scene) -> None:
+    def never(t: float, theta: Any, omega: Any) -> Any:
+        raise AssertionError("it ran")
 
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"t_end": 0}, V, r"^t_end must be > initial\.t \(0 s\), got 0 s"),
+    wrong: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"t_end": -1.0}, V, r"^t_end must be > initial\.t \(0 s\), got -1 s"),
-        ({"t_end": np.nan}, V, "^t_end must be finite"),
         ({"t_end": np.inf}, V, "^t_end must be finite"),
-        ({"t_end": "1"}, T, "^t_end must be a real number"),
         ({"t_end": None}, T, "^t_end must be a real number"),
         ({"t_eval": [0.0, 0.02, 0.01]}, V, "^t_eval must be non-decreasing, got 0.02 s b"),
         ({"t_eval": [0.0, 0.03]}, V, r"^t_eval must lie within the run, \[0, 0\.02\] s"),
         ({"t_eval": [-0.01, 0.01]}, V, "^t_eval must lie within the run"),
         ({"t_eval": [0.0, np.nan]}, V, "^t_eval must be finite"),
-        ({"t_eval": 0.01}, V, "^t_eval must have 1 dimension"),
         ({"t_eval": 100}, V, r"such as np\.linspace\(0, 0\.02, 100\), got 100$"),
         ({"t_eval": [[0.0]]}, V, "^t_eval must have 1 dimension"),
         ({"t_eval": "all"}, T, "^t_eval must hold real numbers"),
@@ -445,10 +254,8 @@ def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
         ({"method": None}, T, "^method must be one of auto, tsit5, .* got None"),
         ({"rtol": 0.0}, V, "^rtol must be from 1e-12 to 1, got 0"),
         ({"rtol": 2}, V, "^rtol must be from 1e-12 to 1, got 2"),
-        ({"rtol": np.nan}, V, "^rtol must be finite"),
         ({"rtol": None}, T, "^rtol must be a real number"),
         ({"step": 0.0}, V, "^step must be > 0"),
-        ({"step": "1"}, T, "^step must be a real number"),
         ({"max_step": -1e-5}, V, "^max_step must be > 0"),
         ({"max_steps": 0}, V, "^max_steps must be an integer >= 1"),
         ({"max_steps": 1e3}, T, "^max_steps must be an integer >= 1"),
@@ -457,74 +264,48 @@ def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
         ({"initial": {}}, T, "^initial must be a State or None, got dict"),
         ({"params": {}}, T, "^params must be a Params, got dict"),
         ({"tend": 1.0}, T, "tend"),
-    ],
-)
-def test_wrong_arguments_are_refused_before_anything_runs(
-    scene: bd.Scene, arguments: dict[str, Any], error: Kind, message: str
-) -> None:
-    def never(t: float, theta: Any, omega: Any) -> Any:
-        raise AssertionError("it ran")
-
-    with pytest.raises(error, match=message):
-        bd.simulate(**({"params": scene.params, "torque_fn": never, "t_end": T_END} | arguments))
+    ]
+    good = {"params": scene.params, "torque_fn": never, "t_end": T_END}
+    for arguments, error, message in wrong:
+        with pytest.raises(error, match=message):
+            bd.simulate(**good | arguments)
 
 
-def test_t_end_counts_from_the_time_of_the_state(scene: bd.Scene, start: bd.State) -> None:
-    later = attrs.evolve(start, t=1.0)
-    with pytest.raises(V, match=r"^t_end must be > initial\.t \(1 s\), got 0\.02 s"):
-        bd.simulate(*scene, initial=later)
-    run = bd.simulate(scene.params, scene.torque_fn, 1.002, initial=later)
-    assert (run.t[0], run.t[-1]) == (1.0, 1.002)
-
-
-# --- runs that do not finish ---------------------------------------------------------------------
-
-
-def assert_partial(result: bd.Result | None, until: float) -> bd.Result:
+def assert_partial(result: bd.Result | None, path: Path) -> bd.Result:
     assert result is not None and not result.success
     assert 0 < result.t.size < N_T
-    assert result.t[-1] <= result.final_state.t <= until
+    assert result.t[-1] <= result.final_state.t <= 0.0101
     assert len(result.belt.x) == len(result.contact.pulley) == result.t.size
     assert np.isfinite(result.belt.x).all() and np.isfinite(result.final_state.x).all()
-    assert result.message in dict(result.summary()).values() or result.message
+    result.save(path)
+    assert bd.Result.load(path).message == result.message
     return result
 
 
-def test_a_failed_run_keeps_what_was_computed(
+@pytest.mark.usefixtures("handlers")
+def test_a_run_that_fails_or_is_interrupted_keeps_what_was_computed(
     scene: bd.Scene, start: bd.State, tmp_path: Path
 ) -> None:
-    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+    def failing(t: float, theta: Any, omega: Any) -> list[float]:
         return [-1e3 * t, 0.0 if t < 0.01 else np.nan]
 
-    options: dict[str, Any] = {"initial": start, "method": "tsit5"}
-    with pytest.raises(bd.SimulationError) as caught:
-        bd.simulate(scene.params, torque, T_END, t_eval=np.linspace(0.0, T_END, N_T), **options)
-    partial = assert_partial(caught.value.result, 0.0101)
-    assert partial.status == "failed" and partial.message == str(caught.value)
-    assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
-    assert caught.value.t == pytest.approx(0.01, abs=1e-4)
-    partial.save(tmp_path / "partial.npz")
-    assert bd.Result.load(tmp_path / "partial.npz").message == partial.message
-
-
-def test_the_limit_on_steps(scene: bd.Scene, start: bd.State) -> None:
-    with pytest.raises(bd.SimulationError, match="steps") as caught:
-        bd.simulate(*scene, initial=start, method="tsit5", max_steps=100)
-    assert caught.value.symbol == "BD_ERR_MAX_STEPS"
-    assert caught.value.result is not None and caught.value.result.stats.steps <= 100
-
-
-@pytest.mark.usefixtures("handlers")
-def test_ctrl_c_keeps_what_was_computed(scene: bd.Scene, start: bd.State) -> None:
-    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+    def interrupting(t: float, theta: Any, omega: Any) -> list[float]:
         if t > 0.01:
             signal.raise_signal(signal.SIGINT)
         return [0.0, 0.0]
 
-    with pytest.raises(bd.Interrupted, match=r"^interrupted at t = 0\.0") as caught:
-        bd.simulate(scene.params, torque, T_END, initial=start, t_eval=np.linspace(0.0, T_END, N_T))
-    assert isinstance(caught.value, KeyboardInterrupt)
-    assert assert_partial(caught.value.result, 0.0101).status == "interrupted"
+    options: dict[str, Any] = {"initial": start, "t_eval": np.linspace(0.0, T_END, N_T)}
+    with pytest.raises(bd.SimulationError) as caught:
+        bd.simulate(scene.params, failing, T_END, method="tsit5", **options)
+    partial = assert_partial(caught.value.result, tmp_path / "failed.npz")
+    assert partial.status == "failed" and partial.message == str(caught.value)
+    assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
+    assert caught.value.t == pytest.approx(0.01, abs=1e-4)
+    with pytest.raises(bd.Interrupted, match=r"^interrupted at t = 0\.0") as stopped:
+        bd.simulate(scene.params, interrupting, T_END, **options)
+    assert isinstance(stopped.value, KeyboardInterrupt)
+    partial = assert_partial(stopped.value.result, tmp_path / "stopped.npz")
+    assert partial.status == "interrupted"
 
 
 def test_progress_goes_to_stderr_only(

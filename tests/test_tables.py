@@ -10,7 +10,6 @@ from __future__ import annotations
 import ast
 import re
 from pathlib import Path
-from typing import Any
 
 import attrs
 import pytest
@@ -21,15 +20,9 @@ from beltdyn.friction import LAWS
 from beltdyn.rules import rules_of
 
 PARTS: dict[str, type] = {
-    "belt": bd.Belt,
-    "pulley": bd.Pulley,
-    "drag": bd.Drag,
-    "arm": bd.Arm,
-    "slider": bd.Slider,
-    "contact": bd.Contact,
-    **LAWS,
+    **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},
+    **{"slider": bd.Slider, "contact": bd.Contact, **LAWS},
 }
-STUB = Path(_core.__file__).with_name("_core.pyi")
 
 
 def described(cls: type) -> dict[str, str]:
@@ -52,38 +45,24 @@ def described(cls: type) -> dict[str, str]:
     return found
 
 
-def says_unit(text: str, unit: str) -> bool:
-    return f"[{unit}]" in text
-
-
-def test_every_group_of_parameters_has_its_class() -> None:
-    assert {row[0] for row in _core.PARAMETERS} == set(PARTS)
-
-
-#: What a docstring says of a rule, and of parameters whose 0 has a meaning.
-BOUNDS = {"POSITIVE": "> 0", "POSITIVES": "> 0", "NONNEGATIVE": ">= 0", "FINITE": ""}
-WITH_ZERO = {"mu_s": "0: no", "v_stribeck": "> 0"}
-
-
 @pytest.mark.parametrize("group", PARTS)
 def test_parameters_are_fields_in_order_with_their_units(group: str) -> None:
-    fields = attrs.fields(PARTS[group])
+    """And with their rules: what a docstring says of a bound."""
+    assert {row[0] for row in _core.PARAMETERS} == set(PARTS)
+    fields, texts = attrs.fields(PARTS[group]), described(PARTS[group])
     # of mounts two numbers stand together in one field, `stops`
     rules = {k: rule for k, rule in rules_of(group).items() if k not in ("lowest", "highest")}
-    assert [field.name for field in fields if "rule" in field.metadata and field.name in rules] == [
-        *rules
-    ]
-    texts = described(PARTS[group])
+    assert [one.name for one in fields if "rule" in one.metadata and one.name in rules] == [*rules]
     assert list(texts) == [field.name for field in fields]
-    for rule in rules.values():
+    for name, rule in rules.items():
         if rule.rule not in ("LINKS", "FLAG"):
-            assert says_unit(texts[rule.name], rule.unit), rule
-            bound = BOUNDS[rule.rule]
-            if rule.rule == "NONNEGATIVE":
-                bound = WITH_ZERO.get(rule.name, bound)
-            assert re.search(rf"(?<![<>=]){bound}(?!\d)", texts[rule.name]), rule
+            assert f"[{rule.unit}]" in texts[name], rule
+            # of parameters whose 0 has a meaning, a docstring says so
+            from_0 = {"mu_s": "0: no", "v_stribeck": "> 0"}.get(name, ">= 0")
+            bound = {"NONNEGATIVE": from_0, "FINITE": ""}.get(rule.rule, "> 0")
+            assert re.search(rf"(?<![<>=]){bound}(?!\d)", texts[name]), rule
             if rule.rule == "FINITE":
-                assert not re.search(r"[<>]=? ?0", texts[rule.name]), rule
+                assert not re.search(r"[<>]=? ?0", texts[name]), rule
 
 
 def test_laws_of_the_table_are_classes_of_the_package() -> None:
@@ -94,49 +73,41 @@ def test_laws_of_the_table_are_classes_of_the_package() -> None:
 
 
 def test_state_has_the_fields_of_the_table() -> None:
-    fields = [field.name for field in attrs.fields(bd.State)]
-    assert fields == [*(row[0] for row in _core.STATE_FIELDS), "t", "residual"]
-    texts = described(bd.State)
-    assert list(texts) == fields
+    fields, texts = [field.name for field in attrs.fields(bd.State)], described(bd.State)
+    assert list(texts) == fields == [*(row[0] for row in _core.STATE_FIELDS), "t", "residual"]
     for name, _, unit, _ in _core.STATE_FIELDS:
-        if unit != "its law's":
-            assert says_unit(texts[name], unit), name
+        assert unit == "its law's" or f"[{unit}]" in texts[name], name
 
 
 def test_histories_have_the_outputs_of_the_table() -> None:
+    """And Stats the counters."""
     for group, cls in histories.GROUPS.items():
         rows = [row for row in _core.OUTPUTS if row[1] == group]
         texts = described(cls)
-        names = {row[0] for row in rows if group != "energy"}
-        names |= {name for name, *_ in _core.ENERGY_TERMS if group == "energy"}
-        of_package = {"pulley", "passed", "names"}
-        assert {field.name for field in attrs.fields(cls)} - of_package == names
+        names = [row[0] for row in rows]
         if group == "energy":
-            columns = [name for name, *_ in _core.ENERGY_TERMS]
-            assert sorted(texts) == sorted([*columns, "passed"])
+            names = [name for name, *_ in _core.ENERGY_TERMS]
+        fields = {field.name for field in attrs.fields(cls)}
+        assert fields - {"pulley", "passed", "names"} == {*names}
+        if group == "energy":
+            assert sorted(texts) == sorted([*names, "passed"])
             continue
         assert texts.pop("names", None) is None or group == "pulleys"
-        assert list(texts) == [*(["pulley"] if group == "contact" else []), *(r[0] for r in rows)]
+        assert list(texts) == [*(["pulley"] if group == "contact" else []), *names]
         for name, _, _, unit, _ in rows:
-            assert says_unit(texts[name], unit), name
+            assert f"[{unit}]" in texts[name], name
+    counters = {name for name, _ in _core.STATS} - {"residual"}
+    counters |= {"method", "kernels", "choice", "cpu_time", "wall_time", "settle_time"}
+    assert {field.name for field in attrs.fields(histories.Stats)} == counters
+    assert set(described(histories.Stats)) == counters
 
 
-def test_stats_have_the_counters_of_the_table() -> None:
-    of_core = {name for name, _ in _core.STATS} - {"residual"}
-    of_python = {"method", "kernels", "choice", "cpu_time", "wall_time", "settle_time"}
-    assert {field.name for field in attrs.fields(bd.histories.Stats)} == of_core | of_python
-    assert set(described(bd.histories.Stats)) == of_core | of_python
-
-
-def annotations_of_model() -> dict[str, Any]:
-    tree = ast.parse(STUB.read_text("utf-8"))
+def test_tuples_of_the_stub_have_the_parameters_of_their_group() -> None:
+    tree = ast.parse(Path(_core.__file__).with_name("_core.pyi").read_text("utf-8"))
     model = next(n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Model")
     init = next(n for n in model.body if isinstance(n, ast.FunctionDef) and n.name == "__init__")
-    return {arg.arg: arg.annotation for arg in init.args.args if arg.annotation is not None}
-
-
-@pytest.mark.parametrize("group", ["belt", "contact", "drag"])
-def test_tuples_of_the_stub_have_the_parameters_of_their_group(group: str) -> None:
-    integers = ("LINKS", "FLAG")
-    kinds = ["int" if rule.rule in integers else "float" for rule in rules_of(group).values()]
-    assert f"tuple[{', '.join(kinds)}]" in ast.unparse(annotations_of_model()[group])
+    typed = {arg.arg: ast.unparse(arg.annotation) for arg in init.args.args if arg.annotation}
+    for group in ("belt", "contact", "drag"):
+        rules = [rule.rule for rule in rules_of(group).values()]
+        kinds = ["int" if rule in ("LINKS", "FLAG") else "float" for rule in rules]
+        assert f"tuple[{', '.join(kinds)}]" in typed[group]

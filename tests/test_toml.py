@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from itertools import cycle
 from pathlib import Path
@@ -15,10 +16,9 @@ import tomli_w
 from fuzzed import EXAMPLES, fuzz
 from hypothesis import strategies as st
 from laws import EXAMPLES as LAWS
-from laws import with_laws
 
 import beltdyn as bd
-from beltdyn import _core
+from beltdyn.rules import rules_of
 
 SCENE = """\
 t_end = 0.5
@@ -60,8 +60,7 @@ coefficients = [0, 16]
 
 @pytest.mark.parametrize("name", bd.scenes.names())
 def test_every_scene_survives_the_round_trip_exactly(name: str, tmp_path: Path) -> None:
-    scene = bd.scenes.get(name)
-    path = tmp_path / "scene.toml"
+    scene, path = bd.scenes.get(name), tmp_path / "scene.toml"
     text = scene.to_toml(path)
     assert path.read_text(encoding="utf-8") == text
     for source in (text, path, str(path)):
@@ -69,71 +68,50 @@ def test_every_scene_survives_the_round_trip_exactly(name: str, tmp_path: Path) 
 
 
 def test_params_survive_the_round_trip_to_the_last_bit(tmp_path: Path) -> None:
-    params = bd.scenes.three_pulleys().params
+    """Numbers that no short text has, also of friction, whose kind is written."""
+    params, third = bd.scenes.three_pulleys().params, (0.2 / 3, 1 / 3)
     belt = attrs.evolve(params.belt, length=np.nextafter(1.1945, 2), axial_damping=1 / 3)
-    params = attrs.evolve(params, belt=belt, gravity=(5e-324, -1e22), friction=None)
-    assert bd.Params.from_toml(params.to_toml()) == params
-    params.to_toml(tmp_path / "drive.toml")
-    assert bd.Params.from_toml(tmp_path / "drive.toml") == params
-
-
-LUGRE, ELASTIC, DAHL = (LAWS[name] for name in ("lugre", "elastic_plastic", "dahl"))
-#: Of the drive and of its three pulleys: each law on each, alone and with others.
-FRICTION: list[Any] = [(None, (None, None, None)), (DAHL, (LUGRE, ELASTIC, DAHL))]
-for law, other in zip(LAWS.values(), cycle([None, DAHL, LUGRE]), strict=False):
-    FRICTION += [(law, (None, None, None)), (other, (law, law, law))]
-    FRICTION += [(other, (law, None, None)), (law, (None, None, law))]
-
-
-def _with_thirds(law: bd.Friction) -> bd.Friction:
-    numbers = attrs.asdict(law)
-
-    def third(value: Any) -> Any:
-        return tuple(map(third, value)) if isinstance(value, (list, tuple)) else value / 3
-
-    return attrs.evolve(law, **{name: third(value) for name, value in numbers.items()})
-
-
-def test_friction_survives_the_round_trip_exactly() -> None:
-    """Of the drive, of pulleys, of both, with numbers that no short text has."""
-    for shared, own in FRICTION:
-        third = tuple(law and _with_thirds(law) for law in own)
-        params = with_laws(bd.scenes.three_pulleys().params, *third)
+    one, *others = params.pulleys
+    law = bd.MaxwellSlip(mu=third, stiffness=(1e8 / 3, 1e8), damping=third)
+    pulleys = [attrs.evolve(one, friction=law), *others]
+    params = attrs.evolve(params, belt=belt, gravity=(5e-324, -1e22), pulleys=pulleys)
+    for shared in (None, bd.Dahl(mu_k=0.7 / 3, sigma=1e4 / 3)):
         params = attrs.evolve(params, friction=shared)
-        text = params.to_toml()
-        again = bd.Params.from_toml(text)
-        assert again == params and again.to_toml() == text
-        assert again._model.friction == params._model.friction
+        text = params.to_toml(tmp_path / "drive.toml")
+        for source in (text, tmp_path / "drive.toml"):
+            again = bd.Params.from_toml(source)
+            assert again == params and again.to_toml() == text
+            assert again._model.friction == params._model.friction
         document = tomllib.loads(text)
         assert ("friction" in document) == (shared is not None)
-        for table, law in zip(document["pulleys"], third, strict=True):
-            assert table.get("friction", {}).get("kind") == (None if law is None else law.law)
+        kinds = [table.get("friction", {}).get("kind") for table in document["pulleys"]]
+        assert kinds == ["maxwell_slip", None, None]
 
 
 def test_a_scene_written_by_hand() -> None:
+    """One torque is itself, and friction may be absent; a notebook's file is its scene."""
     scene = bd.Scene.from_toml(SCENE)
     assert scene.t_end == 0.5
     assert scene.params.gravity == (0.0, -9.81)
     assert scene.params.friction == bd.Dahl(mu_k=1.0, sigma=1e4), "dahl is the default"
     assert scene.params.pulleys[1].center == (0.29, 0.0)
-    assert scene.torque_fn == bd.PiecewiseLinear([0, 0.3], [[0, 0], [-100, 0]]) + bd.Viscous(
-        [0, 16]
-    )
-
-
-def test_one_torque_is_itself_and_friction_may_be_absent() -> None:
+    ramp, load = bd.PiecewiseLinear([0, 0.3], [[0, 0], [-100, 0]]), bd.Viscous([0, 16])
+    assert scene.torque_fn == ramp + load
     text = SCENE.replace("[friction]\nmu_k = 1\nsigma = 1e4\n", "").split("[[torque]]")
     scene = bd.Scene.from_toml(text[0] + "[[torque]]" + text[2])
-    assert scene.params.friction is None
-    assert scene.torque_fn == bd.Viscous([0, 16])
+    assert scene.params.friction is None and scene.torque_fn == load
     assert bd.Scene.from_toml(scene.to_toml()) == scene
+    # with comments: the file that notebooks/README.md runs
+    path = Path(__file__).resolve().parent.parent / "notebooks" / "serpentine.toml"
+    read, scene = bd.Scene.from_toml(path), bd.scenes.serpentine()
+    assert read == scene and read.to_toml() == scene.to_toml()
+    assert "#" in path.read_text(encoding="utf-8")
 
 
 def test_text_is_readable() -> None:
     text = drives.plain_scene().to_toml()
-    assert "center = [0.29, 0.0]" in text
-    assert "    [-100.0, 0.0],\n" in text
-    assert 'kind = "dahl"' in text
+    for line in ("center = [0.29, 0.0]", "    [-100.0, 0.0],\n", 'kind = "dahl"'):
+        assert line in text
     tables = {"t_end", "gravity", "belt", "pulleys", "contact", "friction", "torque"}
     assert set(tomllib.loads(text)) == tables
 
@@ -151,9 +129,7 @@ DEEP, HUGE = "not valid TOML for a drive: nested too deeply", "0x" + "f" * 5000
     ("old", "new", "message"),
     [
         ("radius = 0.1", "radus = 0.1", "pulleys[0].radus: unknown field (did you mean 'radius'?)"),
-        ("sigma = 1e4", "sigma = 1e4\nfoo = 1", "friction.foo: unknown field"),
         ("t_end = 0.5", "t_end = 0.5\nspeed = 1", "speed: unknown field"),
-        ("coefficients", "t = [0]\ncoefficients", "torque[1].t: unknown field"),
         ("length = 1.2\n", "", "belt.length or belt.preload must be given"),
         (BELT, "", "belt: missing"),
         ("[contact]", "[contat]", "contat: unknown field (did you mean 'contact'?)"),
@@ -161,8 +137,9 @@ DEEP, HUGE = "not valid TOML for a drive: nested too deeply", "0x" + "f" * 5000
         ("t_end = 0.5\n", "", "t_end: missing"),
         ("coefficients = [0, 16]", "", "torque[1].coefficients: missing"),
         ('kind = "viscous"\n', "", "torque[1].kind must be one of piecewise_linear, viscous, "),
-        ("mu_k = 1", 'kind = "glue"', f"{LAW}, dahl, lugre, elastic_plastic, coulomb, creep_rate, "
-         "threlfall, maxwell_slip, got 'glue'"),
+        ("mu_k = 1\nsigma = 1e4", "mu = [0.5]\nstiffness = [1e7]\ndamping = [100.0]",
+         f"{LAW}, dahl, lugre, elastic_plastic, coulomb, creep_rate, threlfall, maxwell_slip, it is"
+         " missing"),
         ("length = 1.2", 'length = "1.2"', f"{LENGTH} a real number (m), got '1.2'"),
         ("n_bodies = 60", "n_bodies = 60.0", f"{LINKS} 60.0"),
         ("center = [0.29, 0.0]", "center = [0.29]",
@@ -171,9 +148,7 @@ DEEP, HUGE = "not valid TOML for a drive: nested too deeply", "0x" + "f" * 5000
          "pulleys[1].radius must be > 0 (radius on which the link centres run, r_p), got -0.1 m"),
         ("mu_k = 1", "mu_k = nan", "friction.mu_k must be finite, got nan"),
         (GRAVITY, "gravity = [0, inf]", "gravity[1] must be finite (m/s^2), got inf"),
-        (GRAVITY, "gravity = true", "gravity must be a pair of real numbers"),
         ("t_end = 0.5", "t_end = 0", "t_end must be > 0 s, got 0 s"),
-        ("t_end = 0.5", 't_end = "1"', "t_end must be a real number (s), got '1'"),
         ("t = [0, 0.3]", "t = [0.3, 0]", "torque[0].t must be non-decreasing"),
         ("[0, 16]", "[0, 16, 1]", "torque[1] must be for 2 pulley(s)"),
         ("n_bodies = 60", "n_bodies = 60\nlength = 1", "not valid TOML: "),
@@ -190,7 +165,6 @@ DEEP, HUGE = "not valid TOML for a drive: nested too deeply", "0x" + "f" * 5000
         ("[0, 16]", f"[0, {HUGE}]", f"{COEFFICIENTS} hold real numbers"),
         ("1.2", "1e999", f"{LENGTH} finite (m), got inf"),
         ("1.2", "1979-05-27", f"{LENGTH} a real number (m), got datetime.date"),
-        ("1.2", "1979-13-27", "not valid TOML: "),
         ("[0, 16]", "[1979-05-27]", f"{COEFFICIENTS} hold real numbers"),
         ("[0, 16]", "[0, nan]", f"{COEFFICIENTS} be finite, got nan at [1]"),
         ('kind = "viscous"', "kind = [1]", "torque[1].kind must be one of"),
@@ -217,18 +191,6 @@ def test_mistakes_are_one_line_that_names_the_path(
         assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
 
 
-def table_of(law: bd.Friction, **changes: Any) -> dict[str, Any]:
-    return {"kind": law.law, **attrs.asdict(law), **changes}
-
-
-def test_a_law_that_is_not_dahls_needs_its_kind() -> None:
-    document = tomllib.loads(SCENE)
-    document["friction"] = {"mu": [0.5], "stiffness": [1e7], "damping": [100.0]}
-    message = r"^friction\.kind must be one of none, dahl.*, it is missing"
-    with pytest.raises(ValueError, match=message):
-        bd.Scene.from_toml(tomli_w.dumps(document))
-
-
 PATHS = zip(LAWS, cycle(["friction", "pulleys[1].friction"]), strict=False)
 
 
@@ -236,83 +198,59 @@ PATHS = zip(LAWS, cycle(["friction", "pulleys[1].friction"]), strict=False)
 def test_mistakes_in_friction_name_the_path(name: str, path: str) -> None:
     """Of every law, each of its parameters: missing, misspelt, of another kind, out of bounds."""
     law = LAWS[name]
+    table = {"kind": law.law, **attrs.asdict(law)}
 
-    def message_of(table: Any) -> str:
+    def refused(table: Any, message: str) -> None:
         document = tomllib.loads(SCENE)
-        if path == "friction":
-            document["friction"] = table
-        else:
-            document["pulleys"][1]["friction"] = table
+        (document if path == "friction" else document["pulleys"][1])["friction"] = table
         with pytest.raises(ValueError) as caught:
             bd.Scene.from_toml(tomli_w.dumps(document))
-        text = str(caught.value)
-        assert "\n" not in text
-        return text
+        assert str(caught.value).startswith(path + message) and "\n" not in str(caught.value)
 
-    kinds = ", ".join(["none", *LAWS])
+    kinds = f".kind must be one of {', '.join(['none', *LAWS])}, got "
     for kind in ("glue", "Dahl", "", 1, ["dahl"]):
-        message = message_of(table_of(law, kind=kind))
-        assert message.startswith(f"{path}.kind must be one of {kinds}, got ")
-    for wrong in (3, [table_of(law)], "dahl"):
-        assert message_of(wrong).startswith(f"{path}: must be a table, got ")
-    for group, field, rule, _, _ in _core.PARAMETERS:
-        if group != name:
-            continue
-        good = table_of(law)
+        refused({**table, "kind": kind}, kinds)
+    for wrong in (3, [table], "dahl"):
+        refused(wrong, ": must be a table, got ")
+    for field, rule in rules_of(name).items():
+        good = {**table}
         value = good.pop(field)
         if attrs.fields_dict(type(law))[field].default is attrs.NOTHING:
-            assert message_of(good) == f"{path}.{field}: missing"
-        hint = f"{path}.{field}x: unknown field (did you mean {field!r}?)"
-        assert message_of({**good, f"{field}x": value}) == hint
-        real = "a real number"
+            refused(good, f".{field}: missing")
+        refused({**good, f"{field}x": value}, f".{field}x: unknown field (did you mean {field!r}?)")
+        real, several = "a real number", isinstance(value, tuple)
         for bad, what in (("1", real), (True, real), (float("nan"), "finite")):
-            several = isinstance(value, (list, tuple))
-            given, label = ([bad, *value[1:]], f"{field}[0]") if several else (bad, field)
-            assert message_of({**good, field: given}).startswith(f"{path}.{label} must be {what}")
-        words = {"POSITIVE": "> 0", "POSITIVES": "> 0", "NONNEGATIVE": ">= 0"}[rule]
+            given = [bad, *value[1:]] if several else bad
+            refused({**good, field: given}, f".{field}{'[0]' * several} must be {what}")
+        bound = ">= 0" if rule.rule == "NONNEGATIVE" else "> 0"
         given = [-1.0, *value[1:]] if several else -1.0
-        assert message_of({**good, field: given}).startswith(f"{path}.{field} must be {words} (")
+        refused({**good, field: given}, f".{field} must be {bound} (")
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("belt = 1\n", "belt: must be a table, got 1"),
-        ("belt = [1, 2]\n", "belt: must be a table, got [1, 2]"),
-        ("pulleys = 3\n", "pulleys: must be an array of tables, [[...]]"),
-        ("pulleys = [3]\n", "pulleys[0]: must be a table, got 3"),
-        ("friction = 3\n", "friction: must be a table, got 3"),
-        ("[pulleys]\nradius = 1\n", "pulleys: must be an array of tables, [[...]]"),
-    ],
-)
-def test_wrong_structure(text: str, message: str) -> None:
+def test_what_is_no_scene_and_no_drive(tmp_path: Path) -> None:
     good = tomllib.loads(SCENE)
-    document: dict[str, Any] = {k: good[k] for k in ("belt", "contact", "pulleys")}
-    with pytest.raises(ValueError) as caught:
-        bd.Params.from_toml(tomli_w.dumps(document | tomllib.loads(text)))
-    assert str(caught.value) == message
-
-
-def test_a_scene_is_not_parameters() -> None:
+    for change, message in (
+        ({"belt": 1}, "belt: must be a table, got 1"),
+        ({"belt": [1, 2]}, "belt: must be a table, got [1, 2]"),
+        ({"pulleys": 3}, "pulleys: must be an array of tables, [[...]]"),
+        ({"pulleys": [3]}, "pulleys[0]: must be a table, got 3"),
+        ({"friction": 3}, "friction: must be a table, got 3"),
+        ({"pulleys": {"radius": 1}}, "pulleys: must be an array of tables, [[...]]"),
+    ):
+        document = {"belt": good["belt"], "contact": good["contact"], "pulleys": good["pulleys"]}
+        with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+            bd.Params.from_toml(tomli_w.dumps(document | change))
     with pytest.raises(ValueError, match=r"^this is a scene, .* read it with Scene\.from_toml"):
         bd.Params.from_toml(SCENE)
-
-
-def test_no_such_file_and_not_text(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         bd.Scene.from_toml(tmp_path / "none.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match="not a text file in UTF-8"):
         bd.Scene.from_toml(tmp_path / "binary.toml")
-
-
-def test_a_function_cannot_be_written() -> None:
     scene = bd.scenes.kubas_case_1()._replace(torque_fn=lambda t, theta, omega: [0.0, 0.0])
     with pytest.raises(TypeError, match=r"^torque_fn must be made of torque objects"):
         scene.to_toml()
 
-
-# --- anything ------------------------------------------------------------------------------------
 
 PLAIN = st.floats() | st.integers() | st.booleans() | st.text(max_size=4)
 PLAIN |= st.dates() | st.datetimes() | st.integers(20_000, 20_010).map(lambda bits: 1 << bits)
@@ -350,13 +288,12 @@ def test_any_text(examples: int) -> None:
 def test_any_value_anywhere(examples: int) -> None:
     def check(data: st.DataObject) -> None:
         document: Any = tomllib.loads(SCENE)
-        table: Any = document
-        while True:
-            keys = sorted(table) if isinstance(table, dict) else list(range(len(table)))
-            key = data.draw(st.sampled_from(keys))
-            if not isinstance(table[key], (dict, list)) or data.draw(st.integers(0, 3)) == 0:
-                break
-            table = table[key]
+        table, inner = document, document
+        while isinstance(inner, (dict, list)) and (inner is document or data.draw(st.booleans())):
+            table = inner
+            keys = table if isinstance(table, dict) else range(len(table))
+            key = data.draw(st.sampled_from([*keys]))
+            inner = table[key]
         if isinstance(table, dict) and data.draw(st.booleans()):
             key = data.draw(st.text(max_size=4))
         table[key] = data.draw(VALUES)
@@ -367,12 +304,3 @@ def test_any_value_anywhere(examples: int) -> None:
         only_documented(text)
 
     fuzz(examples, check, st.data())
-
-
-def test_the_file_of_the_seven_pulleys_is_the_scene() -> None:
-    """Written by hand, with comments: the file that notebooks/README.md runs."""
-    path = Path(__file__).resolve().parent.parent / "notebooks" / "serpentine.toml"
-    read, scene = bd.Scene.from_toml(path), bd.scenes.serpentine()
-    assert read == scene
-    assert read.to_toml() == scene.to_toml()
-    assert "#" in path.read_text(encoding="utf-8")
