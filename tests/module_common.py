@@ -45,8 +45,9 @@ def run(model, state, torque=TORQUE, t_end=0.02):
 
 
 def refused(kind, message):
-    """pytest.raises with the whole message, as it stands."""
-    return pytest.raises(kind, match=f"^{re.escape(message)}$")
+    """pytest.raises with the whole message as it stands, or its beginning before three dots."""
+    begin = message.removesuffix("...")
+    return pytest.raises(kind, match=f"^{re.escape(begin)}{'$' * (begin == message)}")
 
 
 def same_bits(one, other):

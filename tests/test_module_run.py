@@ -1,29 +1,129 @@
-"""Runs through the binding: a simulation's arguments, sampling, advancing, settling."""
+"""States and runs through the binding: arguments, sampling, advancing, settling."""
 
+import collections
 import math
 
 import numpy as np
 import pytest
-from module_common import INF, N_B, N_P, make_model, make_simulation, refused, same_bits
+from module_common import (
+    INF,
+    LAYOUTS,
+    N_B,
+    N_P,
+    kind_of,
+    make_model,
+    make_simulation,
+    refused,
+    same_bits,
+    strange_layouts,
+)
 
 from beltdyn import _core
 from beltdyn.errors import SimulationError
 
 V, T = ValueError, TypeError
 
-# --- Simulation: arguments ---------------------------------------------------------------------
 
-
-def test_the_model_must_be_one_and_options_are_keywords(model, rest):
-    for call, words in (
-        (lambda: _core.Simulation({}, rest, [], 1.0), r"must be beltdyn\._core\.Model, not dict"),
-        (lambda: _core.Simulation.settle(None), r"must be beltdyn\._core\.Model, not None"),
-        (lambda: _core.Simulation(model, rest, [], 1.0, "tsit5"), "positional"),
-        (lambda: _core.Simulation.settle(model, None, True), "positional"),
-        (lambda: make_simulation(model, rest, tolerance=1.0), "(unexpected|invalid) keyword"),
+def test_rate(model, rest):
+    state = {**rest, "omega": np.array([0.5, -1.0]), "vx": np.linspace(-1, 1, N_B)}
+    rate = model.rate(state, [3.0, 0.0])
+    sizes = {"LINKS": N_B, "SLOTS": N_B, "STATES": N_B, "PULLEYS": N_P, "MOUNTS": 0}
+    for name, size, *_ in _core.STATE_FIELDS:
+        assert rate[name].shape == (sizes[size],) and rate[name].dtype == np.float64
+    np.testing.assert_array_equal(rate["theta"], state["omega"])
+    np.testing.assert_array_equal(rate["x"], state["vx"])
+    more = model.rate(state, [4.0, 0.0])
+    assert more["omega"][0] - rate["omega"][0] == pytest.approx(1.0 / 0.01)
+    assert more["omega"][1] == rate["omega"][1]
+    rate["x"][0] = 7.0
+    assert model.rate(state, [3.0, 0.0])["x"][0] == -1.0
+    for torque, kind, message in (
+        ([0, 0, 0], V, "torque must have shape (2,), got (3,)"),
+        ([INF, 0], V, "torque[0] must be finite, got inf"),
+        (None, T, "torque must hold real numbers, got dtype object"),
     ):
-        with pytest.raises(T, match=words):
-            call()
+        with refused(kind, message):
+            model.rate(rest, torque)
+
+
+def refused_by_all(model, state, kind, message):
+    """By everything that takes a state."""
+    for use in (
+        lambda: model.rate(state, [0, 0]),
+        lambda: _core.Simulation(model, state, [], 1.0),
+        lambda: _core.Simulation.settle(model, state),
+    ):
+        with refused(kind, message):
+            use()
+
+
+#: What a drive without mounts has; what it has none of may be left out.
+FIELDS = [("t", ""), *(row[:2] for row in _core.STATE_FIELDS if row[1] != "MOUNTS")]
+
+
+@pytest.mark.parametrize(("name", "size"), FIELDS)
+def test_states_are_whole_and_have_their_shapes(model, rest, name, size):
+    n = N_P if size == "PULLEYS" else N_B
+    lacking = {key: value for key, value in rest.items() if key != name}
+    refused_by_all(model, lacking, V, f"state lacks '{name}'")
+    nan_at_1 = np.where(np.arange(n) == 1, math.nan, 0.0)
+    for value, kind, message in [
+        (math.nan, V, " must be finite, got nan"), ("0", T, " must be a real number, got str"),
+    ] if name == "t" else [
+        (np.zeros(n - 1), V, f" must have shape ({n},), got ({n - 1},)"),
+        (np.zeros((1, n)), V, f" must have shape ({n},), got (1, {n})"),
+        (0.0, V, f" must have shape ({n},), got ()"),
+        (nan_at_1, V, "[1] must be finite, got nan"),
+        (np.zeros(n, complex), T, " must hold real numbers, got dtype complex128"),
+        (None, T, " must hold real numbers, got dtype object"),
+    ]:  # fmt: skip
+        refused_by_all(model, {**rest, name: value}, kind, f"state '{name}'{message}")
+
+
+class Lazy(collections.UserDict):
+    """A mapping that is no dict."""
+
+    def __missing__(self, name):
+        raise LookupError("mine")
+
+
+def test_states_may_be_any_mapping(model, rest):
+    assert same_bits(model.rate(Lazy(rest), [0, 0]), model.rate(rest, [0, 0]))
+    with pytest.raises(LookupError, match="mine"):
+        model.rate(Lazy({}), [0, 0])
+    for value in [3, [1.0], (1.0,), "state", b"state", np.zeros(3)]:
+        got = f"state must be a mapping of arrays by name, got {kind_of(value)}"
+        refused_by_all(model, value, T, got)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_states_are_copied_from_any_layout(model, rest, layout):
+    arrays = {
+        name: strange_layouts(value.copy())[layout] for name, value in rest.items() if name != "t"
+    }
+    state = {"t": 0.0, **arrays}
+    assert same_bits(model.rate(state, [1, 2]), model.rate(rest, [1, 2]))
+    simulation = make_simulation(model, state)
+    if layout != "read-only":
+        state["x"][:] = [math.nan] * N_B
+    copied = simulation.state()
+    assert same_bits(copied, rest)
+    copied["x"][:] = math.nan
+    assert simulation.advance(INF) is True and np.isfinite(simulation.state()["x"]).all()
+
+
+def test_state_numbers_of_other_widths_but_none_that_would_lose_digits(model, rest):
+    for dtype in ["f2", "f4", ">f4", "i1", "i8", ">i2", "u8"]:
+        omega = np.array([2, 3]).astype(dtype)
+        taken = make_simulation(model, {**rest, "omega": omega}).state()["omega"]
+        assert taken.dtype == np.dtype(float) and taken.tolist() == [2.0, 3.0], dtype
+    values = np.zeros(N_P, np.longdouble)
+    if values.itemsize == 8:  # the same as float64 here, so nothing is lost
+        assert not model.rate({**rest, "omega": values}, [0, 0])["theta"].any()
+    else:
+        got = f"got dtype {values.dtype}"
+        with refused(T, f"state 'omega' must hold real numbers, {got}"):
+            model.rate({**rest, "omega": values}, [0, 0])
 
 
 def test_method(model, rest):
@@ -39,12 +139,20 @@ def test_method(model, rest):
     ):
         with pytest.raises(kind, match=words):
             make_simulation(model, rest, method=name)
+    for call, words in (
+        (lambda: _core.Simulation({}, rest, [], 1.0), r"must be beltdyn\._core\.Model, not dict"),
+        (lambda: _core.Simulation.settle(None), r"must be beltdyn\._core\.Model, not None"),
+        (lambda: _core.Simulation(model, rest, [], 1.0, "tsit5"), "positional"),
+        (lambda: _core.Simulation.settle(model, None, True), "positional"),
+        (lambda: make_simulation(model, rest, tolerance=1.0), "(unexpected|invalid) keyword"),
+    ):
+        with pytest.raises(T, match=words):
+            call()
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"rtol": 0.0}, "rtol must be > 0"),
         ({"rtol": math.nan}, "rtol must be > 0"),
         ({"rtol": 1.0001}, "rtol must be > 0 and <= 1"),
         ({"step": -1.0}, "step must be finite and >= 0"),
@@ -77,10 +185,6 @@ def test_options_reach_the_core(model, rest):
         make_simulation(one, rest).passes for one in (model, make_model(gravity=(0, -9.81)))
     )
     assert isinstance(passes, tuple) and len(heavy) == len(passes) + 1
-    assert any("friction" in name for name in passes)
-
-
-def test_breakpoints_are_hit(model, rest):
     at = []
 
     def torque(t, theta, omega):
@@ -93,24 +197,33 @@ def test_breakpoints_are_hit(model, rest):
     assert {np.nextafter(t, side) for t in (0.0123, 0.017) for side in (0, 1)} <= set(at)
 
 
-# --- sampling and running ----------------------------------------------------------------------
-
-
-def test_sample_shapes(model, rest):
+def test_samples(model, rest):
+    """Their shapes; rows come one by one; times are copied, and set once and early."""
+    times = np.linspace(0.0, 0.02, 201)
     simulation = make_simulation(model, rest)
-    samples = simulation.sample([0.0, 0.01, 0.02])
+    samples = simulation.sample(times)
+    times[:] = math.nan
     widths = {"LINKS": N_B, "FRICTION": N_B, "PULLEYS": N_P, "ENERGY": len(model.energy_terms)}
     absent = {"drag_loss", "mount", "mount_loss", "path_work"}  # without drag and mounts
     columns = [name for name, *_ in _core.ENERGY_TERMS if name not in absent]
     assert model.energy_terms == tuple(columns)
     rows = [row for row in _core.OUTPUTS if row[2] != "MOUNTS"]
     for name, _, size, *_ in rows:
-        shape = (3, N_P, 2) if size == "PLANE" else (3, widths[size])
+        shape = (201, N_P, 2) if size == "PLANE" else (201, widths[size])
         assert samples[name].shape == shape and samples[name].dtype == np.float64
         assert np.isnan(samples[name]).all() and samples[name].flags.c_contiguous
-    assert samples["pulley"].dtype == np.int32 and samples["pulley"].shape == (3, N_B)
-    assert (samples["pulley"] == -1).all() and simulation.samples == 0
-    assert simulation.advance(INF) is True and simulation.samples == 3
+    assert samples["pulley"].dtype == np.int32 and samples["pulley"].shape == (201, N_B)
+    assert simulation.samples == 0
+    with refused(RuntimeError, "the sample times are set already"):
+        simulation.sample([0.0])
+    done = 0
+    while True:
+        assert np.isfinite(samples["x"][:done]).all() and np.isnan(samples["x"][done:]).all()
+        assert (samples["pulley"][done:] == -1).all()
+        if done == 201:
+            break
+        simulation.advance(0.0)
+        done = simulation.samples
     for name, *_ in rows:
         assert np.isfinite(samples[name]).all(), name
     assert set(samples["pulley"].ravel()) == {-1, 0, 1}
@@ -118,24 +231,22 @@ def test_sample_shapes(model, rest):
     for name in ["x", "y", "phi", "vx", "vy", "vphi", "theta", "omega"]:
         np.testing.assert_array_equal(samples[name][-1], final[name])
         np.testing.assert_array_equal(samples[name][0], rest[name])
+    late = make_simulation(model, rest)
+    late.advance(0.0)
+    with refused(RuntimeError, "sample times must be set before the run"):
+        late.sample([0.0])
 
 
-def test_rows_come_one_by_one(model, rest):
-    simulation = make_simulation(model, rest, max_steps=20)
-    samples = simulation.sample(np.linspace(0.0, 0.02, 201))
-    with pytest.raises(SimulationError, match="max_steps"):
-        simulation.advance(INF)
-    done = simulation.samples
-    assert 0 < done < 201
-    assert np.isfinite(samples["x"][:done]).all() and np.isnan(samples["x"][done:]).all()
-    assert (samples["pulley"][done:] == -1).all()
-
-
-def test_no_ledger_no_energy(model, rest):
-    simulation = make_simulation(model, rest, ledger=False)
-    samples = simulation.sample([0.0])
-    assert "energy" not in samples and "x" in samples
+def test_samples_without_ledger_or_friction(rest):
+    model = make_model(friction=None)
+    simulation = make_simulation(model, {**rest, "mu": [], "slip": []}, ledger=False)
+    samples = simulation.sample([0.01])
     assert simulation.advance(INF) is True
+    assert simulation.state()["mu"].shape == (0,) and simulation.state()["slip"].shape == (0,)
+    assert not {"mu", "friction", "slip", "energy"} & samples.keys()
+    assert samples["normal"].max() > 0
+    with refused(V, "state 'mu' must have shape (0,), got (24,)"):
+        make_simulation(model, rest)
 
 
 @pytest.mark.parametrize(
@@ -159,22 +270,6 @@ def test_sample_times_that_are_refused_do_not_harm(model, rest, t, kind, message
     assert simulation.advance(INF) is True and np.isfinite(samples["x"]).all()
 
 
-def test_sample_times_are_copied_and_set_once_and_early(model, rest):
-    simulation = make_simulation(model, rest)
-    assert simulation.sample([])["theta"].shape == (0, N_P)
-    with refused(RuntimeError, "the sample times are set already"):
-        simulation.sample([0.0])
-    simulation = make_simulation(model, rest)
-    simulation.advance(0.0)
-    with refused(RuntimeError, "sample times must be set before the run"):
-        simulation.sample([0.0])
-    t = np.array([0.01, 0.02])
-    simulation = make_simulation(model, rest)
-    samples = simulation.sample(t)
-    t[:] = math.nan
-    assert simulation.advance(INF) is True and np.isfinite(samples["x"]).all()
-
-
 def test_chunks_do_not_matter(model, rest, driven):
     simulation = make_simulation(model, rest)
     times = [simulation.time]
@@ -190,17 +285,19 @@ def test_chunks_do_not_matter(model, rest, driven):
             simulation.advance(value)
 
 
-# --- settling ----------------------------------------------------------------------------------
-
-
-def test_settle_comes_to_rest_and_goes_on_from_a_state(model, rest):
+def test_settle_comes_to_rest_or_says_so(model, rest):
+    """From the route, or a state; it has no samples."""
     for name in ["vx", "vy", "vphi", "omega"]:
         assert not rest[name].any()
-    assert rest["t"] == 0.0 and rest["x"].shape == (N_B,)
     settling = _core.Simulation.settle(model, rest, tolerance=1e-4)
-    assert isinstance(settling, _core.Simulation)
+    with pytest.raises(RuntimeError, match="settling has no samples"):
+        settling.sample([0.0])
     assert settling.advance(INF) is True
     np.testing.assert_allclose(settling.state()["x"], rest["x"], atol=1e-5)
+    settling = _core.Simulation.settle(model, tolerance=1e-9, max_time=1e-3)
+    with pytest.raises(SimulationError, match="did not come to rest") as caught:
+        settling.advance(INF)
+    assert caught.value.symbol == "BD_ERR_NOT_SETTLED" and caught.value.value > 0
 
 
 def test_settle_with_moving_centres(model):
@@ -230,12 +327,3 @@ def test_settle_with_moving_centres(model):
 def test_settle_refuses(model, options, kind, message):
     with pytest.raises(kind, match=message):
         _core.Simulation.settle(**({"model": model} | options))
-
-
-def test_settling_has_no_samples_and_may_not_end(model):
-    settling = _core.Simulation.settle(model, tolerance=1e-9, max_time=1e-3)
-    with pytest.raises(RuntimeError, match="settling has no samples"):
-        settling.sample([0.0])
-    with pytest.raises(SimulationError, match="did not come to rest") as caught:
-        settling.advance(INF)
-    assert caught.value.symbol == "BD_ERR_NOT_SETTLED" and caught.value.value > 0

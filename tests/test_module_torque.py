@@ -22,35 +22,27 @@ from module_common import (
 from beltdyn.errors import SimulationError
 
 V, T = ValueError, TypeError
-KIND = "torque[0] must be a tuple that begins with its kind, got"
 SHAPE = "must have shape"
+BEGINS = "must be a tuple that begins with its kind, got"
 
-# --- torque terms ------------------------------------------------------------------------------
 
-
-@pytest.mark.parametrize(
-    ("torque", "kind", "message"),
-    [
-        (None, T, "torque must be a sequence of terms, got NoneType"),
-        (7, T, "torque must be a sequence of terms, got int"),
-        ([7], T, f"{KIND} 7"),
-        ([()], T, f"{KIND} ()"),
-        ([("viscous", [0, 0]), ["viscous", [0, 0]]], T,
-         "torque[1] must be a tuple that begins with its kind, got ['viscous', [0, 0]]"),
-        ([(1, 2)], T, f"{KIND} (1, 2)"),
-        ([("spline", [0, 0])], V,
-         "torque[0] must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', 'table' or "
-         "'harmonics', got 'spline'"),
-    ],
-)  # fmt: skip
-def test_torque_is_a_sequence_of_terms(model, rest, torque, kind, message):
-    with refused(kind, message):
-        make_simulation(model, rest, torque)
+def end_of(model, rest, torque):
+    """The state after a run under this torque."""
+    simulation = make_simulation(model, rest, torque)
+    assert simulation.advance(INF) is True
+    return simulation.state()
 
 
 @pytest.mark.parametrize(
     ("term", "kind", "message"),
     [
+        (7, T, f" {BEGINS} 7"),
+        ((), T, f" {BEGINS} ()"),
+        (["viscous", [0, 0]], T, f" {BEGINS} ['viscous', [0, 0]]"),
+        ((1, 2), T, f" {BEGINS} (1, 2)"),
+        (("spline", [0, 0]), V,
+         " must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', 'table' or "
+         "'harmonics', got 'spline'"),
         (("load", 1, [0, 0]), V, " of kind 'load' must have 3 arguments, got 2"),
         (("load", 2, [0, 0, 0], None), V, "0: pulley must be one of 0 to 1, got 2"),
         (("load", -1, [0, 0, 0], None), V, "0: pulley must be one of 0 to 1, got -1"),
@@ -99,48 +91,30 @@ def test_terms_of_torque_refuse(model, rest, term, kind, message):
         make_simulation(model, rest, [term])
 
 
-def test_rules_for_torque_times(model, rest):
+def test_rules_for_torque_times_and_the_sequence_of_terms(model, rest):
     for t, values, word in (
         ([1, 0], [[0, 0], [0, 0]], "non-decreasing"), ([], np.zeros((0, 2)), "t must not be empty"),
         ([0, 1, 1, 1], np.zeros((4, 2)), r"given at most twice \(a jump\); t\[3\] is 1"),
     ):  # fmt: skip
         with pytest.raises(V, match=word):
             make_simulation(model, rest, [("piecewise", t, values)])
-
-
-def same_run(model, rest, torque, expected):
-    simulation = make_simulation(model, rest, torque)
-    assert simulation.advance(INF) is True
-    return same_bits(simulation.state(), expected)
-
-
-def test_torque_may_be_any_iterable(model, rest, driven):
-    for torque, same in (
-        (tuple(TORQUE), True), (iter(TORQUE), True), (TORQUE[:1], False), ([], False),
-    ):  # fmt: skip
-        assert same_run(model, rest, torque, driven) is same
+    for torque, kind in ((None, "NoneType"), (7, "int")):
+        with refused(T, f"torque must be a sequence of terms, got {kind}"):
+            make_simulation(model, rest, torque)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_torque_layouts(model, rest, driven, layout):
+def test_torques_are_copied_from_any_layout_and_iterable(model, rest, driven, layout):
     (_, t, values), (_, coefficients) = TORQUE
-    torque = [
-        ("piecewise", strange_layouts(t)[layout], strange_layouts(values)[layout]),
-        ("viscous", strange_layouts(coefficients)[layout]),
-    ]
-    assert same_run(model, rest, torque, driven)
-
-
-def test_the_torque_is_copied(model, rest, driven):
-    t, values = np.array([0.0, 0.02]), np.array([[0.0, 0.0], [-50.0, 0.0]])
-    coefficients = np.array([0.0, 16.0])
-    torque = [("piecewise", t, values), ("viscous", coefficients)]
-    simulation = make_simulation(model, rest, torque)
-    for array in (t, values, coefficients):
-        array[...] = math.nan
+    arrays = [strange_layouts(given)[layout] for given in (t, values, coefficients)]
+    torque = [("piecewise", *arrays[:2]), ("viscous", arrays[2])]
+    simulation = make_simulation(model, rest, iter(torque))
+    for array in arrays:
+        if layout not in ("read-only", "list"):
+            array[:] = math.nan
     torque.clear()
-    assert simulation.advance(INF) is True
-    assert simulation.state()["omega"].tobytes() == driven["omega"].tobytes()
+    assert simulation.advance(INF) is True and same_bits(simulation.state(), driven)
+    assert not same_bits(end_of(model, rest, TORQUE[:1]), driven)
 
 
 def test_compiled_functions(model, rest):
@@ -156,59 +130,46 @@ def test_compiled_functions(model, rest):
 
     user = ctypes.c_double(42.0)
     address = ctypes.cast(compiled, ctypes.c_void_p).value
-    simulation = make_simulation(model, rest, [("function", address, ctypes.addressof(user))])
-    assert simulation.advance(INF) is True and seen == {42.0}
+    of_compiled = end_of(model, rest, [("function", address, ctypes.addressof(user))])
+    assert seen == {42.0}
 
     def plain(t, theta, omega):
         return [-50.0 * t + theta[0], -16.0 * omega[1]]
 
-    assert same_run(model, rest, [("call", plain)], simulation.state())
+    assert same_bits(end_of(model, rest, [("call", plain)]), of_compiled)
 
 
-def test_terms_add_up(model, rest):
-    half = [("viscous", [0.0, 8.0]), ("call", lambda t, theta, omega: [-50.0 * t / 0.02, 0.0])]
-    simulation = make_simulation(model, rest, [*half, ("viscous", [0.0, 8.0])])
-    whole = make_simulation(model, rest)
-    assert simulation.advance(INF) and whole.advance(INF)
-    np.testing.assert_allclose(simulation.state()["omega"], whole.state()["omega"], rtol=1e-6)
-
-
-# --- what a torque callable may return ---------------------------------------------------------
-
-GOOD = [-1.0, -2.0]
+def test_terms_add_up(model, rest, driven):
+    eight = ("viscous", [0.0, 8.0])
+    ramp = ("call", lambda t, theta, omega: [-50.0 * t / 0.02, 0.0])
+    final = end_of(model, rest, [eight, ramp, eight])
+    np.testing.assert_allclose(final["omega"], driven["omega"], rtol=1e-6)
 
 
 def test_callables_may_return(model, rest):
-    expected = make_simulation(model, rest, [("piecewise", [0.0], [GOOD])])
-    assert expected.advance(INF) is True
+    expected = end_of(model, rest, [("piecewise", [0.0], [[-1.0, -2.0]])])
     for answer in [
-        GOOD, tuple(GOOD), [-1, -2], [np.float64(-1), np.float32(-2)],
-        [Fraction(-1), np.array(-2.0)], np.array(GOOD), np.array(GOOD, "f4"),
-        np.array(GOOD, ">f8"), np.array([-1, -2]), np.array([-1.0, 0.0, -2.0, 0.0])[::2],
-        memoryview(np.array(GOOD)), range(-1, -3, -1),
+        [-1.0, -2.0], (-1.0, -2.0), [-1, -2], [np.float64(-1), np.float32(-2)],
+        [Fraction(-1), np.array(-2.0)], np.array([-1.0, -2.0]), np.array([-1, -2], "f4"),
+        np.array([-1, -2], ">f8"), np.array([-1, -2]), np.array([-1.0, 0.0, -2.0, 0.0])[::2],
+        memoryview(np.array([-1.0, -2.0])), range(-1, -3, -1),
     ]:  # fmt: skip
-        torque = [("call", lambda t, theta, omega, answer=answer: answer)]
-        assert same_run(model, rest, torque, expected.state()), repr(answer)
+        final = end_of(model, rest, [("call", lambda *_, answer=answer: answer)])
+        assert same_bits(final, expected), repr(answer)
 
 
 MUST = "torque_fn must return 2 torques, one per pulley"
 
 
-class Shrinking:
-    """A number that takes itself, and the rest, out of the list it stands in."""
-
-    def __init__(self, owner):
-        self.owner = owner
+class Clearing:
+    """A number that takes itself, and the rest, out of the list while that is read."""
 
     def __float__(self):
-        self.owner.clear()
+        SHRINKING.clear()
         return 1.0
 
 
-def shrinking():
-    answer = []
-    answer += [Shrinking(answer), 1.0]
-    return answer
+SHRINKING = [Clearing(), 1.0]
 
 
 @pytest.mark.parametrize(
@@ -238,7 +199,7 @@ def shrinking():
         ([1.0, [2.0]], T, f"{MUST}: number 1 must be a real number, got list"),
         ([0.0, Broken()], ZeroDivisionError, "mine"),
         (NoArray(), ZeroDivisionError, "mine"),
-        (shrinking(), V, f"{MUST}, got 0"),  # a list that shrinks while it is read
+        (SHRINKING, V, f"{MUST}, got 0"),
     ],
 )
 def test_callables_must_not_return(model, rest, answer, kind, message):
@@ -248,23 +209,17 @@ def test_callables_must_not_return(model, rest, answer, kind, message):
     assert simulation.time == 0.0
 
 
-def test_one_pulley_is_singular(rest):
-    model = make_model(centers=[(0, 0)], radii=[0.2], inertias=[0.01])
-    state = {**rest, "theta": [0.0], "omega": [0.0]}
-    simulation = make_simulation(model, state, [("call", lambda t, theta, omega: [])])
-    with refused(ValueError, "torque_fn must return 1 torque, one per pulley, got 0"):
-        simulation.advance(INF)
-
-
 def test_callables_get_plain_read_only_arrays(model, rest):
+    """And may hand them back; one pulley has one torque."""
     state = {**rest, "theta": [0.25, 0.5], "omega": [1.0, 2.0]}
     calls = []
 
     def torque(t, theta, omega):
         calls.append((t, theta, omega))
-        return [0.0, 0.0]
+        return omega
 
-    make_simulation(model, state, [("call", torque)]).advance(0.0)
+    final = end_of(model, state, [("call", torque)])
+    assert same_bits(final, end_of(model, state, [("call", lambda t, _, omega: omega.tolist())]))
     t, theta, omega = calls[0]
     assert t == 0.0 and type(t) is float
     assert theta.tolist() == [0.25, 0.5] and omega.tolist() == [1.0, 2.0]
@@ -273,6 +228,10 @@ def test_callables_get_plain_read_only_arrays(model, rest):
         assert array.shape == (2,) and not array.flags.writeable
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+    alone = make_model(centers=[(0, 0)], radii=[0.2], inertias=[0.01])
+    state = {**rest, "theta": [0.0], "omega": [0.0]}
+    with refused(ValueError, "torque_fn must return 1 torque, one per pulley, got 0"):
+        end_of(alone, state, [("call", lambda *_: [])])
 
 
 @pytest.mark.parametrize("value", [math.nan, INF, -INF], ids=["nan", "inf", "-inf"])
