@@ -12,7 +12,6 @@ import beltdyn as bd
 
 NAMES = ("crank", "Spannrolle 2 ö", "alternator")
 
-Pulleys = tuple[bd.Pulley, ...]
 #: Gives the pulleys names, or leaves them as they are.
 Dress = Callable[[Any], Any]
 
