@@ -58,7 +58,7 @@ def refused_by_all(model, state, kind, message):
 
 
 #: What a drive without mounts has; what it has none of may be left out.
-FIELDS = [("t", ""), *(row[:2] for row in _core.STATE_FIELDS if row[1] != "MOUNTS")]
+FIELDS = [row[:2] for row in _core.STATE_FIELDS if row[1] != "MOUNTS"]
 
 
 @pytest.mark.parametrize(("name", "size"), FIELDS)
@@ -67,16 +67,14 @@ def test_states_are_whole_and_have_their_shapes(model, rest, name, size):
     lacking = {key: value for key, value in rest.items() if key != name}
     refused_by_all(model, lacking, V, f"state lacks '{name}'")
     nan_at_1 = np.where(np.arange(n) == 1, math.nan, 0.0)
-    for value, kind, message in [
-        (math.nan, V, " must be finite, got nan"), ("0", T, " must be a real number, got str"),
-    ] if name == "t" else [
+    for value, kind, message in (
         (np.zeros(n - 1), V, f" must have shape ({n},), got ({n - 1},)"),
         (np.zeros((1, n)), V, f" must have shape ({n},), got (1, {n})"),
         (0.0, V, f" must have shape ({n},), got ()"),
         (nan_at_1, V, "[1] must be finite, got nan"),
         (np.zeros(n, complex), T, " must hold real numbers, got dtype complex128"),
         (None, T, " must hold real numbers, got dtype object"),
-    ]:  # fmt: skip
+    ):
         refused_by_all(model, {**rest, name: value}, kind, f"state '{name}'{message}")
 
 
@@ -94,14 +92,16 @@ def test_states_may_be_any_mapping(model, rest):
     for value in [3, [1.0], (1.0,), "state", b"state", np.zeros(3)]:
         got = f"state must be a mapping of arrays by name, got {kind_of(value)}"
         refused_by_all(model, value, T, got)
+    without = {key: value for key, value in rest.items() if key != "t"}
+    refused_by_all(model, without, V, "state lacks 't'")
+    refused_by_all(model, {**rest, "t": math.nan}, V, "state 't' must be finite, got nan")
+    refused_by_all(model, {**rest, "t": "0"}, T, "state 't' must be a real number, got str")
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_states_are_copied_from_any_layout(model, rest, layout):
-    arrays = {
-        name: strange_layouts(value.copy())[layout] for name, value in rest.items() if name != "t"
-    }
-    state = {"t": 0.0, **arrays}
+    names = rest.keys() - {"t"}
+    state = {"t": 0.0} | {name: strange_layouts(rest[name].copy())[layout] for name in names}
     assert same_bits(model.rate(state, [1, 2]), model.rate(rest, [1, 2]))
     simulation = make_simulation(model, state)
     if layout != "read-only":
@@ -117,13 +117,10 @@ def test_state_numbers_of_other_widths_but_none_that_would_lose_digits(model, re
         omega = np.array([2, 3]).astype(dtype)
         taken = make_simulation(model, {**rest, "omega": omega}).state()["omega"]
         assert taken.dtype == np.dtype(float) and taken.tolist() == [2.0, 3.0], dtype
-    values = np.zeros(N_P, np.longdouble)
-    if values.itemsize == 8:  # the same as float64 here, so nothing is lost
-        assert not model.rate({**rest, "omega": values}, [0, 0])["theta"].any()
-    else:
-        got = f"got dtype {values.dtype}"
-        with refused(T, f"state 'omega' must hold real numbers, {got}"):
-            model.rate({**rest, "omega": values}, [0, 0])
+    wide = np.zeros(N_P, np.longdouble)
+    if wide.itemsize > 8:
+        message = f"state 'omega' must hold real numbers, got dtype {wide.dtype}"
+        refused_by_all(model, {**rest, "omega": wide}, T, message)
 
 
 def test_method(model, rest):
@@ -155,7 +152,6 @@ def test_method(model, rest):
     [
         ({"rtol": math.nan}, "rtol must be > 0"),
         ({"rtol": 1.0001}, "rtol must be > 0 and <= 1"),
-        ({"step": -1.0}, "step must be finite and >= 0"),
         ({"max_step": INF}, "max_step must be finite and >= 0"),
         ({"max_steps": -1}, "max_steps must be >= 0"),
         ({"t_end": 0.0}, "t_end must be finite and later than the start"),
@@ -278,11 +274,11 @@ def test_chunks_do_not_matter(model, rest, driven):
     assert len(times) > 3 and times == sorted(set(times)) and simulation.time == 0.02
     assert same_bits(simulation.state(), driven)
     assert simulation.advance(0) is True and simulation.advance(INF) is True
-    simulation = make_simulation(model, rest, t_end=1e5)
-    assert simulation.advance(0.02) is False and 0.0 < simulation.time < 1e5
     for value in [-1.0, math.nan, -INF]:
         with refused(V, f"seconds must be >= 0, got {value!r}"):
             simulation.advance(value)
+    simulation = make_simulation(model, rest, t_end=1e5)
+    assert simulation.advance(0.02) is False and 0.0 < simulation.time < 1e5
 
 
 def test_settle_comes_to_rest_or_says_so(model, rest):
@@ -314,7 +310,6 @@ def test_settle_with_moving_centres(model):
 @pytest.mark.parametrize(
     ("options", "kind", "message"),
     [
-        ({"offset": [0.0, 0.0]}, V, r"^offset must have shape \(2, 2\), got \(2,\)$"),
         ({"offset": [[0, 0]] * 3}, V, r"^offset must have shape \(2, 2\), got \(3, 2\)$"),
         ({"offset": [[0, 0], [0, math.nan]]}, V, r"^offset\[1, 1\] must be finite, got nan$"),
         ({"offset": "near"}, T, "^offset must hold real numbers, got dtype <U4$"),

@@ -85,22 +85,6 @@ def test_stop_from_another_thread(model, rest, kind):
         simulation.advance(0.0)
 
 
-def test_stop_in_the_torque(model, rest):
-    """The call in which it comes is the last."""
-    calls = []
-
-    def torque(t, theta, omega):
-        calls.append(t)
-        if len(calls) == 50:
-            simulation.stop()
-        return [0.0, 0.0]
-
-    simulation = _core.Simulation(model, rest, [("call", torque)], LONG)
-    with pytest.raises(KeyboardInterrupt, match=STOP):
-        simulation.advance(INF)
-    assert len(calls) == 50
-
-
 def test_a_stopper_ends_the_runs_of_its_threads_alone():
     scene = bd.scenes.kubas_case_1()
     rest = bd.settle(scene.params)
