@@ -6,7 +6,6 @@ import csv
 import io
 import math
 from collections.abc import Callable
-from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -32,19 +31,6 @@ SCENE = bd.scenes.kubas_case_1()
 SHORT = SCENE._replace(t_end=0.02)
 
 
-def seen(tension: np.ndarray) -> Observed:
-    rest = dict.fromkeys(("span_mean", "creep", "friction", "power"), np.zeros(2))
-    both = np.column_stack([tension, tension])
-    return Observed(
-        t=T, tension=both, speed=0.0 * both, scales=dict.fromkeys(QUANTITIES, 1.0), **rest
-    )
-
-
-@cache
-def spectral_bound(n_bodies: int) -> float:
-    return float(bd.accuracy.with_links(SCENE.params, n_bodies).info["spectral_bound"])
-
-
 @attrs.define
 class Table:
     """Runs that are not made: error space * (30 / n)^2 and factor * rtol, and a cost of each."""
@@ -59,7 +45,8 @@ class Table:
 
     def cost(self, one: Setting) -> float:
         if one.method == "tsit5":  # for a second, as far as the stability of the mesh allows
-            return spectral_bound(one.n_bodies) / 2.5 * (1e-6 + 5e-8 * one.n_bodies)
+            bound = bd.accuracy.with_links(SCENE.params, one.n_bodies).info["spectral_bound"]
+            return float(bound) / 2.5 * (1e-6 + 5e-8 * one.n_bodies)
         order = {"lbdf2": 0.7, "rodas4": 0.25}.get(one.method, 0.3)
         return (0.002 if one.method == "lbdf2" else 0.02) * one.n_bodies / 60 * one.rtol**-order
 
@@ -76,7 +63,11 @@ class Table:
         if self.noise:
             random = np.random.default_rng([one.n_bodies, round(-1000 * math.log10(one.rtol))])
             tension = tension + self.noise * random.standard_normal(T.size)
-        return Done(cpu=self.cost(one), steps=100, seen=seen(tension))
+        both = np.column_stack([tension, tension])
+        rest = dict.fromkeys(("span_mean", "creep", "friction", "power"), np.zeros(2))
+        scales = dict.fromkeys(QUANTITIES, 1.0)
+        seen = Observed(t=T, tension=both, speed=0.0 * both, scales=scales, **rest)
+        return Done(cpu=self.cost(one), steps=100, seen=seen)
 
     def brute(self, error: float) -> float:
         """Cost of the cheapest setting of the ladder, each on the coarsest mesh that does."""
