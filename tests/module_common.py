@@ -87,14 +87,10 @@ LAYOUTS = list(strange_layouts([0.0]))
 
 
 class Broken:
+    """Neither a number nor an array, whatever it is asked for."""
+
     def __float__(self):
         raise ZeroDivisionError("mine")
 
-
-class NoArray:
     def __array__(self, *args, **kwargs):
         raise ZeroDivisionError("mine")
-
-
-class Token:
-    """Something that weak references can watch."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from module_common import INF, N_B, SCENE, TORQUE, Token, drive, make_model, run, same_bits
+from module_common import INF, N_B, SCENE, TORQUE, drive, make_model, run, same_bits
 
 from beltdyn import _core
 from beltdyn.errors import SimulationError
@@ -67,24 +67,19 @@ def test_sampled_arrays_cannot_be_resized_under_a_run(model, rest):
     assert simulation.advance(INF) is True
 
 
+class Torque:
+    def __call__(self, t, theta, omega):
+        return [0.0, 0.0]
+
+
 def test_a_cycle_through_the_torque_is_collected(model, rest, collector_waits):
-    token = Token()
-    watch = weakref.ref(token)
-
-    def make(token):
-        def torque(t, theta, omega):
-            return [0.0, 0.0]
-
-        torque.token = token
-        simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
-        torque.simulation = simulation
-        torque.samples = simulation.sample([0.0, 0.02])
-        torque.state = None
-        assert simulation.advance(INF) is True
-        torque.state = simulation.state()
-
-    make(token)
-    del token
+    torque = Torque()
+    watch = weakref.ref(torque)
+    torque.simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
+    torque.samples = torque.simulation.sample([0.0, 0.02])
+    assert torque.simulation.advance(INF) is True
+    torque.state = torque.simulation.state()
+    del torque
     assert watch() is not None
     gc.collect()
     assert watch() is None
@@ -106,13 +101,9 @@ def test_a_simulation_cleared_by_the_collector(model, rest, collector_waits):
                 except RuntimeError as error:
                     seen.append(str(error))
 
-    class Member:
-        def __call__(self, t, theta, omega):
-            return [0.0, 0.0]
-
-    members = [Member() for _ in range(6)]
+    members = [Torque() for _ in range(6)]
     simulation = _core.Simulation(model, rest, [("call", m) for m in members], 0.02)
-    members += [Member() for _ in range(6)]
+    members += [Torque() for _ in range(6)]
     watches = []
     for member in members:
         array = np.zeros(1)
@@ -139,9 +130,7 @@ def test_a_second_copy_of_the_module(model, rest, collector_waits):
     copy = importlib.util.module_from_spec(spec)
     loader.exec_module(copy)
     assert copy.Model is not _core.Model and copy.PARAMETERS == _core.PARAMETERS
-    with pytest.raises(
-        TypeError, match=r"must be beltdyn\._core\.Model, not beltdyn\._core\.Model"
-    ):
+    with pytest.raises(TypeError, match=r"must be beltdyn\._core\.Model, not beltdyn\._core\.Mo"):
         copy.Simulation(model, rest, [], 1.0)
     new = {key: kind for key, kind in types_of_the_core().items() if key not in before}
     assert {copy.Simulation, copy.Model} <= set(new.values())

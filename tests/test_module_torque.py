@@ -11,7 +11,6 @@ from module_common import (
     LAYOUTS,
     TORQUE,
     Broken,
-    NoArray,
     make_model,
     make_simulation,
     refused,
@@ -187,7 +186,7 @@ SHRINKING = [Clearing(), 1.0]
         ([1j, 1.0], T, f"{MUST}: number 0 must be a real number, got complex"),
         ([1.0, [2.0]], T, f"{MUST}: number 1 must be a real number, got list"),
         ([0.0, Broken()], ZeroDivisionError, "mine"),
-        (NoArray(), ZeroDivisionError, "mine"),
+        (Broken(), ZeroDivisionError, "mine"),
         (SHRINKING, V, f"{MUST}, got 0"),
     ],
 )

@@ -12,10 +12,11 @@ import time
 import warnings
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from unittest import mock
 
 import numpy as np
 import pytest
-from module_common import INF, TORQUE, Token, drive, make_model, run, same_bits
+from module_common import INF, TORQUE, drive, make_model, run, same_bits
 
 import beltdyn as bd
 from beltdyn import _core, stopping
@@ -208,16 +209,12 @@ def test_an_exception_comes_out_as_it_is(model, rest, kind):
 
 
 def test_an_exception_is_let_go(model, rest):
-    token = Token()
-    watch = weakref.ref(token)
-
-    def torque(t, theta, omega, token=token):
-        raise ValueError(token)
-
-    simulation = _core.Simulation(model, rest, [("call", torque)], 0.02)
+    mine = type("Mine", (ValueError,), {})("mine")  # of a class of Python: it can be watched
+    watch = weakref.ref(mine)
+    simulation = _core.Simulation(model, rest, [("call", mock.Mock(side_effect=mine))], 0.02)
     with pytest.raises(ValueError):
         simulation.advance(INF)
-    del token, torque, simulation
+    del mine, simulation
     gc.collect()
     assert watch() is None
 
