@@ -110,18 +110,17 @@ def test_runs_with_it(tmp_path: Path) -> None:
     """
     start = bd.settle(drive())
     load = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-40.0, 0.0]]) + bd.Viscous([0.0, 5.0])
-    times, n = np.linspace(0.0, 0.04, 801), 50
-    runs = [
-        bd.simulate(drive(), load, 0.04, initial=start, method=method, rtol=1e-6, t_eval=times)
+    asked: dict[str, Any] = {"rtol": 1e-6, "t_eval": np.linspace(0.0, 0.04, 801)}
+    one, other = (
+        bd.simulate(drive(), load, 0.04, initial=start, method=method, **asked)
         for method in ("tsit5", "rodas4")
-    ]
-    one, other = runs
+    )
     assert "contact with Bouc-Wen friction" in one.effects
     assert one.effects == other.effects and other.stats.njev > 0
     rms = np.sqrt(np.mean((one.joints.force - other.joints.force) ** 2))
     assert rms <= 1e-5 * np.mean(one.joints.force)
-    for result in runs:
-        c = result.contact
+    n = 50
+    for c in (one.contact, other.contact):
         steady = (c.pulley[1:] == c.pulley[:-1]) & (c.pulley[1:] >= 0)
         steady &= (c.normal[1:] > 0.0) & (c.normal[:-1] > 0.0)
         steady &= np.sign(c.velocity[1:]) == np.sign(c.velocity[:-1])

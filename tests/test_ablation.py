@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import permutations
+from unittest import mock
 
 import attrs
 import drives
@@ -152,37 +153,32 @@ def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
         explained.without("nothing")
 
 
-def test_a_drive_that_does_not_run_without_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(scene: bd.Scene) -> bd.Scene:
-        raise ValueError("there is nothing left")
-
-    monkeypatch.setattr(ablation, "removals_of", lambda _: (Removal("all", "nothing", fails),))
-    params, torque, _, _ = bd.scenes.kubas_case_1()
-    found = bd.explain(params, torque, 1e-3, budget=ENOUGH)
-    assert found.ablation is not None and not found.ablation.advice
-    (one,) = found.ablation.rows
-    assert one.failed == "there is nothing left" and not one.may_be_left_out
-    assert "there is nothing left" in str(found)
-
-
-def test_runs_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time that is spent, and runs that would take many times the steps of the first."""
-    params, torque, _, _ = bd.scenes.kubas_case_1()
+def test_runs_that_fail_or_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time that is spent, runs that would take many times the steps of the first, and drives that
+    do not run without an effect.
+    """
+    scene = bd.scenes.kubas_case_1()._replace(t_end=1e-3)
 
     def run(scene: bd.Scene, _: float, most: int | None) -> Timed:
         with silenced():
-            result = bd.simulate(scene.params, scene.torque_fn, 1e-3, max_steps=most)
-        return Timed(result, 1.0)
+            return Timed(bd.simulate(*scene, max_steps=most), 1.0)
 
     def stiff(scene: bd.Scene, tighter: float, most: int | None) -> Timed:
         return run(scene, tighter, most and most // 4)
 
-    none = ablation.ablate(bd.Scene(params, torque, 1e-3), run, 0.5, lambda: 0.0)
+    none = ablation.ablate(scene, run, 0.5, lambda: 0.0)
     assert {one.failed for one in none.rows} == {"the budget is spent"}
     assert none.runs == 2 and none.rounds == 1 and none.advice == () and none.together is None
     monkeypatch.setattr(ablation, "MOST_STEPS", 1)
-    some = ablation.ablate(bd.Scene(params, torque, 1e-3), stiff, 0.5, lambda: 0.5)
+    some = ablation.ablate(scene, stiff, 0.5, lambda: 0.5)
     assert all("the limit of" in one.failed for one in some.rows)
+    fails = mock.Mock(side_effect=ValueError("there is nothing left"))
+    monkeypatch.setattr(ablation, "removals_of", lambda _: (Removal("all", "nothing", fails),))
+    found = bd.explain(*scene, budget=ENOUGH)
+    assert found.ablation is not None and not found.ablation.advice
+    (one,) = found.ablation.rows
+    assert one.failed == "there is nothing left" and not one.may_be_left_out
+    assert "there is nothing left" in str(found)
 
 
 @pytest.mark.ci(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
@@ -192,11 +188,9 @@ def test_advice_holds_over_a_longer_run_and_under_more_load(explained: bd.Explan
     assert found is not None and found.together is not None and len(found.advice) >= 5
 
     def answers(scene: bd.Scene) -> Answers:
-        more = bd.Viscous([0.0, 0.7])  # of 1 N m s
+        more = scene.torque_fn + bd.Viscous([0.0, 0.7])  # to 1 N m s
         with silenced():  # of the mesh, which is the same in all
-            return answers_of(
-                bd.simulate(scene.params, scene.torque_fn + more, 0.15, scene.motion, rtol=1e-3)
-            )
+            return answers_of(bd.simulate(scene.params, more, 0.15, scene.motion, rtol=1e-3))
 
     base = answers(explained.scene)
     cases = [(found.advice, found.together.bound)]

@@ -38,14 +38,9 @@ class Block(NamedTuple):
     is_new: bool
     code: str
 
-    @property
-    def before(self) -> str:
-        """Of a block of a change: the lines that are there."""
-        return "".join(line[1:] for line in self.code.splitlines(True) if line[0] != "+")
-
-    @property
-    def after(self) -> str:
-        return "".join(line[1:] for line in self.code.splitlines(True) if line[0] != "-")
+    def without(self, sign: str) -> str:
+        """Of a block of a change: the lines that are there before it, or after it."""
+        return "".join(line[1:] for line in self.code.splitlines(True) if line[0] != sign)
 
 
 def blocks() -> Iterator[Block]:
@@ -78,8 +73,9 @@ def test_changes_are_of_rows_that_are_there() -> None:
     laws = "csrc/friction/laws.h"
     assert [block.file for block in CHANGES] == [laws, laws, "csrc/solvers/methods.c"]
     for block in CHANGES:
-        assert (ROOT / block.file).read_text("utf-8").count(block.before) == 1, block
-        assert len(block.after.splitlines()) == len(block.before.splitlines()) + 1, block
+        before, after = block.without("+"), block.without("-")
+        assert (ROOT / block.file).read_text("utf-8").count(before) == 1, block
+        assert len(after.splitlines()) == len(before.splitlines()) + 1, block
 
 
 COMPILER = os.environ.get("CC", "cc")
@@ -143,7 +139,9 @@ def test_the_law_and_the_method_of_the_page(tmp_path: Path) -> None:
         (tree / block.file).write_text(block.code, "utf-8")
     for block in CHANGES:
         text = (tree / block.file).read_text("utf-8")
-        (tree / block.file).write_text(text.replace(block.before, block.after), "utf-8")
+        (tree / block.file).write_text(
+            text.replace(block.without("+"), block.without("-")), "utf-8"
+        )
     build(tree, site)
 
     environment = {**os.environ, "PYTHONPATH": str(site), "CONTRIBUTED": str(tree)}

@@ -69,10 +69,8 @@ def test_states_are_whole_and_have_their_shapes(model, rest, name, size):
     nan_at_1 = np.where(np.arange(n) == 1, math.nan, 0.0)
     for value, kind, message in (
         (np.zeros(n - 1), V, f" must have shape ({n},), got ({n - 1},)"),
-        (np.zeros((1, n)), V, f" must have shape ({n},), got (1, {n})"),
         (0.0, V, f" must have shape ({n},), got ()"),
         (nan_at_1, V, "[1] must be finite, got nan"),
-        (np.zeros(n, complex), T, " must hold real numbers, got dtype complex128"),
         (None, T, " must hold real numbers, got dtype object"),
     ):
         refused_by_all(model, {**rest, name: value}, kind, f"state '{name}'{message}")
@@ -157,7 +155,6 @@ def test_method(model, rest):
         ({"t_end": 0.0}, "t_end must be finite and later than the start"),
         ({"t_end": INF}, "^t_end must be finite, got inf$"),
         ({"breakpoints": [math.nan]}, r"^breakpoints\[0\] must be finite, got nan$"),
-        ({"breakpoints": 0.1}, r"^breakpoints must have shape \(n,\), got \(\)$"),
     ],
 )
 def test_options_out_of_range(model, rest, options, words):
@@ -249,11 +246,8 @@ def test_samples_without_ledger_or_friction(rest):
     ("t", "kind", "message"),
     [
         (0.0, V, r"^t_eval must have shape \(n,\), got \(\)$"),
-        ([[0.0]], V, r"^t_eval must have shape \(n,\), got \(1, 1\)$"),
         ([0.0, math.nan], V, r"^t_eval\[1\] must be finite, got nan$"),
-        (None, T, "^t_eval must hold real numbers, got dtype object$"),
         ([1j], T, "^t_eval must hold real numbers, got dtype complex128$"),
-        ([-0.1], V, "non-decreasing and within"),
         ([0.0, 0.03], V, "non-decreasing and within"),
         ([0.01, 0.0], V, "non-decreasing and within"),
     ],
@@ -312,7 +306,6 @@ def test_settle_with_moving_centres(model):
     [
         ({"offset": [[0, 0]] * 3}, V, r"^offset must have shape \(2, 2\), got \(3, 2\)$"),
         ({"offset": [[0, 0], [0, math.nan]]}, V, r"^offset\[1, 1\] must be finite, got nan$"),
-        ({"offset": "near"}, T, "^offset must hold real numbers, got dtype <U4$"),
         ({"tolerance": 0.0}, V, "tolerance must be > 0"),
         ({"max_time": -1.0}, V, "max_time must be finite and >= 0"),
         ({"shift": INF}, V, "shift must be at most the belt's length"),

@@ -45,26 +45,26 @@ TEXT = "be a printable text"
 
 
 @pytest.mark.parametrize(
-    ("name", "rule"),
+    ("names", "rule"),
     [
-        *((no_text, f"{TEXT} of 1 to 31 bytes") for no_text in (1, 1.5, b"crank", True, ("a",))),
-        *((text, f"{TEXT} of 1 to 31 bytes of UTF-8") for text in ("", "x" * 32, "ö" * 16)),
-        *((text, TEXT) for text in ("a\nb", "a\0", "\ud800")),
-        *((text, "not begin or end with a space") for text in (" crank", "crank ")),
-        *((text, "not be a number, alone or after the word pulley") for text in ("1", "pulley 3")),
+        ((1, 1.5, b"crank", True, ("a",)), f"{TEXT} of 1 to 31 bytes"),
+        (("", "x" * 32, "ö" * 16), f"{TEXT} of 1 to 31 bytes of UTF-8"),
+        (("a\nb", "a\0", "\ud800"), TEXT),
+        ((" crank", "crank "), "not begin or end with a space"),
+        (("1", "pulley 3"), "not be a number, alone or after the word pulley"),
     ],
+    ids=["kind", "length", "print", "space", "number"],
 )
-def test_bad_names(name: Any, rule: str) -> None:
-    error = ValueError if isinstance(name, str) else TypeError
-    with pytest.raises(error, match=rf"^pulley\.name must {rule}"):
-        pulley(name)
+def test_bad_names(names: tuple[Any, ...], rule: str) -> None:
+    for name in names:
+        error = ValueError if isinstance(name, str) else TypeError
+        with pytest.raises(error, match=rf"^pulley\.name must {rule}"):
+            pulley(name)
 
 
 def test_two_of_the_same_name() -> None:
-    first, second = drives.plain().pulleys
-    three = named(
-        (first, second, attrs.evolve(second, center=(0.15, 0.4))), ("crank", None, "crank")
-    )
+    one, other = drives.plain().pulleys
+    three = named((one, other, attrs.evolve(other, center=(0.15, 0.4))), ("crank", None, "crank"))
     message = r'^pulleys\[0\]\.name and pulleys\[2\]\.name must differ, both are "crank"$'
     for use in (bd.route, bd.plot.layout, lambda p: attrs.evolve(drives.plain(), pulleys=p)):
         with pytest.raises(ValueError, match=message):
