@@ -237,7 +237,6 @@ def test_another_method_where_it_is_affordable() -> None:
         ({"method": "tsit5"}, "rodas4 at rtol = 1e-05"),
         ({"method": "rodas4"}, "tsit5 at rtol = 1e-05"),
         ({"method": "lbdf2", "rtol": 1e-2}, "tsit5 at rtol = 0.001"),
-        ({"method": "rk4"}, "tsit5 at rtol = 1e-05"),
         ({"method": "lie", "step": 1e-4}, "tsit5 at rtol = 1e-05"),
     ):
         accuracy = bd.simulate(*scene, verify=True, **options).accuracy

@@ -195,13 +195,6 @@ def test_model_info(model):
     assert model.info["n_bodies"] == N_B
 
 
-def test_check_geometry(model):
-    assert model.check_geometry() is None
-    for x, word in ((0.1, "overlap"), (0.25, "slack")):
-        with pytest.raises(V, match=word):
-            make_model(centers=[(0, 0), (x, 0)]).check_geometry()
-
-
 def belt(place, value):
     """The belt with another number in this place."""
     return {"belt": (*SCENE["belt"][:place], value, *SCENE["belt"][place + 1 :])}

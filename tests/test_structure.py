@@ -19,13 +19,11 @@ Graph = dict[str, set[str]]
 
 def modules() -> dict[str, Path]:
     """Give the file of each module of the package by its dotted name, of the C core the stub."""
-    files = {}
-    for file in (ROOT / "beltdyn").rglob("*.py*"):
-        if file.suffix not in (".py", ".pyi"):
-            continue
-        parts = file.relative_to(ROOT).with_suffix("").parts
-        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return files
+    package = ROOT / "beltdyn"
+    return {
+        ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
+        for file in (*package.rglob("*.py"), *package.rglob("*.pyi"))
+    }
 
 
 def imported(name: str, file: Path, tree: ast.AST, known: set[str]) -> Iterator[str]:

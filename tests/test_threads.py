@@ -99,14 +99,11 @@ def test_a_stopper_ends_the_runs_of_its_threads_alone():
 
     def work():
         with stopper.watch():
-            for begin in (
-                lambda: bd.simulate(scene.params, torque, LONG, initial=rest),
-                lambda: bd.settle(scene.params),
-            ):
-                try:
-                    begin()
-                except bd.Interrupted as error:
-                    ended.append(error)
+            with pytest.raises(bd.Interrupted) as of_run:
+                bd.simulate(scene.params, torque, LONG, initial=rest)
+            with pytest.raises(bd.Interrupted) as of_settling:
+                bd.settle(scene.params)
+        ended.extend([of_run.value, of_settling.value])
 
     thread = started(work)
     assert amid.wait(PATIENCE)
