@@ -227,7 +227,7 @@ def test_simulate_says_what_it_chose() -> None:
     assert "chosen for 0.5 s" in dict(result.summary(verbose=True))["method"]
 
 
-QUICK = {"methods": ("rodas4", "lbdf2"), "rtols": (1e-1, 1e-3), "n_bodies": (30, 60, 120)}
+QUICK = {"methods": ("rodas4", "lbdf2"), "rtols": (1e-1, 1e-3), "n_bodies": (24, 48, 96)}
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +246,7 @@ def test_errors_of_a_study(made: tuple[bd.accuracy.Study, Path]) -> None:
         Setting(n_b, method, rtol)
         for n_b, method, rtol in product(QUICK["n_bodies"], QUICK["methods"], QUICK["rtols"])
     ]
-    assert study.finest == 240
+    assert study.finest == 192
     space = [found["tension"] for found in study.space.values()]
     assert space[0] > 2.0 * space[1] > 4.0 * space[2] > 0.0
     for loose, tight in zip(study.rows[::2], study.rows[1::2], strict=True):
@@ -301,7 +301,7 @@ def test_another_scene_is_not_taken_for_the_same(
     store = made[1]
     identity = studies._identity(SHORT, 0.2)
     other = studies._identity(SHORT._replace(t_end=0.021), 0.2)
-    key = ("reference", [240, "rodas4", 1e-4])
+    key = ("reference", [192, "rodas4", 1e-4])
     reference = ("observed",)
     assert Records(store).get(key_of(identity, *key), reference) is not None
     assert Records(store).get(key_of(identity, *key), ("seconds",)) is None  # lacks a field
