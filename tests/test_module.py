@@ -1,6 +1,6 @@
 """The binding by itself: what it takes, what it refuses and in which words, what it returns.
 
-Here its tables, Dahl's functions, scalars and models; the rest is in test_module_*.py.
+Here its tables, Dahl's functions, scalars and models; the rest is in test_module_run.py.
 """
 
 import inspect
