@@ -72,9 +72,7 @@ def rest(model):
 
 @pytest.fixture(scope="module")
 def driven(model, rest):
-    """Run under TORQUE and return the final state."""
-    from module_common import INF, make_simulation
+    """Return the final state of a run under TORQUE."""
+    from module_common import run
 
-    simulation = make_simulation(model, rest)
-    assert simulation.advance(INF) is True
-    return simulation.state()
+    return run(model, rest)[1]

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +27,18 @@ TREE = Path(os.environ["CONTRIBUTED"])
 MU, SIGMA = 0.8, 1e4
 
 
-def test_this_is_the_copy() -> None:
-    assert Path(bd.__file__).is_relative_to(TREE.parent)
-    assert Path(_core.__file__).is_relative_to(TREE.parent)
-
-
-# --- the friction law ----------------------------------------------------------------------------
-
-
 def law(**changes: Any) -> Any:
     return getattr(bd, "BoucWen")(**{"mu_k": MU, "sigma": SIGMA, **changes})  # noqa: B009
 
 
 def drive(friction: Any = None, **changes: Any) -> bd.Params:
     return attrs.evolve(drives.plain(), friction=friction or law(), **changes)
+
+
+def mixed(friction: Any) -> bd.Params:
+    """The law on the first pulley, another on the second."""
+    first, second = drives.plain().pulleys
+    return drive(friction, pulleys=[attrs.evolve(first, friction=law()), second])
 
 
 def slid(s: Array) -> Array:
@@ -52,191 +48,109 @@ def slid(s: Array) -> Array:
     return np.asarray(np.log((s * s + s + 1) / (1 - s) ** 2) / 6 + turned)
 
 
-def off_closed_form(before: Array, after: Array, slip: Array) -> Array:
-    """How far z is beside its closed form after a slip in one direction: to first order."""
-    s = np.sign(slip) * after / MU
-    late = slid(s) - slid(np.sign(slip) * before / MU) - SIGMA * np.abs(slip) / MU
-    return np.asarray(MU * (1 - s**3) * late)
-
-
-def test_its_class() -> None:
+def test_its_class_and_parameters() -> None:
     cls = type(law())
-    assert cls is bd.friction.LAWS["bouc_wen"]
+    assert cls is bd.friction.LAWS["bouc_wen"] and Path(bd.__file__).is_relative_to(TREE.parent)
     assert issubclass(cls, bd.Friction) and cls.law == "bouc_wen"
     assert "mu_k: kinetic friction coefficient [1], > 0." in (cls.__doc__ or "")
     assert law() == law() and hash(law()) == hash(law()) and law() != law(mu_k=0.7)
     assert repr(law()) == "BoucWen(mu_k=0.8, sigma=10000.0)"
     assert pickle.loads(pickle.dumps(drive())) == drive()
-    assert attrs.evolve(law(), sigma=2e4).sigma == 2e4
-
-
-def test_its_parameters_are_checked() -> None:
-    with pytest.raises(ValueError, match=r"^bouc_wen\.mu_k must be > 0 .*, got 0"):
-        law(mu_k=0.0)
-    with pytest.raises(ValueError, match=r"^bouc_wen\.sigma must be finite .*, got inf"):
-        law(sigma=np.inf)
-    with pytest.raises(TypeError, match=r"^bouc_wen\.mu_k"):
-        law(mu_k="high")
-    with pytest.raises(TypeError, match="mu_s"):
-        law(mu_s=1.0)
-    with pytest.raises(TypeError, match=r"friction law \(.*BoucWen"):
-        attrs.evolve(drives.plain(), friction=0.8)
-
-
-def test_it_is_printed_and_doubted() -> None:
+    for wrong, error, message in (
+        ({"mu_k": 0.0}, ValueError, r"^bouc_wen\.mu_k must be > 0 .*, got 0"),
+        ({"sigma": np.inf}, ValueError, r"^bouc_wen\.sigma must be finite .*, got inf"),
+        ({"mu_k": "high"}, TypeError, r"^bouc_wen\.mu_k"),
+        ({"mu_s": 1.0}, TypeError, "mu_s"),
+    ):
+        with pytest.raises(error, match=message):
+            law(**wrong)
     assert str(law()).splitlines()[:2] == ["BoucWen", "  law    bouc_wen"]
-    text = str(drive())
-    assert "friction.law" in text and "bouc_wen" in text
-    assert "stiffness at rest, the slope dmu/ds at mu = 0" in text and "10000 1/m" in text
+    assert "stiffness at rest, the slope dmu/ds at mu = 0" in str(drive())
     assert "a friction coefficient of mu_k = 50" in str(drive(law(mu_k=50.0)))
     assert {"friction.mu_k", "friction.sigma"} <= set(names.numbers(drive()))
 
 
-def test_it_goes_into_toml_and_comes_back() -> None:
-    pulleys = drives.plain().pulleys
-    own = drive(bd.Dahl(mu_k=0.5, sigma=1e4),
-                pulleys=[attrs.evolve(pulleys[0], friction=law()), *pulleys[1:]])  # fmt: skip
-    for params in (drive(), own):
-        text = params.to_toml()
-        assert 'kind = "bouc_wen"' in text
-        assert bd.Params.from_toml(text) == params
+def test_it_goes_into_toml_and_comes_back(capsys: pytest.CaptureFixture[str]) -> None:
+    """And the page's example reads it."""
+    text = mixed(bd.Dahl(mu_k=0.5, sigma=1e4)).to_toml()
+    assert 'kind = "bouc_wen"' in text
+    assert bd.Params.from_toml(text) == mixed(bd.Dahl(mu_k=0.5, sigma=1e4))
     text = drive().to_toml()
-    for change, message in {
-        "mu_k = 0.8": r"^friction\.mu_k: missing",
-        "sigma = 10000.0": r"^friction\.sigma: missing",
-    }.items():
+    assert bd.Params.from_toml(text) == drive()
+    for old, new, message in (
+        ("mu_k = 0.8", "", r"^friction\.mu_k: missing"),
+        ("mu_k = 0.8", "mu_k = -1.0", r"^friction\.mu_k must be > 0 .*, got -1"),
+        ("bouc_wen", "bouc", r"kind must be one of .*bouc_wen"),
+    ):
         with pytest.raises(ValueError, match=message):
-            bd.Params.from_toml(text.replace(change, ""))
-    with pytest.raises(ValueError, match=r"^friction\.mu_k must be > 0 .*, got -1"):
-        bd.Params.from_toml(text.replace("mu_k = 0.8", "mu_k = -1.0"))
-    with pytest.raises(ValueError, match=r"kind must be one of .*bouc_wen"):
-        bd.Params.from_toml(text.replace("bouc_wen", "bouc"))
-
-
-def test_its_example(capsys: pytest.CaptureFixture[str]) -> None:
-    text = drive().to_toml()
+            bd.Params.from_toml(text.replace(old, new))
     exec(os.environ["LAW_EXAMPLE"], {"PARAMS": text})
     out = capsys.readouterr().out
     assert "bouc_wen" in out and "friction.sigma" in out
 
 
-def at_points(z: Array, v: Array, normal: Array) -> dict[str, Array]:
-    return _core.friction_law(law()._to_core(), 0.02, z, v, normal)
-
-
-def random_points(n: int = 400) -> tuple[Array, Array, Array]:
-    rng = np.random.default_rng(7)
-    v = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(-6, 0, n)
-    return rng.uniform(-0.99, 0.99, n) * MU, v, rng.uniform(0.0, 300.0, n)
-
-
 def test_its_force_and_rate_are_those_of_the_formula() -> None:
     """To rounding: five operations to each."""
-    z, v, normal = random_points()
-    got = at_points(z, v, normal)
-    exact = SIGMA * (v - np.abs(v) * (z / MU) ** 3)
-    np.testing.assert_allclose(got["rate"], exact, rtol=1e-13)
+    rng = np.random.default_rng(7)
+    v = rng.choice([-1.0, 0.0, 1.0], 400) * 10.0 ** rng.uniform(-6, 0, 400)
+    z, normal = rng.uniform(-0.99, 0.99, 400) * MU, rng.uniform(0.0, 300.0, 400)
+    got = _core.friction_law(law()._to_core(), 0.02, z, v, normal)
+    np.testing.assert_allclose(got["rate"], SIGMA * (v - np.abs(v) * (z / MU) ** 3), rtol=1e-13)
     np.testing.assert_allclose(got["force"], z * normal, rtol=1e-15)
-    assert np.all(at_points(z, 0 * v, normal)["rate"] == 0.0)
 
 
-def test_it_is_the_same_at_every_level() -> None:
-    """But for the rounding of products that some levels fuse."""
-    program = (
-        "import numpy as np, contributed as c; from beltdyn import _core;"
-        "print(_core.kernel_level(), *(float(x).hex() for column in c.at_points("
-        "*c.random_points(40)).values() for x in column))"
-    )
-    found = {}
-    for level in ("baseline", "avx2", "avx512"):
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env={**os.environ, "BELTDYN_KERNELS": level},
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode == 0:
-            name, *numbers = done.stdout.split()
-            assert name == level
-            found[level] = np.array([float.fromhex(number) for number in numbers])
-        else:
-            assert "kernel level" in done.stderr  # this processor lacks it
-    assert "baseline" in found and _core.kernel_level() in found
-    for numbers in found.values():
-        np.testing.assert_allclose(numbers, found["baseline"], rtol=1e-13)
+def test_runs_with_it(tmp_path: Path) -> None:
+    """Under a ramp of torque, by an explicit and an implicit method, which agree: the forces, each
+    to 1e-6 of the tension as asked for; ten times that for two of them, whose largest difference
+    is compared and not its mean square.
 
-
-@pytest.fixture(scope="module")
-def runs() -> dict[str, bd.Result]:
-    """One start, under a ramp of torque against a load, by an explicit and an implicit method."""
-    params = drive()
-    start = bd.settle(params)
-    load = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-40.0, 0.0]]) + bd.Viscous([0.0, 5.0])
-    return {
-        method: bd.simulate(
-            params, load, 0.04, initial=start, method=method, rtol=1e-6,
-            t_eval=np.linspace(0.0, 0.04, 801),
-        )
-        for method in ("tsit5", "rodas4")
-    }  # fmt: skip
-
-
-def test_explicit_and_implicit_runs_agree(runs: dict[str, bd.Result]) -> None:
-    """The forces, each to 1e-6 of the tension as asked for; ten times that for two of them, whose
-    largest difference is compared and not its mean square.
+    Friction follows the closed form over every 2.5 ms in which a link stays on its pulley and slips
+    one way, as samples show it: to 1e-6, for a step may err by as much, and errors decay with the
+    slip; but for one case in a hundred, of links that turned round and back between two samples.
     """
-    one, other = runs.values()
+    start = bd.settle(drive())
+    load = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-40.0, 0.0]]) + bd.Viscous([0.0, 5.0])
+    asked: dict[str, Any] = {"rtol": 1e-6, "t_eval": np.linspace(0.0, 0.04, 801)}
+    one, other = (
+        bd.simulate(drive(), load, 0.04, initial=start, method=method, **asked)
+        for method in ("tsit5", "rodas4")
+    )
     assert "contact with Bouc-Wen friction" in one.effects
     assert one.effects == other.effects and other.stats.njev > 0
-    tension = np.mean(one.joints.force)
     rms = np.sqrt(np.mean((one.joints.force - other.joints.force) ** 2))
-    assert rms <= 1e-5 * tension
-    assert np.abs(one.contact.mu).max() > 0.3 * MU
-
-
-def test_friction_of_links_follows_the_closed_form(runs: dict[str, bd.Result]) -> None:
-    """Over every 2.5 ms in which a link stays on its pulley and slips one way, as samples show it.
-
-    To 1e-6, for a step may err by as much, and errors decay with the slip; but for one case in a
-    hundred, of links that turned round and back between two samples.
-    """
+    assert rms <= 1e-5 * np.mean(one.joints.force)
     n = 50
-    for result in runs.values():
-        c = result.contact
+    for c in (one.contact, other.contact):
         steady = (c.pulley[1:] == c.pulley[:-1]) & (c.pulley[1:] >= 0)
         steady &= (c.normal[1:] > 0.0) & (c.normal[:-1] > 0.0)
         steady &= np.sign(c.velocity[1:]) == np.sign(c.velocity[:-1])
         rows = np.lib.stride_tricks.sliding_window_view(steady, n, axis=0).all(axis=-1)
         slip = (c.slip[n:] - c.slip[:-n])[rows]
-        error = np.abs(off_closed_form(c.mu[:-n][rows], c.mu[n:][rows], slip))
+        before, after = (np.sign(slip) * mu[rows] / MU for mu in (c.mu[:-n], c.mu[n:]))
+        # how far z is beside its closed form: to first order
+        error = MU * (1 - after**3) * (slid(after) - slid(before) - SIGMA * np.abs(slip) / MU)
         assert rows.sum() > 10_000 and np.abs(slip).max() > 0.3 * MU / SIGMA
-        assert np.mean(error > 1e-6) < 0.01
-
-
-def test_mixed_with_another_law_and_settled_with_it() -> None:
-    pulleys = drives.plain().pulleys
-    params = drive(bd.LuGre(mu_k=0.5, mu_s=0.6, v_stribeck=0.05, sigma=1e4, damping=0.1),
-                   pulleys=[attrs.evolve(pulleys[0], friction=law()), *pulleys[1:]],
-                   tensioning=bd.Tensioning(friction=True))  # fmt: skip
-    result = bd.simulate(params, bd.Viscous([0.0, 1.0]), 2e-3)
+        assert np.mean(np.abs(error) > 1e-6) < 0.01
+    one.save(tmp_path / "run.npz")
+    again = bd.Result.load(tmp_path / "run.npz")
+    assert again.params == one.params and again.effects == one.effects
+    lugre = bd.LuGre(mu_k=0.5, mu_s=0.6, v_stribeck=0.05, sigma=1e4, damping=0.1)
+    settled = attrs.evolve(mixed(lugre), tensioning=bd.Tensioning(friction=True))
+    result = bd.simulate(settled, bd.Viscous([0.0, 1.0]), 2e-3)
     assert "contact with LuGre and Bouc-Wen friction" in result.effects
 
 
-def test_results_and_restart_records_know_it(tmp_path: Path, runs: dict[str, bd.Result]) -> None:
-    runs["tsit5"].save(tmp_path / "run.npz")
-    again = bd.Result.load(tmp_path / "run.npz")
-    assert again.params == runs["tsit5"].params and again.effects == runs["tsit5"].effects
+def test_restart_records_know_law_and_method() -> None:
+    params, terms = drive(), bd.Viscous([0.0, 5.0]).terms()
+    start = bd.simulate(params, bd.Viscous([0.0, 5.0]), 0.01).final_state._to_core(params)
 
-    def simulation(friction: Any, method: str = "rodas4") -> _core.Simulation:
-        state = runs["tsit5"].final_state
-        terms = bd.Viscous([0.0, 5.0]).terms()
-        params = drive(friction)
-        return _core.Simulation(params._model, state._to_core(params), terms, 0.05, method=method)
+    def simulation(friction: Any, method: str) -> _core.Simulation:
+        return _core.Simulation(drive(friction)._model, start, terms, 0.02, method=method)
 
     for method in ("rodas4", "bs32"):
-        whole = simulation(law(), method)
+        whole, rest = (simulation(law(), method) for _ in range(2))
         whole.advance(0.0)
         record = whole.export_record()
-        rest = simulation(law(), method)
         rest.import_record(record)
         assert whole.advance(np.inf) and rest.advance(np.inf)
         assert np.array_equal(whole.state()["x"], rest.state()["x"])
@@ -245,36 +159,22 @@ def test_results_and_restart_records_know_it(tmp_path: Path, runs: dict[str, bd.
             simulation(law(sigma=2e4), method).import_record(record)
 
 
-# --- the method ----------------------------------------------------------------------------------
-
-
-def test_its_name_is_listed() -> None:
+def test_its_name_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    """And the page's example runs; its order conditions hold."""
     assert bd.METHODS == _core.METHODS
     assert bd.METHODS == ("auto", "tsit5", "rk4", "bs32", "lbdf2", "rodas4", "lie")
-    scene = drives.plain_scene()
     with pytest.raises(ValueError, match=r"method must be one of auto, .*, bs32, .*, got 'bs23'"):
-        bd.simulate(*scene, method="bs23")
-    state = bd.settle(scene[0])._to_core(scene[0])
-    with pytest.raises(ValueError, match=r"method must be one of auto, .*, bs32, .*, got \"bs23\""):
-        _core.Simulation(scene[0]._model, state, [], 1.0, method="bs23")
+        bd.simulate(*drives.plain_scene(), method="bs23")
     assert "bs32" in CliRunner().invoke(cli.main, ["run", "--help"]).output
-
-
-def test_its_order_conditions() -> None:
     order_conditions(TREE / "csrc" / "solvers" / "bs32.c")
-
-
-def test_its_example_of_a_run(capsys: pytest.CaptureFixture[str]) -> None:
     exec(os.environ["METHOD_EXAMPLE"], {})
     out = capsys.readouterr().out
     assert "'bs32'" in out and "method='bs32'" in out
 
 
 def test_it_agrees_with_tsit5_as_asked() -> None:
-    """Through contact and friction kinks; errors within ten times what is asked.
-
-    Where errors limit the step, and not the joints, it goes with their third root: 2.15 times as
-    many for a tenth.
+    """Through contact and friction kinks, to ten times what is asked. Where errors limit the step,
+    and not the joints, it goes with their third root: 2.15 times as many for a tenth.
     """
     params, torque, *_ = drives.plain_scene()
     start = bd.simulate(params, torque, 0.1, t_eval=[0.1]).final_state

@@ -45,8 +45,9 @@ def run(model, state, torque=TORQUE, t_end=0.02):
 
 
 def refused(kind, message):
-    """pytest.raises with the whole message, as it stands."""
-    return pytest.raises(kind, match=f"^{re.escape(message)}$")
+    """pytest.raises with the whole message as it stands, or its beginning before three dots."""
+    begin = message.removesuffix("...")
+    return pytest.raises(kind, match=f"^{re.escape(begin)}{'$' * (begin == message)}")
 
 
 def same_bits(one, other):
@@ -86,14 +87,10 @@ LAYOUTS = list(strange_layouts([0.0]))
 
 
 class Broken:
+    """Neither a number nor an array, whatever it is asked for."""
+
     def __float__(self):
         raise ZeroDivisionError("mine")
 
-
-class NoArray:
     def __array__(self, *args, **kwargs):
         raise ZeroDivisionError("mine")
-
-
-class Token:
-    """Something that weak references can watch."""

@@ -30,26 +30,20 @@ def sentence(text: str) -> str:
 
 def tests_of(tree: ast.Module) -> list[tuple[str, str, dict[str, str]]]:
     """Return name, promise, and the guard by tier of each test of a file."""
-    of_file = [
-        ast.unparse(node.value)
-        for node in tree.body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark"
-    ]
+    functions, of_file = tiers.tests_and_marks(tree)
     found = []
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
-            marks = [*of_file, *map(ast.unparse, node.decorator_list)]
-            guards = {}
-            for mark in marks:
-                for tier in tiers.OUTSIDE:
-                    if named := re.search(rf"pytest\.mark\.{tier}\(guard='([^']+)'\)", mark):
-                        guards[tier] = named[1]
-                if "extended_if(" in mark or "first(" in mark:
-                    guards["extended"] = tiers.OTHERS
-                if "ci_if(" in mark or "one_in(" in mark:
-                    guards["ci"] = tiers.OTHERS
-            name = node.name.removeprefix("test_").replace("_", " ")
-            found.append((node.name, sentence(ast.get_docstring(node) or name), guards))
+    for node in functions:
+        guards = {}
+        for mark in map(ast.unparse, (*of_file, *node.decorator_list)):
+            for tier in tiers.OUTSIDE:
+                if named := re.search(rf"pytest\.mark\.{tier}\(guard='([^']+)'\)", mark):
+                    guards[tier] = named[1]
+            if "extended_if(" in mark or "first(" in mark:
+                guards["extended"] = tiers.OTHERS
+            if "ci_if(" in mark or "one_in(" in mark:
+                guards["ci"] = tiers.OTHERS
+        name = node.name.removeprefix("test_").replace("_", " ")
+        found.append((node.name, sentence(ast.get_docstring(node) or name), guards))
     return found
 
 

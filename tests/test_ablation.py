@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from itertools import permutations
-from typing import Any
+from unittest import mock
 
 import attrs
 import drives
 import numpy as np
 import pytest
-from tiers import first
 
 import beltdyn as bd
 from beltdyn.explaining import ablation
@@ -26,42 +25,25 @@ ENOUGH = 500.0
 def rich() -> bd.Scene:
     """Give a drive of which nearly everything can be left out."""
     plain = drives.plain()
-    belt = attrs.evolve(
-        plain.belt,
-        length=None,
-        n_bodies=40,
-        bending_stiffness=0.02,
-        bending_damping=1e-6,
-        mesh="joint",
-    )
-    law = bd.LuGre(mu_k=0.8, mu_s=0.9, v_stribeck=0.01, sigma=1e4, viscous=1e-3)
+    changes = {"length": None, "n_bodies": 40, "bending_stiffness": 0.02, "bending_damping": 1e-6}
     arm = bd.Arm(
         pivot=(0.2, -0.1), inertia=2e-3, mass=0.1, stops=(-0.2, 0.2), friction=0.4, damping=0.1
     )
-    pulleys = (
-        attrs.evolve(plain.pulleys[0], friction=law),
-        attrs.evolve(
-            plain.pulleys[1],
-            drag=bd.Drag(coulomb=0.01, viscous=1e-4, quadratic=1e-6),
-            mount=attrs.evolve(arm, stiffness=200.0, preload=-90.0),
-        ),
-    )
+    arm = attrs.evolve(arm, stiffness=200.0, preload=-90.0)
+    law = bd.LuGre(mu_k=0.8, mu_s=0.9, v_stribeck=0.01, sigma=1e4, viscous=1e-3)
+    drag = bd.Drag(coulomb=0.01, viscous=1e-4, quadratic=1e-6)
     params = bd.Params(
-        belt=belt,
-        pulleys=pulleys,
+        belt=attrs.evolve(plain.belt, mesh="joint", **changes),
+        pulleys=(
+            attrs.evolve(plain.pulleys[0], friction=law),
+            attrs.evolve(plain.pulleys[1], drag=drag, mount=arm),
+        ),
         friction=bd.Dahl(mu_k=0.8, sigma=1e4),
         gravity=(0.0, -9.81),
     )
     torque = bd.Viscous([0.0, 1.0]) + bd.Harmonics(1, [2.0], [0.5])
     crank = bd.CrankMotion(-20.0, [2.0], [0.005], fade=(0.5, 1.0))
     return bd.Scene(params, torque, 0.04, {0: crank})
-
-
-def all_of(scene: bd.Scene) -> dict[str, Removal]:
-    return {one.name: one for one in removals_of(scene)}
-
-
-# --- removals -------------------------------------------------------------------------------------
 
 
 EVERYTHING = {
@@ -75,58 +57,53 @@ EVERYTHING = {
 def test_each_removal_takes_away_its_own_effect_alone() -> None:
     """Everything that is there can be left out, in any order."""
     scene = rich()
-    names = set(all_of(scene))
-    assert names == EVERYTHING
-    for name, removal in all_of(scene).items():
+    there = {one.name: one for one in removals_of(scene)}
+    assert there.keys() == EVERYTHING
+    for name, removal in there.items():
         left = removal.apply(scene)
         gone = {"motion of mounts": {name, "mount.mass", "mount.damping", "mount.friction"}}
-        assert names - set(all_of(left)) == gone.get(name, {name})
+        assert EVERYTHING - {one.name for one in removals_of(left)} == gone.get(name, {name})
         left.check()
     bare = leave_out(scene, removals_of(scene))
     assert not removals_of(bare)
     assert bare.params.pulleys[1].mount is None and bare.params.gravity == (0.0, 0.0)
     assert bare.params.friction_on(0).mu_s == 0.8  # type: ignore[union-attr]
-    some = [all_of(scene)[name] for name in ("drag.viscous", "gravity", "Stribeck curve")]
+    some = [there[name] for name in ("drag.viscous", "gravity", "Stribeck curve")]
     assert len({leave_out(scene, group).to_toml() for group in permutations(some)}) == 1
     # fixed axes stand where the belt rests
-    fixed = all_of(scene)["motion of mounts"].apply(scene)
+    fixed = there["motion of mounts"].apply(scene)
     assert np.allclose([p.center for p in fixed.params.pulleys], scene.params.centers())
     assert fixed.params.belt.length == scene.params.info["length"]
 
 
-# --- bounds ---------------------------------------------------------------------------------------
+def test_bounds() -> None:
+    """Changes are over the scales; growth is the largest of the last two fifths over that of the
+    first three, 1 to 10; what may go adds up to less than the error.
+    """
 
+    def answers(*tension: float) -> Answers:
+        """Of one span: mean tensions over the whole and the fifths; all else the same."""
+        values = dict.fromkeys(ablation.ANSWERS, np.ones((6, 1)))
+        values["tension, mean"] = np.array(tension)[:, None]
+        return Answers(values=values, scales={"tension": 100.0, "speed": 0.0})
 
-def answers(tension: list[float], scale: float = 100.0) -> Answers:
-    """Give answers of one span: mean tensions over the whole and the fifths; all else the same."""
-    same = np.ones((6, 1))
-    return Answers(
-        values={
-            "tension, mean": np.array(tension)[:, None],
-            "tension, range": same,
-            "speed, mean": same,
-            "speed, range": same,
-        },
-        scales={"tension": scale, "speed": 0.0},
-    )
-
-
-def test_changes_are_over_the_scales() -> None:
-    base = answers([10.0] * 6)
-    changes = changes_of(answers([11.0, 10.0, 10.0, 12.0, 10.0, 10.0]), base)
+    base = answers(*[10.0] * 6)
+    changes = changes_of(answers(11.0, 10.0, 10.0, 12.0, 10.0, 10.0), base)
     assert changes["tension, mean"] == pytest.approx([0.01, 0.0, 0.0, 0.02, 0.0, 0.0])
     assert not changes["speed, mean"].any()  # of a drive that stands still, too
-    gone = changes_of(answers([math.nan] * 6), base)
-    assert np.all(np.isinf(gone["tension, mean"]))
-
-
-def test_growth() -> None:
-    """The largest of the last two fifths over the largest of the first three, 1 to 10."""
+    assert np.all(np.isinf(changes_of(answers(*[math.nan] * 6), base)["tension, mean"]))
     for fifths, growth in (
         ([1, 2, 1, 3, 6], 3.0), ([1, 2, 4, 3, 2], 1.0),
         ([0, 0, 1, 2, 30], 10.0), ([0, 0, 0, 0, 1], 10)
     ):  # fmt: skip
         assert growth_of({"tension, mean": np.array([9.0, *fifths])}) == growth
+    rows = [
+        LeftOut(name=name, how="", change={}, worst=bound, growth=1.0, bound=bound, cpu_time=0.0,
+                exercised=True, may_be_left_out=name != "d", warned=(), failed="")
+        for name, bound in (("a", 0.006), ("b", 0.001), ("c", 0.004), ("d", 0.0))
+    ]  # fmt: skip
+    assert ablation.removals_that_may_go(rows, 0.01) == ["b", "c"]
+    assert ablation.removals_that_may_go(rows, 0.011) == ["b", "c", "a"]
 
 
 def test_answers_of_a_run_that_is_known() -> None:
@@ -146,142 +123,78 @@ def test_answers_of_a_run_that_is_known() -> None:
     assert seen.values["speed, range"][:, 1] == pytest.approx(lengths * last, rel=6e-3)
 
 
-def row(name: str, bound: float, may: bool = True) -> LeftOut:
-    return LeftOut(
-        name=name, how="", change={}, worst=bound, growth=1.0, bound=bound, cpu_time=0.0,
-        exercised=True, may_be_left_out=may, warned=(), failed="",
-    )  # fmt: skip
-
-
-def test_bounds_add_up() -> None:
-    rows = [row("a", 0.006), row("b", 0.001), row("c", 0.004), row("d", 0.0, may=False)]
-    assert ablation.removals_that_may_go(rows, 0.01) == ["b", "c"]
-    assert ablation.removals_that_may_go(rows, 0.011) == ["b", "c", "a"]
-
-
-# --- runs -----------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def explained() -> bd.Explanation:
-    found = bd.explain(*rich()[:4], error=0.05, budget=ENOUGH)
-    assert found.window.end == found.window.asked
-    return found
-
-
-def test_what_did_not_act_is_named_so(explained: bd.Explanation) -> None:
-    """The crank's harmonics fade in after the window."""
-    assert explained.ablation is not None
-    rows = {one.name: one for one in explained.ablation.rows}
-    crank = rows.pop("harmonics of the crank")
-    assert not crank.exercised and not crank.may_be_left_out and crank.worst == 0.0
-    assert "Not exercised" in str(explained)
-    assert explained.ablation.rounds == 3 and "of one run each" not in str(explained)
-    assert rows["gravity"].exercised and rows["mount.friction"].exercised
+    return bd.explain(*rich()[:4], error=0.05, budget=ENOUGH)
 
 
 def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
+    """What did not act is named so: the crank's harmonics fade in after the window."""
     found = explained.ablation
-    assert found is not None
+    assert found is not None and explained.window.end == explained.window.asked
+    assert found.rounds == 3 and "of one run each" not in str(explained)
     for one in found.rows:
         assert not one.failed, one.failed
         assert set(one.change) == set(ablation.ANSWERS)
         assert one.bound >= 4.0 * max(one.change.values()) + 2.0 * found.own_error
         assert one.may_be_left_out == (one.exercised and one.bound <= 0.05)
         assert math.isfinite(one.cpu_time)
+    rows = {one.name: one for one in found.rows}
     # without damping, links that land on a pulley vibrate on its contact: that is warned of
-    (damping,) = (one for one in found.rows if one.name == "contact.damping")
+    damping = rows["contact.damping"]
     assert "undamped" in damping.warned and math.isinf(damping.bound)
     assert not damping.may_be_left_out
-    allowed = {one.name for one in found.rows if one.may_be_left_out}
-    assert set(found.advice) <= allowed
+    crank = rows["harmonics of the crank"]
+    assert not crank.exercised and crank.worst == 0.0 and "Not exercised" in str(explained)
+    assert rows["gravity"].exercised and rows["mount.friction"].exercised
+    assert set(found.advice) <= {one.name for one in found.rows if one.may_be_left_out}
     assert explained.without("gravity").params.gravity == (0.0, 0.0)
     with pytest.raises(ValueError, match=r"name must be one of belt\.axial_damping, "):
         explained.without("nothing")
 
 
-def test_a_drive_that_does_not_run_without_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(scene: bd.Scene) -> bd.Scene:
-        raise ValueError("there is nothing left")
+def test_runs_that_fail_or_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time that is spent, runs that would take many times the steps of the first, and drives that
+    do not run without an effect.
+    """
+    scene = bd.scenes.kubas_case_1()._replace(t_end=1e-3)
 
+    def run(scene: bd.Scene, _: float, most: int | None) -> Timed:
+        with silenced():
+            return Timed(bd.simulate(*scene, max_steps=most), 1.0)
+
+    def stiff(scene: bd.Scene, tighter: float, most: int | None) -> Timed:
+        return run(scene, tighter, most and most // 4)
+
+    none = ablation.ablate(scene, run, 0.5, lambda: 0.0)
+    assert {one.failed for one in none.rows} == {"the budget is spent"}
+    assert none.runs == 2 and none.rounds == 1 and none.advice == () and none.together is None
+    monkeypatch.setattr(ablation, "MOST_STEPS", 1)
+    some = ablation.ablate(scene, stiff, 0.5, lambda: 0.5)
+    assert all("the limit of" in one.failed for one in some.rows)
+    fails = mock.Mock(side_effect=ValueError("there is nothing left"))
     monkeypatch.setattr(ablation, "removals_of", lambda _: (Removal("all", "nothing", fails),))
-    params, torque, _, _ = bd.scenes.kubas_case_1()
-    found = bd.explain(params, torque, 1e-3, budget=ENOUGH)
+    found = bd.explain(*scene, budget=ENOUGH)
     assert found.ablation is not None and not found.ablation.advice
     (one,) = found.ablation.rows
     assert one.failed == "there is nothing left" and not one.may_be_left_out
     assert "there is nothing left" in str(found)
 
 
-def test_runs_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time that is spent, and runs that would take many times the steps of the first."""
-    params, torque, _, _ = bd.scenes.kubas_case_1()
+@pytest.mark.ci(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
+def test_advice_holds_over_a_longer_run_and_under_more_load(explained: bd.Explanation) -> None:
+    """Together, and each for itself."""
+    found = explained.ablation
+    assert found is not None and found.together is not None and len(found.advice) >= 5
 
-    def run(scene: bd.Scene, _: float, most: int | None) -> Timed:
-        with silenced():
-            result = bd.simulate(scene.params, scene.torque_fn, 1e-3, max_steps=most)
-        return Timed(result, 1.0)
+    def answers(scene: bd.Scene) -> Answers:
+        more = scene.torque_fn + bd.Viscous([0.0, 0.7])  # to 1 N m s
+        with silenced():  # of the mesh, which is the same in all
+            return answers_of(bd.simulate(scene.params, more, 0.15, scene.motion, rtol=1e-3))
 
-    def stiff(scene: bd.Scene, tighter: float, most: int | None) -> Timed:
-        return run(scene, tighter, most and most // 4)
-
-    none = ablation.ablate(bd.Scene(params, torque, 1e-3), run, 0.5, lambda: 0.0)
-    assert {one.failed for one in none.rows} == {"the budget is spent"}
-    assert none.runs == 2 and none.rounds == 1 and none.advice == () and none.together is None
-    monkeypatch.setattr(ablation, "MOST_STEPS", 1)
-    some = ablation.ablate(bd.Scene(params, torque, 1e-3), stiff, 0.5, lambda: 0.5)
-    assert all("the limit of" in one.failed for one in some.rows)
-
-
-def worst_change(scene: bd.Scene, base: bd.Scene, t_end: float) -> float:
-    def run(one: bd.Scene) -> Answers:
-        return answers_of(bd.simulate(*one._replace(t_end=t_end), rtol=1e-3))
-
-    with silenced():  # of the mesh, which is the same in both
-        changes = changes_of(run(scene), run(base))
-    return max(float(change[0]) for change in changes.values())
-
-
-def holds(explanation: bd.Explanation, changed: Any, t_end: float) -> int:
-    """Check the advice, together and each for itself, on another run of the scene; count it."""
-    found = explanation.ablation
-    assert found is not None and found.together is not None
-    rows = {one.name: one for one in found.rows}
-    base = changed(explanation.scene)
+    base = answers(explained.scene)
     cases = [(found.advice, found.together.bound)]
-    cases += [((name,), one.bound) for name, one in rows.items() if one.may_be_left_out]
+    cases += [((one.name,), one.bound) for one in found.rows if one.may_be_left_out]
     for names, bound in cases:
-        assert bound <= explanation.error
-        assert worst_change(changed(explanation.without(*names)), base, t_end) < bound, names
-    return len(found.advice)
-
-
-@pytest.mark.ci(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
-def test_an_effect_whose_lack_is_warned_of_is_kept() -> None:
-    """Without damping, links that land on a pulley vibrate on its contact: warning "undamped"."""
-    scene = bd.scenes.get("three-pulleys")
-    found = bd.explain(*scene, error=0.5, budget=ENOUGH, method="rodas4").ablation
-    assert found is not None
-    rows = {one.name: one for one in found.rows}
-    assert rows["contact.damping"].warned == ("undamped",) and rows["gravity"].warned == ()
-    assert max(rows["contact.damping"].change.values()) < 0.01  # by itself it would pass
-    assert math.isinf(rows["contact.damping"].bound)
-    assert not rows["contact.damping"].may_be_left_out
-    assert "contact.damping" not in found.advice
-
-
-@pytest.mark.ci(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
-@pytest.mark.parametrize("load", first(1, [0.7, 0.0]))
-def test_advice_holds_over_a_longer_run_and_under_more_load(
-    explained: bd.Explanation, load: float
-) -> None:
-    more = bd.Viscous([0.0, load])  # of 1 N m s
-    assert holds(explained, lambda one: one._replace(torque_fn=one.torque_fn + more), 0.15) >= 5
-
-
-@pytest.mark.extended(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")
-def test_advice_of_the_seven_pulleys_holds_over_their_run() -> None:
-    """From a window of a twelfth of the run."""
-    scene = bd.scenes.get("serpentine")
-    found = bd.explain(*scene._replace(t_end=0.01), error=0.05, budget=ENOUGH)
-    assert holds(found, lambda one: one, scene.t_end) >= 2
+        changes = changes_of(answers(explained.without(*names)), base)
+        assert max(float(change[0]) for change in changes.values()) < bound <= 0.05, names

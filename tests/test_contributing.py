@@ -38,14 +38,9 @@ class Block(NamedTuple):
     is_new: bool
     code: str
 
-    @property
-    def before(self) -> str:
-        """Of a block of a change: the lines that are there."""
-        return "".join(line[1:] for line in self.code.splitlines(True) if line[0] != "+")
-
-    @property
-    def after(self) -> str:
-        return "".join(line[1:] for line in self.code.splitlines(True) if line[0] != "-")
+    def without(self, sign: str) -> str:
+        """Of a block of a change: the lines that are there before it, or after it."""
+        return "".join(line[1:] for line in self.code.splitlines(True) if line[0] != sign)
 
 
 def blocks() -> Iterator[Block]:
@@ -67,29 +62,21 @@ CHANGES = [block for block in BLOCKS if block.language == "diff"]
 QUOTES = [block for block in BLOCKS if block not in (*EXAMPLES, *NEW, *CHANGES)]
 
 
-def test_the_page_has_its_parts() -> None:
-    assert [block.file for block in NEW] == ["csrc/friction/bouc_wen.h", "csrc/solvers/bs32.c"]
-    assert [block.file for block in CHANGES] == [
-        "csrc/friction/laws.h",
-        "csrc/friction/laws.h",
-        "csrc/solvers/methods.c",
-    ]
-    assert len(EXAMPLES) == 2
-    assert len(QUOTES) >= 10
-
-
 def test_quotes_stand_in_the_file() -> None:
+    assert [block.file for block in NEW] == ["csrc/friction/bouc_wen.h", "csrc/solvers/bs32.c"]
+    assert len(EXAMPLES) == 2 and len(QUOTES) >= 10
     for block in QUOTES:
         assert (ROOT / block.file).read_text("utf-8").count(block.code) == 1, block
 
 
 def test_changes_are_of_rows_that_are_there() -> None:
+    laws = "csrc/friction/laws.h"
+    assert [block.file for block in CHANGES] == [laws, laws, "csrc/solvers/methods.c"]
     for block in CHANGES:
-        assert (ROOT / block.file).read_text("utf-8").count(block.before) == 1, block
-        assert len(block.after.splitlines()) == len(block.before.splitlines()) + 1, block
+        before, after = block.without("+"), block.without("-")
+        assert (ROOT / block.file).read_text("utf-8").count(before) == 1, block
+        assert len(after.splitlines()) == len(before.splitlines()) + 1, block
 
-
-# --- the copy ------------------------------------------------------------------------------------
 
 COMPILER = os.environ.get("CC", "cc")
 X86 = platform.machine().lower() in {"x86_64", "amd64"}
@@ -124,11 +111,9 @@ def build(tree: Path, site: Path) -> None:
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         objects = [target for target in pool.map(compiled, sources) if target]
-    suffix = sysconfig.get_config_var("EXT_SUFFIX")
-    shared = (
-        ["-bundle", "-undefined", "dynamic_lookup"] if sys.platform == "darwin" else ["-shared"]
-    )
-    target = site / "beltdyn" / f"_core{suffix}"
+    bundle = ["-bundle", "-undefined", "dynamic_lookup"]
+    shared = bundle if sys.platform == "darwin" else ["-shared"]
+    target = site / "beltdyn" / f"_core{sysconfig.get_config_var('EXT_SUFFIX')}"
     subprocess.run([COMPILER, *shared, *objects, "-lm", "-o", str(target)], check=True)
 
 
@@ -146,32 +131,27 @@ def test_the_law_and_the_method_of_the_page(tmp_path: Path) -> None:
     tables = (_core.LAWS, _core.METHODS, _core.PARAMETERS)
     before = contents()
     tree, site = tmp_path / "tree", tmp_path / "site"
+    built = shutil.ignore_patterns("*.so", "__pyc*")
     for folder in ("csrc", "beltdyn"):
-        shutil.copytree(
-            ROOT / folder, tree / folder, ignore=shutil.ignore_patterns("*.so", "__pyc*")
-        )
+        shutil.copytree(ROOT / folder, tree / folder, ignore=built)
     for block in NEW:
         assert not (tree / block.file).exists()
         (tree / block.file).write_text(block.code, "utf-8")
     for block in CHANGES:
         text = (tree / block.file).read_text("utf-8")
-        (tree / block.file).write_text(text.replace(block.before, block.after), "utf-8")
+        (tree / block.file).write_text(
+            text.replace(block.without("+"), block.without("-")), "utf-8"
+        )
     build(tree, site)
 
     environment = {**os.environ, "PYTHONPATH": str(site), "CONTRIBUTED": str(tree)}
     for name, block in zip(("LAW", "METHOD"), EXAMPLES, strict=True):
         environment[f"{name}_EXAMPLE"] = block.code
     tries = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", ""]
-    done = subprocess.run(
-        [*tries, "contributed.py", "test_law_slopes.py", "-k", "contributed or bouc_wen"],
-        cwd=ROOT / "tests",
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=250,
-    )
+    tries += ["contributed.py", "test_law_slopes.py", "-k", "contributed or bouc_wen"]
+    options = {"cwd": ROOT / "tests", "env": environment, "capture_output": True, "text": True}
+    done = subprocess.run(tries, timeout=250, **options)
     assert done.returncode == 0, done.stdout + done.stderr
-
     assert contents() == before
     assert tables == (_core.LAWS, _core.METHODS, _core.PARAMETERS)
     assert "bs32" not in bd.METHODS and not hasattr(bd, "BoucWen")

@@ -1,14 +1,18 @@
-"""Pulleys by name: what names there may be, where they are kept and accepted, where they are shown.
+"""Pulleys by name: what names there may be, where they are kept, accepted and shown.
 
-What messages make of them is in test_named_messages.py.
+Messages are provoked twice, by a drive without names and by the same one with them: the second must
+be the first with names in the place of numbers.
 """
 
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 import pickle
 import re
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,28 +22,50 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from named import NAMES, named, pulley, with_names
-from tiers import first
+from module_common import make_model
 
 import beltdyn as bd
-from beltdyn import _core
+from beltdyn import run_warnings, sanity
 
+NAMES = ("crank", "Spannrolle 2 ö", "alternator")
 SPANS = [f"{NAMES[k]} to {NAMES[(k + 1) % 3]}" for k in range(3)]
 
-# ------------------------------------------------------------------- names that there may be
+#: Gives the pulleys names, or leaves them as they are.
+Dress = Callable[[Any], Any]
+
+
+def named(what: Any, names: tuple[str | None, ...] = NAMES) -> Any:
+    """The same drive, or the same pulleys, with names."""
+    if isinstance(what, bd.Params):
+        return attrs.evolve(what, pulleys=named(what.pulleys, names))
+    return tuple(attrs.evolve(pulley, name=names[k % len(names)]) for k, pulley in enumerate(what))
+
+
+def as_it_is(what: Any) -> Any:
+    return what
+
+
+def with_names(text: str) -> str:
+    """What a message about a drive without names must be with them."""
+    text = re.sub(r"pulleys (\d) and (\d)", r"pulley \1 and pulley \2", text)
+    return re.sub(r"pulleys?[ \[](\d)\]?", lambda k: f'pulley "{NAMES[int(k[1])]}"', text)
+
+
+def pulley(name: Any = None, **changes: Any) -> bd.Pulley:
+    given = {"center": (0.0, 0.0), "radius": 0.1, "inertia": 0.01, "name": name}
+    return bd.Pulley(**(given | changes))
 
 
 def test_good_names() -> None:
-    good = ["crank", "A/C", "a", "Öl-Pumpe", "ポンプ", "idler 2", "_x", 'a "b"', "1.5", "$x$"]
-    for name in [*good, "x" * 31]:
+    for name in ["crank", "A/C", "Öl-Pumpe", "ポンプ", "_x", 'a "b"', "1.5", "$x$", "x" * 31]:
         assert pulley(name).name == name
         assert re.search(rf"\n  name +{re.escape(name)}$", str(pulley(name)))
-        params = named(drives.plain(), (name, None))
-        assert params.pulley_names == (name, "pulley 1")
-        assert (params.label(0), params.label(1)) == (f'pulley "{name}"', "pulley 1")
-        assert params.pulley_index(name) == 0 and params.pulley_index("pulley 1") == 1
-        assert params.pulley_index(1) == 1
-        assert "pulleys[0].name" in str(params) and "pulleys[1].name" not in str(params)
+    params = named(drives.plain(), (name, None))
+    assert params.pulley_names == (name, "pulley 1")
+    assert (params.label(0), params.label(1)) == (f'pulley "{name}"', "pulley 1")
+    assert params.pulley_index(name) == 0 and params.pulley_index("pulley 1") == 1
+    assert params.pulley_index(1) == 1
+    assert "pulleys[0].name" in str(params) and "pulleys[1].name" not in str(params)
     assert type(pulley(np.str_("crank")).name) is str
     assert pulley().name is None and "name" not in str(pulley())
     assert drives.plain().pulley_names == ("pulley 0", "pulley 1")
@@ -49,33 +75,26 @@ TEXT = "be a printable text"
 
 
 @pytest.mark.parametrize(
-    ("name", "rule"),
+    ("names", "rule"),
     [
-        *((no_text, f"{TEXT} of 1 to 31 bytes") for no_text in (1, 1.5, b"crank", True, ("a",))),
-        (["crank"], f"{TEXT} of 1 to 31 bytes"),
-        ("", f"{TEXT} of 1 to 31 bytes of UTF-8"),
-        ("x" * 32, f"{TEXT} of 1 to 31 bytes of UTF-8"),
-        ("ö" * 16, f"{TEXT} of 1 to 31 bytes of UTF-8"),
-        ("a\nb", TEXT),
-        ("a\0", TEXT),
-        ("\ud800", TEXT),
-        (" crank", "not begin or end with a space"),
-        ("crank ", "not begin or end with a space"),
-        ("1", "not be a number"),
-        ("pulley 3", "not be a number, alone or after the word pulley"),
+        ((1, 1.5, b"crank", True, ("a",)), f"{TEXT} of 1 to 31 bytes"),
+        (("", "x" * 32, "ö" * 16), f"{TEXT} of 1 to 31 bytes of UTF-8"),
+        (("a\nb", "a\0", "\ud800"), TEXT),
+        ((" crank", "crank "), "not begin or end with a space"),
+        (("1", "pulley 3"), "not be a number, alone or after the word pulley"),
     ],
+    ids=["kind", "length", "print", "space", "number"],
 )
-def test_bad_names(name: Any, rule: str) -> None:
-    error = ValueError if isinstance(name, str) else TypeError
-    with pytest.raises(error, match=rf"^pulley\.name must {rule}"):
-        pulley(name)
+def test_bad_names(names: tuple[Any, ...], rule: str) -> None:
+    for name in names:
+        error = ValueError if isinstance(name, str) else TypeError
+        with pytest.raises(error, match=rf"^pulley\.name must {rule}"):
+            pulley(name)
 
 
 def test_two_of_the_same_name() -> None:
-    first, second = drives.plain().pulleys
-    three = named(
-        (first, second, attrs.evolve(second, center=(0.15, 0.4))), ("crank", None, "crank")
-    )
+    one, other = drives.plain().pulleys
+    three = named((one, other, attrs.evolve(other, center=(0.15, 0.4))), ("crank", None, "crank"))
     message = r'^pulleys\[0\]\.name and pulleys\[2\]\.name must differ, both are "crank"$'
     for use in (bd.route, bd.plot.layout, lambda p: attrs.evolve(drives.plain(), pulleys=p)):
         with pytest.raises(ValueError, match=message):
@@ -84,17 +103,8 @@ def test_two_of_the_same_name() -> None:
 
 def test_the_core_has_the_same_rules() -> None:
     """It stands alone, and so checks again."""
-    params = drives.plain()
-    centers, radii = [p.center for p in params.pulleys], [p.radius for p in params.pulleys]
-
-    def model(names: Any) -> _core.Model:
-        return _core.Model(
-            (1.2, 60, 0.1, 70e3, 1.4, 0.0, 0.0), centers, radii, [0.01, 0.01],
-            (0.0, 2.5e7, 1e3, 0, 0.0), None, (0.0, 0.0), names=names,
-        )  # fmt: skip
-
     for good in (None, [None, None], ["crank", None], ("ö" * 15, "x" * 31)):
-        model(good).check_geometry()
+        make_model(names=good).check_geometry()
     bad: list[tuple[Any, type[Exception], str]] = [
         (["", None], ValueError, r"pulleys\[0\]\.name must not be empty"),
         ([None, "x" * 32], ValueError, r"pulleys\[1\]\.name is too long"),
@@ -108,10 +118,7 @@ def test_the_core_has_the_same_rules() -> None:
     ]
     for names, error, message in bad:
         with pytest.raises(error, match=f"^{message}"):
-            model(names)
-
-
-# ------------------------------------------------------------------- kept
+            make_model(names=names)
 
 
 def test_copies_and_toml_keep_names() -> None:
@@ -134,38 +141,31 @@ def test_copies_and_toml_keep_names() -> None:
 
 
 @pytest.fixture(scope="module")
-def scene() -> bd.Scene:
-    return bd.scenes.three_pulleys()._replace(t_end=0.02)
+def runs() -> tuple[bd.Result, bd.Result]:
+    """One run with names, and the same without."""
+    params, *others = bd.scenes.three_pulleys()._replace(t_end=0.02)
+    times = np.linspace(0.0, 0.02, 41)
+    named_one, other = (bd.simulate(one, *others, t_eval=times) for one in (named(params), params))
+    return named_one, other
 
 
-@pytest.fixture(scope="module")
-def result(scene: bd.Scene) -> bd.Result:
-    return bd.simulate(named(scene.params), *scene[1:], t_eval=np.linspace(0.0, 0.02, 41))
-
-
-@pytest.fixture(scope="module")
-def unnamed(scene: bd.Scene) -> bd.Result:
-    return bd.simulate(*scene, t_eval=np.linspace(0.0, 0.02, 41))
-
-
-def test_names_change_no_number(result: bd.Result, unnamed: bd.Result) -> None:
+def test_results_keep_names_which_change_no_number(
+    runs: tuple[bd.Result, bd.Result], tmp_path: Path
+) -> None:
+    result, unnamed = runs
     for group in ("pulleys", "belt", "joints", "contact", "energy"):
         one, other = getattr(result, group).arrays(), getattr(unnamed, group).arrays()
         for name, values in one.items():
             assert np.array_equal(values, other[name]), name
-
-
-def test_results_keep_names(result: bd.Result, unnamed: bd.Result, tmp_path: Path) -> None:
     result.save(tmp_path / "run.npz")
     kept = bd.Result.load(tmp_path / "run.npz")
-    for one in (result, kept, pickle.loads(pickle.dumps(result)), attrs.evolve(result, t=result.t)):
-        assert one.params.pulley_names == one.pulleys.names == NAMES
+    for run in (result, kept, pickle.loads(pickle.dumps(result))):
+        assert run.params.pulley_names == run.pulleys.names == NAMES
     assert unnamed.pulleys.names == ("pulley 0", "pulley 1", "pulley 2")
-    assert list(result.pulleys.arrays()) == ["theta", "omega", "torque", "load"]
 
 
-def test_summaries_say_whose(result: bd.Result, unnamed: bd.Result) -> None:
-    rows, plain = dict(result.summary()), dict(unnamed.summary())
+def test_summaries_say_whose(runs: tuple[bd.Result, bd.Result]) -> None:
+    rows, plain = (dict(one.summary()) for one in runs)
     for label, of_number, unit, names in (
         ("pulley speeds", "pulley speeds", "rad/s", NAMES),
         ("span tensions", "span tensions", "N", SPANS),
@@ -176,58 +176,51 @@ def test_summaries_say_whose(result: bd.Result, unnamed: bd.Result) -> None:
         assert rows[f"  {label}"] == f"{expected} {unit}"
 
 
-# ------------------------------------------------------------------- accepted
-
-
-def test_motion_by_name(scene: bd.Scene) -> None:
-    params = named(scene.params)
-    ramp = bd.PiecewiseLinear([0.0, 0.02], [0.0, 5.0])
-    load = bd.Viscous([0.0, 0.04, 0.1])
-    runs = [bd.simulate(params, load, 0.02, {key: ramp}, t_eval=[0.02]) for key in (0, "crank")]
-    assert np.array_equal(runs[0].pulleys.torque, runs[1].pulleys.torque)
-    assert runs[1].pulleys.omega[0, 0] == pytest.approx(5.0)
-    with pytest.raises(ValueError) as caught:
-        bd.simulate(params, load, 0.02, {"crnk": ramp})
-    there = ", ".join(NAMES)
-    message = f"motion: no pulley is called 'crnk' (did you mean 'crank'?); there are {there}"
-    assert str(caught.value) == message
-    with pytest.raises(ValueError, match=r'^motion has pulley "crank" twice, by name and by index'):
-        bd.simulate(params, load, 0.02, {0: ramp, "crank": ramp})
-    with pytest.raises(TypeError, match=r"^motion\['crank'\] must be a PiecewiseLinear"):
-        bd.simulate(params, load, 0.02, {"crank": 3.0})  # type: ignore[dict-item]
-    with pytest.raises(TypeError, match=r"^motion index must be an integer from 0 to 2, got 0\.0"):
-        bd.simulate(params, load, 0.02, {0.0: ramp})  # type: ignore[dict-item]
-
-
-def test_speed_by_name() -> None:
+def test_motion_and_speed_by_name() -> None:
     params = named(drives.plain(), ("crank", "alternator"))
+    ramp = bd.PiecewiseLinear([0.0, 0.02], [0.0, 5.0])
+    load = bd.Viscous([0.0, 0.04])
     rest = bd.settle(params)
+    one, other = (
+        bd.simulate(params, load, 0.02, {key: ramp}, initial=rest, t_eval=[0.02])
+        for key in (0, "crank")
+    )
+    assert np.array_equal(one.pulleys.torque, other.pulleys.torque)
+    assert other.pulleys.omega[0, 0] == pytest.approx(5.0)
     for key in ("alternator", "crank"):
-        one, other = rest.at_speed(params, {key: 10.0}), rest.at_speed(params, {1: 10.0})
-        assert np.array_equal(one.vx, other.vx)
-    with pytest.raises(ValueError, match=r"^omega: no pulley is called 'pump'; there are crank, a"):
-        rest.at_speed(params, {"pump": 1.0})
-    with pytest.raises(TypeError, match=r"^omega\['crank'\] must be a real number"):
-        rest.at_speed(params, {"crank": "1"})  # type: ignore[dict-item]
+        by_name, by_index = (rest.at_speed(params, {k: 10.0}) for k in (key, 1))
+        assert np.array_equal(by_name.vx, by_index.vx)
+    bad: list[tuple[dict[Any, Any], dict[Any, Any], type[Exception], str]] = [
+        ({"crnk": ramp}, {"pump": 1.0}, ValueError, r"no pulley is called '(crnk' \(did you mean "
+         r"'crank'\?\)|pump'); there are crank, alternator$"),
+        ({"crank": 3.0}, {"crank": "1"}, TypeError, r"\['crank'\] must be a (Piecewise|real num)"),
+        ({0: ramp, "crank": ramp}, {0: 2.0, "crank": 2.0}, ValueError,
+         'has pulley "crank" twice, by name and by index'),
+        ({0.0: ramp}, {0.0: 1.0}, TypeError, r"index must be an integer from 0 to 1, got 0\.0"),
+    ]  # fmt: skip
+    for motion, speed, error, message in bad:
+        with pytest.raises(error, match=f"^motion(: | |){message}"):
+            bd.simulate(params, load, 0.02, motion, initial=rest)
+        with pytest.raises(error, match=f"^omega(: | |){message}"):
+            rest.at_speed(params, speed)
     with pytest.raises(ValueError, match=r'^the rims of pulley "crank" and pulley "alternator" m'):
         rest.at_speed(params, {0: 2.0, "alternator": 1.0})
 
 
 def test_offset_by_name() -> None:
     alone = bd.Tensioning(friction=True, offset={"alternator": (-6e-4, 0.0)})
-    assert 'pulley "alternator" moved to its place from an offset of (-0.0006, 0) m' in str(alone)
+    moved = 'pulley "alternator" moved to its place'
+    assert f"{moved} from an offset of (-0.0006, 0) m" in str(alone)
     assert attrs.evolve(alone, friction=False).offset == alone.offset
     assert hash(alone) == hash(attrs.evolve(alone)) and pickle.loads(pickle.dumps(alone)) == alone
     params = named(drives.plain(), ("crank", "alternator"))
     given = attrs.evolve(params, tensioning=alone)
     assert given.tensioning.offset == ((0.0, 0.0), (-6e-4, 0.0))
     assert given == attrs.evolve(params, tensioning=attrs.evolve(alone, offset={1: (-6e-4, 0.0)}))
-    assert 'with friction, pulleys held, pulley "alternator" moved to its place' in str(given)
+    assert f"with friction, pulleys held, {moved}" in str(given)
     assert bd.Params.from_toml(given.to_toml()) == given
-    settled = bd.settle(given)
-    assert np.array_equal(
-        settled.x, bd.settle(params, friction=True, offset={"alternator": (-6e-4, 0.0)}).x
-    )
+    settled = bd.settle(params, friction=True, offset={"alternator": (-6e-4, 0.0)})
+    assert np.array_equal(bd.settle(given).x, settled.x)
     mixed = bd.Tensioning(offset={"alternator": (1e-4, 0.0), 0: (0.0, 2e-4)})
     assert attrs.evolve(params, tensioning=mixed).tensioning.offset == ((0.0, 2e-4), (1e-4, 0.0))
     bad: list[tuple[Any, str]] = [
@@ -236,10 +229,10 @@ def test_offset_by_name() -> None:
         ({"crank": (0.0, 0.0), 2: (0.0, 0.0)}, r"^offset index must be an integer from 0 to 1"),
     ]
     for offset, message in bad:
-        with pytest.raises(ValueError, match=message):
-            attrs.evolve(params, tensioning=bd.Tensioning(offset=offset))
-        with pytest.raises(ValueError, match=message):
-            bd.settle(params, offset=offset)
+        for use in (lambda p, o: attrs.evolve(p, tensioning=bd.Tensioning(offset=o)),
+                    lambda p, o: bd.settle(p, offset=o)):  # fmt: skip
+            with pytest.raises(ValueError, match=message):
+                use(params, offset)
     with pytest.raises(TypeError, match=r"^offset\['crank'\] must be a pair of real numbers"):
         bd.Tensioning(offset={"crank": 1.0})
     with pytest.raises(TypeError, match=r"^offset\[0\]\[0\] must be a real number"):
@@ -251,28 +244,20 @@ def test_names_in_tables_of_toml() -> None:
     motion = {"alternator": bd.PiecewiseLinear([0.0, 0.3], [0.0, -60.0])}
     scene = bd.Scene(base, bd.Viscous([1.0, 0.0]), 0.5, motion)
     text = scene.to_toml()
-    assert 'pulley = "alternator"' in text
-    assert bd.Scene.from_toml(text).motion == motion
-    assert '\n  motion of pulley "alternator": piecewise linear' in str(scene)
-    assert '\n  motion of pulley "alternator": ' in str(
-        scene._replace(motion={1: motion["alternator"]})
-    )
+    assert 'pulley = "alternator"' in text and bd.Scene.from_toml(text).motion == motion
+    for one in (scene, scene._replace(motion={1: motion["alternator"]})):
+        assert '\n  motion of pulley "alternator": piecewise linear' in str(one)
     offset = text.replace("[belt]", "[tensioning]\noffset = { alternator = [1e-4, 0.0] }\n\n[belt]")
     assert bd.Scene.from_toml(offset).params.tensioning.offset == ((0.0, 0.0), (1e-4, 0.0))
-    wrong = [
-        (text, '"alternator"\nkind', '"pump"\nkind', r"^motion: no pulley is called 'pump'; there"),
-        (offset, "{ alternator", "{ pump", r"^offset: no pulley is called 'pump'; there are crank"),
-    ]
-    for given, old, new, message in wrong:
+    for given, old, new, what in (
+        (text, '"alternator"\nkind', '"pump"\nkind', "motion"),
+        (offset, "{ alternator", "{ pump", "offset"),
+    ):
         assert old in given
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(ValueError, match=f"^{what}: no pulley is called 'pump'; there are cra"):
             bd.Scene.from_toml(given.replace(old, new))
-    function = scene._replace(motion={"crank": math.sin})
     with pytest.raises(TypeError, match=r"^motion\['crank'\] must be a speed that is a Piecewise"):
-        function.to_toml()
-
-
-# ------------------------------------------------------------------- printed text
+        scene._replace(motion={"crank": math.sin}).to_toml()
 
 
 def test_printed_text_uses_names() -> None:
@@ -287,25 +272,22 @@ def test_printed_text_uses_names() -> None:
     assert str(bd.route(named(params.pulleys))) == str(route)
 
 
-# ------------------------------------------------------------------- figures
-
-
 def legend(ax: Axes) -> list[str]:
     shown = ax.get_legend()
     assert shown is not None
     return [text.get_text() for text in shown.get_texts()]
 
 
-def test_legends(result: bd.Result) -> None:
+def test_legends(runs: tuple[bd.Result, bd.Result]) -> None:
+    """matplotlib sets what is between dollars as a formula, and hides labels that begin with _."""
+    result, _ = runs
     for draw in (bd.plot.speeds, bd.plot.torques):
         assert legend(draw(result)) == list(NAMES)
         assert legend(draw(result, pulleys=["alternator", 0])) == ["alternator", "crank"]
         assert legend(draw(result, pulleys="alternator")) == ["alternator"]
         assert legend(draw(result, pulleys="crank", label="measured")) == ["measured"]
         for wrong in ("pump", ["crank", "pump"]):
-            with pytest.raises(
-                ValueError, match=r"^pulleys.*: no pulley is called 'pump'; there are"
-            ):
+            with pytest.raises(ValueError, match=r"^pulleys.*: no pulley is called 'pump'; there"):
                 draw(result, pulleys=wrong)
     assert legend(bd.plot.span_tensions(result)) == SPANS
     some = attrs.evolve(result, params=named(result.params, ("crank", None, None)))
@@ -313,40 +295,228 @@ def test_legends(result: bd.Result) -> None:
     spans = ["crank to pulley 1", "span 1 to 2", "pulley 2 to crank"]
     assert legend(bd.plot.span_tensions(some)) == spans
     assert legend(bd.plot.speeds(some, pulleys=["pulley 2"])) == ["pulley 2"]
-
-
-@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
-def test_pictures(result: bd.Result, unnamed: bd.Result) -> None:
-    def texts(ax: Axes) -> list[str]:
-        return [text.get_text() for text in ax.texts]
-
-    assert sorted(texts(bd.plot.force_along_belt(result))) == sorted(NAMES)
-    lines = {name.replace(" ", "\n") for name in NAMES}  # of a name, a word a line
-    assert lines <= set(texts(bd.plot.drive(result)))
-    assert {"0", "1", "2"} <= set(texts(bd.plot.drive(unnamed)))
-    shown, plain = texts(bd.plot.layout(result.params)), texts(bd.plot.layout(unnamed.params))
-    wraps = [text.rsplit("\n", 1) for text in shown if "\n" in text]
-    assert [name.replace("\n", " ") for name, _ in wraps] == list(NAMES)
-    assert [wrap for _, wrap in wraps] == [t.split("\n")[1] for t in plain if "\n" in t]
-
-
-def test_names_are_no_formulas_and_not_left_out(result: bd.Result) -> None:
-    """matplotlib sets what is between dollars as a formula, and hides labels that begin with _."""
     odd = attrs.evolve(result, params=named(result.params, (r"$\foo$", "_idler", "50 $")))
+    assert legend(bd.plot.speeds(odd)) == [r"\$\foo\$", "pulley _idler", r"50 \$"]
     figure = Figure()
-    ax = bd.plot.speeds(odd, ax=figure.add_subplot(1, 2, 1))
-    bd.plot.drive(odd, ax=figure.add_subplot(1, 2, 2))
+    bd.plot.drive(odd, ax=figure.add_subplot())
     figure.draw_without_rendering()  # a formula with \foo would be an error
-    assert legend(ax) == [r"\$\foo\$", "pulley _idler", r"50 \$"]
 
 
-@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
-@pytest.mark.parametrize(
-    ("panel", "names"), first(1, [("tensions", SPANS), ("speeds", list(NAMES))])
-)
-def test_animations(panel: str, names: list[str], result: bd.Result) -> None:
-    film: Any = bd.plot.animate(result, panel=panel, duration=0.1)
-    film._draw_was_started = True  # not to be shown
-    drive, below = film._fig.axes[:2]
-    assert legend(below) == names
-    assert set(NAMES) <= {text.get_text().replace("\n", " ") for text in drive.texts}
+def dressed(dress: Dress, params: bd.Params, **changes: Any) -> bd.Params:
+    """The drive with some of its fields changed; one that is refused is so with its names."""
+    changes = {"pulleys": params.pulleys} | changes
+    return attrs.evolve(params, **(changes | {"pulleys": dress(changes["pulleys"])}))
+
+
+def close_pulleys(dress: Dress) -> object:
+    """Two that one joint of the belt could touch at once."""
+    base = drives.on_mesh(drives.plain(), "joint")
+    pulleys = [pulley(center=(x, 0.0), radius=0.03) for x in (0.0, 0.07)]
+    length = (2 * 0.07 + 2 * math.pi * 0.03) / 1.01
+    belt = attrs.evolve(base.belt, length=length, n_bodies=11, bending_stiffness=0.0)
+    return dressed(dress, base, belt=belt, pulleys=pulleys)
+
+
+@cache
+def at_rest() -> bd.State:
+    return bd.settle(drives.plain())
+
+
+def plain(dress: Dress) -> tuple[bd.Params, bd.State]:
+    return dressed(dress, drives.plain()), at_rest()
+
+
+def changed(**changes: Any) -> Callable[[Dress], bd.Params]:
+    return lambda dress: dressed(dress, drives.plain(), **changes)
+
+
+def running(
+    torque: Any = None,
+    t_end: float = 0.1,
+    motion: Any = None,
+    *,
+    make: Callable[[], Any] | None = None,
+    initial: Any = None,
+    **options: Any,
+) -> Callable[[Dress], Any]:
+    """A run of the plain drive from rest, or from what is made of that."""
+
+    def run(dress: Dress) -> Any:
+        params, rest = plain(dress)
+        start = rest if initial is None else attrs.evolve(rest, **initial(rest))
+        used = make() if make else torque or bd.Viscous([0, 1])
+        return bd.simulate(params, used, t_end, motion, initial=start, **options)
+
+    return run
+
+
+def turned(rest: bd.State) -> dict[str, Any]:
+    return {"x": -rest.y, "y": rest.x, "phi": rest.phi + math.pi / 2}
+
+
+def link_far_inside(dress: Dress) -> object:
+    """All links thrown to the right, at 0.3 of the speed of stretch waves."""
+    params = changed(contact=bd.Contact(linear=2e5, damping=100.0))(dress)
+    wave = math.sqrt(params.belt.axial_stiffness / params.belt.linear_density)
+    rest = bd.settle(params)
+    start = attrs.evolve(rest, vx=rest.vx + 0.3 * wave)
+    return bd.simulate(params, bd.Viscous([0, 1]), 0.05, initial=start)
+
+
+JUMP = bd.PiecewiseLinear([0.0, 1.0], [-50.0, -50.0])
+FIXED: dict[str, Any] = {"method": "rk4", "step": 5e-5}
+
+
+def routed(x: float, y: float, radius: float, side: str = "outside") -> Callable[[Dress], object]:
+    """A route that there is not, past this pulley between two others."""
+    middle = pulley(center=(x, y), radius=radius, side=side)
+    three = (pulley(radius=0.08), middle, pulley(center=(0.30, 0.02)))
+    return lambda dress: bd.route(dress(three))
+
+
+def noise() -> Callable[..., list[float]]:
+    """A torque that no step can follow, the same numbers for each run."""
+    draw = np.random.default_rng(1)
+    return lambda *_: [0.0, 2000.0 * float(draw.standard_normal())]
+
+
+def flicker() -> Callable[..., list[float]]:
+    """A torque that flickers faster than any step can follow."""
+    torques = itertools.cycle([[0.0, -1e13], [0.0, 1e13]])
+    return lambda *_: next(torques)
+
+
+JUMP = bd.PiecewiseLinear([0.0, 1.0], [-50.0, -50.0])
+FIXED: dict[str, Any] = {"method": "rk4", "step": 5e-5}
+REFUSED: dict[str, Callable[[Dress], object]] = {
+    "overlap": routed(0.10, 0.02, 0.04),
+    "passed by": routed(0.15, 0.05, 0.02, "inside"),
+    "its other side": routed(0.12, 0.30, 0.04),
+    "through": routed(0.6, 0.0, 0.05),
+    "outside": lambda dress: bd.route(dress((pulley(side="outside"), pulley(center=(0.3, 0.0))))),
+    "close pulleys": close_pulleys,
+    "sinking": changed(contact=bd.Contact(linear=1e5, compensate=True)),
+    "overlapping start": lambda dress: bd.settle(plain(dress)[0], offset={1: (-0.2, 0.0)}),
+    "missed pulley": lambda dress: bd.settle(dressed(dress, drives.small_idler(0.02, 20))),
+    "state beside": running(initial=turned),
+    "motion that jumps": running(bd.Viscous([0, 0]), motion={1: JUMP}),
+    "motion not finite": running(motion={0: lambda t: math.nan if t > 1e-3 else 0.0}),
+    "motion of another kind": running(motion={0: lambda t: None}),
+    "motion of a state": lambda dress: at_rest().at_speed(plain(dress)[0], {0: 1.0, 1: 2.0}),
+    "torque not finite": running(lambda t, *_: [0.0, math.nan if t > 1e-3 else 0.0]),
+    "torque not finite at once": running(lambda *_: [math.inf, 0.0]),
+    "fixed step too long": running(
+        bd.Viscous([1e3, 0.0]), 0.01, initial=lambda _: {"omega": np.array([1.0, 0.0])}, **FIXED
+    ),
+    "link far inside": link_far_inside,
+    "torque that stalls": running(make=noise, t_end=3.0, method="tsit5", rtol=1e-10),
+    "step floor": running(
+        make=flicker, t_end=1e3 + 1e-3, initial=lambda _: {"t": 1e3}, method="tsit5"
+    ),
+}
+
+
+@pytest.mark.parametrize("provoke", REFUSED.values(), ids=REFUSED.keys())
+def test_errors_use_names(provoke: Callable[[Dress], object]) -> None:
+    errors: list[Any] = []
+    for dress in (as_it_is, named):
+        with run_warnings.silenced(), pytest.raises(Exception) as caught:
+            provoke(dress)
+        errors.append(caught.value)
+    plain, other = errors
+    assert str(other) == with_names(str(plain)) != str(plain)
+    assert type(plain) is type(other)
+    if isinstance(other, bd.SimulationError):
+        k = other.pulley
+        assert k == plain.pulley >= 0
+        assert (plain.pulley_name, other.pulley_name) == (f"pulley {k}", NAMES[k])
+        again = pickle.loads(pickle.dumps(other.with_traceback(None)))
+        assert again.pulley_name == NAMES[k]
+
+
+def test_an_error_of_no_pulley_names_none() -> None:
+    with run_warnings.silenced(), pytest.raises(bd.SimulationError) as caught:
+        running(max_steps=3)(named)
+    assert caught.value.pulley == -1 and caught.value.pulley_name == ""
+
+
+def in_millimetres(dress: Dress) -> bd.Params:
+    params = drives.plain()
+    pulleys = [
+        attrs.evolve(p, center=(1e3 * p.center[0], 0.0), radius=1e3 * p.radius + j)
+        for j, p in enumerate(params.pulleys)
+    ]
+    belt = attrs.evolve(params.belt, length=bd.route(pulleys).length / 1.007)
+    return dressed(dress, params, pulleys=pulleys, belt=belt)
+
+
+def with_second(**changes: Any) -> Callable[[Dress], bd.Params]:
+    first, second = drives.plain().pulleys
+    return changed(pulleys=(first, attrs.evolve(second, **changes)))
+
+
+def pulse(height: float) -> Callable[..., list[float]]:
+    return lambda t, *_: [-height if 0.02 < t < 0.02002 else 0.0, 0.0]
+
+
+def without_friction(dress: Dress) -> bd.Result:
+    return bd.simulate(changed(friction=None)(dress), constant(0.0, 1.0), 0.01)
+
+
+def pulled(rest: bd.State) -> dict[str, Any]:
+    """Into a longer loop, and back."""
+    return {"vy": rest.vy + 836.0 * np.sign(rest.y)}
+
+
+COARSE: dict[str, Any] = {
+    "method": "rodas4",
+    "rtol": 1e-2,
+    "torque_interval": 0.01,
+    "t_eval": np.linspace(0.0, 0.03, 3001),
+}
+
+
+def constant(*torques: float) -> bd.Torque:
+    return bd.PiecewiseLinear([0.0], [torques])
+
+
+#: Of a drive, or of a run.
+WARNED: dict[str, tuple[str, Callable[[Dress], Any]]] = {
+    "compliance": ("compliance", changed(contact=bd.Contact(linear=2e5, damping=100.0))),
+    "long links": ("long_links", lambda dress: dressed(dress, drives.small_idler(0.02, 30))),
+    "large": ("units", in_millimetres),
+    "light": ("units", with_second(inertia=1e-10)),
+    "percent": ("units", with_second(friction=bd.Dahl(mu_k=30.0, sigma=1e4))),
+    "no friction": ("no_friction", without_friction),
+    "torque in N mm": ("units", running(constant(0.0, -5e4), 1e-3)),
+    "full slip": ("full_slip", running(constant(-300.0, 300.0), 0.02)),
+    "slack span": ("slack_span", running(t_end=0.003, initial=pulled)),
+    "torque between steps": ("torque", running(pulse(100.0), 0.03, **COARSE)),
+    # ten times what would be let pass
+    "faint torque between steps": ("torque", running(pulse(0.1), 0.03, **COARSE)),
+    "torque that jumps": (
+        "rough_torque",
+        running(lambda t, *_: [0.0, -100.0 * math.sin(3e5 * t)], 0.03, **COARSE),
+    ),
+    "torque without effect": (
+        "torque_ignored",
+        running(t_end=0.01, motion={1: bd.PiecewiseLinear([0.0, 1.0], [0.0, 9.0])}),
+    ),
+}
+
+
+@pytest.mark.parametrize(("code", "provoke"), WARNED.values(), ids=WARNED.keys())
+def test_warnings_use_names(code: str, provoke: Callable[[Dress], Any]) -> None:
+    found = []
+    for dress in (as_it_is, named):
+        with run_warnings.silenced():
+            what = provoke(dress)
+        warned = sanity.check(what) if isinstance(what, bd.Params) else what.warnings
+        found.append([one for one in warned if one.code == code])
+    assert found[0]
+    for one, other in zip(*found, strict=True):
+        assert other.text == with_names(one.text)
+        assert code == "units" or other.text != one.text  # of percent only the place has a name
+        k = int(one.where[-1])
+        span = f"span {NAMES[k]} to {NAMES[1 - k]}"
+        assert other.where == (span if code == "slack_span" else with_names(one.where)) != one.where

@@ -20,12 +20,6 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
-    found = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
-    assert found
-    return found
-
-
 def example(thing: object) -> str:
     """The first indented example of a docstring, after a paragraph that ends in two colons."""
     found = re.search(r"::\n\n((?:    .*\n|\n)+)", inspect.getdoc(thing) or "")
@@ -36,7 +30,9 @@ def example(thing: object) -> str:
 def test_the_examples(capsys: pytest.CaptureFixture[str]) -> None:
     """One after the other, as a reader would; over a shorter time."""
     names: dict[str, object] = {}
-    for code in [*blocks("python"), example(bd.identify)]:
+    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert blocks
+    for code in [*blocks, example(bd.identify)]:
         short = re.sub(r"t_end=1\.0(, progress=True)?", "t_end=0.02", code)
         assert short != code
         exec(compile(short, "README.md", "exec"), names)
@@ -50,74 +46,41 @@ def test_the_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert isinstance(params, bd.Params) and params.tensioning.friction
 
 
-def test_the_scene_file() -> None:
+def test_the_scene_file_and_the_methods() -> None:
     scene = bd.Scene.from_toml(example(bd.Scene.from_toml))
     assert scene.params.tensioning.offset == ((0.0, 0.0), (-0.006, 0.0))
     assert bd.simulate(*scene[:2], 0.005).success
+    rows = re.findall(r"^(\w+) +\w", example(bd.simulate), re.MULTILINE)
+    assert sorted(rows) == sorted(bd.METHODS)
 
 
 def test_the_table_of_results_names_what_is_there() -> None:
     result = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3)
     rows = re.findall(r"^(\w+) +(\w+, .*?) +\((.*)\)$", example(bd.Result), re.MULTILINE)
-    groups = {"pulleys", "belt", "joints", "contact", "mounts", "energy"}
-    assert {group for group, *_ in rows} == groups
     n_t, n_b = result.belt.x.shape
     sizes = {"n_t": n_t, "n_b": n_b, "n_p": 2}
     for group, names, sizes_of in rows:
-        if group == "mounts":  # of drives that have some
-            assert result.mounts is None
-            fields = attrs.fields_dict(MountHistory)
-            assert set(names.replace("..., ", "").split(", ")) <= set(fields)
-            continue
-        shape = tuple(sizes[size] for size in sizes_of.replace(",", " ").split())
         for name in names.replace("..., ", "").split(", "):
+            if group == "mounts":  # of drives that have some
+                assert result.mounts is None and name in attrs.fields_dict(MountHistory)
+                continue
+            shape = tuple(sizes[size] for size in sizes_of.replace(",", " ").split())
             assert getattr(getattr(result, group), name).shape == shape, f"{group}.{name}"
+    groups = {"pulleys", "belt", "joints", "contact", "mounts", "energy"}
+    assert {group for group, *_ in rows} == groups
     assert result.span_tension.shape == result.slip.shape == (n_t, 2)
 
 
-def test_the_table_of_methods_names_all() -> None:
-    rows = re.findall(r"^(\w+) +\w", example(bd.simulate), re.MULTILINE)
-    assert sorted(rows) == sorted(bd.METHODS)
-
-
-def test_the_commands_are_there() -> None:
+def test_the_readme_is_short_and_what_it_and_the_other_pages_name_is_there() -> None:
     lines = README.splitlines()
+    assert len(lines) <= 100
     assert 'python -m pip install ".[plot]" && beltdyn run kubas-case-1 --plot case1.png' in lines
     assert 'python -m pip install ".[test]" && python -m pytest' in lines
-
-
-def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
-    assert len(README.splitlines()) <= 100
-    for text, folder in [
-        (README, ROOT),
-        (CONTRIBUTING, ROOT),
-        *(
-            ((ROOT / page).read_text(encoding="utf-8"), (ROOT / page).parent)
-            for page in ("csrc/MODEL.md", "benchmarks/README.md", "notebooks/README.md")
-        ),
-    ]:
+    pages = ("csrc/MODEL.md", "benchmarks/README.md", "notebooks/README.md")
+    for page in ("README.md", "CONTRIBUTING.md", *pages):
+        text = (ROOT / page).read_text(encoding="utf-8")
         for link in re.findall(r"\]\(([^)#:]+)\)", text):
-            assert (folder / link).exists(), link
-
-
-def test_the_files_that_contributing_names_are_there() -> None:
-    there = re.sub(r"New file `\S+`", "", CONTRIBUTING)  # test_contributing.py makes those
-    paths = re.findall(r"`((?:csrc|beltdyn|tests|benchmarks)/[\w/.]+)`", there)
-    assert len(paths) > 30
-    missing = [path for path in paths if not (ROOT / path).exists()]
-    assert not missing
-
-
-def test_the_sections_of_the_model_that_the_code_cites_are_there() -> None:
-    page = (ROOT / "csrc" / "MODEL.md").read_text(encoding="utf-8")
-    there = set(re.findall(r"^## (\d+)\. ", page, re.MULTILINE))
-    for folder, pattern in (("csrc", "*.[ch]"), ("beltdyn", "*.py"), ("tests", "*.py")):
-        for path in (ROOT / folder).rglob(pattern):
-            for cited in re.findall(r"MODEL\W+sections? (\d+)", path.read_text(encoding="utf-8")):
-                assert cited in there, (path, cited)
-
-
-def test_the_help_of_the_command_line_names_every_command_and_exit_code() -> None:
+            assert ((ROOT / page).parent / link).exists(), link
     shown = CliRunner().invoke(cli.main, ["--help"]).output
     for command in cli.main.commands:
         assert f"beltdyn {command}" in shown
@@ -125,19 +88,26 @@ def test_the_help_of_the_command_line_names_every_command_and_exit_code() -> Non
         assert re.search(rf"\b{code} \w", shown)
 
 
+def test_files_that_contributing_names_and_sections_that_the_code_cites_are_there() -> None:
+    there = re.sub(r"New file `\S+`", "", CONTRIBUTING)  # test_contributing.py makes those
+    paths = re.findall(r"`((?:csrc|beltdyn|tests|benchmarks)/[\w/.]+)`", there)
+    assert len(paths) > 30
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    page = (ROOT / "csrc" / "MODEL.md").read_text(encoding="utf-8")
+    sections = set(re.findall(r"^## (\d+)\. ", page, re.MULTILINE))
+    for folder, pattern in (("csrc", "*.[ch]"), ("beltdyn", "*.py"), ("tests", "*.py")):
+        for path in (ROOT / folder).rglob(pattern):
+            text = path.read_text(encoding="utf-8")
+            assert set(re.findall(r"MODEL\W+sections? (\d+)", text)) <= sections, path
+
+
 def test_help_lists_every_warning_and_error() -> None:
     """One table each, of what the core and the package can say; the README leads to it."""
     fields = (ROOT / "csrc" / "fields.h").read_text(encoding="utf-8")
-    of_core = re.findall(r"X\((\w+), [01], \"", fields)
-    of_package = {
-        code
-        for module in ("sanity.py", "observed.py")
-        for code in re.findall(
-            r'code="(\w+)"', (ROOT / "beltdyn" / module).read_text(encoding="utf-8")
-        )
-    }
     starred = dict(re.findall(r"X\((\w+), ([01]), \"", fields))
-    for code in {*of_core, *of_package}:
+    package = [ROOT / "beltdyn" / module for module in ("sanity.py", "observed.py")]
+    text = "".join(path.read_text(encoding="utf-8") for path in package)
+    for code in {*starred, *re.findall(r'code="(\w+)"', text)}:
         row = re.search(rf"^ +{code}( \*)? +\S", bd.RunWarning.__doc__ or "", re.MULTILINE)
         assert row, code
         assert code not in starred or bool(row[1]) == (starred[code] == "1"), code

@@ -58,22 +58,28 @@ def is_default(item: pytest.Item) -> bool:
     return not any(item.get_closest_marker(name) for name in OUTSIDE)
 
 
+def tests_and_marks(tree: ast.Module) -> tuple[list[ast.FunctionDef], list[ast.expr]]:
+    """Return the test functions of a file, and what `pytestmark` marks all of them with."""
+    functions, of_file = [], []
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            functions.append(node)
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
+            of_file.append(node.value)
+    return functions, of_file
+
+
 @cache
 def _functions(file: Path) -> dict[str, bool]:
     """Return the test functions of a file, and whether all of one is outside the default tier."""
     tree = ast.parse(file.read_text("utf-8"))
     outside = tuple(f"pytest.mark.{name}" for name in OUTSIDE)
-    of_file = [
-        node.value
-        for node in tree.body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark"
-    ]
+    functions, of_file = tests_and_marks(tree)
     return {
         node.name: any(
             ast.unparse(mark).startswith(outside) for mark in (*node.decorator_list, *of_file)
         )
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+        for node in functions
     }
 
 
@@ -96,15 +102,14 @@ def faults_of_marks(items: Iterable[pytest.Item], whole_files: bool) -> list[str
         for mark in (m for name in OUTSIDE for m in item.iter_markers(name)):
             guard = mark.kwargs.get("guard")
             file, _, function = str(guard).partition("::")
+            outside = _functions(TESTS / file) if (TESTS / file).is_file() else {}
             if not guard:
-                wrong.add(
-                    f"{test}: {mark.name} without guard=, the default test of the same promise"
-                )
+                wrong.add(f"{test}: {mark.name} without guard=, the default test of its promise")
             elif guard == OTHERS:
                 if whole_files and test not in guarded:
                     wrong.add(f"{test}: no case of it is in the default tier")
-            elif not (TESTS / file).is_file() or function not in _functions(TESTS / file):
+            elif function not in outside:
                 wrong.add(f"{test}: guard {guard} does not exist")
-            elif _functions(TESTS / file)[function]:
+            elif outside[function]:
                 wrong.add(f"{test}: guard {guard} is not in the default tier itself")
     return sorted(wrong)

@@ -62,9 +62,6 @@ def faults() -> list[Fault]:
     return listed
 
 
-# --- building ------------------------------------------------------------------------------------
-
-
 @cache
 def extension() -> Any:
     """Return the extension module as setup.py describes it, but with the lowest kernels alone.

@@ -16,7 +16,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from planting import HERE, ROOT, Fault, FaultError, core, faults, package
@@ -27,15 +27,8 @@ ENDED = " (ended the process)"
 # Seconds. A test that takes longer hangs because of the fault: the slowest of the default tier
 # takes a tenth of it.
 TEST_LIMIT, HINT_LIMIT, TIER_LIMIT = 200, 600, 3600
-TIERS = {
-    "default": "not ci and not extended",
-    "ci": "ci and not extended",
-    "extended": "extended",
-}
+TIERS = dict(default="not ci and not extended", ci="ci and not extended", extended="extended")
 OLD_TIERS = {"default": "not slow", "slow": "slow"}  # of checkouts without tests/tiers.py
-
-
-# --- running tests -------------------------------------------------------------------------------
 
 
 def failing(
@@ -56,14 +49,8 @@ def failing(
     command += ["-m", marks, *(str(tests / one) for one in chosen), *options]
     with (where / "output.txt").open("w") as output:
         try:
-            code = subprocess.run(
-                command,
-                cwd=tests.parent,
-                env=environment,
-                timeout=limit,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-            ).returncode
+            to = {"stdout": output, "stderr": subprocess.STDOUT, "env": environment}
+            code = subprocess.run(command, cwd=tests.parent, timeout=limit, **to).returncode
         except subprocess.TimeoutExpired:
             print(f"    not done within {limit:g} s: {' '.join(chosen)}", flush=True)
             return []
@@ -84,15 +71,12 @@ def found(fault: Fault, tests: Path, options: argparse.Namespace) -> tuple[str, 
     is_old = not (tests / "tiers.py").exists()
     tiers = OLD_TIERS if is_old else TIERS
     hints = fault.tests_before if is_old and fault.tests_before else fault.tests
-
-    def tried() -> Iterator[tuple[str, str, float]]:
-        if not options.all_default:
-            for tier in tiers:
-                yield from ((tier, hint, HINT_LIMIT) for hint in hints)
-        if options.all_default or not options.hints_only:
-            yield from ((tier, ".", TIER_LIMIT) for tier in tiers)
-
-    for tier, hint, limit in tried():
+    tried = []
+    if not options.all_default:
+        tried = [(tier, hint, HINT_LIMIT) for tier in tiers for hint in hints]
+    if options.all_default or not options.hints_only:
+        tried += [(tier, ".", TIER_LIMIT) for tier in tiers]
+    for tier, hint, limit in tried:
         chosen, *others = shlex.split(hint)
         if failed := failing(tests, where, tiers[tier], [chosen], limit, "-x", *others):
             return tier, failed[0]
@@ -106,9 +90,6 @@ def fails_anyway(tests: Path, finders: Iterable[str]) -> set[str]:
         return set()
     print(f"{len(nodes)} tests without a fault", flush=True)
     return set(failing(tests, package(None), "", nodes, TIER_LIMIT))
-
-
-# --- the record ----------------------------------------------------------------------------------
 
 
 def recorded() -> dict[tuple[str, str], str]:
@@ -134,12 +115,12 @@ def record(name: str, row: tuple[str, ...], listed: list[Fault]) -> None:
 
 def commit_of(tests: Path) -> str:
     """Return the commit of the tests, with a plus if they have been changed since."""
-    git = ["git", "-C", str(tests)]
-    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
-    changed = subprocess.run(
-        [*git, "status", "--porcelain", "-uno", "--", "."], capture_output=True, text=True
-    )
-    return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(tests), *words]
+        return subprocess.run(command, capture_output=True, text=True).stdout.strip()
+
+    return git("rev-parse", "--short", "HEAD") + "+" * bool(git("status", "-s", "-uno", "--", "."))
 
 
 def main() -> int:
