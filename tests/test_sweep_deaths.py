@@ -16,15 +16,12 @@ import numpy as np
 import pytest
 import sweep_runs
 from sweep_runs import do, plain, same
-from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn import pools
 
 MEASURE = ["span_tension.final"]
 OVER = {"torque.scale": [float(k) for k in range(12)]}
-GUARD = "test_sweep_deaths.py::test_a_run_that_kills_its_worker_is_lost_alone"
-ci = pytest.mark.ci(guard=GUARD)
 
 
 def sleeping(begun: Path) -> bd.Scene:
@@ -63,23 +60,25 @@ def when_begun(begun: Path, act: Callable[[list[int]], None]) -> threading.Threa
     return thread
 
 
-def kill_one(found: list[int]) -> None:
-    assert os.getpid() not in found
-    os.kill(found[0], signal.SIGKILL)
-
-
-def kill_in(begun: Path, expected: Any, executor: Any) -> None:
+def kill_in(begun: Path, executor: Any) -> None:
     """Do a sweep of which a worker is killed: another takes over, and the Dataset is the same."""
-    killer = when_begun(begun, kill_one)
+    killer = when_begun(begun, lambda found: os.kill(found[0], signal.SIGKILL))
     swept = do(sleeping(begun), OVER, MEASURE, executor=executor)
     killer.join()
     assert len(list(begun.iterdir())) > 1, "no other worker has taken over"
-    same(swept.dataset, expected)
+    same(swept.dataset, do(sleeping(begun), OVER, MEASURE).dataset)
 
 
-@pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    return do(sleeping(tmp_path_factory.mktemp("here")), OVER, MEASURE).dataset
+def check_lost(executor: Any, survivors: Any) -> None:
+    """One run of four is lost, with a message, and the others are as they would be without it."""
+    torques = [harmless, lethal, harmless, harmless]
+    over = {"torque": torques, "friction.mu_k": [0.5, 0.6, 0.7, 1.0]}
+    dataset = do(plain(), over, MEASURE, combine="zip", executor=executor).dataset
+    assert list(dataset.status.values) == ["finished", "lost", "finished", "finished"]
+    assert "the worker process died in this run" in str(dataset.message.values[1])
+    tensions = dataset["span_tension.final"].values
+    assert np.isnan(tensions[1]).all()
+    assert tensions[[0, 2, 3]].tobytes() == survivors.tobytes()
 
 
 @pytest.fixture(scope="module")
@@ -87,21 +86,6 @@ def survivors() -> Any:
     """What the runs that kill nothing give."""
     torques = {"torque": [harmless] * 3, "friction.mu_k": [0.5, 0.7, 1.0]}
     return do(plain(), torques, MEASURE, combine="zip").dataset["span_tension.final"].values
-
-
-LETHAL = {"torque": [harmless, lethal, harmless, harmless], "friction.mu_k": [0.5, 0.6, 0.7, 1.0]}
-
-
-def check_lost(executor: Any, survivors: Any) -> None:
-    """One run of four is lost, with a message, and the others are as they would be without it."""
-    swept = do(plain(), LETHAL, MEASURE, combine="zip", executor=executor)
-    assert swept.counts == {"finished": 3, "lost": 1}
-    dataset = swept.dataset
-    assert list(dataset.status.values) == ["finished", "lost", "finished", "finished"]
-    assert "the worker process died in this run" in str(dataset.message.values[1])
-    tensions = dataset["span_tension.final"].values
-    assert np.isnan(tensions[1]).all()
-    assert tensions[[0, 2, 3]].tobytes() == survivors.tobytes()
 
 
 def test_a_run_that_kills_its_worker_is_lost_alone(
@@ -128,49 +112,49 @@ def test_a_run_that_kills_its_worker_is_lost_alone(
     assert tensions.tobytes() == survivors[:2].tobytes()
 
 
-@pytest.mark.parametrize("kind", ci_if("processes".__eq__, ["bytes", "processes"]))
-def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path, kind: str) -> None:
+def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path) -> None:
     """Their executor is broken for good, and the error says so; what was done before is kept."""
 
     def few(torque: Any, executor: Any = "threads") -> Any:
         over = {"torque": [harmless, torque], "friction.mu_k": [0.5, 0.6]}
         return do(plain(), over, MEASURE, combine="zip", executor=executor, store=tmp_path)
 
-    spawn = get_context("spawn")
-    with sweep_runs.Sent() if kind == "bytes" else ProcessPoolExecutor(2, spawn) as workers:
+    with sweep_runs.Sent() as workers:
         few(harmless, workers)
         with pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="):
             few(lethal, workers)
     assert few(harmless).stored == 2
 
 
-@ci
-def test_a_process_killed(tmp_path: Path, expected: Any) -> None:
-    kill_in(tmp_path, expected, "processes")
-
-
-@pytest.mark.extended(guard=GUARD)
-def test_a_run_that_kills_its_process(survivors: Any) -> None:
+@pytest.mark.ci(guard="test_sweep_deaths.py::test_a_run_that_kills_its_worker_is_lost_alone")
+def test_processes_killed(tmp_path: Path, survivors: Any) -> None:
+    """By another, and by a run; those of the user's are then broken."""
+    kill_in(tmp_path, "processes")
     check_lost("processes", survivors)
+    over = {"torque": [harmless, lethal], "friction.mu_k": [0.5, 0.6]}
+    with (
+        ProcessPoolExecutor(2, get_context("spawn")) as workers,
+        pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="),
+    ):
+        do(plain(), over, MEASURE, combine="zip", executor=workers)
 
 
-@ci
-def test_a_dask_worker_killed(tmp_path: Path, expected: Any, survivors: Any) -> None:
-    """Its nanny starts another, the scheduler does its batch again; one that kills all is lost."""
+@pytest.mark.ci(guard="test_sweep_deaths.py::test_a_run_that_kills_its_worker_is_lost_alone")
+def test_dask_workers_killed(tmp_path: Path, survivors: Any) -> None:
+    """Its nanny starts another, the scheduler does its batch again; one that kills all is lost.
+
+    A cluster that is closed meanwhile is an error.
+    """
     with sweep_runs.cluster() as client:
-        kill_in(tmp_path, expected, client)
+        kill_in(tmp_path, client)
         check_lost(client, survivors)
-
-
-@pytest.mark.extended(guard="test_sweep_deaths.py::test_workers_of_the_users_that_die_are_an_error")
-def test_a_cluster_that_is_closed(tmp_path: Path) -> None:
-    with sweep_runs.cluster(1) as client:
 
         def close(_found: list[int]) -> None:
             client.cluster.scale(0)
             client.close()
 
-        closer = when_begun(tmp_path, close)
+        (tmp_path / "more").mkdir()
+        closer = when_begun(tmp_path / "more", close)
         with pytest.raises(RuntimeError, match="the executor or the cluster was closed"):
-            do(sleeping(tmp_path), OVER, MEASURE, executor=client)
+            do(sleeping(tmp_path / "more"), OVER, MEASURE, executor=client)
         closer.join()
