@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-import random
 import subprocess
 import sys
 import threading
 import types
+from itertools import permutations, product
 from typing import Any
 
 import attrs
@@ -42,7 +42,8 @@ def test_any_one_number_changes_the_key(name: str) -> None:
     """By the name as swept, and put into the scene before: the same key, another for each."""
     scene = scenes()[name]
     found = {key(scene): "the scene"}
-    values = {one: _value(scene.params, one) for one in numbers(scene.params)}
+    # by Python's own rules for such names
+    values = {one: eval(f"node.{one}", {"node": scene.params}) for one in numbers(scene.params)}
     for one, value in values.items():
         new = np.nextafter(value, np.inf)
         of_sweep = swept(scene, {one: new})
@@ -56,35 +57,24 @@ def test_any_one_number_changes_the_key(name: str) -> None:
         if one != "contact.hunt_crossley":  # with it the contact's other damping is chosen anew
             assert key(there) == of_sweep, one
     assert len(found) == len(values) + 1 > 20
-
-
-def _value(node: Any, name: str) -> float:
-    """The number of a name, by Python's own rules for such names."""
-    value = eval(f"node.{name}", {"node": node})
-    assert isinstance(value, float)
-    return value
-
-
-LOADS = {
-    "torque.scale": 2.0,
-    "torque[0].scale": 2.0,
-    "torque[1].scale": 2.0,
-    "torque[1].coefficients[1]": 2.0,
-    "torque[0].values[1]": [0.0, 1.0],
-    "t_end": 1.0,
-    "rtol": 1e-3,
-    "t_eval": [1e-3],
-    "max_step": 1e-3,
-    "ledger": False,
-    "torque": bd.Viscous([0.0, 2.0]),
-}
+    # changed in pairs they do not make up for each other
+    names = tuple(values)[:4]
+    contents = Contents(scene, {}, (*names, "torque.scale", "t_end", "rtol"), "m", "")
+    start = [values[one] for one in names]
+    keys = {contents.key((*start, *more)) for more in product((0.1, 0.2, 0.3), repeat=3)}
+    keys |= {contents.key((*swap, 0.1, 0.1, 0.1)) for swap in permutations((0.1, 0.2, 0.3, 0.4))}
+    assert len(keys) == 27 + 24
 
 
 def test_loads_motions_and_options_change_the_key() -> None:
     """Functions of the angle and of time, cranks, and what overlaps as well."""
     scene, moved = sweep_runs.plain(), sweep_runs.moved()
-    torque = LOADS["torque"]
-    keys = [key(scene), key(moved), *(swept(scene, {name: LOADS[name]}) for name in LOADS)]
+    torque = bd.Viscous([0.0, 2.0])
+    loads: dict[str, Any] = {"torque": torque, "torque[0].values[1]": [0.0, 1.0]}
+    factors = ("torque.scale", "torque[0].scale", "torque[1].scale", "torque[1].coefficients[1]")
+    loads |= dict.fromkeys(factors, 2.0)
+    loads |= {"t_end": 1.0, "rtol": 1e-3, "t_eval": [1e-3], "max_step": 1e-3, "ledger": False}
+    keys = [key(scene), key(moved), *(swept(scene, {name: loads[name]}) for name in loads)]
     keys += [swept(moved, {"motion.scale": 2.0}), swept(moved, {"motion[0].values[1]": [2.0]})]
     # what is swept as a whole does not hide what is swept of it, nor the order
     keys += [swept(scene, {"torque.scale": scale, "torque": torque}) for scale in (2.0, 3.0)]
@@ -113,20 +103,23 @@ def test_the_same_scene_built_in_another_way() -> None:
     assert key(again) == key(scene)
     assert key(scene, rtol=1e-4, method="auto", t_eval=None) == key(scene)
     assert key(scene, t_eval=[0, 0.5]) == key(scene, t_eval=np.array([0.0, 0.5]))
-    params = scene.params
-    whole = attrs.evolve(params, gravity=(int(params.gravity[0]), params.gravity[1]))
+    whole = attrs.evolve(
+        scene.params, gravity=(int(scene.params.gravity[0]), *scene.params.gravity[1:])
+    )
     assert key(scene._replace(params=whole)) == key(scene)
     assert key(scene._replace(t_end=1)) == key(scene._replace(t_end=1.0))
     # an index or the name of a pulley: in loads, in motions, in what is swept
-    names = params.pulley_names
-    by_name, by_index = (
-        scene._replace(torque_fn=bd.Load(pulley=one, quadratic=1e-4)) for one in (names[1], 1)
-    )
-    assert key(by_name) == key(by_index) != key(scene)
+    names = scene.params.pulley_names
     speed = bd.PiecewiseLinear([0.0, 1.0], [0.0, 10.0])
-    assert key(scene._replace(motion={names[0]: speed})) == key(scene._replace(motion={0: speed}))
-    inertia = {f"pulleys[{one}].inertia": 0.5 for one in (names[1], 1)}
-    assert len({swept(scene, {name: value}) for name, value in inertia.items()}) == 1
+    (load, motion, inertia), by_index = (
+        (
+            key(scene._replace(torque_fn=bd.Load(pulley=one, quadratic=1e-4))),
+            key(scene._replace(motion={one: speed})),
+            swept(scene, {f"pulleys[{one}].inertia": 0.5}),
+        )
+        for one in (names[1], 1)
+    )
+    assert by_index == (load, motion, inertia) and key(scene) not in by_index
     # of all, and of each
     each = {f"pulleys[{k}].inertia": 0.5 for k in range(len(names))}
     assert swept(scene, {"pulleys[*].inertia": 0.5}) == swept(scene, each)
@@ -134,15 +127,6 @@ def test_the_same_scene_built_in_another_way() -> None:
     both = {"friction.mu_k": 0.7, "belt.axial_damping": 2.0}
     plain = sweep_runs.plain()
     assert swept(plain, both) == swept(plain, dict(reversed(both.items())))
-
-
-IN_ANOTHER = (
-    sweep_runs.PATH
-    + """
-import test_sweep_keys as of
-print(*of.some())
-"""
-)
 
 
 def some() -> list[str]:
@@ -160,14 +144,12 @@ def some() -> list[str]:
 
 @pytest.mark.ci(guard="test_sweep_keys.py::test_what_does_the_same_has_the_same_token")
 def test_in_any_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = sweep_runs.PATH + "import test_sweep_keys as of; print(*of.some())"
     for seed in ("1", "2"):
         monkeypatch.setenv("PYTHONHASHSEED", seed)
-        said = subprocess.run([sys.executable, "-c", IN_ANOTHER], capture_output=True, text=True)
+        said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert said.returncode == 0, said.stderr
         assert said.stdout.split() == some()
-
-
-# --- functions -----------------------------------------------------------------------------------
 
 
 class Load:
@@ -247,14 +229,3 @@ def test_what_cannot_be_known_is_said() -> None:
     scene = sweep_runs.plain()._replace(torque_fn=sweep_runs.compiled)
     with pytest.raises(ValueError, match="leave store out"):
         sweep_runs.do(scene, {"t_end": [1e-3]}, store="never made", executor="threads")
-
-
-def test_a_tensioner_and_random_values() -> None:
-    """Any two of many random points of several names differ; the same again do not."""
-    names = ("pulleys[1].mount.stiffness", "friction.mu_k", "torque.scale", "t_end", "rtol")
-    draw = random.Random(0)
-    rows = [tuple(draw.choice([0.1, 0.2, 0.3, 1.0]) for _ in names) for _ in range(500)]
-    contents = Contents(sweep_runs.mounted(), {}, names, "m", "")
-    assert len({contents.key(row) for row in rows}) == len(set(rows))
-    # changed in pairs they must not make up for each other
-    assert contents.key((0.1, 0.2, 0.3, 0.1, 0.2)) != contents.key((0.2, 0.1, 0.3, 0.1, 0.2))
