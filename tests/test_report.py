@@ -126,8 +126,10 @@ def test_it_reads_in_a_terminal_and_in_a_notebook() -> None:
     assert repr(report()).startswith("Report(t = 0.3 to 0.4 s")
     # names are escaped in notebooks
     rows = report().pulleys
-    named = attrs.evolve(report(), pulleys=type(rows)([attrs.evolve(rows[0], name="<b>&")]))
+    other = attrs.evolve(rows[0], name="<b>&", margin=math.inf)
+    named = attrs.evolve(report(), pulleys=type(rows)([other]))
     assert "&lt;b&gt;&amp;" in named._repr_html_() and "<b>&" not in named._repr_html_()
+    assert "later: others slip" in str(named)
     params, torque, _, motion = bd.scenes.serpentine(60)
     text = str(bd.simulate(params, torque, 0.02, motion=motion).report(1.0))
     assert max(map(len, text.splitlines())) <= 80 and text.count(params.pulley_names[0]) >= 5
