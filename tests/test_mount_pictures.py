@@ -6,6 +6,7 @@ import attrs
 import numpy as np
 import pytest
 from drives import pressing
+from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 import beltdyn as bd
@@ -32,22 +33,19 @@ def result() -> bd.Result:
     return bd.simulate(params, torque, t_end=0.02, t_eval=np.linspace(0.0, 0.02, 21))
 
 
-def circles(ax: object) -> list[np.ndarray]:
-    return [np.array(p.center) for p in ax.patches if isinstance(p, Circle)]
+def test_layout_and_picture_show_pulleys_where_they_are(result: bd.Result) -> None:
+    """At rest, as drawn, at any time."""
 
+    def circles(ax: Axes) -> list[np.ndarray]:
+        return [np.array(p.center) for p in ax.patches if isinstance(p, Circle)]
 
-def test_layout_shows_pulleys_where_they_rest(result: bd.Result) -> None:
+    pulleys, rest = result.params.pulleys, result.params.centers()
     ax = bd.plot.layout(result.params)
-    rest = result.params.centers()
     np.testing.assert_allclose(circles(ax), rest, atol=1e-15)
-    assert np.abs(rest - [p.center for p in result.params.pulleys]).max() > 1e-4
+    assert np.abs(rest - [p.center for p in pulleys]).max() > 1e-4
     arms = [np.array(line.get_xydata()) for line in ax.lines]
     assert any(a.shape == (2, 2) and np.allclose(a, [PIVOT, rest[2]]) for a in arms)
-    alone = bd.plot.layout(result.params.pulleys)
-    np.testing.assert_array_equal(circles(alone), [p.center for p in result.params.pulleys])
-
-
-def test_picture_moves_with_the_mounts(result: bd.Result) -> None:
+    np.testing.assert_array_equal(circles(bd.plot.layout(pulleys)), [p.center for p in pulleys])
     for t in (0.0, 0.02):
         row = int(np.searchsorted(result.t, t))
         ax = bd.plot.drive(result, t=t)

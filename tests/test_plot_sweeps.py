@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.contour import QuadContourSet
 from pictures import SIZES, axes_of, check_room
 from scipy import stats
-from tiers import extended_if
 
 import beltdyn as bd
 from beltdyn.plot.swept import FAILED_LOOKS, scale_of
@@ -351,32 +349,20 @@ def test_texts_of_runs_in_a_list_are_categories() -> None:
 
 
 BETWEEN = {"friction.mu_k": 0.35}
-PICTURES: dict[str, tuple[Callable[[], xr.Dataset], str, str, dict[str, Any]]] = {
-    "map": (grid, "map", "q", {}),
-    "map of laws": (of_laws, "map", "q", {}),
-    "map at": (cube, "map", "q", {"at": {"friction.mu_k": 0.5}}),
-    "points": (sampled, "map", "y", {"x": "belt.preload", "y": "contact.quadratic"}),
-    "lines": (grid, "lines", "q", {}),
-    "lines of laws": (of_laws, "lines", "q", {}),
-    "histories": (histories, "lines", "curve", {"by": "belt.preload"}),
-    "history": (histories, "lines", "curve", {"at": {"friction.mu_k": 0.3}}),
-    "scattered": (sampled, "lines", "y", {"x": "belt.preload", "by": "contact.quadratic"}),
-}
 
 
-@pytest.mark.parametrize(
-    ("picture", "size"),
-    extended_if(
-        lambda case: case not in zip(("map at", "points", "lines of laws"), SIZES, strict=True),
-        product(PICTURES, SIZES),
-    ),
-)
-def test_texts_have_room(picture: str, size: tuple[float, float, float]) -> None:
-    make, kind, quantity, options = PICTURES[picture]
-    with axes_of(size) as ax:
-        getattr(bd.plot, kind)(make(), quantity, ax=ax, **options)
-        check_room(ax.figure)
-        assert ax.get_window_extent().height > 0.4 * ax.figure.bbox.height
+def test_texts_have_room() -> None:
+    scattered = {"x": "belt.preload", "y": "contact.quadratic"}
+    for size, draw, data, quantity, options in (
+        (SIZES[0], bd.plot.map, cube(), "q", {"at": {"friction.mu_k": 0.5}}),
+        (SIZES[1], bd.plot.map, sampled(), "y", scattered),
+        (SIZES[2], bd.plot.lines, of_laws(), "q", {}),
+        (SIZES[0], bd.plot.lines, histories(), "curve", {"by": "belt.preload"}),
+    ):
+        with axes_of(size) as ax:
+            draw(data, quantity, ax=ax, **options)
+            check_room(ax.figure)
+            assert ax.get_window_extent().height > 0.4 * ax.figure.bbox.height
 
 
 def test_what_is_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,17 @@ def test_values_follow_their_distributions() -> None:
             assert stats.kstest(column, "uniform").pvalue > 1e-4, method
         assert abs(np.corrcoef(samples.values.T)[0, 1]) < 4.0 / np.sqrt(512), method
 
+    # Where normal distributions are infinite: Sobol' points without scrambling begin with 0.
+    class Asked:
+        def ppf(self, share: np.ndarray) -> np.ndarray:
+            assert share.min() > 0.0 and share.max() < 1.0
+            return stats.norm.ppf(share)
+
+    for method in SINGLE:
+        samples = bd.sample({"a": Asked()}, 4096, method)
+        assert np.isfinite(samples.values).all()
+        assert samples.design["distributions"] == {"a": "Asked"}
+
 
 def test_each_of_n_slices_has_one_value() -> None:
     """By construction of a Latin hypercube, and of a Sobol' net of a power of two."""
@@ -51,9 +63,7 @@ def test_each_of_n_slices_has_one_value() -> None:
         slices = np.floor(128 * shares(bd.sample(RANGES, 128, method, seed=2))).astype(int)
         for column in slices.T:
             assert sorted(column) == list(range(128)), method
-
-
-def test_fewer_sobol_points_are_the_first_of_more() -> None:
+    # fewer Sobol' points are the first of more
     most, some = (bd.sample(RANGES, n, "sobol") for n in (128, 100))
     np.testing.assert_array_equal(some.values, most.values[:100])
     assert "100 is no power of two; 128 is" in str(some)
@@ -84,39 +94,15 @@ def test_the_design_says_how_they_were_made() -> None:
         "seed": 3,
         "second_order": True,
         "names": ["belt.preload", "friction.mu_k"],
-        "distributions": {
-            "belt.preload": "300 to 500",
-            "friction.mu_k": "norm(0.8, scale=0.1)",
-        },
+        "distributions": {"belt.preload": "300 to 500", "friction.mu_k": "norm(0.8, scale=0.1)"},
     }
     assert repr(samples) == "Samples(96 runs of 2 parameter(s): saltelli, seed 3)"
     assert "friction.mu_k  norm(0.8, scale=0.1)" in str(samples)
     assert "16 groups of 6 runs, for first, second and total" in str(samples)
 
 
-def test_no_share_is_0_or_1() -> None:
-    """Where normal distributions are infinite: Sobol' points without scrambling begin with 0."""
-
-    class Asked:
-        def ppf(self, share: np.ndarray) -> np.ndarray:
-            assert share.min() > 0.0 and share.max() < 1.0
-            return stats.norm.ppf(share)
-
-    for method in SINGLE:
-        samples = bd.sample({"a": Asked()}, 4096, method)
-        assert np.isfinite(samples.values).all()
-        assert samples.design["distributions"] == {"a": "Asked"}
-
-
-class Wrong:
-    def __init__(self, values: Any) -> None:
-        self.values = values
-
-    def ppf(self, share: np.ndarray) -> Any:
-        return self.values
-
-
-INFINITE = Wrong(np.full(8, np.inf))
+def wrong(values: Any) -> Any:
+    return {"a": SimpleNamespace(ppf=lambda _share: values)}
 
 
 REFUSED: list[tuple[type[Exception], str, dict[str, Any]]] = [
@@ -128,8 +114,8 @@ REFUSED: list[tuple[type[Exception], str, dict[str, Any]]] = [
     (TypeError, r"ranges\['a'\] must be a pair of real", {"ranges": {"a": (1, 2, 3)}}),
     (ValueError, r"ranges\['a'\] must have low < high, got 2 and 1", {"ranges": {"a": (2, 1)}}),
     (ValueError, r"ranges\['a'\]\[1\] must be finite", {"ranges": {"a": (0, np.inf)}}),
-    (ValueError, r"ranges\['a'\]\.ppf must give finite", {"ranges": {"a": INFINITE}}),
-    (ValueError, r"ranges\['a'\]\.ppf must give a real", {"ranges": {"a": Wrong("x")}}),
+    (ValueError, r"ranges\['a'\]\.ppf must give finite", {"ranges": wrong(np.full(8, np.inf))}),
+    (ValueError, r"ranges\['a'\]\.ppf must give a real", {"ranges": wrong("x")}),
     (ValueError, r"method must be one of sobol, ", {"method": "grid"}),
     (ValueError, r"n must be an integer from 1 to", {"n": 0}),
     (TypeError, r"n must be an integer", {"n": 8.0}),
@@ -141,13 +127,12 @@ REFUSED: list[tuple[type[Exception], str, dict[str, Any]]] = [
 ]  # fmt: skip
 
 
-def test_what_is_refused() -> None:
+def test_what_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SALib the extra is named."""
     for error, words, arguments in REFUSED:
         with pytest.raises(error, match=f"^{words}"):
             bd.sample(**{"ranges": {"a": (0.0, 1.0)}, "n": 8, **arguments})
 
-
-def test_without_salib_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> Any:
         raise ModuleNotFoundError(name=name.partition(".")[0])
 

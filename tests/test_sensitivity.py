@@ -24,73 +24,59 @@ Values = NDArray[np.float64]
 PI = math.pi
 
 
-def ishigami(x: Values, a: float = 7.0, b: float = 0.1) -> Values:
-    return np.sin(x[:, 0]) + a * np.sin(x[:, 1]) ** 2 + b * x[:, 2] ** 4 * np.sin(x[:, 0])
+def ishigami(x: Values) -> Values:
+    return np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
 
 
-def ishigami_indices(a: float = 7.0, b: float = 0.1) -> tuple[Values, Values, Values]:
-    """First, total and second indices (of parameters 0 and 2): Ishigami and Homma (1990)."""
-    v1, v2 = 0.5 * (1.0 + b * PI**4 / 5.0) ** 2, a**2 / 8.0
-    v13 = b**2 * PI**8 * (1.0 / 18.0 - 1.0 / 50.0)
-    v = v1 + v2 + v13
-    second = np.zeros((3, 3))
-    second[0, 2] = v13 / v
-    return np.array([v1, v2, 0.0]) / v, np.array([v1 + v13, v2, v13]) / v, second
+#: Shares of the variance: V1 and V2 alone, V13 together.
+V1, V2 = 0.5 * (1.0 + 0.1 * PI**4 / 5.0) ** 2, 7.0**2 / 8.0
+V13 = 0.1**2 * PI**8 * (1.0 / 18.0 - 1.0 / 50.0)
+FIRST = np.array([V1, V2, 0.0]) / (V1 + V2 + V13)
+TOTAL = np.array([V1 + V13, V2, V13]) / (V1 + V2 + V13)
+SECOND = np.array([0.0, V13, 0.0]) / (V1 + V2 + V13)  # of a and b, a and c, b and c
 
 
 def cube(n: int, method: str = "saltelli", **options: Any) -> bd.Samples:
     return bd.sample({name: (-PI, PI) for name in ("a", "b", "c")}, n, method, **options)
 
 
-def close(found: Any, conf: Any, exact: Values, wide: float) -> None:
-    """Check indices against the closed form, and that the check is sharp."""
-    assert float(conf.max()) < wide
-    assert (np.abs(found.values - exact) <= 2.0 * conf.values + 1e-12).all()
-
-
-# --- closed forms --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", first(1, [0, 1, 2]))
-def test_ishigami(seed: int) -> None:
-    samples = cube(2048, seed=seed)
-    found = bd.sensitivity(swept.of_samples(samples, ishigami(samples.values)), "y", seed=seed)
-    exact_first, exact_total, _ = ishigami_indices()
-    close(found.first, found.first_conf, exact_first, 0.08)
-    close(found.total, found.total_conf, exact_total, 0.08)
-    assert list(found.first["parameter"]) == ["a", "b", "c"]
-    assert int(found.used) == 2048 and found.notes == ()
+def of(samples: bd.Samples) -> xr.Dataset:
+    return swept.of_samples(samples, ishigami(samples.values))
 
 
 @pytest.mark.parametrize("seed", first(1, [0, 1]))
-def test_second_indices_of_ishigami(seed: int) -> None:
-    samples = cube(1024, seed=seed, second_order=True)
-    found = bd.sensitivity(swept.of_samples(samples, ishigami(samples.values)))
-    exact_first, exact_total, second = ishigami_indices()
-    close(found.first, found.first_conf, exact_first, 0.08)
-    close(found.total, found.total_conf, exact_total, 0.1)
-    upper = np.triu_indices(3, 1)
-    pairs = {"parameter": xr.DataArray(upper[0]), "other": xr.DataArray(upper[1])}
-    close(found.second.isel(pairs), found.second_conf.isel(pairs), second[upper], 0.15)
-    assert np.isnan(found.second.values[np.tril_indices(3)]).all()
+def test_ishigami(seed: int) -> None:
+    """First, total and second indices (of parameters 0 and 2): Ishigami and Homma (1990). Limits of
+    confidences show that the check is sharp.
+    """
+    samples = cube(2048, seed=seed, second_order=True)
+    found = bd.sensitivity(of(samples), "y", seed=seed)
+    upper, lower = np.triu_indices(3, 1), np.tril_indices(3)
+    for indices, conf, exact, wide in (
+        (found.first.values, found.first_conf.values, FIRST, 0.08),
+        (found.total.values, found.total_conf.values, TOTAL, 0.08),
+        (found.second.values[upper], found.second_conf.values[upper], SECOND, 0.15),
+    ):
+        assert conf.max() < wide
+        assert (np.abs(indices - exact) <= 2.0 * conf + 1e-12).all()
+    assert np.isnan(found.second.values[lower]).all()
     assert found.second.dims == ("parameter", "other")
+    assert list(found.first["parameter"]) == ["a", "b", "c"]
+    assert int(found.used) == 2048 and found.notes == ()
 
 
 @pytest.mark.parametrize("method", first(1, ["sobol", "halton", "latin-hypercube", "random"]))
 def test_first_indices_of_other_samples(method: str) -> None:
     """RBD-FAST of 4000 runs: 2 percent, of what a tenth of the variance makes by 10 harmonics."""
     samples = cube(4096, method)
-    found = bd.sensitivity(swept.of_samples(samples, ishigami(samples.values)))
-    np.testing.assert_allclose(found.first, ishigami_indices()[0], atol=0.03)
+    found = bd.sensitivity(of(samples))
+    np.testing.assert_allclose(found.first, FIRST, atol=0.03)
     assert float(found.first_conf.max()) < 0.06
     for name in ("total", "total_conf", "second"):
         what = name.removesuffix("_conf")
         with pytest.raises(AttributeError, match=rf'no {what} indices: .*method="saltelli"'):
             getattr(found, name)
     assert "total" not in str(found) and "total" not in found.to_dataset()
-
-
-# --- what the indices must not depend on ---------------------------------------------------------
 
 
 def test_scale_and_order_of_runs_change_nothing() -> None:
@@ -107,9 +93,6 @@ def test_scale_and_order_of_runs_change_nothing() -> None:
     other = bd.sensitivity(data, seed=1)  # of the confidence alone
     np.testing.assert_array_equal(other.first, found.first)
     assert (other.first_conf != found.first_conf).all()
-
-
-# --- runs that failed, quantities without variance -----------------------------------------------
 
 
 @pytest.mark.parametrize("second_order", [False, True])
@@ -136,26 +119,13 @@ def test_failed_runs_leave_out_their_groups(second_order: bool) -> None:
     # dropped instead of marked
     dropped = bd.sensitivity(data.isel(run=np.setdiff1d(np.arange(len(samples)), list(bad))))
     np.testing.assert_array_equal(dropped.first, found.first)
-
-
-def test_failed_runs_of_other_samples() -> None:
-    samples = cube(512, "random")
-    data = swept.of_samples(samples, ishigami(samples.values))
+    # of other samples the runs alone
+    data = of(cube(512, "random"))
     swept.fail(data, "failed", run=slice(0, 12))
     found = bd.sensitivity(data)
     assert int(found.used) == 500 and "12 of 512 runs (runs: 12 failed)" in found.notes[0]
     same = bd.sensitivity(data.isel(run=slice(12, None)))
     np.testing.assert_array_equal(same.first, found.first)
-
-
-def test_too_few_runs_are_an_error() -> None:
-    for method, n in (("saltelli", 16), ("random", 80)):
-        samples = cube(n, method)
-        data = swept.of_samples(samples, ishigami(samples.values))
-        bd.sensitivity(data)
-        swept.fail(data, "failed", run=4)
-        with pytest.raises(ValueError, match=rf"in {n - 1} of {n} .* at least {n} are needed"):
-            bd.sensitivity(data)
 
 
 def test_entries_of_a_quantity() -> None:
@@ -175,10 +145,7 @@ def test_entries_of_a_quantity() -> None:
         "no indices of 1 of 4 entries: the quantity is constant",
         "no indices of 1 of 4 entries: less than 16 groups with a number",
     )
-
-
-def test_a_constant_quantity_has_none() -> None:
-    """Rounding is no variance: 0.1 + 0.2 is not 0.3."""
+    # rounding is no variance: 0.1 + 0.2 is not 0.3
     for method in ("saltelli", "sobol"):
         samples = cube(128, method)
         values = np.where(samples.values[:, 0] > 0.0, 0.1 + 0.2, 0.3)
@@ -186,9 +153,6 @@ def test_a_constant_quantity_has_none() -> None:
         found = bd.sensitivity(swept.of_samples(samples, values))
         assert np.isnan(found.first).all() and np.isnan(found.first_conf).all()
         assert found.notes == ("no indices: the quantity is constant",)
-
-
-# --- what one sees -------------------------------------------------------------------------------
 
 
 def test_text_table_and_file(tmp_path: Any) -> None:
@@ -209,9 +173,6 @@ def test_text_table_and_file(tmp_path: Any) -> None:
     data.to_netcdf(tmp_path / "indices.nc")
     with xr.open_dataset(tmp_path / "indices.nc") as read:
         assert read.identical(data)
-
-
-# --- what is refused -----------------------------------------------------------------------------
 
 
 def test_what_is_refused() -> None:
@@ -237,3 +198,10 @@ def test_what_is_refused() -> None:
     for error, words, data, options in rows:
         with pytest.raises(error, match=f"^{words}"):
             bd.sensitivity(data, **options)
+    # too few runs
+    for method, n in (("saltelli", 16), ("random", 80)):
+        data = of(cube(n, method))
+        bd.sensitivity(data)
+        swept.fail(data, "failed", run=4)
+        with pytest.raises(ValueError, match=rf"in {n - 1} of {n} .* at least {n} are needed"):
+            bd.sensitivity(data)

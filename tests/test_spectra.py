@@ -32,26 +32,13 @@ def test_a_sine_shows_its_amplitude() -> None:
         assert at[amplitude.argmax()] == pytest.approx(frequency, abs=0.07)  # half a padded point
         assert resolution == pytest.approx(1.5, rel=1e-3)  # noise bandwidth of Hann over 1 s
         assert at[-1] == pytest.approx(1000.0)
-
-
-def test_two_lines_keep_their_heights_and_flattop_its_promise() -> None:
+    # two lines keep their heights, and flattop its promise
     t = np.linspace(0.0, 1.0, 4001)
     values = 2.0 * np.cos(2 * np.pi * 60.3 * t) + 0.05 * np.cos(2 * np.pi * 400.7 * t)
     at, amplitude, resolution = spectra.amplitude_spectrum(t, values, window="flattop")
     assert amplitude.max() == pytest.approx(2.0, rel=1e-3)
     assert amplitude[at > 300.0].max() == pytest.approx(0.05, rel=1e-3)
     assert resolution == pytest.approx(3.77, rel=1e-2)
-
-
-def test_samples_must_be_even_in_time() -> None:
-    t = np.linspace(0.0, 1.0, 101)
-    t[50] += 1e-3
-    with pytest.raises(ValueError, match=r"evenly spaced.*t_eval=np\.linspace"):
-        spectra.amplitude_spectrum(t, np.sin(t))
-    with pytest.raises(ValueError, match="at least 16 samples, got 5"):
-        spectra.amplitude_spectrum(t[:5], t[:5])
-    with pytest.raises(ValueError, match="NaN"):
-        spectra.amplitude_spectrum(np.linspace(0.0, 1.0, 50), np.full(50, np.nan))
 
 
 def test_folding_is_where_samples_show_it() -> None:
@@ -113,18 +100,19 @@ def run_up() -> bd.Result:
 def thinned(result: bd.Result, step: int, **changed: Any) -> bd.Result:
     """Every so many samples, and other values of the pulleys."""
     few = slice(None, None, step)
-    groups = {
-        name: attrs.evolve(group, **{k: a[few] for k, a in group.arrays().items()})
-        for name, group in (("pulleys", result.pulleys), ("belt", result.belt))
-        if group.arrays()
-    }
-    groups["pulleys"] = attrs.evolve(groups["pulleys"], **changed)
-    return attrs.evolve(result, t=result.t[few], sampled_spans=result.span_tension[few], **groups)
+    pulleys = {name: a[few] for name, a in result.pulleys.arrays().items()}
+    belt = {name: a[few] for name, a in result.belt.arrays().items()}
+    return attrs.evolve(
+        result,
+        t=result.t[few],
+        sampled_spans=result.span_tension[few],
+        pulleys=attrs.evolve(result.pulleys, **{**pulleys, **changed}),
+        belt=attrs.evolve(result.belt, **belt) if belt else result.belt,
+    )
 
 
 def labels(ax: Axes) -> list[str]:
-    legend = ax.get_legend()
-    return [text.get_text() for text in legend.get_texts()]
+    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_orders_of_the_crank(coarse: bd.Result) -> None:
@@ -214,23 +202,36 @@ def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
         found = spectra.signal(coarse, "span_tension", span=span)
         assert (found.label, found.unit) == ("tension of span alternator to crank", "N")
         np.testing.assert_array_equal(found.values, coarse.span_tension[:, 1])
+    # mounts by their pulley
+    params, torque, _, motion = bd.scenes.tensioned_alternator(60)
+    result = bd.simulate(params, torque, 0.005, motion=motion)
+    found = spectra.signal(result, "mounts.travel", mount="tensioner")
+    assert (found.label, found.unit) == ("mounts.travel of tensioner", "rad")
+    assert spectra.signal(result, "mounts.belt_force", mount=0).unit == "N m"
+    with pytest.raises(ValueError, match="crank has none"):
+        spectra.signal(result, "mounts.travel", mount="crank")
 
 
-def test_bad_choices(coarse: bd.Result) -> None:
+def test_bad_choices_are_refused(coarse: bd.Result, run_up: bd.Result) -> None:
+    """Of signals, of pictures; too few samples of a run-up are not a steady speed, rounding no
+    speed at all.
+    """
+    t = np.linspace(0.0, 1.0, 101)
+    with pytest.raises(ValueError, match="at least 16 samples, got 5"):
+        spectra.amplitude_spectrum(t[:5], t[:5])
+    with pytest.raises(ValueError, match="NaN"):
+        spectra.amplitude_spectrum(t, np.full(101, np.nan))
+    t[50] += 1e-3
+    with pytest.raises(ValueError, match=r"evenly spaced.*t_eval=np\.linspace"):
+        spectra.amplitude_spectrum(t, np.sin(t))
     where: dict[str, object]
     for output, where, error, words in (
         ("pulleys.speed", {}, ValueError, r"output must be one of .*pulleys\.omega"),
         ("energy", {}, ValueError, "output must be one of"),
-        (7, {}, ValueError, "output must be one of"),
         ("pulleys.omega", {"span": 0}, TypeError, r"selected by pulley=, not by span="),
         ("pulleys.omega", {"pulley": "fan"}, ValueError, "no pulley is called"),
         ("belt.x", {"link": 60}, ValueError, "link"),
-        (
-            "span_tension",
-            {"span": "alternator to fan"},
-            ValueError,
-            "no span is called 'alternator to fan'.*there are crank to alternator, alternator to",
-        ),
+        ("span_tension", {"span": "x"}, ValueError, "no span is called 'x'.*there are crank to a"),
         ("joints.force", {}, AttributeError, r"joints\.force was not asked for"),
         ("mounts.travel", {}, ValueError, "no mounts"),
     ):
@@ -241,16 +242,19 @@ def test_bad_choices(coarse: bd.Result) -> None:
         with pytest.raises((TypeError, ValueError), match="count must be"):
             found.lines(count)
     assert found.lines(0) == ()
-
-
-def test_mounts_by_pulley_in_their_units() -> None:
-    params, torque, _, motion = bd.scenes.tensioned_alternator(60)
-    result = bd.simulate(params, torque, 0.005, motion=motion)
-    found = spectra.signal(result, "mounts.travel", mount="tensioner")
-    assert (found.label, found.unit) == ("mounts.travel of tensioner", "rad")
-    assert spectra.signal(result, "mounts.belt_force", mount=0).unit == "N m"
-    with pytest.raises(ValueError, match="crank has none"):
-        spectra.signal(result, "mounts.travel", mount="crank")
+    for options, words in BAD_CAMPBELL:
+        with pytest.raises((TypeError, ValueError), match=words):
+            bd.plot.campbell(run_up, "pulleys.omega", pulley="crank", **options)
+    for options in ({"up_to": -5.0}, {"count": -1}):
+        with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+            bd.plot.spectrum(coarse, span="crank", **options)
+    with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
+        bd.plot.campbell(coarse, "pulleys.omega", pulley="alternator")
+    with pytest.raises(ValueError, match=r"17 samples give .* more samples"):
+        bd.plot.campbell(thinned(run_up, 125), "pulleys.omega", pulley="crank")
+    noise = 1e-9 * np.random.default_rng(1).normal(size=run_up.pulleys.omega.shape)
+    with pytest.raises(ValueError, match='pulley "crank" stands still'):
+        bd.plot.campbell(thinned(run_up, 1, omega=noise), span="crank")
 
 
 def test_the_lines_are_named(coarse: bd.Result) -> None:
@@ -274,7 +278,10 @@ def test_the_lines_are_named(coarse: bd.Result) -> None:
     assert len({line.get_color() for line in ax.lines}) == len(ax.lines) == 2
 
 
-def test_campbell_has_orders_where_they_are(run_up: bd.Result) -> None:
+def test_campbell_has_orders_and_modes_where_they_are(run_up: bd.Result) -> None:
+    """Modes at rest as level lines, those within the picture; the legend names them only if there
+    are any.
+    """
     ax = bd.plot.campbell(
         run_up,
         "pulleys.omega",
@@ -295,17 +302,13 @@ def test_campbell_has_orders_where_they_are(run_up: bd.Result) -> None:
     assert [list(line.get_ydata()) for line in natural] == [[20.0, 21.0], [30.0, 33.0]]
     assert labels(ax) == ["orders of crank", "belt passing", "natural frequencies"]
     assert ax.get_xlabel() == "speed of crank [rpm]"
-
-
-def test_campbell_draws_modes_at_rest_as_level_lines(run_up: bd.Result) -> None:
-    """Those within the picture; the legend names them only if there are any."""
     params = run_up.params
     modes = bd.modes(params, bd.settle(params), n=4, motion={"crank": 0.0})
     high = float(modes.frequency[1]) + 1.0
     where: dict[str, Any] = {"pulley": "alternator", "orders": (2,), "modes": modes}
     ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=high, **where)
-    level = [line for line in ax.lines if np.ptp(np.asarray(line.get_ydata())) == 0.0]
-    drawn = [float(np.asarray(line.get_ydata())[0]) for line in level]
+    heights = [np.asarray(line.get_ydata()) for line in ax.lines]
+    drawn = [float(y[0]) for y in heights if np.ptp(y) == 0.0]
     assert drawn == [one for one in modes.frequency if one <= high] and len(drawn) >= 2
     assert "natural frequencies" in labels(ax)
     ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=0.5 * float(modes.frequency[0]), **where)
@@ -314,38 +317,14 @@ def test_campbell_draws_modes_at_rest_as_level_lines(run_up: bd.Result) -> None:
 
 BAD_CAMPBELL: tuple[tuple[dict[str, Any], str], ...] = (
     ({"up_to": -5.0}, "up_to must be > 0 Hz, got -5"),
-    ({"up_to": float("nan")}, "up_to must be finite"),
     ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
     ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
     ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
-    ({"limits": (10.0, 1.0)}, "limits must be .* 0 < low < high"),
     ({"limits": 1.0}, "limits must be a pair"),
     ({"modes": [1, 2]}, r"modes\[0\] must be a bd.Modes or a pair"),
     ({"modes": [(50.0, ["a"])]}, r"modes\[0\]\[1\] must hold real numbers"),
     ({"window": -1.0}, "window must be > 0 s"),
 )
-
-
-def test_arguments_are_checked(coarse: bd.Result, run_up: bd.Result) -> None:
-    for options, words in BAD_CAMPBELL:
-        with pytest.raises((TypeError, ValueError), match=words):
-            bd.plot.campbell(run_up, "pulleys.omega", pulley="crank", **options)
-    for options in ({"up_to": -5.0}, {"up_to": float("nan")}, {"count": -1}):
-        with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
-            bd.plot.spectrum(coarse, span="crank", **options)
-
-
-def test_why_there_is_no_campbell_diagram(coarse: bd.Result, run_up: bd.Result) -> None:
-    """Too few samples of a run-up are not a steady speed, rounding no speed at all."""
-    with pytest.raises(ValueError, match=r"needs a run-up.*plot\.spectrum"):
-        bd.plot.campbell(coarse, "pulleys.omega", pulley="alternator")
-    few = thinned(run_up, 125)
-    assert few.t.size == 17
-    with pytest.raises(ValueError, match=r"17 samples give .* more samples"):
-        bd.plot.campbell(few, "pulleys.omega", pulley="crank")
-    noise = 1e-9 * np.random.default_rng(1).normal(size=run_up.pulleys.omega.shape)
-    with pytest.raises(ValueError, match='pulley "crank" stands still'):
-        bd.plot.campbell(thinned(run_up, 1, omega=noise), span="crank")
 
 
 @SIZED

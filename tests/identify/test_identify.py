@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -13,7 +12,6 @@ import pytest
 from identify_common import COARSE, SPEED, T_END, TIMES, TORQUE, changed, curves, free_pulley
 from scipy import stats
 from sweep_runs import Sent
-from tiers import ci_if, first
 
 import beltdyn as bd
 from beltdyn.identification import linear
@@ -21,43 +19,7 @@ from beltdyn.identification.losses import LOSSES, cost_and_weights
 
 pytestmark = COARSE
 
-DRAWS = 100
-# Of 100 intervals that each hold the truth with probability 0.95, fewer than 90 do with
-# probability 0.011; the seeds are fixed, so this is paid once. (The intervals are linearised and
-# links come and go: over 300 other seeds 91 to 94 % held it.) Intervals much too wide would pass as
-# well: those of 50 % hold it 35 to 65 times with probability 0.998.
-LEAST, HALF = 90, (35, 65)
 
-
-def holds(intervals: Mapping[str, tuple[float, float]], true: Mapping[str, float]) -> list[bool]:
-    return [low <= true[name] <= high for name, (low, high) in intervals.items()]
-
-
-# --- known parameters come back -------------------------------------------------------------------
-
-
-def count(
-    rig: bd.Params, truth: bd.Result, true: Mapping[str, float], off: float, known: bool
-) -> tuple[list[int], list[int], int]:
-    """Count the draws whose intervals hold the truth: of 95 %, of 50 %, of 95 % together."""
-    initial = bd.settle(rig) if "belt.axial_stiffness" not in true else None
-    experiment = bd.Experiment(TORQUE, T_END, initial=initial, options={"ledger": False})
-    start = changed(rig, {name: off * value for name, value in true.items()})
-    single, half, joint = np.zeros(len(true), int), np.zeros(len(true), int), 0
-    for seed in range(DRAWS):
-        data = curves(experiment, truth, seed, known)
-        found = bd.identify(start, list(true), data, jac="2-point", workers=1)
-        assert found.success
-        single += holds(found.intervals, true)
-        half += holds(found.interval(0.5), true)
-        joint += all(holds(found.joint_intervals, true))
-    return single.tolist(), half.tolist(), joint
-
-
-CLOSED = (
-    "identify/test_identify.py::"
-    "test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form"
-)
 TRUE = {"pulleys[1].inertia": 0.03, "friction.mu_k": 0.8, "belt.axial_stiffness": 80e3}
 
 
@@ -67,16 +29,37 @@ def check_found(found: bd.Identification, part: float = 0.1) -> None:
         assert abs(math.log(value / TRUE[name])) < part * found.std[name]
 
 
-@pytest.mark.extended(guard=CLOSED)
+@pytest.mark.extended(
+    guard="identify/test_identify.py::"
+    "test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form"
+)
 @pytest.mark.parametrize("known", [True, False])
 def test_known_parameters_lie_within_their_intervals_in_90_of_100_draws(
     rig: bd.Params, truth: bd.Result, known: bool
 ) -> None:
-    """With the noise known, and found from what is left."""
+    """With the noise known, and found from what is left; intervals of 95 %, each and jointly.
+
+    Of 100 such fewer than 90 hold the truth with probability 0.011; the seeds are fixed, so this is
+    paid once. (The intervals are linearised and links come and go: over 300 other seeds 91 to 94 %
+    held it.) Those much too wide would pass: of 50 % 35 to 65 hold it with probability 0.998.
+    """
     true = {name: TRUE[name] for name in (TRUE if known else [*TRUE][:2])}
-    single, half, joint = count(rig, truth, true, 1.05, known)
-    assert min(single) >= LEAST and joint >= LEAST
-    assert HALF[0] <= min(half) and max(half) <= HALF[1]
+    initial = None if known else bd.settle(rig)
+    experiment = bd.Experiment(TORQUE, T_END, initial=initial, options={"ledger": False})
+    start = changed(rig, {name: 1.05 * value for name, value in true.items()})
+    held: list[Any] = []
+    for seed in range(100):
+        data = curves(experiment, truth, seed, known)
+        found = bd.identify(start, list(true), data, jac="2-point", workers=1)
+        assert found.success
+        single, half, joint = (
+            [low <= true[name] <= high for name, (low, high) in intervals.items()]
+            for intervals in (found.intervals, found.interval(0.5), found.joint_intervals)
+        )
+        held.append([all(joint), *single, *half])
+    joint, *counts = np.sum(held, axis=0)
+    assert min(joint, *counts[: len(true)]) >= 90
+    assert min(counts[len(true) :]) >= 35 and max(counts[len(true) :]) <= 65
 
 
 def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[bd.Target]) -> None:
@@ -87,6 +70,18 @@ def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[
     check_found(found)
     assert found.cost < 0.01
     assert found.params == changed(rig, found.values)
+    # printing shows every parameter and target
+    for part in (*TRUE, "95 % interval", "pulleys.omega", "span_tension[0]", "converged"):
+        assert part in str(found)
+    assert found.residuals["pulleys.omega"].shape == (TIMES.size, 2)
+    assert found.labels[1] == "pulleys.omega[1] at 0.004 s"
+    assert found.jacobian.shape == (60, 3)
+    assert "friction.mu_k" in str(found.sensitivity())
+    assert found.sensitivity("sigma").rows == ("pulleys.omega", "span_tension[0]")
+    with pytest.raises(ValueError, match="unit must be"):
+        found.sensitivity("percent")
+    with pytest.raises(ValueError, match="confidence must be between 0 and 1"):
+        found.interval(95.0)
 
 
 @pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
@@ -103,12 +98,9 @@ def test_numbers_do_as_well_as_curves_and_runs_may_differ(rig: bd.Params) -> Non
         return result.span_tension.mean(axis=0)
 
     soft = {"friction.sigma": 5e3}
-    runs = [
-        bd.Experiment(TORQUE, T_END, name="stiff"),
-        bd.Experiment(TORQUE, T_END, name="soft", changes=soft),
-    ]
     data, at = [], np.linspace(0.02, T_END, 200)
-    for run, drive in zip(runs, (rig, changed(rig, soft)), strict=True):
+    for name, changes in (("stiff", {}), ("soft", soft)):
+        run, drive = bd.Experiment(TORQUE, T_END, name=name, changes=changes), changed(rig, changes)
         measured = bd.simulate(drive, TORQUE, T_END, t_eval=at)
         data += [
             run.number(speed, speed(measured), t=at, sigma=0.05),
@@ -139,21 +131,18 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
-@pytest.mark.ci(guard="test_sweep_executors.py::test_two_threads")
-@pytest.mark.parametrize("elsewhere", ci_if("processes".__eq__, ["bytes", "processes"]))
+@pytest.mark.ci(guard="test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes")
 def test_the_result_does_not_depend_on_where_runs_are_done(
-    rig: bd.Params, targets: list[bd.Target], elsewhere: str
+    rig: bd.Params, targets: list[bd.Target]
 ) -> None:
-    start = changed(rig, {"friction.mu_k": 0.9})
-    free = ["friction.mu_k"]
+    start, free = changed(rig, {"friction.mu_k": 0.9}), ["friction.mu_k"]
     with ThreadPoolExecutor(2) as threads, Sent() as sent:
         one, *others = (
             bd.identify(start, free, targets, **where)
             for where in (
                 {"workers": 1},
                 {"workers": 2},
-                {"executor": threads},
-                {"executor": sent if elsewhere == "bytes" else elsewhere},
+                *({"executor": executor} for executor in (threads, sent, "processes")),
             )
         )
     for two in others:
@@ -164,10 +153,10 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         for name, run in one.results.items():
             np.testing.assert_array_equal(run.pulleys.omega, two.results[name].pulleys.omega)
     with pytest.raises(ValueError, match="give one of them"):
-        bd.identify(start, ["friction.mu_k"], targets, workers=1, executor="threads")
+        bd.identify(start, free, targets, workers=1, executor="threads")
 
 
-@pytest.mark.ci(guard="test_sweep_executors.py::test_two_threads")
+@pytest.mark.ci(guard="test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes")
 def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
     rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -214,21 +203,17 @@ def test_a_prior_counts_like_one_more_measurement(
 @pytest.mark.ci(
     guard="identify/test_identify.py::test_cost_and_weights_are_those_of_the_closed_forms"
 )
-@pytest.mark.parametrize("loss", first(1, ["soft_l1", "huber", "cauchy"]))
 def test_an_outlier_counts_less_with_a_robust_loss(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, loss: str
+    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
 ) -> None:
     speeds = truth.pulleys.omega.copy()
     speeds[-1] += 30.0 * SPEED
     data = [experiment.curve("pulleys.omega", TIMES, speeds, sigma=SPEED)]
     plain = bd.identify(rig, ["friction.mu_k"], data)
-    robust = bd.identify(rig, ["friction.mu_k"], data, loss=loss)
+    robust = bd.identify(rig, ["friction.mu_k"], data, loss="soft_l1")
     off = [abs(found.values["friction.mu_k"] - 0.8) for found in (plain, robust)]
     assert off[1] < 0.1 * off[0]
     assert "misses the data" in str(plain)
-
-
-# --- what the data say, and what they do not ------------------------------------------------------
 
 
 def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form() -> None:
@@ -306,27 +291,6 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Param
     assert both.std["pulleys[*].inertia"] < 0.3 * min(found.std.values())
 
 
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_pulleys_that_only_ever_turn_together_have_but_one_inertia"
-)
-def test_a_parameter_without_effect_is_reported_and_harms_no_other(
-    rig: bd.Params, truth: bd.Result
-) -> None:
-    run = bd.Experiment(TORQUE, T_END, changes={"friction.sigma": 1e4})
-    data = curves(run, truth)
-    start = changed(rig, {"friction.mu_k": 0.9})
-    found = bd.identify(start, ["friction.sigma", "friction.mu_k"], data)
-    alone = bd.identify(start, ["friction.mu_k"], data)
-    assert found.undetermined == ("friction.sigma",)
-    assert found.intervals["friction.sigma"] == (0.0, math.inf)
-    assert found.values["friction.sigma"] == pytest.approx(1e4)
-    # The two searches stop at points of their own, with slopes of their own.
-    assert found.std["friction.mu_k"] == pytest.approx(alone.std["friction.mu_k"], rel=0.01)
-    assert [str(part) for part in found.indistinguishable] == ["friction.sigma alone"]
-    nothing = bd.identify(start, ["friction.sigma"], data)
-    assert nothing.success and nothing.undetermined == ("friction.sigma",)
-
-
 def test_fewer_numbers_than_parameters_leave_a_direction_open(
     rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
 ) -> None:
@@ -339,6 +303,15 @@ def test_fewer_numbers_than_parameters_leave_a_direction_open(
     assert math.isnan(found.misfit)
     exact = bd.identify(rig, ["friction.mu_k"], [speed])  # dof = 0
     assert exact.indistinguishable == () and math.isfinite(exact.std["friction.mu_k"])
+    # written with few parameters: of a, b, c, d the data know a + b alone
+    jacobian = np.array([[1.0, 1.0, 0.0, 0.0], [2.0, 2.0, 0.0, 0.0]])
+    open_ways = linear.combinations(["a", "b", "c", "d"], jacobian, math.log(2.0))
+    assert sorted(map(str, open_ways)) == ["a up with b down", "c alone", "d alone"]
+    assert all(math.isinf(part.std) for part in open_ways)
+    known = linear.covariance(jacobian[:, 1:])
+    assert known[0, 0] == pytest.approx(0.2)
+    assert np.isinf(np.diag(known)[1:]).all()
+    assert linear.leverage(jacobian) == pytest.approx([0.2, 0.8])
 
 
 def test_a_parameter_on_its_limit_is_told_and_its_interval_ends_there(
@@ -356,56 +329,19 @@ def test_a_parameter_on_its_limit_is_told_and_its_interval_ends_there(
     assert low == 0.0 < high
 
 
-def test_open_directions_are_written_with_few_parameters() -> None:
-    """Of a, b, c, d the data know a + b alone."""
-    jacobian = np.array([[1.0, 1.0, 0.0, 0.0], [2.0, 2.0, 0.0, 0.0]])
-    found = linear.combinations(["a", "b", "c", "d"], jacobian, math.log(2.0))
-    assert sorted(map(str, found)) == ["a up with b down", "c alone", "d alone"]
-    assert all(math.isinf(part.std) for part in found)
-    known = linear.covariance(jacobian[:, 1:])
-    assert known[0, 0] == pytest.approx(0.2)
-    assert np.isinf(np.diag(known)[1:]).all()
-    assert linear.leverage(jacobian) == pytest.approx([0.2, 0.8])
-
-
-def test_printing_shows_every_parameter_and_target(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
-) -> None:
-    found = bd.identify(rig, ["friction.mu_k"], curves(experiment, truth, seed=1))
-    text = str(found)
-    for part in ("friction.mu_k", "95 % interval", "pulleys.omega", "span_tension[0]", "converged"):
-        assert part in text
-    assert found.residuals["pulleys.omega"].shape == (TIMES.size, 2)
-    assert found.labels[1] == "pulleys.omega[1] at 0.004 s"
-    assert found.jacobian.shape == (60, 1)
-    assert "friction.mu_k" in str(found.sensitivity())
-    assert found.sensitivity("sigma").rows == ("pulleys.omega", "span_tension[0]")
-    with pytest.raises(ValueError, match="unit must be"):
-        found.sensitivity("percent")
-    with pytest.raises(ValueError, match="confidence must be between 0 and 1"):
-        found.interval(95.0)
-
-
-# --- losses, which come from SciPy ----------------------------------------------------------------
-
-#: Of z = f^2: the loss and its derivative, as SciPy's manual has them.
-CLOSED: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
-    "linear": (lambda z: z, np.ones_like),
-    "soft_l1": (lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: (1.0 + z) ** -0.5),
-    "huber": (
-        lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
-        lambda z: np.maximum(z, 1.0) ** -0.5,
-    ),
-    "cauchy": (np.log1p, lambda z: 1.0 / (1.0 + z)),
-}
-
-
 @pytest.mark.parametrize("loss", LOSSES)
 def test_cost_and_weights_are_those_of_the_closed_forms(loss: str) -> None:
+    """The loss of z = f^2 and its derivative, as SciPy's manual has them."""
     f = np.random.default_rng(1).standard_cauchy(500)
     f[:4] = 0.0, 1.0, -1.0, 1e-170
+    z = f**2
+    rho, slope = {
+        "linear": (z, np.ones_like(z)),
+        "soft_l1": (2.0 * (np.sqrt(1.0 + z) - 1.0), (1.0 + z) ** -0.5),
+        "huber": (np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0), np.maximum(z, 1.0) ** -0.5),
+        "cauchy": (np.log1p(z), 1.0 / (1.0 + z)),
+    }[loss]
     cost, weights = cost_and_weights(f, loss)
-    rho, slope = CLOSED[loss]
-    assert cost == pytest.approx(0.5 * np.sum(rho(f**2)), rel=1e-13)
-    np.testing.assert_allclose(weights, slope(f**2), rtol=1e-14)
+    assert cost == pytest.approx(0.5 * np.sum(rho), rel=1e-13)
+    np.testing.assert_allclose(weights, slope, rtol=1e-14)
     assert cost_and_weights(np.array([0.0, np.inf]), loss)[0] == np.inf

@@ -6,7 +6,6 @@ import math
 import signal
 import subprocess
 import sys
-import textwrap
 import threading
 import time
 from collections.abc import Callable
@@ -16,13 +15,10 @@ import attrs
 import numpy as np
 import pytest
 from identify_common import COARSE, T_END, TIMES, TORQUE, changed, free_pulley
-from tiers import first
 
 import beltdyn as bd
 
 pytestmark = COARSE
-
-# --- what goes wrong ------------------------------------------------------------------------------
 
 
 def test_trials_that_cannot_be_simulated_do_not_end_the_search() -> None:
@@ -38,12 +34,10 @@ def test_trials_that_cannot_be_simulated_do_not_end_the_search() -> None:
     def omega_if_slow(result: bd.Result) -> float:
         return omega(result) if result.params.pulleys[1].inertia > 0.028 else math.nan
 
-    own = bd.Free(
-        "inertia",
-        start=0.08,
-        size=0.16,
-        set=lambda params, value: changed(params, {"pulleys[1].inertia": value}),
-    )
+    def put(params: bd.Params, value: float) -> bd.Params:
+        return changed(params, {"pulleys[1].inertia": value})
+
+    own = bd.Free("inertia", start=0.08, size=0.16, set=put)
     for read in (omega, omega_if_slow):
         data = run.number(read, 2.0, t=[0.02], sigma=0.01)
         found = bd.identify(free_pulley(0.08), [own], [data])
@@ -88,11 +82,10 @@ def test_a_start_that_cannot_be_simulated_says_why(rig: bd.Params) -> None:
         bd.identify(rig, ["friction.mu_k"], [early])
 
 
-class OutOfPaper(Exception):
-    """What only the user's code raises."""
-
-
 def test_what_a_torque_function_raises_comes_out_unchanged(rig: bd.Params) -> None:
+    class OutOfPaper(Exception):
+        """What only the user's code raises."""
+
     mine = OutOfPaper("the plotter jams")
     calls: list[float] = []
 
@@ -118,11 +111,11 @@ def test_what_a_torque_function_raises_comes_out_unchanged(rig: bd.Params) -> No
 
 
 @pytest.mark.usefixtures("handlers")
-@pytest.mark.parametrize("workers", first(1, [2, 1]))
-def test_ctrl_c_ends_it_soon_and_loses_nothing(
-    rig: bd.Params, rest: bd.State, workers: int
-) -> None:
-    """The runs that are interrupted would take a minute or more; their threads end with it."""
+def test_ctrl_c_ends_it_soon_and_loses_nothing(rig: bd.Params, rest: bd.State) -> None:
+    """The runs that are interrupted would take a minute or more; their threads end with it.
+
+    Before anything is known it is an ordinary one.
+    """
     before = set(threading.enumerate())
     trials, main = [], threading.main_thread().ident
     assert main is not None
@@ -143,7 +136,7 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(
     run = bd.Experiment(long_after_the_fifth, T_END, initial=begin)
     data = run.curve("pulleys.omega", TIMES, np.full((20, 2), -20.0), sigma=1.0)
     with pytest.raises(bd.Interrupted) as caught:
-        bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
+        bd.identify(rig, ["friction.mu_k"], [data], workers=2)
     assert isinstance(caught.value, bd.IdentificationInterrupted)
     found = caught.value.identification
     assert not found.success and "interrupted" in str(found)
@@ -151,41 +144,24 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(
     assert math.isfinite(found.std["friction.mu_k"])
     assert not set(threading.enumerate()) - before
 
-
-@pytest.mark.usefixtures("handlers")
-def test_ctrl_c_before_anything_is_known_is_an_ordinary_one(rig: bd.Params) -> None:
     def stop(_params: bd.Params) -> bd.State:
         raise KeyboardInterrupt
 
     run = bd.Experiment(TORQUE, T_END, initial=stop)
     data = run.curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
-    with pytest.raises(KeyboardInterrupt) as caught:
+    with pytest.raises(KeyboardInterrupt) as early:
         bd.identify(rig, ["friction.mu_k"], [data])
-    assert not isinstance(caught.value, bd.IdentificationInterrupted)
+    assert not isinstance(early.value, bd.IdentificationInterrupted)
 
 
-@pytest.mark.ci(guard="test_sampling.py::test_without_salib_the_extra_is_named")
+@pytest.mark.ci(guard="test_sampling.py::test_what_is_refused")
 def test_without_scipy_it_says_what_to_install_and_nothing_imports_it_before() -> None:
-    script = """
-        import sys, beltdyn as bd
-        assert not any(name.startswith("scipy") for name in sys.modules)
-        sys.modules["scipy"] = sys.modules["scipy.optimize"] = None
-        try:
-            bd.identify(bd.scenes.three_pulleys().params, [], [])
-        except ImportError as error:
-            print(error)
-        """
-    ran = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, check=True
-    )
-    assert "beltdyn.identify needs SciPy: python -m pip install scipy" in ran.stdout
-
-
-# --- arguments ------------------------------------------------------------------------------------
-
-
-def no_params(_params: bd.Params, _value: float) -> Any:
-    return None
+    script = """import sys, beltdyn as bd
+assert not any(name.startswith("scipy") for name in sys.modules)
+sys.modules["scipy"] = sys.modules["scipy.optimize"] = None
+bd.identify(bd.scenes.three_pulleys().params, [], [])"""
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert "ImportError: beltdyn.identify needs SciPy: python -m pip install scipy" in ran.stderr
 
 
 MU: Any = {"free": ["friction.mu_k"]}
@@ -204,10 +180,8 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
     rows: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"free": ["belt.axial_stifness"]}, ValueError, "did you mean 'belt.axial_stiffness'"),
         ({"free": ["pulleys[2].inertia"]}, ValueError, r"pulleys has 2 entries"),
-        ({"free": ["belt[0]"]}, ValueError, "no parameter is called 'belt\\[0\\]'"),
         ({"free": ["belt.n_bodies"]}, ValueError, "cannot be free: it is not a real number"),
         ({"free": ["tensioning.offset[1][0]"]}, ValueError, "tensioning.offset has 0 entries"),
-        ({"free": ["tensioning.move_time"]}, ValueError, "cannot be free"),
         ({"free": ["pulleys[*].inertia"]}, ValueError, "differ .*start="),
         ({"free": ["gravity[1]"]}, ValueError, "size="),
         ({"free": ["axial stiffness"]}, ValueError, "is named like"),
@@ -217,7 +191,6 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         ({"free": [bd.Free("friction.mu_k", lower=1.0, upper=0.9)]}, ValueError, "be < upper"),
         ({"free": [bd.Free("gravity[1]", scale="log")]}, ValueError, "needs a start > 0"),
         ({"free": ["pulleys[1].inertia", INERTIA]}, ValueError, "which overlap"),
-        ({"free": [INERTIA, "pulleys[1].inertia"]}, ValueError, "which overlap"),
         ({"free": "friction.mu_k"}, TypeError, "free must be a sequence"),
         ({"params": attrs.evolve(rig, friction=None)}, ValueError, "this drive has no friction"),
         ({"params": None}, TypeError, "params must be a Params"),
@@ -230,16 +203,11 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         ({"targets": [flat]}, ValueError, "all its values are 0"),
         ({"targets": [flat], "loss": "huber"}, ValueError, "loss 'huber' needs the sigma"),
         ({"targets": twice}, ValueError, "two targets are called"),
-        ({"confidence": 95.0}, ValueError, "confidence must be between 0 and 1"),
         ({"limit": 1.0}, ValueError, "limit must be > 1"),
         ({"jac": "5-point"}, ValueError, "jac must be one of"),
-        ({"jac": 2}, TypeError, "jac must be one of"),
         ({"loss": "l1"}, ValueError, "loss must be one of"),
         ({"diff_step": 0.0}, ValueError, "diff_step must be > 0"),
-        ({"diff_step": 10.0}, ValueError, "diff_step must be < 1"),
         ({"max_nfev": 0}, ValueError, "max_nfev must be an integer >= 1"),
-        ({"workers": 0}, ValueError, "workers must be an integer >= 1"),
-        ({"progress": 1}, TypeError, "progress must be a bool"),
         ({"prior": {"friction.sigma": (1e4, 1e3)}}, ValueError, "is not free"),
         ({"prior": {"friction.mu_k": (0.8, 0.0)}}, ValueError, "deviation must be > 0"),
         ({"prior": {"friction.mu_k": (-0.8, 0.1)}}, ValueError, "the value must be > 0"),
@@ -258,7 +226,7 @@ def test_bad_fields(experiment: bd.Experiment) -> None:
 
     number: Any = experiment.number
     rows: list[tuple[Callable[[], object], type[Exception], str]] = [
-        (lambda: bd.Free("x", set=no_params), ValueError, "needs start="),
+        (lambda: bd.Free("x", set=changed), ValueError, "needs start="),
         (lambda: bd.Free("x", set=3, start=1.0), TypeError, "set must be callable"),
         (lambda: bd.Free(3), TypeError, "must be a str"),
         (lambda: bd.Free("belt.length", scale="cubic"), ValueError, "scale must be"),
