@@ -333,10 +333,7 @@ def test_all_has_room_on_screen_and_in_print(
 ) -> None:
     """No text over another or beyond the figure; in a column of 8.5 cm and a page of 17 cm."""
     # order 8 leaves the Campbell diagram at its top, beneath the title, off the corner
-    for draw, result, high in (
-        (bd.plot.spectrum, coarse, None),
-        (bd.plot.campbell, run_up, 110.0),
-    ):
+    for draw, result, high in ((bd.plot.spectrum, coarse, None), (bd.plot.campbell, run_up, 110.0)):
         with axes_of(size) as ax:
             draw(result, span="crank", up_to=high, ax=ax)
             check_room(ax.figure)
