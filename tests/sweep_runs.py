@@ -19,7 +19,6 @@ import drives
 import mounted_drives
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import beltdyn as bd
 from beltdyn.sweeping import dispatch, store

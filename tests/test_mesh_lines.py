@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,27 +107,6 @@ def test_on_a_run_up_no_line_is_named_after_what_sweeps_over_it() -> None:
     late = result.t >= 0.5
     assert _of_links(sources(result, late), result.t[late], 190.0) is None
     assert _of_links(sources(result, late), result.t[late], 20.0) is False
-
-
-@pytest.mark.parametrize("swept", [0.5, 2.0, 4.0])
-def test_a_chirp_is_named_as_long_as_it_is_a_line(swept: float) -> None:
-    """A pulley whose speed rises by so many resolutions: its peak stands at its mean frequency.
-
-    The share of its height that the line is said to keep is that of the peak's computed.
-    """
-    t = np.linspace(0.0, 2.0, 4001)
-    rise = swept * 0.75  # Hz, of 0.75 Hz
-    turns = 30.0 * t + 0.5 * rise * (t - 1.0) ** 2 / 2.0
-
-    speed = 2.0 * np.pi * np.gradient(turns, t)[:, None] * np.ones((1, 2))
-    run = SimpleNamespace(t=t, params=reduction(), pulleys=SimpleNamespace(omega=speed))
-    run._has = "pulleys.omega".__eq__
-    one: Source = next(s for s in sources(run, slice(None)) if s.kind == "pulley")
-    at, amplitude, resolution = bd.spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * turns))
-    assert one.frequency == pytest.approx(30.0, abs=1e-3)
-    assert one.kept[0] == pytest.approx(amplitude[np.argmin(abs(at - 30.0))], abs=0.01)
-    named = "pulley 0 x1" in lines_at([one], float(at[amplitude.argmax()]), resolution, 1000.0)
-    assert named == (one.kept[0] >= 0.7)
 
 
 def test_a_folded_guess_does_not_stand_beside_an_order() -> None:

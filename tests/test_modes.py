@@ -12,11 +12,12 @@ import warnings
 from functools import cache
 from typing import Any
 
+import attrs
 import dense
 import numpy as np
 import pytest
 from bridge import oracle_of
-from drives import sprung_alternator
+from drives import reduction, sprung_alternator
 from two_pulleys import open_drive
 
 import beltdyn as bd
@@ -223,53 +224,92 @@ def test_response_to_a_motion_and_a_torque() -> None:
         assert (abs(seen - expected) < 0.01 * abs(expected)).all(), name
 
 
-@pytest.mark.extended(guard="test_modes.py::test_response_to_a_motion_and_a_torque")
-def test_swept_torque_running() -> None:
-    """At 6 m/s: half the difference of two runs with the torque and its opposite, in which is not
-    what links make as they land.
+@cache
+def found() -> bd.Modes:
+    params = bd.scenes.tensioned_alternator(48).params
+    return bd.modes(params, bd.settle(params), n=3, motion={"crank": 0.0})
 
-    The belt that runs through the spans damps the rotation, 5 % in place of 0.4 % at rest, where
-    the same torque turns the fan seven times as far. Phases of the mesh put that resonance at 47.3
-    to 47.6 Hz with a decay of 14.4 to 15.9 1/s, up to a tenth of the height and 2 pi 0.4 / 15 =
-    0.17 of it across, where the phase turns. Measured 2 % and 18 %.
-    """
-    law = bd.ElasticPlastic(mu=0.8, stiffness=1e8, damping=1e3)
-    contact = bd.Contact(linear=1e9, damping=5e3)
-    params = two_pulleys(n=160, belt={"bending_stiffness": 0.0}, friction=law, contact=contact)
-    motion = {"motor": bd.PiecewiseLinear([0.0], [-120.0])}
-    state = bd.settle(params, speed={"motor": -120.0})
-    steady = bd.PiecewiseLinear([0.0], [0.02 * float(state.omega[1])], pulley="fan")
-    load = steady + bd.Viscous([0.0, 0.02])
-    start = bd.simulate(params, load, 0.2, motion=motion, initial=state, rtol=1e-5).final_state
-    t = np.arange(1101) / 1000.0
-    size = np.clip(np.minimum(t, 0.6 - t) / 0.1, 0.0, 1.0)
-    pushed = 0.1 * size**2 * (3.0 - 2.0 * size) * np.sin(2.0 * np.pi * (15.0 + 50.0 * t) * t)
-    later: Any = {"initial": start, "t_eval": start.t + t, "rtol": 1e-5}
-    one, other = (
-        bd.simulate(
-            params,
-            load + bd.PiecewiseLinear(start.t + t, turn * pushed, pulley="fan"),
-            start.t + t[-1],
-            motion=motion,
-            **later,
-        )
-        for turn in (0.5, -0.5)
-    )
-    frequency = np.fft.rfftfreq(t.size, 1e-3)
-    within = np.flatnonzero((frequency > 30.0) & (frequency < 65.0))[::2]
-    # the torque is linear between samples, which the transform of samples takes for more
-    given = np.fft.rfft(pushed)[within] * np.sinc(frequency[within] / 1000.0) ** 2
-    arguments = {"torque": "fan", "motion": {"motor": 0.0}, "loads": load}
-    response = bd.frequency_response(params, start, frequency[within], phases=6, **arguments)
-    assert response.phases == 6
-    for history, expected in (
-        ((one.pulleys.theta - other.pulleys.theta)[:, 1], response.theta[:, 1]),
-        ((one.span_tension - other.span_tension)[:, 0], response.span_tension[:, 0]),
-    ):
-        seen = np.fft.rfft(history)[within] / given
-        largest = abs(expected).max()
-        assert abs(seen).max() == pytest.approx(largest, rel=0.1)
-        assert (abs(seen - expected) < 0.2 * largest).all()
-        assert np.median(abs(seen - expected) / abs(expected)) < 0.1
-    at_rest = bd.frequency_response(params, bd.settle(params), frequency[within], **arguments)
-    assert abs(at_rest.theta[:, 1]).max() > 3.0 * abs(response.theta[:, 1]).max()
+
+def test_a_mode_is_drawn_at_opposite_phases_and_in_a_film() -> None:
+    """Both belts are as far from rest, on opposite sides; the title names the mode."""
+    modes = found()
+    ax = bd.plot.mode(modes, 2)
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    rest, one, other = (lines[name] for name in ("at rest", "one end", "half a period later"))
+    assert np.allclose(one - rest, rest - other)
+    assert 0.01 < np.hypot(*(one - rest).T).max() / np.ptp(rest[:, 0]) < 0.1
+    assert f"{modes.frequency[2]:.4g} Hz" in ax.get_title()
+    assert modes.names[2] in ax.get_title()
+    ax.figure.draw_without_rendering()
+    label, legend = ax.xaxis.label.get_window_extent(), ax.get_legend().get_window_extent()
+    assert 0.0 <= legend.y0 < legend.y1 <= label.y0
+    film = bd.plot.animate_mode(modes, 1, duration=0.5, fps=10.0)
+    assert film.frames == 5
+    film._draw_was_started = True  # never shown
+
+
+def test_response_is_drawn_as_it_is() -> None:
+    """Beyond resonance a phase passes 180 degrees; no line joins it to its going on at -180."""
+    modes = found()
+    sweep = np.geomspace(50.0, 400.0, 100)
+    response = bd.frequency_response(modes.params, modes.state, sweep, motion="crank")
+    upper, lower = bd.plot.frequency_response(response, "span_tension")
+    assert len(bd.plot.frequency_response(response, "span_tension", "crank")[0].lines) == 1
+    broken = 0
+    for k, (size, line) in enumerate(zip(upper.lines, lower.lines, strict=True)):
+        expected = response.span_tension[:, k]
+        assert np.allclose(size.get_ydata(), abs(expected))
+        x, phase = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        there = np.isfinite(phase)
+        np.testing.assert_array_equal(x[there], sweep)
+        np.testing.assert_allclose(phase[there], np.degrees(np.angle(expected)))
+        assert np.nanmax(np.abs(np.diff(phase))) <= 270.0
+        broken += int((~there).sum())
+    assert broken > 0
+    with pytest.raises(ValueError, match="output"):
+        bd.plot.frequency_response(response, "colour")
+
+
+RESPONSES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
+    ({"torque": {0: np.nan}}, ValueError, r"torque\[0\] must be finite"),
+    ({"torque": {0: "a"}}, TypeError, r"torque\[0\] must be a real or complex number"),
+    ({"torque": 0, "params": None}, TypeError, "params must be a Params"),
+    ({"torque": 0, "state": None}, TypeError, "state must be a State"),
+    ({"torque": 0, "params": reduction(42)}, ValueError, r"state\.x must have shape \(42,\)"),
+    ({"torque": 0, "phases": 0}, ValueError, "phases must"),
+    ({"torque": 0, "frequencies": [-1.0]}, ValueError, "frequencies"),
+    ({"motion": {0: 0.0}}, ValueError, "at least one pulley"),
+)
+MODES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
+    ({"n": 1000}, ValueError, "n must be at most 40, the number of links"),
+    ({"phases": 0}, ValueError, "phases must"),
+    ({"count": 1}, TypeError, "count must"),
+    ({"state": None}, TypeError, "state"),
+    ({"params": reduction(42)}, ValueError, r"state\.x must have shape \(42,\)"),
+)
+
+
+@pytest.mark.filterwarnings("error")
+def test_arguments_are_refused_by_name() -> None:
+    params = reduction(40)
+    of_drive = {"params": params, "state": bd.settle(params)}
+    for given, error, message in RESPONSES:
+        with pytest.raises(error, match=message):
+            bd.frequency_response(**(of_drive | {"frequencies": [10.0]} | given))
+    for given, error, message in MODES:
+        with pytest.raises(error, match=message):
+            bd.modes(**(of_drive | given))
+
+
+def test_a_print_says_what_is_held_and_fits_80_columns() -> None:
+    """And a state out of balance is told: 10 N m on the alternator at rest, which nothing holds."""
+    params, state = found().params, found().state
+    held, free = str(found()), str(bd.modes(params, state, n=1))
+    assert "prescribed motion: crank" in held and "prescribed motion: none" in free
+    assert max(len(line) for line in (held + "\n" + free).splitlines()) <= 80
+    many = attrs.evolve(found(), decay=np.arange(1.0, 18.0), decay_names=("rotation",) * 17)
+    lines = [line for line in str(many).splitlines() if "not oscillating" in line]
+    assert len(lines) == 5 and lines[-1] == "  not oscillating: and 13 more (modes.decay)"
+    load = bd.PiecewiseLinear([0.0], [10.0], "alternator")
+    with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium.*alternator"):
+        bd.modes(params, state, load, n=1)

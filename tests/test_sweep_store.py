@@ -56,23 +56,6 @@ else:
     go(sys.argv[2])
 """
 )
-#: The same, killed while it writes a part.
-IN_A_PART = SCRIPT.replace(
-    'print("begun"',
-    """
-import os, pathlib
-def dying(self, layout, rows, write=store.Store._dataset):
-    dataset = write(self, layout, rows)
-    class Half:
-        def to_netcdf(self, path, **options):
-            dataset.to_netcdf(path, **options)
-            with open(path, "r+b") as file:
-                file.truncate(1000)
-            os.kill(os.getpid(), signal.SIGKILL)
-    return Half() if list(pathlib.Path(sys.argv[1]).glob("part-*.nc")) else dataset
-store.Store._dataset = dying
-print("begun\"""",
-)
 
 
 def sweep(folder: Any, executor: str, over: Any = OVER, scene: Any = None) -> Any:
@@ -129,25 +112,16 @@ def test_what_an_interrupted_sweep_leaves_is_gone_on_with(
     check_resumed(tmp_path, expected)
 
 
-def start(script: str, folder: Path, executor: str, parts: int) -> subprocess.Popen[str]:
-    """Start a sweep in another process, and wait until it has written some parts."""
-    command = [sys.executable, "-c", script, str(folder), executor]
+def start(folder: Path, executor: str) -> subprocess.Popen[str]:
+    """Start a sweep in another process, and wait until it has written two parts."""
+    command = [sys.executable, "-c", SCRIPT, str(folder), executor]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     assert process.stdout and process.stdout.readline() == "begun\n", process.communicate()
-    while process.poll() is None and len(list(folder.glob("part-*.nc"))) < parts:
+    while process.poll() is None and len(list(folder.glob("part-*.nc"))) < 2:
         time.sleep(0.01)
     return process
-
-
-@pytest.mark.ci(guard=GUARD)
-def test_the_client_killed_while_it_writes_a_part(tmp_path: Path, expected: Any) -> None:
-    process = start(IN_A_PART, tmp_path, "threads", 3)
-    process.communicate()
-    assert process.returncode == -signal.SIGKILL
-    assert list(tmp_path.glob(".part-*")), "nothing was being written"
-    check_resumed(tmp_path, expected)
 
 
 def children(process: int) -> list[int]:
@@ -177,9 +151,9 @@ def ended(processes: list[int]) -> bool:
         pytest.param("dask", marks=pytest.mark.extended(guard=GUARD)),
     ],
 )
-def test_ctrl_c(executor: str, tmp_path: Path, expected: Any) -> None:
+def test_ctrl_c_and_a_kill(executor: str, tmp_path: Path, expected: Any) -> None:
     """What is done is given and kept; no process stays behind, nor if the client is killed."""
-    process = start(SCRIPT, tmp_path, executor, 2)
+    process = start(tmp_path, executor)
     workers = children(process.pid)
     os.kill(process.pid, signal.SIGINT)
     said, errors = process.communicate(timeout=120)
@@ -189,11 +163,12 @@ def test_ctrl_c(executor: str, tmp_path: Path, expected: Any) -> None:
     assert workers and ended(workers)
     check_resumed(tmp_path, expected)
     if executor == "processes":
-        process = start(SCRIPT, tmp_path / "other", executor, 1)
+        process = start(tmp_path / "other", executor)
         workers = children(process.pid)
         process.kill()
         process.communicate()
         assert workers and ended(workers)
+        check_resumed(tmp_path / "other", expected)
 
 
 def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -200,22 +200,6 @@ def test_a_prior_counts_like_one_more_measurement(
     assert math.log(both.values["friction.mu_k"] / 0.8) == pytest.approx(std / 2.0, rel=0.1)
 
 
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_cost_and_weights_are_those_of_the_closed_forms"
-)
-def test_an_outlier_counts_less_with_a_robust_loss(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
-) -> None:
-    speeds = truth.pulleys.omega.copy()
-    speeds[-1] += 30.0 * SPEED
-    data = [experiment.curve("pulleys.omega", TIMES, speeds, sigma=SPEED)]
-    plain = bd.identify(rig, ["friction.mu_k"], data)
-    robust = bd.identify(rig, ["friction.mu_k"], data, loss="soft_l1")
-    off = [abs(found.values["friction.mu_k"] - 0.8) for found in (plain, robust)]
-    assert off[1] < 0.1 * off[0]
-    assert "misses the data" in str(plain)
-
-
 def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form() -> None:
     """omega = M t/I, so d ln(omega)/d ln(I) = -1 and std(ln I) = sigma/omega."""
     run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
@@ -259,20 +243,7 @@ def test_contact_that_hardly_bends_says_nothing_of_its_curvature(
     assert found.undetermined == ("contact.quadratic",)
     assert [str(part) for part in found.indistinguishable] == ["contact.quadratic alone"]
     assert found.indistinguishable[0].std > math.log(2.0)
-    # With equal shares they stand for each other: one up as the other goes down.
-    share = changed(rig, {"contact.quadratic": 5e10, "contact.linear": 3e6})
-    at_rest = bd.Experiment(TORQUE, T_END, options={"ledger": False})
-    number = at_rest.number(
-        lambda r: r.span_tension[0].mean(), share.info["strain_tension"], t=[0.0], sigma=1.0
-    )
-    found = bd.identify(share, ["contact.linear", "contact.quadratic"], [number])
-    [pair] = found.indistinguishable
-    assert set(pair.names) == {"contact.linear", "contact.quadratic"}
-    assert " up with " in str(pair) and str(pair).endswith(" down")
-    assert math.isinf(pair.std)
-    assert found.correlation[0, 1] == pytest.approx(-1.0, abs=1e-6)
-    assert set(found.undetermined) == set(pair.names)
-    assert found.intervals["contact.linear"] == (0.0, math.inf)
+    assert found.intervals["contact.quadratic"] == (0.0, math.inf)
 
 
 def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Params) -> None:

@@ -154,7 +154,7 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(rig: bd.Params, rest: bd.State) -
     assert not isinstance(early.value, bd.IdentificationInterrupted)
 
 
-@pytest.mark.ci(guard="test_sampling.py::test_what_is_refused")
+@pytest.mark.ci(guard="test_sensitivity.py::test_samples_that_are_refused")
 def test_without_scipy_it_says_what_to_install_and_nothing_imports_it_before() -> None:
     script = """import sys, beltdyn as bd
 assert not any(name.startswith("scipy") for name in sys.modules)
