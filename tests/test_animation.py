@@ -65,9 +65,7 @@ def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
     assert rows(film) == [0] and "one moment" in shown(film, 0).axes[0].get_title()
     with pytest.raises(ValueError, match="result must hold at least one sample"):
         bd.plot.animate(thinned(result, []))
-
-
-def test_a_frame_is_its_sample(result: bd.Result) -> None:
+    # a frame is its sample
     film = bd.plot.animate(result, duration=1.0, fps=11.0, links={"chosen": 7})
     limits = set()
     for frame, row in ((0, 0), (5, 20), (10, 40)):
@@ -106,9 +104,7 @@ def test_gif(short: bd.plot.Animation, tmp_path: Path) -> None:
         assert image.info["loop"] == 0, "for ever"
     assert seen == [(k, 5) for k in range(5)]
     assert dict(matplotlib.rcParams) == before
-
-
-def test_mp4(short: bd.plot.Animation, tmp_path: Path) -> None:
+    # mp4
     path = tmp_path / "drive.mp4"
     short.save(path, dpi=41)  # an odd number of pixels, which H.264 does not take
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))

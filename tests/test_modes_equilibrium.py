@@ -55,13 +55,7 @@ def test_settled_states_are_in_equilibrium_and_displaced_ones_told() -> None:
     for state in displaced:
         with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium"):
             bd.frequency_response(params, state, [20.0], torque=0)
-
-
-def test_a_steady_run_is_steady() -> None:
-    """At one moment its pulley has 3 to 4 % of the tension left over, over a passing under 1 %.
-
-    Before it is steady, and shaken, it is told.
-    """
+    # At one moment its pulley has 3 to 4 % of the tension left over, over a passing under 1 %
     params, load = reduction(120), bd.Viscous([0.0, 0.3])
     motion = {0: bd.PiecewiseLinear([0.0], [-100.0])}
     start = bd.settle(params, speed={0: -100.0})
@@ -137,6 +131,17 @@ def test_a_carriage_is_a_mode() -> None:
     found = np.sort(np.append(abs(modes.eigenvalue), abs(modes.turning)))
     assert len(found) == len(expected)
     assert np.allclose(found, expected, rtol=1e-4)
+    # w^2 = k / J, both for the belt's motion; the mesh adds its w^2, met without the spring
+    params = reduction()
+    state = bd.settle(params)
+    mesh = bd.modes(params, state, n=1).turning
+    spring = 10.0
+    modes = bd.modes(params, state, lambda t, th, om: [-spring * (th[0] - state.theta[0]), 0.0])
+    inertia = 0.004 / 0.06**2 + 0.02 / 0.1**2 + 0.1 * float(params.info["length"])
+    expected = np.sqrt(spring / 0.06**2 / inertia + abs(mesh) ** 2)
+    # the belt between the pulleys is 160 times as stiff as the spring at the rim
+    assert modes.turning is None
+    assert 2 * np.pi * modes.frequency[0] == pytest.approx(expected, rel=5e-3)
 
 
 @pytest.mark.parametrize("name", ["conveyor", "fan"])
@@ -151,20 +156,6 @@ def test_turning_is_no_mode(name: str) -> None:
         alike = (rims * rims[0].conj()).real.min() > 0.5 * (abs(rims) ** 2).max()
         energy = modes.participation.pulleys[k].sum() + modes.participation.belt[k]
         assert not (alike and energy > 0.9)
-
-
-def test_a_spring_on_a_pulley_makes_it_a_mode() -> None:
-    """w^2 = k / J, both for the belt's motion; the mesh adds its w^2, met without the spring."""
-    params = reduction()
-    state = bd.settle(params)
-    mesh = bd.modes(params, state, n=1).turning
-    spring = 10.0
-    modes = bd.modes(params, state, lambda t, th, om: [-spring * (th[0] - state.theta[0]), 0.0])
-    inertia = 0.004 / 0.06**2 + 0.02 / 0.1**2 + 0.1 * float(params.info["length"])
-    expected = np.sqrt(spring / 0.06**2 / inertia + abs(mesh) ** 2)
-    # the belt between the pulleys is 160 times as stiff as the spring at the rim
-    assert modes.turning is None
-    assert 2 * np.pi * modes.frequency[0] == pytest.approx(expected, rel=5e-3)
 
 
 @pytest.mark.parametrize("n", [60, 61])

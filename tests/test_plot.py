@@ -42,7 +42,7 @@ def labels(ax: Axes) -> list[str]:
     return [] if legend is None else [text.get_text() for text in legend.get_texts()]
 
 
-def test_each_pulley_span_and_joint_over_time(result: bd.Result) -> None:
+def test_each_pulley_span_and_joint_over_time(result: bd.Result, ax: Axes) -> None:
     for draw, values, ylabel in (
         (bd.plot.speeds, result.pulleys.omega, "angular velocity [rad/s]"),
         (bd.plot.torques, result.pulleys.torque, "set torque [N m]"),
@@ -68,9 +68,7 @@ def test_each_pulley_span_and_joint_over_time(result: bd.Result) -> None:
     np.testing.assert_array_equal(one.get_ydata(), result.pulleys.omega[:, 1])
     np.testing.assert_array_equal(same.get_ydata(), result.pulleys.torque[:, 1])
     assert one.get_color() == same.get_color() == both[1].get_color() != both[0].get_color()
-
-
-def test_line_keywords_and_runs_compared(result: bd.Result, ax: Axes) -> None:
+    # line keywords and runs compared
     bd.plot.speeds(result, label="soft", ax=ax)
     bd.plot.speeds(result, label="stiff", ax=ax)
     assert labels(ax) == [f"{run}, pulley {k}" for run in ("soft", "stiff") for k in (0, 1)]
@@ -205,6 +203,23 @@ def test_drive_to_scale_coloured_by_tension_or_friction(result: bd.Result, ax: A
     with pytest.raises(ValueError, match=r"no pulley of it has any"):
         bd.plot.friction_coefficient(free, 0)
 
+    # arrows and marks follow the rotation
+    def arrows(ax: Axes) -> list[bool]:
+        return [patch.get_visible() for patch in ax.patches if isinstance(patch, FancyArrowPatch)]
+
+    # of each pulley: counter-clockwise, clockwise
+    assert arrows(bd.plot.drive(result, 0.0)) == [False] * 4, "at rest"
+    assert arrows(bd.plot.drive(result)) == [False, True] * 2, "the paper's drive runs clockwise"
+    # turned back, and by a quarter of a turn
+    theta = np.full_like(result.pulleys.theta, np.pi / 2)
+    pulleys = attrs.evolve(result.pulleys, omega=-result.pulleys.omega, theta=theta)
+    ax = bd.plot.drive(attrs.evolve(result, pulleys=pulleys))
+    assert arrows(ax) == [True, False] * 2
+    mark, centre = ax.lines[1], result.params.pulleys[1].center
+    # cos(pi/2) is 6e-17 in floating point
+    np.testing.assert_allclose(mark.get_xdata(), centre[0], atol=1e-15)
+    assert (np.asarray(mark.get_ydata()) > centre[1]).all()
+
 
 def test_stick_and_slip_arcs(result: bd.Result) -> None:
     """All links of pulley 0 made to slip, none of pulley 1: one arc each, inside the rims. So with
@@ -237,24 +252,6 @@ def test_stick_and_slip_arcs(result: bd.Result) -> None:
             assert -steps.sum() == pytest.approx(2 * half * on.size, rel=0.02)
     assert labels(bd.plot.drive(changed, slip_from=0.97)) == ["belt sticks"]
     assert labels(bd.plot.drive(changed, arcs=False, colour=None)) == []
-
-
-def test_arrows_and_marks_follow_the_rotation(result: bd.Result) -> None:
-    def arrows(ax: Axes) -> list[bool]:
-        return [patch.get_visible() for patch in ax.patches if isinstance(patch, FancyArrowPatch)]
-
-    # of each pulley: counter-clockwise, clockwise
-    assert arrows(bd.plot.drive(result, 0.0)) == [False] * 4, "at rest"
-    assert arrows(bd.plot.drive(result)) == [False, True] * 2, "the paper's drive runs clockwise"
-    # turned back, and by a quarter of a turn
-    theta = np.full_like(result.pulleys.theta, np.pi / 2)
-    pulleys = attrs.evolve(result.pulleys, omega=-result.pulleys.omega, theta=theta)
-    ax = bd.plot.drive(attrs.evolve(result, pulleys=pulleys))
-    assert arrows(ax) == [True, False] * 2
-    mark, centre = ax.lines[1], result.params.pulleys[1].center
-    # cos(pi/2) is 6e-17 in floating point
-    np.testing.assert_allclose(mark.get_xdata(), centre[0], atol=1e-15)
-    assert (np.asarray(mark.get_ydata()) > centre[1]).all()
 
 
 def test_energy(result: bd.Result, ax: Axes) -> None:
@@ -429,9 +426,7 @@ def test_layout_and_picture_show_pulleys_where_they_are(mounted: bd.Result) -> N
         np.testing.assert_allclose(titles["tensioner"], expected[2], atol=1e-15)
     moved = np.ptp(mounted.mounts.travel, axis=0)
     assert (moved > 1e-4).all()  # so that the two pictures differ
-
-
-def test_travel_over_time(mounted: bd.Result) -> None:
+    # travel over time
     ax = bd.plot.travel(mounted)
     pump, idler = (np.array(line.get_ydata(), dtype=float) for line in ax.lines)
     way = mounted.mounts.travel

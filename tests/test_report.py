@@ -228,19 +228,6 @@ def test_what_a_run_does_not_have_is_named() -> None:
     assert line.split()[1:3] == ["0", "0"], line
 
 
-def test_bad_windows_and_joints_are_refused() -> None:
-    """Seconds in place of a share are told apart."""
-    for last in (0.0, -0.1, 1.01, math.nan, "a"):
-        with pytest.raises((TypeError, ValueError), match="last"):
-            result().report(last)
-    for joint in (-1, 100, 1.5):
-        with pytest.raises((TypeError, ValueError), match="joint"):
-            result().report(joint=joint)
-    for call in (result().report, lambda last: bd.spectra.spectrum(result(), last=last)):
-        with pytest.raises(ValueError, match=r"<= 1 \(a share of the run\), got 20"):
-            call(20.0)
-
-
 def test_what_is_not_to_be_trusted_is_told() -> None:
     """A split that does not add up; a window of few turns, 100 rad/s over 0.02 s, 0.32 turns."""
     told = report()
@@ -262,6 +249,16 @@ def test_what_is_not_to_be_trusted_is_told() -> None:
     told = result(t_end=0.04, t_eval=tuple(times)).report(0.2)
     assert any("not even in time" in note for note in told.notes)
     assert all(row.frequency is None for row in told.spans)
+    # Seconds in place of a share are told apart
+    for last in (0.0, -0.1, 1.01, math.nan, "a"):
+        with pytest.raises((TypeError, ValueError), match="last"):
+            result().report(last)
+    for joint in (-1, 100, 1.5):
+        with pytest.raises((TypeError, ValueError), match="joint"):
+            result().report(joint=joint)
+    for call in (result().report, lambda last: bd.spectra.spectrum(result(), last=last)):
+        with pytest.raises(ValueError, match=r"<= 1 \(a share of the run\), got 20"):
+            call(20.0)
 
 
 def test_the_command_prints_it() -> None:

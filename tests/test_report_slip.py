@@ -127,35 +127,6 @@ def test_unsteady_drives_have_no_efficiency_and_no_creep() -> None:
     assert "No percentages" in str(told) and "100.00" not in str(told)
 
 
-def test_a_drive_that_is_held_has_the_margin_of_euler() -> None:
-    """Its largest torque is that with tensions of ratio exp(mu wrap) and the sum at rest.
-
-    The sum grows a little, for the belt on the pulleys stretches less than that on the spans.
-    """
-    load = bd.PiecewiseLinear([0.0, 0.1], [0.0, 15.0], 0)
-    told = bd.simulate(drive(), load, 0.6, {1: lambda t: 0.0}).report()
-    assert told.driver is None
-    row, wrap = told.pulleys[0], told.pulleys[0].wrap
-    share = math.tanh(0.5 * MU * wrap)
-    spans = [one.tension.mean for one in told.spans if one.tension is not None]
-    assert abs(row.slip_torque) == pytest.approx(0.06 * sum(spans) * share, rel=0.1)
-    assert row.margin * 15.0 == pytest.approx(abs(row.slip_torque), rel=0.01)
-
-
-def test_the_limit_with_a_stribeck_curve_is_what_it_carries() -> None:
-    """A torque above the limit by mu_k, carried with most of the wrap sticking."""
-    law = bd.LuGre(mu_k=0.6, mu_s=0.9, v_stribeck=0.2, sigma=1e4)
-    told = loaded(70.0, 0.7, drive(friction=law)).report()
-    row = told.pulleys[0]
-    assert row.ratio > 0.99 * math.exp(0.6 * row.wrap), "it is loaded beyond mu_k"
-    assert row.slip_share < 0.6
-    assert row.limit == pytest.approx(math.exp(0.9 * row.wrap), rel=0.01)
-    assert row.used < 0.9
-    assert row.margin > 1.1
-    assert not any("full slip" in note or "full_slip" in note for note in told.notes)
-    assert any("in fast slip it has 0.6" in note for note in told.notes)
-
-
 def test_the_torque_that_grows_alone() -> None:
     """Of two pulleys it is all of it. Two loads on one crank, the other one held: full slip is
     Euler's on that pulley, and its tensions differ by its torque over its radius.
@@ -218,6 +189,26 @@ def test_wraps_are_those_of_the_belt_line() -> None:
     notes = loaded(8.0, 0.02, outputs=("pulleys",)).report().notes
     assert not any("no link of it is free" in note for note in notes)
     assert any("span_tension" in note and "not asked for" in note for note in notes)
+    # Its largest torque is that with tensions of ratio exp(mu wrap) and the sum at rest
+    load = bd.PiecewiseLinear([0.0, 0.1], [0.0, 15.0], 0)
+    told = bd.simulate(drive(), load, 0.6, {1: lambda t: 0.0}).report()
+    assert told.driver is None
+    row, wrap = told.pulleys[0], told.pulleys[0].wrap
+    share = math.tanh(0.5 * MU * wrap)
+    spans = [one.tension.mean for one in told.spans if one.tension is not None]
+    assert abs(row.slip_torque) == pytest.approx(0.06 * sum(spans) * share, rel=0.1)
+    assert row.margin * 15.0 == pytest.approx(abs(row.slip_torque), rel=0.01)
+    # A torque above the limit by mu_k, carried with most of the wrap sticking
+    law = bd.LuGre(mu_k=0.6, mu_s=0.9, v_stribeck=0.2, sigma=1e4)
+    told = loaded(70.0, 0.7, drive(friction=law)).report()
+    row = told.pulleys[0]
+    assert row.ratio > 0.99 * math.exp(0.6 * row.wrap), "it is loaded beyond mu_k"
+    assert row.slip_share < 0.6
+    assert row.limit == pytest.approx(math.exp(0.9 * row.wrap), rel=0.01)
+    assert row.used < 0.9
+    assert row.margin > 1.1
+    assert not any("full slip" in note or "full_slip" in note for note in told.notes)
+    assert any("in fast slip it has 0.6" in note for note in told.notes)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -133,7 +133,7 @@ def test_failed_runs_leave_out_their_groups(second_order: bool) -> None:
     np.testing.assert_array_equal(same.first, found.first)
 
 
-def test_entries_of_a_quantity() -> None:
+def test_entries_of_a_quantity(tmp_path: Any) -> None:
     """Each has its indices: one with a failed run of its own, one constant, one with nothing."""
     samples = cube(64)
     y = ishigami(samples.values)
@@ -158,9 +158,7 @@ def test_entries_of_a_quantity() -> None:
         found = bd.sensitivity(swept.of_samples(samples, values))
         assert np.isnan(found.first).all() and np.isnan(found.first_conf).all()
         assert found.notes == ("no indices: the quantity is constant",)
-
-
-def test_text_table_and_file(tmp_path: Any) -> None:
+    # text table and file
     samples = cube(64, second_order=True)
     found = bd.sensitivity(swept.of_samples(samples, ishigami(samples.values)))
     text = str(found)
@@ -225,15 +223,6 @@ def shares(samples: bd.Samples) -> np.ndarray:
     return np.stack([(first - 300.0) / 200.0, stats.norm.cdf(second, 0.8, 0.1)], axis=1)
 
 
-def test_a_seed_gives_the_same_bits_and_another_others() -> None:
-    for method in METHODS:
-        one, same, other = (bd.sample(RANGES, 32, method, seed=seed) for seed in (5, 5, 6))
-        assert one.values.tobytes() == same.values.tobytes(), method
-        assert not (one.values == other.values).any(), method
-        assert one.names == ("belt.preload", "friction.mu_k")
-        assert not one.values.flags.writeable
-
-
 def test_values_follow_their_distributions() -> None:
     """Kolmogorov's test of each column; no seed is chosen, and 1e-4 is missed once in 10 000."""
     for method in SINGLE:
@@ -255,19 +244,6 @@ def test_values_follow_their_distributions() -> None:
         assert samples.design["distributions"] == {"a": "Asked"}
 
 
-def test_each_of_n_slices_has_one_value() -> None:
-    """By construction of a Latin hypercube, and of a Sobol' net of a power of two."""
-    for method in ("sobol", "latin-hypercube"):
-        slices = np.floor(128 * shares(bd.sample(RANGES, 128, method, seed=2))).astype(int)
-        for column in slices.T:
-            assert sorted(column) == list(range(128)), method
-    # fewer Sobol' points are the first of more
-    most, some = (bd.sample(RANGES, n, "sobol") for n in (128, 100))
-    np.testing.assert_array_equal(some.values, most.values[:100])
-    assert "100 is no power of two; 128 is" in str(some)
-    assert "power of two" not in str(most)
-
-
 def test_groups_of_saltelli() -> None:
     """Row A, rows A with one column of B, for second indices B with one of A, row B."""
     k, n = 3, 8
@@ -282,6 +258,16 @@ def test_groups_of_saltelli() -> None:
                 rows += [np.where(np.arange(k) == j, a, b) for j in range(k)]
             assert (a != b).all()
             np.testing.assert_array_equal(group[1:-1], rows)
+    # By construction of a Latin hypercube, and of a Sobol' net of a power of two
+    for method in ("sobol", "latin-hypercube"):
+        slices = np.floor(128 * shares(bd.sample(RANGES, 128, method, seed=2))).astype(int)
+        for column in slices.T:
+            assert sorted(column) == list(range(128)), method
+    # fewer Sobol' points are the first of more
+    most, some = (bd.sample(RANGES, n, "sobol") for n in (128, 100))
+    np.testing.assert_array_equal(some.values, most.values[:100])
+    assert "100 is no power of two; 128 is" in str(some)
+    assert "power of two" not in str(most)
 
 
 def test_the_design_says_how_they_were_made() -> None:
@@ -297,6 +283,13 @@ def test_the_design_says_how_they_were_made() -> None:
     assert repr(samples) == "Samples(96 runs of 2 parameter(s): saltelli, seed 3)"
     assert "friction.mu_k  norm(0.8, scale=0.1)" in str(samples)
     assert "16 groups of 6 runs, for first, second and total" in str(samples)
+    # a seed gives the same bits and another others
+    for method in METHODS:
+        one, same, other = (bd.sample(RANGES, 32, method, seed=seed) for seed in (5, 5, 6))
+        assert one.values.tobytes() == same.values.tobytes(), method
+        assert not (one.values == other.values).any(), method
+        assert one.names == ("belt.preload", "friction.mu_k")
+        assert not one.values.flags.writeable
 
 
 def wrong(values: Any) -> Any:

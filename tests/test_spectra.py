@@ -47,10 +47,7 @@ def test_folding_is_where_samples_show_it() -> None:
         t = np.arange(400) / 100.0
         at, amplitude, _ = spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * true * t + 0.5))
         assert not seen or at[amplitude.argmax()] == pytest.approx(seen, abs=0.05)
-
-
-def test_a_chirp_in_a_spectrogram() -> None:
-    """Its amplitude, and its frequency at the middle of each slice."""
+    # Its amplitude, and its frequency at the middle of each slice
     t = np.linspace(0.0, 4.0, 8001)
     values = 2.5 * np.sin(2.0 * np.pi * (50.0 * t + 0.5 * 20.0 * t**2))
     times, at, amplitude = spectra.spectrogram(t, values, 0.25)
@@ -122,52 +119,7 @@ def test_orders_of_the_crank(coarse: bd.Result) -> None:
         assert line.names[0] == f"crank x{order}"
     tension = spectra.spectrum(coarse, span="crank to alternator").lines()
     assert {"crank x2", "crank x4"} <= {name for line in tension for name in line.names}
-
-
-def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
-    """The rate from speeds against that from counting: how often a link comes to the same place."""
-    rate = spectra.belt_rate(coarse)
-    late = coarse.t > 0.2
-    belt, t = coarse.belt, coarse.t
-    passed = [
-        t[1:][(belt.x[:-1, k] < 0.15) & (belt.x[1:, k] >= 0.15) & late[1:]]
-        for k in range(belt.x.shape[1])
-    ]
-    period = np.mean([np.diff(times).mean() for times in passed if times.size > 1])
-    assert rate[late].mean() == pytest.approx(1.0 / period, rel=1e-3)
-
-
-def test_folded_link_passing_is_named(coarse: bd.Result) -> None:
-    """Every twentieth sample: 300 a second, and the links pass above half of that."""
-    (whole,) = [one for one in spectra.spectrum(coarse, span="crank").sources if one.kind == "link"]
-    # v / l0 with the speed of the rim, less creep and sinking of the belt
-    length = coarse.params.info["length"]
-    assert whole.frequency == pytest.approx(60 * SPEED * 0.08 / length, rel=2e-2)
-    spectrum = spectra.spectrum(thinned(coarse, 20), span="crank")
-    (passing,) = [one for one in spectrum.sources if one.kind == "link"]
-    assert spectrum.limit == pytest.approx(150.0) and passing.frequency > spectrum.limit
-    at = float(spectra.folded(passing.frequency, 300.0))
-    assert any("link passing x1, folded" in name for name in spectrum.names(at))
-    (note,) = [note for note in spectrum.notes() if "link passing" in note and "appears" in note]
-    assert f"{at:.4g} Hz" in note
-    (line,) = [one for one in spectrum.lines(12) if "link passing x1, folded" in one.names]
-    assert line.frequency == pytest.approx(at, abs=0.2 * spectrum.resolution + 2e-3 * 474)
-
-
-def test_a_run_up_shows_orders_at_the_speed_they_have(run_up: bd.Result) -> None:
-    found = spectra.speed_spectra(run_up, "pulleys.omega", pulley="crank", over="crank")
-    swept = (found.speed > 55.0) & (found.speed < 115.0)
-    top = found.frequency[found.amplitude.argmax(axis=1)]
-    np.testing.assert_allclose(
-        top[swept], 2.0 * found.speed[swept] / (2.0 * np.pi), atol=0.75 * found.resolution
-    )
-    # without positions of links the belt's rate is that of the rims
-    np.testing.assert_allclose(
-        found.belt, found.speed * 0.08 / run_up.params.info["length"], rtol=0.03
-    )
-
-
-def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
+    # what fluctuates most is taken
     rows = slice(coarse.t.size // 2, None)
     most = int(np.argmax(coarse.pulleys.omega[rows].std(axis=0)))
     found = spectra.signal(coarse, "pulleys.omega", rows)
@@ -187,6 +139,33 @@ def test_what_fluctuates_most_is_taken(coarse: bd.Result) -> None:
     assert spectra.signal(result, "mounts.belt_force", mount=0).unit == "N m"
     with pytest.raises(ValueError, match="crank has none"):
         spectra.signal(result, "mounts.travel", mount="crank")
+
+
+def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
+    """The rate from speeds against that from counting: how often a link comes to the same place."""
+    rate = spectra.belt_rate(coarse)
+    late = coarse.t > 0.2
+    belt, t = coarse.belt, coarse.t
+    passed = [
+        t[1:][(belt.x[:-1, k] < 0.15) & (belt.x[1:, k] >= 0.15) & late[1:]]
+        for k in range(belt.x.shape[1])
+    ]
+    period = np.mean([np.diff(times).mean() for times in passed if times.size > 1])
+    assert rate[late].mean() == pytest.approx(1.0 / period, rel=1e-3)
+    # Every twentieth sample: 300 a second, and the links pass above half of that
+    (whole,) = [one for one in spectra.spectrum(coarse, span="crank").sources if one.kind == "link"]
+    # v / l0 with the speed of the rim, less creep and sinking of the belt
+    length = coarse.params.info["length"]
+    assert whole.frequency == pytest.approx(60 * SPEED * 0.08 / length, rel=2e-2)
+    spectrum = spectra.spectrum(thinned(coarse, 20), span="crank")
+    (passing,) = [one for one in spectrum.sources if one.kind == "link"]
+    assert spectrum.limit == pytest.approx(150.0) and passing.frequency > spectrum.limit
+    at = float(spectra.folded(passing.frequency, 300.0))
+    assert any("link passing x1, folded" in name for name in spectrum.names(at))
+    (note,) = [note for note in spectrum.notes() if "link passing" in note and "appears" in note]
+    assert f"{at:.4g} Hz" in note
+    (line,) = [one for one in spectrum.lines(12) if "link passing x1, folded" in one.names]
+    assert line.frequency == pytest.approx(at, abs=0.2 * spectrum.resolution + 2e-3 * 474)
 
 
 def test_bad_choices_are_refused(coarse: bd.Result, run_up: bd.Result) -> None:
@@ -290,6 +269,17 @@ def test_campbell_has_orders_and_modes_where_they_are(run_up: bd.Result) -> None
     assert "natural frequencies" in labels(ax)
     ax = bd.plot.campbell(run_up, "pulleys.omega", up_to=0.5 * float(modes.frequency[0]), **where)
     assert "natural frequencies" not in labels(ax)
+    # a run up shows orders at the speed they have
+    found = spectra.speed_spectra(run_up, "pulleys.omega", pulley="crank", over="crank")
+    swept = (found.speed > 55.0) & (found.speed < 115.0)
+    top = found.frequency[found.amplitude.argmax(axis=1)]
+    np.testing.assert_allclose(
+        top[swept], 2.0 * found.speed[swept] / (2.0 * np.pi), atol=0.75 * found.resolution
+    )
+    # without positions of links the belt's rate is that of the rims
+    np.testing.assert_allclose(
+        found.belt, found.speed * 0.08 / run_up.params.info["length"], rtol=0.03
+    )
 
 
 BAD_CAMPBELL: tuple[tuple[dict[str, Any], str], ...] = (

@@ -97,7 +97,6 @@ def by_hand() -> dict[str, tuple[Any, bd.Scene]]:
         "friction.mu_k": (0.6, of(friction=bd.Dahl(mu_k=0.6, sigma=1e4))),
         "friction": (coulomb, of(friction=coulomb)),
         "gravity[1]": (-9.81, of(gravity=(0.0, -9.81))),
-        "pulleys[1].inertia": (0.02, of(pulleys=(params.pulleys[0], heavy[1]))),
         "pulleys[fan].inertia": (0.02, of(pulleys=(params.pulleys[0], heavy[1]))),
         "pulleys[*].inertia": (0.02, of(pulleys=heavy)),
         "torque.scale": (1.5, under(drive * 1.5 + load * 1.5)),
@@ -223,6 +222,32 @@ def test_reductions_are_of_the_last_part() -> None:
     assert as_measure(names, scene.params, 0.2).outputs == ("span_tension", "pulleys.omega")
     assert as_measure(lambda result: 0.0, scene.params, 0.2).outputs is None
 
+    # a function gives numbers texts arrays and labelled arrays
+    def measure(result: bd.Result) -> dict[str, Any]:
+        force = result.joints.force[-1]
+        return {
+            "largest": float(force.max()),
+            "count": force.size,
+            "word": "tight" if force.max() > 1000.0 else "slack",
+            "all": force,
+            "both": xr.DataArray(force[:2], {"end": ["l", "r"]}, ("end",), attrs={"units": "N"}),
+            "inside": {"least": force.min()},
+            "none": None,
+        }
+
+    over = {"belt.length": [1.195, 1.207]}
+    found = run(small(), over, measure)
+    force = alone(with_belt(small(), length=1.195)).joints.force[-1]
+    assert float(found["largest"][0]) == force.max() and float(found["count"][0]) == 24
+    assert list(found["word"].values) == ["tight", "slack"]
+    assert found["all"].dims == ("belt.length", "all_0") and bits(found["all"][0]) == bits(force)
+    assert found["both"].dims == ("belt.length", "end") and found["both"].attrs["units"] == "N"
+    assert bits(found["both"].sel(end="r")[0]) == bits(force[1])
+    assert float(found["inside.least"][0]) == force.min()
+    assert np.isnan(found["none"]).all()
+    measures = {"top": lambda result: result.joints.force.max(), "n": "stats.steps"}
+    assert set(measures) < set(map(str, run(small(), over, measures).data_vars))
+
 
 def test_quantities_of_the_report() -> None:
     scene, over = small(0.05), {"torque.scale": [1.0]}
@@ -251,33 +276,6 @@ def test_quantities_of_the_report() -> None:
     assert found["report.pulleys[fan].torque"].attrs["units"] == "N m"
     whole = run(scene, over, "report")
     assert {name for name in expected if "[" not in name} < set(map(str, whole.data_vars))
-
-
-def test_a_function_gives_numbers_texts_arrays_and_labelled_arrays() -> None:
-    def measure(result: bd.Result) -> dict[str, Any]:
-        force = result.joints.force[-1]
-        return {
-            "largest": float(force.max()),
-            "count": force.size,
-            "word": "tight" if force.max() > 1000.0 else "slack",
-            "all": force,
-            "both": xr.DataArray(force[:2], {"end": ["l", "r"]}, ("end",), attrs={"units": "N"}),
-            "inside": {"least": force.min()},
-            "none": None,
-        }
-
-    over = {"belt.length": [1.195, 1.207]}
-    found = run(small(), over, measure)
-    force = alone(with_belt(small(), length=1.195)).joints.force[-1]
-    assert float(found["largest"][0]) == force.max() and float(found["count"][0]) == 24
-    assert list(found["word"].values) == ["tight", "slack"]
-    assert found["all"].dims == ("belt.length", "all_0") and bits(found["all"][0]) == bits(force)
-    assert found["both"].dims == ("belt.length", "end") and found["both"].attrs["units"] == "N"
-    assert bits(found["both"].sel(end="r")[0]) == bits(force[1])
-    assert float(found["inside.least"][0]) == force.min()
-    assert np.isnan(found["none"]).all()
-    measures = {"top": lambda result: result.joints.force.max(), "n": "stats.steps"}
-    assert set(measures) < set(map(str, run(small(), over, measures).data_vars))
 
 
 def test_runs_that_fail_stop_nothing_and_say_why() -> None:
@@ -325,8 +323,7 @@ def test_runs_that_fail_stop_nothing_and_say_why() -> None:
         bd.settle(attrs.evolve(scene.params, gravity=(0.0, -1e7)))
     assert found["message"].values[6] == " ".join(str(error.value).split())
 
-
-def test_a_measure_that_fails_or_does_not_fit() -> None:
+    # a measure that fails or does not fit
     def measure(result: bd.Result) -> Any:
         length = result.params.belt.length
         if length == 1.2:
@@ -376,7 +373,6 @@ def test_a_table_has_units_and_texts_and_comes_back_from_a_file(tmp_path: Any) -
 BAD_NAMES: list[tuple[Any, str]] = [
     ({"belt.lenght": [1.2]}, "did you mean 'belt.length'"),
     ({"pulleys[pump].inertia": [1.0]}, "no pulley is called 'pump'"),
-    ({"pulleys[7].inertia": [1.0]}, "has 2 entries"),
     ({"torque[2].scale": [1.0]}, "2 part"),
     ({"torque[1].linear": [1.0]}, "not 'linear'"),
     ({"torque.viscous": [1.0]}, 'torque[0].viscous'),
@@ -394,13 +390,11 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"measure": "report.pulleys.margn"}, "did you mean 'margin'"),
     ({"measure": "report.pulleys[pump].margin"}, "no pulley is called 'pump'"),
     ({"measure": "mounts.travel"}, "no mounts"),
-    ({"measure": []}, "at least one"),
     ({"measure": {"a": 3}}, "must be a name or a function"),
     ({"measure": 3}, "measure must be"),
     ({"measure": {"status": "span_tension.mean"}}, "'status' is the name of something else"),
     ({"measure": {"belt.length": "slip.mean"}}, "'belt.length' is the name of"),
     ({"t_end": -1.0}, "t_end must be > 0"),
-    ({"rtoll": 1e-3}, "did you mean 'rtol'"),
     ({"outputs": ("belt",)}, "follows from measure"),
     ({"method": "rk4", "over": {"method": ["rk4"]}}, "leave one of them out"),
     ({"combine": "both"}, "combine must be"),

@@ -127,22 +127,16 @@ def test_values_of_every_kind(tmp_path: Path) -> None:
 
 WRONG = [
     ('scene = "drive.toml"', "", "scene: missing"),
-    ('scene = "drive.toml"', "scene = 3", "scene: must be a table"),
-    ('scene = "drive.toml"', 'scene = "driv"', "no scene is called"),
     ("measure", "mesure", "mesure: unknown field (did you mean 'measure'?)"),
-    ("[over]", "[ower]", "ower: unknown field"),
     ("count = 3", "number = 3", "over.torque.scale.number: unknown field"),
     ("from = 0.5, ", "", "over.torque.scale.from: missing"),
     ("count = 3", "count = 0", "over.torque.scale.count"),
     ("count = 3", 'count = 3, spacing = "log"', "spacing must be one of even, geometric"),
     ("from = 0.5", "from = -1, spacing = 'geometric'", "must not reach or pass 0"),
-    ("rtol = 1e-3", "rtoll = 1e-3", "did you mean 'rtol'"),
     ("rtol = 1e-3", "store = 'x'", "options.store"),
     ("[1.198, 1.2, 0.2]", "1.2", "over.belt.length: must be a list of values, or a range"),
     ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
     ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
-    ("belt.length", "belt.lenght", "did you mean 'belt.length'"),
-    ("span_tension.final", "span_tension.last", "did you mean"),
     ("[options]", "[sample]\nn = 3\n[options]", "either over or sample"),
     ("[over]", "over = 3\n[x]", "x: unknown field"),
 ]

@@ -155,8 +155,7 @@ def test_what_cannot_be_sent_stays_in_this_process() -> None:
         do(scene, ONE, MEASURE, executor="processes")
     assert do(scene, ONE, MEASURE).counts == {"finished": 1}
 
-
-def test_what_is_no_executor() -> None:
+    # what is no executor
     class Odd:
         def submit(self, *_: Any) -> str:
             return "later"

@@ -180,7 +180,6 @@ ATTRS = (
 DIFFERENT = [
     ("def f(t): return {} * t", "1.0", "2.0"),
     ("def f(t, k={}): return k * t", "2.0", "3.0"),
-    ("def f(t, *, k={}): return k * t", "3.0"),
     ("GAIN = {}\ndef f(t): return GAIN * t", "1.0", "2.0"),
     ("def g(t): return {}\ndef f(t): return g(t)", "t", "-t", "f(t)"),
     ("def h(t): return {}\ndef g(t): return h(t)\ndef f(t): return g(t)", "1", "2"),
@@ -193,21 +192,12 @@ DIFFERENT = [
     (CALLS, "1", "2"),
     (SLOTS, "1", "2"),
     (ATTRS.format("self.k", "{}"), "1", "2"),
-    (ATTRS.format("5", "{}"), "2"),
-    ("import functools\nf = functools.partial(lambda k, t: {}, 1)", "k * t", "k + t"),
     ("import functools\nf = functools.partial(lambda k, t: k * t, {})", "2"),
     ("import functools\nf = functools.lru_cache(lambda t: {})", "t", "-t"),
     ("import numpy as np\nf = np.{}", "sin", "cos"),
     ("import numpy as np\nK = np.array({})\nf = lambda t: K * t", "[1., 2.]", "[1., 3.]", "[1, 2]"),
     ("def f(t): return f(t - 1) if t > 0 else {}", "1", "2"),
 ]  # fmt: skip
-
-
-def test_what_does_something_else_has_another_token() -> None:
-    texts = [text.format(what) for text, *some in DIFFERENT for what in some]
-    tokens = [token(of_code(text)) for text in texts]
-    assert len({*tokens}) == len(texts), [t for k, t in enumerate(texts) if tokens[k] in tokens[:k]]
-    assert tokens == [token(of_code(text)) for text in texts]
 
 
 def test_what_does_the_same_has_the_same_token() -> None:
@@ -217,9 +207,12 @@ def test_what_does_the_same_has_the_same_token() -> None:
     sets = {0, 8}, {8, 0}  # which lie in memory as they were put in, as in another process
     assert [*sets[0]] != [*sets[1]] and token(sets[0]) == token(sets[1]) != token({0, 9})
     assert some() == some()
-
-
-def test_what_cannot_be_known_is_said() -> None:
+    # what does something else has another token
+    texts = [text.format(what) for text, *some in DIFFERENT for what in some]
+    tokens = [token(of_code(text)) for text in texts]
+    assert len({*tokens}) == len(texts), [t for k, t in enumerate(texts) if tokens[k] in tokens[:k]]
+    assert tokens == [token(of_code(text)) for text in texts]
+    # what cannot be known is said
     for one in (sweep_runs.compiled, threading.Lock(), (k for k in range(3))):
         for what in (one, functools.partial(print, one)):
             with pytest.raises(NoKeyError, match="cannot be known"):

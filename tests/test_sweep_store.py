@@ -240,10 +240,7 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
     assert (again.stored, again.computed) == (2, 0)
     same(again.dataset, swept.dataset)
 
-
-def test_anything_that_can_be_measured_comes_back(tmp_path: Path) -> None:
-    """Texts of any characters, names that files do not allow, several shapes, nothing at all."""
-
+    # Texts of any characters, names that files do not allow, several shapes, nothing at all
     def odd(result: bd.Result) -> dict[str, Any]:
         return {
             "a/b key": float(result.t[-1]),

@@ -156,36 +156,6 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         bd.identify(start, free, targets, workers=1, executor="threads")
 
 
-@pytest.mark.ci(guard="test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes")
-def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
-    rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
-) -> None:
-    begun = []
-
-    def begin(params: bd.Params) -> bd.State:
-        begun.append(params)
-        return rest
-
-    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
-        return list(TORQUE(t, _theta, omega))
-
-    measured = bd.simulate(rig, TORQUE, T_END, t_eval=TIMES, initial=rest)
-    data = [
-        bd.Experiment(loads, T_END, initial=begin).curve(
-            "pulleys.omega", TIMES, measured.pulleys.omega, sigma=SPEED
-        )
-        for loads in (TORQUE, torque)
-    ]
-    start = changed(rig, {"friction.mu_k": 0.84})
-    found = bd.identify(start, ["friction.mu_k"], data, workers=2, progress=True)
-    check_found(found)
-    assert found.runs == 2 * len(begun)
-    assert list(found.residuals) == ["run 1: pulleys.omega", "run 2: pulleys.omega"]
-    assert capfd.readouterr().err == ""  # no terminal, no bar
-    few = bd.identify(start, ["friction.mu_k"], data, max_nfev=2)
-    assert not few.success and few.nfev <= 2 and "not converged" in str(few)
-
-
 def test_a_prior_counts_like_one_more_measurement(
     rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
 ) -> None:
@@ -198,6 +168,8 @@ def test_a_prior_counts_like_one_more_measurement(
     # The curves bend: the slope a standard deviation on is another by some per cent.
     assert both.std["friction.mu_k"] == pytest.approx(std / math.sqrt(2.0), rel=0.05)
     assert math.log(both.values["friction.mu_k"] / 0.8) == pytest.approx(std / 2.0, rel=0.1)
+    few = bd.identify(changed(rig, {"friction.mu_k": 0.84}), ["friction.mu_k"], data, max_nfev=2)
+    assert not few.success and few.nfev <= 2 and "not converged" in str(few)
 
 
 def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form() -> None:
@@ -215,10 +187,7 @@ def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form
     assert high / low == pytest.approx(math.exp(2 * 1.959964 * 0.01 / omega), rel=1e-5)
     assert low * high == pytest.approx(0.03**2, rel=1e-5)
     assert found.sensitivity().rows == ("final",)
-
-
-def test_intervals_with_unknown_noise_are_those_of_student() -> None:
-    """One parameter, n measurements of omega = M t/I: the textbook's mean and its interval."""
+    # One parameter, n measurements of omega = M t/I: the textbook's mean and its interval
     draws = np.random.default_rng(3).normal(2.0, 0.01, 6)
     run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
     data = run.number(lambda r: np.full(6, r.pulleys.omega[-1, 1]), draws, t=[0.02], name="final")
@@ -263,7 +232,7 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Param
 
 
 def test_fewer_numbers_than_parameters_leave_a_direction_open(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
+    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, targets: list[bd.Target]
 ) -> None:
     speed = experiment.number(
         lambda r: r.pulleys.omega[-1, 1], truth.pulleys.omega[-1, 1], t=[T_END], sigma=0.1
@@ -283,11 +252,7 @@ def test_fewer_numbers_than_parameters_leave_a_direction_open(
     assert known[0, 0] == pytest.approx(0.2)
     assert np.isinf(np.diag(known)[1:]).all()
     assert linear.leverage(jacobian) == pytest.approx([0.2, 0.8])
-
-
-def test_a_parameter_on_its_limit_is_told_and_its_interval_ends_there(
-    rig: bd.Params, targets: list[bd.Target]
-) -> None:
+    # a parameter on its limit is told and its interval ends there
     found = bd.identify(rig, [bd.Free("friction.mu_k", start=0.6, upper=0.7)], targets)
     assert found.at_limit == {"friction.mu_k": "upper"}
     assert found.values["friction.mu_k"] == pytest.approx(0.7, rel=1e-3)
