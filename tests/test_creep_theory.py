@@ -217,7 +217,7 @@ def test_powers_add_up_to_what_is_put_in() -> None:
     assert abs(rows["error of sampling"].power) < 0.05 * lost
 
 
-@pytest.mark.ci(guard="test_report_margin.py::test_the_torque_at_which_a_run_slips")
+@pytest.mark.ci(guard="test_report_slip.py::test_the_torque_at_which_a_run_slips")
 @pytest.mark.filterwarnings("ignore:full_slip:UserWarning")
 @pytest.mark.parametrize("n_bodies", extended_if(lambda n: n == 240, [120, 240]))
 def test_full_slip_comes_at_the_torque_of_theory(n_bodies: int) -> None:

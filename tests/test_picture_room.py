@@ -86,7 +86,7 @@ def test_a_name_is_on_its_pulley_or_next_to_it() -> None:
 
 
 @pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
-def test_names_and_title_of_a_mode() -> None:
+def test_names_of_a_mode_and_legends_of_an_overview() -> None:
     params = bd.scenes.serpentine(70).params
     modes = bd.modes(params, bd.settle(params), n=2, motion={"crank": 0.0})
     with axes_of(SIZES[0]) as ax:
@@ -99,10 +99,6 @@ def test_names_and_title_of_a_mode() -> None:
             inside = np.hypot(*(box.corners() - middle).T).max() < rim
             nearest = np.clip(middle, box.min, box.max)
             assert inside or np.hypot(*(nearest - middle)) > rim, pulley.name
-
-
-@pytest.mark.ci(guard="test_picture_room.py::test_no_text_covers_another")
-def test_legends_of_an_overview_cover_no_line() -> None:
     with axes_of((6.7, 4.9, 8.0)) as given:
         figure = given.figure
         given.remove()

@@ -14,6 +14,7 @@ from matplotlib.collections import PatchCollection, PathCollection, QuadMesh
 from matplotlib.colors import to_rgb
 from matplotlib.contour import QuadContourSet
 from pictures import SIZES, axes_of, check_room
+from pictures import labels as legend
 from scipy import stats
 
 import beltdyn as bd
@@ -86,11 +87,6 @@ def by_pulley() -> xr.Dataset:
     both = np.stack([PRELOADS, 2.0 * PRELOADS], axis=1)
     data["load"] = (("belt.preload", "pulley"), both, {"units": "N", "long_name": "hub load"})
     return data.assign_coords(pulley=["crank", "alternator"])
-
-
-def legend(ax: Axes) -> list[str]:
-    box = ax.get_legend()
-    return [] if box is None else [text.get_text() for text in box.get_texts()]
 
 
 def one(ax: Axes, kind: type) -> Any:

@@ -193,10 +193,7 @@ def test_the_line_of_a_sine_has_its_frequency_and_amplitude() -> None:
     assert dominant(T, 3.0 + T + 0.2 * T**2) is None
     assert dominant(T, np.full(T.size, 7.0)) is None
     assert dominant(T[:6], np.sin(T[:6])) is None
-
-
-def test_a_moving_string() -> None:
-    """Waves go out at c - v and come back at c + v: the period is the sum of both times."""
+    # Waves go out at c - v and come back at c + v: the period is the sum of both times
     tension, density, length = 400.0, 0.1, 0.5
     wave = math.sqrt(tension / density)
     for speed in (0.0, 0.3 * wave, 0.9 * wave):

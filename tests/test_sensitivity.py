@@ -84,7 +84,7 @@ def test_first_indices_of_other_samples(method: str) -> None:
     assert "total" not in str(found) and "total" not in found.to_dataset()
 
 
-def test_scale_and_order_of_runs_change_nothing() -> None:
+def test_scale_and_order_of_runs_change_nothing(tmp_path: Any) -> None:
     samples = cube(256)
     data = swept.of_samples(samples, ishigami(samples.values))
     found = bd.sensitivity(data)
@@ -98,43 +98,7 @@ def test_scale_and_order_of_runs_change_nothing() -> None:
     other = bd.sensitivity(data, seed=1)  # of the confidence alone
     np.testing.assert_array_equal(other.first, found.first)
     assert (other.first_conf != found.first_conf).all()
-
-
-@pytest.mark.parametrize("second_order", [False, True])
-def test_failed_runs_leave_out_their_groups(second_order: bool) -> None:
-    """The rest is analysed as if the others had never been: against samples without them."""
-    samples = cube(64, second_order=second_order)
-    size = len(samples) // 64
-    data = swept.of_samples(samples, ishigami(samples.values))
-    bad = {3: "failed", 3 * size + 1: "refused", 3 * size + 2: "refused", len(samples) - 1: "lost"}
-    for run, status in bad.items():
-        swept.fail(data, status, run=run)
-    found = bd.sensitivity(data)
-    assert int(found.used) == 61
-    (note,) = found.notes
-    assert note == (
-        "left out for want of a number: 3 of 64 groups (runs: 1 failed, 1 lost, 2 refused); "
-        "the indices are those of the rest"
-    )
-    whole = np.setdiff1d(np.arange(64), [0, 3, 63])
-    rows = (whole[:, None] * size + np.arange(size)).ravel()
-    rest = data.isel(run=rows).assign_coords(run=np.arange(rows.size))
-    rest.attrs["design"] = json.dumps({**json.loads(data.attrs["design"]), "n": 61})
-    assert found.to_dataset().drop_attrs().identical(bd.sensitivity(rest).to_dataset().drop_attrs())
-    # dropped instead of marked
-    dropped = bd.sensitivity(data.isel(run=np.setdiff1d(np.arange(len(samples)), list(bad))))
-    np.testing.assert_array_equal(dropped.first, found.first)
-    # of other samples the runs alone
-    data = of(cube(512, "random"))
-    swept.fail(data, "failed", run=slice(0, 12))
-    found = bd.sensitivity(data)
-    assert int(found.used) == 500 and "12 of 512 runs (runs: 12 failed)" in found.notes[0]
-    same = bd.sensitivity(data.isel(run=slice(12, None)))
-    np.testing.assert_array_equal(same.first, found.first)
-
-
-def test_entries_of_a_quantity(tmp_path: Any) -> None:
-    """Each has its indices: one with a failed run of its own, one constant, one with nothing."""
+    # Each has its indices: one with a failed run of its own, one constant, one with nothing
     samples = cube(64)
     y = ishigami(samples.values)
     values = np.stack([y, 2.0 * y + 1.0, np.full_like(y, 3.0), np.full_like(y, np.nan)], axis=1)
@@ -176,6 +140,39 @@ def test_entries_of_a_quantity(tmp_path: Any) -> None:
     data.to_netcdf(tmp_path / "indices.nc")
     with xr.open_dataset(tmp_path / "indices.nc") as read:
         assert read.identical(data)
+
+
+@pytest.mark.parametrize("second_order", [False, True])
+def test_failed_runs_leave_out_their_groups(second_order: bool) -> None:
+    """The rest is analysed as if the others had never been: against samples without them."""
+    samples = cube(64, second_order=second_order)
+    size = len(samples) // 64
+    data = swept.of_samples(samples, ishigami(samples.values))
+    bad = {3: "failed", 3 * size + 1: "refused", 3 * size + 2: "refused", len(samples) - 1: "lost"}
+    for run, status in bad.items():
+        swept.fail(data, status, run=run)
+    found = bd.sensitivity(data)
+    assert int(found.used) == 61
+    (note,) = found.notes
+    assert note == (
+        "left out for want of a number: 3 of 64 groups (runs: 1 failed, 1 lost, 2 refused); "
+        "the indices are those of the rest"
+    )
+    whole = np.setdiff1d(np.arange(64), [0, 3, 63])
+    rows = (whole[:, None] * size + np.arange(size)).ravel()
+    rest = data.isel(run=rows).assign_coords(run=np.arange(rows.size))
+    rest.attrs["design"] = json.dumps({**json.loads(data.attrs["design"]), "n": 61})
+    assert found.to_dataset().drop_attrs().identical(bd.sensitivity(rest).to_dataset().drop_attrs())
+    # dropped instead of marked
+    dropped = bd.sensitivity(data.isel(run=np.setdiff1d(np.arange(len(samples)), list(bad))))
+    np.testing.assert_array_equal(dropped.first, found.first)
+    # of other samples the runs alone
+    data = of(cube(512, "random"))
+    swept.fail(data, "failed", run=slice(0, 12))
+    found = bd.sensitivity(data)
+    assert int(found.used) == 500 and "12 of 512 runs (runs: 12 failed)" in found.notes[0]
+    same = bd.sensitivity(data.isel(run=slice(12, None)))
+    np.testing.assert_array_equal(same.first, found.first)
 
 
 def test_what_is_refused() -> None:
@@ -242,10 +239,7 @@ def test_values_follow_their_distributions() -> None:
         samples = bd.sample({"a": Asked()}, 4096, method)
         assert np.isfinite(samples.values).all()
         assert samples.design["distributions"] == {"a": "Asked"}
-
-
-def test_groups_of_saltelli() -> None:
-    """Row A, rows A with one column of B, for second indices B with one of A, row B."""
+    # Row A, rows A with one column of B, for second indices B with one of A, row B
     k, n = 3, 8
     ranges = {name: (0.0, 1.0) for name in "abc"}
     for second_order, size in ((False, k + 2), (True, 2 * k + 2)):

@@ -57,6 +57,28 @@ def test_a_grid_is_every_combination_of_runs_by_hand() -> None:
             assert bits(here["span_tension.final"]) == bits(result.span_tension[-1])
             assert str(here["warnings"].values) == "\n".join(map(str, result.warnings))
     assert bits(found["time"]) == bits(result.t)
+    # zipped listed and sampled runs are along one dimension
+    over = {"belt.length": [1.198, 1.2], "torque.scale": [0.5, 2.0]}
+    grid = run(small(), over, "span_tension.final")
+    zipped = run(small(), over, "span_tension.final", combine="zip")
+    listed = run(
+        small(),
+        [{"belt.length": 1.198, "torque.scale": 0.5}, {"belt.length": 1.2, "torque.scale": 2.0}],
+        "span_tension.final",
+    )
+    assert zipped.drop_attrs().identical(listed.drop_attrs())
+    assert zipped["span_tension.final"].dims == ("run", "span")
+    for k in range(2):
+        assert bits(zipped["span_tension.final"][k]) == bits(grid["span_tension.final"][k, k])
+    assert list(zipped["torque.scale"].values) == [0.5, 2.0]
+    samples = bd.sample({"belt.length": (1.195, 1.2), "friction.mu_k": (0.5, 0.9)}, 4, seed=3)
+    found = run(small(), samples, "span_tension.final")
+    assert bits(found["friction.mu_k"]) == bits(samples.values[:, 1])
+    one = attrs.evolve(small().params.friction, mu_k=float(samples.values[2, 1]))
+    scene = with_belt(small(), length=float(samples.values[2, 0]))
+    scene = scene._replace(params=attrs.evolve(scene.params, friction=one))
+    assert bits(found["span_tension.final"][2]) == bits(alone(scene).span_tension[-1])
+    assert json.loads(found.attrs["design"])["seed"] == 3
 
 
 OPTIONS = {"rtol": 1e-6, "method": "tsit5", "max_step": 1e-5}
@@ -136,30 +158,6 @@ def test_a_name_changes_what_it_stands_for() -> None:
     assert list(found["pulleys.torque.final"].values.ravel()) == [-90.0, 0.0]
 
 
-def test_zipped_listed_and_sampled_runs_are_along_one_dimension() -> None:
-    over = {"belt.length": [1.198, 1.2], "torque.scale": [0.5, 2.0]}
-    grid = run(small(), over, "span_tension.final")
-    zipped = run(small(), over, "span_tension.final", combine="zip")
-    listed = run(
-        small(),
-        [{"belt.length": 1.198, "torque.scale": 0.5}, {"belt.length": 1.2, "torque.scale": 2.0}],
-        "span_tension.final",
-    )
-    assert zipped.drop_attrs().identical(listed.drop_attrs())
-    assert zipped["span_tension.final"].dims == ("run", "span")
-    for k in range(2):
-        assert bits(zipped["span_tension.final"][k]) == bits(grid["span_tension.final"][k, k])
-    assert list(zipped["torque.scale"].values) == [0.5, 2.0]
-    samples = bd.sample({"belt.length": (1.195, 1.2), "friction.mu_k": (0.5, 0.9)}, 4, seed=3)
-    found = run(small(), samples, "span_tension.final")
-    assert bits(found["friction.mu_k"]) == bits(samples.values[:, 1])
-    one = attrs.evolve(small().params.friction, mu_k=float(samples.values[2, 1]))
-    scene = with_belt(small(), length=float(samples.values[2, 0]))
-    scene = scene._replace(params=attrs.evolve(scene.params, friction=one))
-    assert bits(found["span_tension.final"][2]) == bits(alone(scene).span_tension[-1])
-    assert json.loads(found.attrs["design"])["seed"] == 3
-
-
 def test_a_warm_start_goes_on_from_the_run_before() -> None:
     """As by hand: the final state, at t = 0, is the start of the next run along that name."""
     scene = plain()
@@ -180,10 +178,7 @@ def test_a_warm_start_goes_on_from_the_run_before() -> None:
     warm, cold = (run(small(), lengths, "span_tension", warm=name) for name in (*lengths, None))
     assert list(warm["status"].values) == ["finished", "refused", "finished"]
     assert bits(warm["span_tension"][2]) == bits(cold["span_tension"][2])
-
-
-def test_states_are_settled_once_for_runs_that_differ_in_loads() -> None:
-    """One state for all runs that differ in loads or options alone, one for each drive."""
+    # One state for all runs that differ in loads or options alone, one for each drive
     loads: dict[str, Any] = {"torque.scale": [k / 20 for k in range(20)], "rtol": [1e-3, 1e-4]}
     for executor in (1, "threads"):
         swept = do(plain(), loads, "stats.steps", executor=executor)

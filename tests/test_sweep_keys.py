@@ -66,32 +66,6 @@ def test_any_one_number_changes_the_key(name: str) -> None:
     assert len(keys) == 27 + 24
 
 
-def test_loads_motions_and_options_change_the_key() -> None:
-    """Functions of the angle and of time, cranks, and what overlaps as well."""
-    scene, moved = sweep_runs.plain(), sweep_runs.moved()
-    torque = bd.Viscous([0.0, 2.0])
-    loads: dict[str, Any] = {"torque": torque, "torque[0].values[1]": [0.0, 1.0]}
-    factors = ("torque.scale", "torque[0].scale", "torque[1].scale", "torque[1].coefficients[1]")
-    loads |= dict.fromkeys(factors, 2.0)
-    loads |= {"t_end": 1.0, "rtol": 1e-3, "t_eval": [1e-3], "max_step": 1e-3, "ledger": False}
-    keys = [key(scene), key(moved), *(swept(scene, {name: loads[name]}) for name in loads)]
-    keys += [swept(moved, {"motion.scale": 2.0}), swept(moved, {"motion[0].values[1]": [2.0]})]
-    # what is swept as a whole does not hide what is swept of it, nor the order
-    keys += [swept(scene, {"torque.scale": scale, "torque": torque}) for scale in (2.0, 3.0)]
-    keys += [swept(scene, {"torque": torque, "torque[0].scale": scale}) for scale in (2.0, 3.0)]
-    crank: dict[str, Any] = {"speed": 10.0, "orders": [1.0], "amplitudes": [0.1]}
-    changes: list[dict[str, Any]] = [{}, {"amplitudes": [0.2]}, {"orders": [2.0]}, {"speed": 11.0}]
-    motions: list[Any] = [bd.CrankMotion(**{**crank, **change}) for change in changes]
-    motions += [bd.Motion(**{what: lambda t: 2.0 * t}) for what in ("angle", "speed")]
-    keys += [key(scene._replace(motion={0: motion})) for motion in motions]
-    # results call a pulley by its name
-    pulleys = [attrs.evolve(scene.params.pulleys[0], name="crank"), scene.params.pulleys[1]]
-    keys.append(key(scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))))
-    assert len(set(keys)) == len(keys)
-    assert swept(scene, {"torque.scale": 1}) == key(scene)
-    assert swept(scene, {"torque.scale": 1.0, "torque": torque}) == swept(scene, {"torque": torque})
-
-
 def test_the_run_that_a_run_goes_on_from_changes_the_key() -> None:
     contents = Contents(sweep_runs.plain(), {}, (), "measured", "")
     assert len({contents.key((), before) for before in ("", "a", "b")}) == 3
@@ -125,6 +99,29 @@ def test_the_same_scene_built_in_another_way() -> None:
     both = {"friction.mu_k": 0.7, "belt.axial_damping": 2.0}
     plain = sweep_runs.plain()
     assert swept(plain, both) == swept(plain, dict(reversed(both.items())))
+    # Functions of the angle and of time, cranks, and what overlaps as well
+    scene, moved = sweep_runs.plain(), sweep_runs.moved()
+    torque = bd.Viscous([0.0, 2.0])
+    loads: dict[str, Any] = {"torque": torque, "torque[0].values[1]": [0.0, 1.0]}
+    factors = ("torque.scale", "torque[0].scale", "torque[1].scale", "torque[1].coefficients[1]")
+    loads |= dict.fromkeys(factors, 2.0)
+    loads |= {"t_end": 1.0, "rtol": 1e-3, "t_eval": [1e-3], "max_step": 1e-3, "ledger": False}
+    keys = [key(scene), key(moved), *(swept(scene, {name: loads[name]}) for name in loads)]
+    keys += [swept(moved, {"motion.scale": 2.0}), swept(moved, {"motion[0].values[1]": [2.0]})]
+    # what is swept as a whole does not hide what is swept of it, nor the order
+    keys += [swept(scene, {"torque.scale": scale, "torque": torque}) for scale in (2.0, 3.0)]
+    keys += [swept(scene, {"torque": torque, "torque[0].scale": scale}) for scale in (2.0, 3.0)]
+    crank: dict[str, Any] = {"speed": 10.0, "orders": [1.0], "amplitudes": [0.1]}
+    changes: list[dict[str, Any]] = [{}, {"amplitudes": [0.2]}, {"orders": [2.0]}, {"speed": 11.0}]
+    motions: list[Any] = [bd.CrankMotion(**{**crank, **change}) for change in changes]
+    motions += [bd.Motion(**{what: lambda t: 2.0 * t}) for what in ("angle", "speed")]
+    keys += [key(scene._replace(motion={0: motion})) for motion in motions]
+    # results call a pulley by its name
+    pulleys = [attrs.evolve(scene.params.pulleys[0], name="crank"), scene.params.pulleys[1]]
+    keys.append(key(scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))))
+    assert len(set(keys)) == len(keys)
+    assert swept(scene, {"torque.scale": 1}) == key(scene)
+    assert swept(scene, {"torque.scale": 1.0, "torque": torque}) == swept(scene, {"torque": torque})
 
 
 def some() -> list[str]:

@@ -257,10 +257,7 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
         swept = do(plain(), over, odd, store=tmp_path)
         assert swept.stored == stored
         same(swept.dataset, expected)
-
-
-def test_what_folders_of_stores_hold(tmp_path: Path) -> None:
-    """Runs of two sweeps at once; nothing else, and no part that cannot be read."""
+    # Runs of two sweeps at once; nothing else, and no part that cannot be read
     over = {"torque.scale": [1.0]}
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="it is a file"):
