@@ -49,24 +49,25 @@ def shown(film: bd.plot.Animation, frame: int) -> Any:
 
 
 def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
-    film = bd.plot.animate(result, duration=1.0, fps=11.0)
-    assert film.frames == 11 and film.fps == 11.0
-    assert rows(film) == list(range(0, 41, 4))
     # fewer samples than frames keep the duration
-    film = bd.plot.animate(result, duration=2.0, fps=50.0, panel="speeds", colour="friction")
-    assert film.frames == N_T and film.fps == pytest.approx(N_T / 2.0)
+    film = bd.plot.animate(result, duration=3.0, fps=50.0, panel="speeds", colour="friction")
+    assert film.frames == N_T and film.fps == pytest.approx(N_T / 3.0)
     assert rows(film) == list(range(N_T))
-    titles = {shown(film, k).axes[0].get_title() for k in (0, 1, 2, N_T - 1)}
-    assert len(titles) == 4, "every frame tells another time"
-    assert any("angular velocity" in ax.get_ylabel() for ax in shown(film, 0).axes)
+    titles = [shown(film, k).axes[0].get_title() for k in (0, 1, 2, N_T - 1)]
+    assert len(set(titles)) == 4, "every frame tells another time"
+    assert "t = 0.3" in titles[-1] and "10x slower" in titles[-1]
+    assert any("angular velocity" in ax.get_ylabel() for ax in film._fig.axes)
     # of uneven samples the frames are those nearest to 0, 0.1, 0.2 and 0.3 s
     assert _frames(thinned(result, [0, 2, 3, 4, 40]), 4).tolist() == [0, 3, 4, 4]
-    film = bd.plot.animate(thinned(result, [0]), duration=1.0)
-    assert rows(film) == [0] and "one moment" in shown(film, 0).axes[0].get_title()
+    film = bd.plot.animate(thinned(result, [0]), duration=1.0, panel=None, colour=None)
+    (ax,) = shown(film, 0).axes
+    assert rows(film) == [0] and "one moment" in ax.get_title()
     with pytest.raises(ValueError, match="result must hold at least one sample"):
         bd.plot.animate(thinned(result, []))
     # a frame is its sample
     film = bd.plot.animate(result, duration=1.0, fps=11.0, links={"chosen": 7})
+    assert film.frames == 11 and film.fps == 11.0
+    assert rows(film) == list(range(0, 41, 4))
     limits = set()
     for frame, row in ((0, 0), (5, 20), (10, 40)):
         figure = shown(film, frame)
@@ -81,9 +82,6 @@ def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
     force = result.joints.force
     tension = (force + np.roll(force, -1, axis=1)) / 2
     assert limits == {(tension.min(), tension.max())}, "one scale for the whole run"
-    figure = shown(bd.plot.animate(result, duration=3.0, fps=20.0, panel=None, colour=None), -1)
-    (ax,) = figure.axes
-    assert "t = 0.3" in ax.get_title() and "10x slower" in ax.get_title()
     paces = {3.0: "10x slower", 0.3: "real time", 0.15: "2x faster", 5.0: "17x slower"}
     assert {duration: _pace(duration, T_END) for duration in paces} == paces
 

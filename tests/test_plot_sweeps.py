@@ -166,28 +166,6 @@ def test_failed_runs_are_hatched_and_counted() -> None:
         assert legend(draw(data, "q"))[-1] == "without end: 2 runs"
 
 
-def test_contours_are_where_the_values_are() -> None:
-    """Of the plane a + 100 b they are exact: on each the plane has the value of the line."""
-    data = over_grid(lambda a, b: a + 100.0 * b)
-    ax = bd.plot.map(data, "q", contours=(400.0, 500.0, 5000.0))
-    lines = one(ax, QuadContourSet)
-    assert list(lines.levels) == [400.0, 500.0]
-    for level, path in zip(lines.levels, lines.get_paths(), strict=True):
-        assert len(path.vertices) > 5
-        np.testing.assert_allclose(path.vertices @ [1.0, 100.0], level)
-    assert sorted(text.get_text() for text in ax.texts) == ["400", "500"]
-    assert not bd.plot.map(data, "q", contours=0).texts
-    many = one(bd.plot.map(data, "q", contours=4), QuadContourSet).levels
-    assert 2 <= len(many) <= 5
-
-    # none runs through a failed run
-    swept.fail(data, "failed", belt__preload=3, friction__mu_k=4)
-    lines = one(bd.plot.map(data, "q", contours=20), QuadContourSet)
-    points = np.concatenate([path.vertices for path in lines.get_paths()])
-    cell = (np.abs(points[:, 0] - 412.5) < 37.4) & (np.abs(points[:, 1] - FRICTIONS[4]) < 0.0499)
-    assert not cell.any()
-
-
 def test_geometric_values_have_a_logarithmic_axis() -> None:
     data = of_laws()
     ax = bd.plot.map(data, "q")
@@ -216,6 +194,25 @@ def test_geometric_values_have_a_logarithmic_axis() -> None:
     assert ax.get_yscale() == "log"
     ax = bd.plot.map(by_pulley(), "load")
     assert ticks(ax.yaxis) == ["crank", "alternator"]
+    # Of the plane a + 100 b they are exact: on each the plane has the value of the line
+    data = over_grid(lambda a, b: a + 100.0 * b)
+    ax = bd.plot.map(data, "q", contours=(400.0, 500.0, 5000.0))
+    lines = one(ax, QuadContourSet)
+    assert list(lines.levels) == [400.0, 500.0]
+    for level, path in zip(lines.levels, lines.get_paths(), strict=True):
+        assert len(path.vertices) > 5
+        np.testing.assert_allclose(path.vertices @ [1.0, 100.0], level)
+    assert sorted(text.get_text() for text in ax.texts) == ["400", "500"]
+    assert not bd.plot.map(data, "q", contours=0).texts
+    many = one(bd.plot.map(data, "q", contours=4), QuadContourSet).levels
+    assert 2 <= len(many) <= 5
+
+    # none runs through a failed run
+    swept.fail(data, "failed", belt__preload=3, friction__mu_k=4)
+    lines = one(bd.plot.map(data, "q", contours=20), QuadContourSet)
+    points = np.concatenate([path.vertices for path in lines.get_paths()])
+    cell = (np.abs(points[:, 0] - 412.5) < 37.4) & (np.abs(points[:, 1] - FRICTIONS[4]) < 0.0499)
+    assert not cell.any()
 
 
 def test_runs_at_random_are_points() -> None:
@@ -346,7 +343,6 @@ def test_texts_have_room() -> None:
         (SIZES[0], bd.plot.map, cube(), "q", {"at": {"friction.mu_k": 0.5}}),
         (SIZES[1], bd.plot.map, sampled(), "y", scattered),
         (SIZES[2], bd.plot.lines, of_laws(), "q", {}),
-        (SIZES[0], bd.plot.lines, histories(), "curve", {"by": "belt.preload"}),
     ):
         with axes_of(size) as ax:
             draw(data, quantity, ax=ax, **options)

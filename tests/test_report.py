@@ -113,36 +113,6 @@ def test_numbers_are_those_of_the_run() -> None:
     assert sum(printed[1:]) == pytest.approx(printed[0], abs=2.5e-3)
 
 
-def test_it_reads_in_a_terminal_and_in_a_notebook() -> None:
-    """A table that is too wide is broken into parts, which keep their first column."""
-    text = str(report())
-    assert max(map(len, text.splitlines())) <= 80
-    assert not re.search(r"\b(nan|inf)\b", text)
-    for word in ("1/min", "rad/s", "N m", " W", "crank to alternator", "%", "Efficiency", "slips"):
-        assert word in text, word
-    html = report()._repr_html_()
-    assert html.count("<table>") == html.count("</table>") == 7
-    assert "crank to alternator" in html and "<script" not in html
-    assert repr(report()).startswith("Report(t = 0.3 to 0.4 s")
-    # names are escaped in notebooks
-    rows = report().pulleys
-    other = attrs.evolve(rows[0], name="<b>&", margin=math.inf)
-    named = attrs.evolve(report(), pulleys=type(rows)([other]))
-    assert "&lt;b&gt;&amp;" in named._repr_html_() and "<b>&" not in named._repr_html_()
-    assert "later: others slip" in str(named)
-    params, torque, _, motion = bd.scenes.serpentine(60)
-    text = str(bd.simulate(params, torque, 0.02, motion=motion).report(1.0))
-    assert max(map(len, text.splitlines())) <= 80 and text.count(params.pulley_names[0]) >= 5
-    wide = [tuple(f"{'x' * 15}{k}{j}" for k in range(9)) for j in range(3)]
-    parts = _fitted(wide)
-    assert len(parts) == 3  # of 8 columns of 19 characters, 3 fit beside the first
-    for part in parts:
-        assert [row[0] for row in part] == [row[0] for row in wide]
-        assert all(2 + sum(len(cell) + 2 for cell in row) - 2 <= 80 for row in part)
-    for j, row in enumerate(wide):
-        assert [cell for part in parts for cell in part[j][1:]] == list(row[1:])
-
-
 def test_plain_numbers_and_a_table_of_pandas(monkeypatch: pytest.MonkeyPatch) -> None:
     told, plain, rows = report(), report().to_dict(), report().pulleys
     assert json.loads(json.dumps(plain, allow_nan=False)) == plain
@@ -202,6 +172,33 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     assert "any joint of the belt goes through the same cycles" in words
     assert "8 classes by their range" in words
     assert "1 rounds" not in words.replace("1.1 rounds", "")
+    # A table that is too wide is broken into parts, which keep their first column
+    text = str(report())
+    assert max(map(len, text.splitlines())) <= 80
+    assert not re.search(r"\b(nan|inf)\b", text)
+    for word in ("1/min", "rad/s", "N m", " W", "crank to alternator", "%", "Efficiency", "slips"):
+        assert word in text, word
+    html = report()._repr_html_()
+    assert html.count("<table>") == html.count("</table>") == 7
+    assert "crank to alternator" in html and "<script" not in html
+    assert repr(report()).startswith("Report(t = 0.3 to 0.4 s")
+    # names are escaped in notebooks
+    rows = report().pulleys
+    other = attrs.evolve(rows[0], name="<b>&", margin=math.inf)
+    named = attrs.evolve(report(), pulleys=type(rows)([other]))
+    assert "&lt;b&gt;&amp;" in named._repr_html_() and "<b>&" not in named._repr_html_()
+    assert "later: others slip" in str(named)
+    params, torque, _, motion = bd.scenes.serpentine(60)
+    text = str(bd.simulate(params, torque, 0.02, motion=motion).report(1.0))
+    assert max(map(len, text.splitlines())) <= 80 and text.count(params.pulley_names[0]) >= 5
+    wide = [tuple(f"{'x' * 15}{k}{j}" for k in range(9)) for j in range(3)]
+    parts = _fitted(wide)
+    assert len(parts) == 3  # of 8 columns of 19 characters, 3 fit beside the first
+    for part in parts:
+        assert [row[0] for row in part] == [row[0] for row in wide]
+        assert all(2 + sum(len(cell) + 2 for cell in row) - 2 <= 80 for row in part)
+    for j, row in enumerate(wide):
+        assert [cell for part in parts for cell in part[j][1:]] == list(row[1:])
 
 
 def test_what_a_run_does_not_have_is_named() -> None:

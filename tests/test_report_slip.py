@@ -76,12 +76,7 @@ def test_slip_in_full_within_a_steady_mean_is_told() -> None:
     # The other one holds, by less than its means have it.
     assert 1.0 < other.least_margin < 0.6 * other.margin
     assert held_by_less(told) and held_by_less(run.report())
-
-
-def test_links_that_pass_are_no_peaks_of_the_load() -> None:
-    """Under an even load the friction in use is even, within 1 % of all there is; and the belt's
-    speed lies between those of the rims: it arrives at either as fast as the rim is.
-    """
+    # Under an even load the friction in use is even, within 1 % of all there is; and the belt's
     told = loaded(26.0, 0.6).report(0.4)
     rims = [
         one.radius * abs(row.speed.mean)
@@ -167,22 +162,6 @@ def test_the_torque_that_grows_alone() -> None:
     assert own.factor > together.factor
 
 
-def test_without_the_places_of_mounts_nothing_is_told_from_them() -> None:
-    tensioner = pressing((0.17, -0.055), pivot=(0.24, -0.12), stiffness=40.0, preload=-10.0)
-    belt = attrs.evolve(drive().belt, preload=None)
-    params = drive(pulleys=[*drive().pulleys, tensioner], belt=belt)
-    kept = ("pulleys", "belt", "joints", "contact", "span_tension", "energy")
-    known, told = loaded(8.0, 0.3, params).report(), loaded(8.0, 0.3, params, outputs=kept).report()
-    assert known.pulleys["tensioner"].wrap is not None
-    row = told.pulleys["tensioner"]
-    assert row.wrap is None and row.belt_torque is None and row.limit is None
-    assert all(one.length is None and one.lateral is None for one in told.spans)
-    assert "tensioner" not in told.creep.names() and "pulley 1" in told.creep.names()
-    ours, theirs = told.creep["pulley 1"], known.creep["pulley 1"]
-    assert ours.radius == pytest.approx(theirs.radius, abs=1e-12)
-    assert any("mounts.travel not asked for" in note for note in told.notes)
-
-
 def test_wraps_are_those_of_the_belt_line() -> None:
     """Few links count badly: 1.3 on a small pulley; its limit is by the same wrap."""
     small = bd.Pulley(center=(0.17, 0.09), radius=0.01, inertia=1e-5, side="outside")
@@ -216,6 +195,20 @@ def test_wraps_are_those_of_the_belt_line() -> None:
     assert row.margin > 1.1
     assert not any("full slip" in note or "full_slip" in note for note in told.notes)
     assert any("in fast slip it has 0.6" in note for note in told.notes)
+    # without the places of mounts nothing is told from them
+    tensioner = pressing((0.17, -0.055), pivot=(0.24, -0.12), stiffness=40.0, preload=-10.0)
+    belt = attrs.evolve(drive().belt, preload=None)
+    params = drive(pulleys=[*drive().pulleys, tensioner], belt=belt)
+    kept = ("pulleys", "belt", "joints", "contact", "span_tension", "energy")
+    known, told = loaded(8.0, 0.3, params).report(), loaded(8.0, 0.3, params, outputs=kept).report()
+    assert known.pulleys["tensioner"].wrap is not None
+    row = told.pulleys["tensioner"]
+    assert row.wrap is None and row.belt_torque is None and row.limit is None
+    assert all(one.length is None and one.lateral is None for one in told.spans)
+    assert "tensioner" not in told.creep.names() and "pulley 1" in told.creep.names()
+    ours, theirs = told.creep["pulley 1"], known.creep["pulley 1"]
+    assert ours.radius == pytest.approx(theirs.radius, abs=1e-12)
+    assert any("mounts.travel not asked for" in note for note in told.notes)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -138,6 +138,25 @@ def test_orders_of_the_crank(coarse: bd.Result) -> None:
     assert spectra.signal(result, "mounts.belt_force", mount=0).unit == "N m"
     with pytest.raises(ValueError, match="crank has none"):
         spectra.signal(result, "mounts.travel", mount="crank")
+    # the lines are named
+    found = bd.spectra.spectrum(coarse, span="crank")
+    ax = bd.plot.spectrum(coarse, span="crank")
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), found.amplitude)
+    words = labels(ax)
+    assert words[0] == "tension of span crank to alternator"
+    assert any(word.startswith("link passing, ") and "the mesh" in word for word in words)
+    for line in found.lines(4):
+        (word,) = [one for one in words if one.startswith(f"{line.frequency:.4g} Hz, ")]
+        assert all(name in word for name in line.names[:2])
+    assert any(word.endswith("crank x2") for word in words)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("frequency [Hz]", "amplitude [N]")
+    (passing,) = [one for one in found.sources if one.kind == "link"]
+    dotted = [line for line in ax.lines if str(line.get_label()).startswith("link passing")]
+    assert dotted[0].get_xdata()[0] == pytest.approx(passing.frequency)
+    ax = bd.plot.spectrum(coarse, span="crank", marks=False, label="as it is")
+    bd.plot.spectrum(coarse, span="alternator", marks=False, ax=ax)
+    assert labels(ax) == ["as it is", "tension of span alternator to crank"]
+    assert len({line.get_color() for line in ax.lines}) == len(ax.lines) == 2
 
 
 def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
@@ -210,27 +229,6 @@ def test_bad_choices_are_refused(coarse: bd.Result, run_up: bd.Result) -> None:
     noise = 1e-9 * np.random.default_rng(1).normal(size=run_up.pulleys.omega.shape)
     with pytest.raises(ValueError, match='pulley "crank" stands still'):
         bd.plot.campbell(thinned(run_up, 1, omega=noise), span="crank")
-
-
-def test_the_lines_are_named(coarse: bd.Result) -> None:
-    found = bd.spectra.spectrum(coarse, span="crank")
-    ax = bd.plot.spectrum(coarse, span="crank")
-    np.testing.assert_array_equal(ax.lines[0].get_ydata(), found.amplitude)
-    words = labels(ax)
-    assert words[0] == "tension of span crank to alternator"
-    assert any(word.startswith("link passing, ") and "the mesh" in word for word in words)
-    for line in found.lines(4):
-        (word,) = [one for one in words if one.startswith(f"{line.frequency:.4g} Hz, ")]
-        assert all(name in word for name in line.names[:2])
-    assert any(word.endswith("crank x2") for word in words)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("frequency [Hz]", "amplitude [N]")
-    (passing,) = [one for one in found.sources if one.kind == "link"]
-    dotted = [line for line in ax.lines if str(line.get_label()).startswith("link passing")]
-    assert dotted[0].get_xdata()[0] == pytest.approx(passing.frequency)
-    ax = bd.plot.spectrum(coarse, span="crank", marks=False, label="as it is")
-    bd.plot.spectrum(coarse, span="alternator", marks=False, ax=ax)
-    assert labels(ax) == ["as it is", "tension of span alternator to crank"]
-    assert len({line.get_color() for line in ax.lines}) == len(ax.lines) == 2
 
 
 def test_campbell_has_orders_and_modes_where_they_are(run_up: bd.Result) -> None:
@@ -354,10 +352,7 @@ def test_links_that_pass_are_told_and_a_short_window_says_may_be() -> None:
     line = bd.spectra.spectrum(result).lines(1)[0]
     assert line.frequency == pytest.approx(pulse, abs=0.1) and not line.from_mesh
 
-
-def test_a_belt_that_rocks_or_stands_has_no_link_passing() -> None:
-    """Rocked at 15 and 97 Hz: on an average the belt stands, however fast its links go by."""
-
+    # Rocked at 15 and 97 Hz: on an average the belt stands, however fast its links go by
     def rocking(t: np.ndarray) -> np.ndarray:
         both = 8.0 * np.sin(2.0 * np.pi * 15.0 * t) + 3.0 * np.sin(2.0 * np.pi * 97.0 * t)
         return np.asarray(both * np.minimum(t / 0.1, 1.0))

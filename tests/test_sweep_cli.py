@@ -58,7 +58,7 @@ def table(path: Path) -> xr.Dataset:
         return read.load()
 
 
-def test_a_sweep_from_a_file(folder: Path) -> None:
+def test_a_sweep_from_a_file(folder: Path, tmp_path: Path) -> None:
     out = folder / "sweep.nc"
     done = call(folder / "sweep.toml", "--out", out, "--workers", 2)
     assert done.exit_code == 0, done.stderr
@@ -77,23 +77,7 @@ def test_a_sweep_from_a_file(folder: Path) -> None:
     assert "9 runs: 6 finished, 3 refused; 3 computed by" in again.stdout
     assert "6 found in the store" in again.stdout
 
-
-@pytest.mark.ci(guard="test_sweep_cli.py::test_a_sweep_from_a_file")
-def test_the_file_of_the_notebooks() -> None:
-    """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
-    found = sweep_file.read(Path(__file__).resolve().parents[1] / "notebooks" / "sweep.toml")
-    assert found.scene == bd.scenes.serpentine()
-    as_measure(found.measure, found.scene.params, found.arguments["last"])
-    over, measure = {**found.over, "t_end": [0.002]}, "report.pulleys.hub_load"
-    table = bd.sweep(found.scene, over, measure, **{**found.arguments, "progress": False})
-    assert measure in found.measure
-    assert table["status"].values.ravel().tolist() == 6 * ["finished"], table["message"].values
-    # a tighter spring: more load on its pulley
-    held = table[measure].squeeze().sel(pulley="tensioner")
-    assert (held.diff("pulleys[tensioner].mount.preload") > 0.0).all()
-
-
-def test_values_of_every_kind(tmp_path: Path) -> None:
+    # values of every kind
     def read(*lines: str) -> Any:
         (tmp_path / "s.toml").write_text("\n".join(['scene = "kubas-case-1"', *lines]))
         return sweep_file.read(tmp_path / "s.toml").over
@@ -123,6 +107,21 @@ def test_values_of_every_kind(tmp_path: Path) -> None:
     }
     expected = bd.sample(ranges, 8, "latin-hypercube", seed=4)
     assert found.names == expected.names and bits(found.values) == bits(expected.values)
+
+
+@pytest.mark.ci(guard="test_sweep_cli.py::test_a_sweep_from_a_file")
+def test_the_file_of_the_notebooks() -> None:
+    """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
+    found = sweep_file.read(Path(__file__).resolve().parents[1] / "notebooks" / "sweep.toml")
+    assert found.scene == bd.scenes.serpentine()
+    as_measure(found.measure, found.scene.params, found.arguments["last"])
+    over, measure = {**found.over, "t_end": [0.002]}, "report.pulleys.hub_load"
+    table = bd.sweep(found.scene, over, measure, **{**found.arguments, "progress": False})
+    assert measure in found.measure
+    assert table["status"].values.ravel().tolist() == 6 * ["finished"], table["message"].values
+    # a tighter spring: more load on its pulley
+    held = table[measure].squeeze().sel(pulley="tensioner")
+    assert (held.diff("pulleys[tensioner].mount.preload") > 0.0).all()
 
 
 WRONG = [

@@ -224,7 +224,9 @@ def test_contact_that_hardly_bends_says_nothing_of_its_curvature(
     assert found.intervals["contact.quadratic"] == (0.0, math.inf)
 
 
-def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Params) -> None:
+def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(
+    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, targets: list[bd.Target]
+) -> None:
     """Equal pulleys far below slip: only the sum of their inertias matters to the speed."""
     two = [attrs.evolve(pulley, radius=0.09, inertia=0.02) for pulley in rig.pulleys]
     drive = attrs.evolve(rig, pulleys=two, belt=attrs.evolve(rig.belt, length=1.265))
@@ -238,11 +240,7 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Param
     both = bd.identify(drive, ["pulleys[*].inertia"], [data])
     assert both.indistinguishable == ()
     assert both.std["pulleys[*].inertia"] < 0.3 * min(found.std.values())
-
-
-def test_fewer_numbers_than_parameters_leave_a_direction_open(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, targets: list[bd.Target]
-) -> None:
+    # fewer numbers than parameters leave a direction open
     speed = experiment.number(
         lambda r: r.pulleys.omega[-1, 1], truth.pulleys.omega[-1, 1], t=[T_END], sigma=0.1
     )
