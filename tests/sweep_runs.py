@@ -123,8 +123,7 @@ class Sent(Executor):
 def cluster(workers: int = 2, processes: bool = True) -> Iterator[Any]:
     """A Dask client of a scheduler and workers of one thread each."""
     distributed = pytest.importorskip("distributed")
-    # On a busy machine a new worker takes longer to start than the 15 s after which the cluster
-    # would give it up; and one death less before a batch is given up spares some starts.
+    # A busy machine starts workers slowly; one death less before a batch is given up spares starts.
     settings = {
         "distributed.deploy.lost-worker-timeout": "5 minutes",
         "distributed.scheduler.allowed-failures": 1,

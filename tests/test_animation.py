@@ -137,7 +137,7 @@ def test_without_ffmpeg(
 
 
 def test_what_ffmpeg_says_comes_out(
-    short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    short: bd.plot.Animation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, result: bd.Result
 ) -> None:
     """An ffmpeg that fails: its words in an OSError, no traceback of a subprocess. And what else
     cannot be written.
@@ -153,9 +153,7 @@ def test_what_ffmpeg_says_comes_out(
     for ending in ("gif", "mp4", "html"):
         with pytest.raises(FileNotFoundError):
             short.save(tmp_path / "none" / f"drive.{ending}")
-
-
-def test_bad_arguments(result: bd.Result) -> None:
+    # bad arguments
     options: dict[str, Any]
     for options, kind, message in (
         ({"duration": 0}, ValueError, "duration must be > 0"),

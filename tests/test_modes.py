@@ -231,7 +231,7 @@ def found() -> bd.Modes:
     return bd.modes(params, bd.settle(params), n=3, motion={"crank": 0.0})
 
 
-def test_a_mode_is_drawn_at_opposite_phases_and_in_a_film() -> None:
+def test_modes_and_responses_are_drawn_and_printed_as_they_are() -> None:
     """Both belts are as far from rest, on opposite sides; the title names the mode."""
     modes = found()
     ax = bd.plot.mode(modes, 2)
@@ -266,6 +266,17 @@ def test_a_mode_is_drawn_at_opposite_phases_and_in_a_film() -> None:
     assert broken > 0
     with pytest.raises(ValueError, match="output"):
         bd.plot.frequency_response(response, "colour")
+    # And a state out of balance is told: 10 N m on the alternator at rest, which nothing holds
+    params, state = found().params, found().state
+    held, free = str(found()), str(bd.modes(params, state, n=1))
+    assert "prescribed motion: crank" in held and "prescribed motion: none" in free
+    assert max(len(line) for line in (held + "\n" + free).splitlines()) <= 80
+    many = attrs.evolve(found(), decay=np.arange(1.0, 18.0), decay_names=("rotation",) * 17)
+    lines = [line for line in str(many).splitlines() if "not oscillating" in line]
+    assert len(lines) == 5 and lines[-1] == "  not oscillating: and 13 more (modes.decay)"
+    load = bd.PiecewiseLinear([0.0], [10.0], "alternator")
+    with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium.*alternator"):
+        bd.modes(params, state, load, n=1)
 
 
 RESPONSES: tuple[tuple[dict[str, Any], type[Exception], str], ...] = (
@@ -295,20 +306,6 @@ def test_arguments_are_refused_by_name() -> None:
     for given, error, message in MODES:
         with pytest.raises(error, match=message):
             bd.modes(**(of_drive | given))
-
-
-def test_a_print_says_what_is_held_and_fits_80_columns() -> None:
-    """And a state out of balance is told: 10 N m on the alternator at rest, which nothing holds."""
-    params, state = found().params, found().state
-    held, free = str(found()), str(bd.modes(params, state, n=1))
-    assert "prescribed motion: crank" in held and "prescribed motion: none" in free
-    assert max(len(line) for line in (held + "\n" + free).splitlines()) <= 80
-    many = attrs.evolve(found(), decay=np.arange(1.0, 18.0), decay_names=("rotation",) * 17)
-    lines = [line for line in str(many).splitlines() if "not oscillating" in line]
-    assert len(lines) == 5 and lines[-1] == "  not oscillating: and 13 more (modes.decay)"
-    load = bd.PiecewiseLinear([0.0], [10.0], "alternator")
-    with pytest.warns(bd.BeltdynWarning, match="not_in_equilibrium.*alternator"):
-        bd.modes(params, state, load, n=1)
 
 
 Array = NDArray[np.float64]

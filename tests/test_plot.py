@@ -134,10 +134,7 @@ def test_histories_of_a_link_have_gaps_off_the_pulleys(result: bd.Result, ax: Ax
     assert np.isnan(drawn(over_time)[0][1]).all()
     loop = bd.plot.friction_coefficient(result, [0, 1], against="slip")
     assert loop.get_xlabel() == "slip displacement [mm]" and len(labels(loop)) == 2
-
-
-def test_contact_begun_anew_between_samples_breaks_the_line(result: bd.Result) -> None:
-    """By hand: contact all along, v_T = 0.02 m/s; the slip starts from 0 again before sample 40."""
+    # By hand: contact all along, v_T = 0.02 m/s; the slip starts from 0 again before sample 40
     t = result.t
     slip = 0.02 * np.where(t < t[40] - 1e-9, t, t - t[40] + 5e-4)
     column = {"pulley": np.zeros(N_T, dtype=np.int32), "velocity": np.full(N_T, 0.02)}
@@ -164,7 +161,7 @@ def test_contact_begun_anew_between_samples_breaks_the_line(result: bd.Result) -
         assert y.shape == (N_T,) and not np.isnan(y).any()
 
 
-def test_drive_to_scale_coloured_by_tension_or_friction(result: bd.Result, ax: Axes) -> None:
+def test_a_drive_is_drawn_to_scale_with_colours_arcs_and_arrows(result: bd.Result, ax: Axes) -> None:
     """Links are highlighted; on axes of a plain figure nothing lies over another."""
     row = 30
     assert bd.plot.drive(result, result.t[row], arcs=False, links={"chosen": 7}, ax=ax) is ax

@@ -301,7 +301,7 @@ def test_a_line_for_each_value_with_gaps_and_marks() -> None:
     assert late.get_title() == "time 0.25 s"
 
 
-def test_texts_have_styles_and_a_legend() -> None:
+def test_texts_have_styles_a_legend_and_room() -> None:
     data = of_laws()
     ax = bd.plot.lines(data, "q")
     assert legend(ax) == [*LAWS, "worker lost: 1 run"] and ax.get_xscale() == "log"
@@ -332,12 +332,7 @@ def test_texts_have_styles_and_a_legend() -> None:
     zipped.attrs["design"] = '{"kind": "zip"}'
     line = bd.plot.lines(zipped, "y", "belt.preload").lines[0]
     assert line.get_linestyle() == "-" and (np.diff(line.get_xdata()) >= 0.0).all()
-
-
-BETWEEN = {"friction.mu_k": 0.35}
-
-
-def test_texts_have_room() -> None:
+    # texts have room
     scattered = {"x": "belt.preload", "y": "contact.quadratic"}
     for size, draw, data, quantity, options in (
         (SIZES[0], bd.plot.map, cube(), "q", {"at": {"friction.mu_k": 0.5}}),
@@ -348,6 +343,9 @@ def test_texts_have_room() -> None:
             draw(data, quantity, ax=ax, **options)
             check_room(ax.figure)
             assert ax.get_window_extent().height > 0.4 * ax.figure.bbox.height
+
+
+BETWEEN = {"friction.mu_k": 0.35}
 
 
 def test_what_is_refused() -> None:

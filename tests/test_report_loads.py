@@ -178,7 +178,7 @@ def test_rainflow_counts_the_example_of_the_standard(monkeypatch: pytest.MonkeyP
 T = np.linspace(0.0, 1.0, 401)
 
 
-def test_the_line_of_a_sine_has_its_frequency_and_amplitude() -> None:
+def test_lines_of_sines_and_of_a_moving_string() -> None:
     """On a trend, in noise of a tenth of it: within a tenth of the resolution, 1 Hz, and 5 %. None
     of 200 histories of noise has one (the limit is argued for one in a hundred), and no trend.
     """

@@ -162,7 +162,7 @@ def test_the_torque_that_grows_alone() -> None:
     assert own.factor > together.factor
 
 
-def test_wraps_are_those_of_the_belt_line() -> None:
+def test_wraps_and_limits_are_those_of_the_belt_line_and_of_euler() -> None:
     """Few links count badly: 1.3 on a small pulley; its limit is by the same wrap."""
     small = bd.Pulley(center=(0.17, 0.09), radius=0.01, inertia=1e-5, side="outside")
     params = drive(pulleys=[*drive().pulleys, small])

@@ -84,7 +84,7 @@ def test_first_indices_of_other_samples(method: str) -> None:
     assert "total" not in str(found) and "total" not in found.to_dataset()
 
 
-def test_scale_and_order_of_runs_change_nothing(tmp_path: Any) -> None:
+def test_indices_are_of_values_alone_and_told_for_each_entry(tmp_path: Any) -> None:
     samples = cube(256)
     data = swept.of_samples(samples, ishigami(samples.values))
     found = bd.sensitivity(data)
@@ -220,7 +220,7 @@ def shares(samples: bd.Samples) -> np.ndarray:
     return np.stack([(first - 300.0) / 200.0, stats.norm.cdf(second, 0.8, 0.1)], axis=1)
 
 
-def test_values_follow_their_distributions() -> None:
+def test_samples_follow_their_distributions_and_designs() -> None:
     """Kolmogorov's test of each column; no seed is chosen, and 1e-4 is missed once in 10 000."""
     for method in SINGLE:
         samples = bd.sample(RANGES, 512, method)
@@ -262,9 +262,7 @@ def test_values_follow_their_distributions() -> None:
     np.testing.assert_array_equal(some.values, most.values[:100])
     assert "100 is no power of two; 128 is" in str(some)
     assert "power of two" not in str(most)
-
-
-def test_the_design_says_how_they_were_made() -> None:
+    # the design says how they were made
     samples = bd.sample(RANGES, 16, "saltelli", seed=3, second_order=True)
     assert json.loads(json.dumps(samples.design)) == {
         "method": "saltelli",

@@ -300,7 +300,7 @@ def survivors() -> Any:
 
 
 def test_a_run_that_kills_its_worker_is_lost_alone(
-    survivors: Any, monkeypatch: pytest.MonkeyPatch
+    survivors: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """With workers in this process that die as processes do; and runs after a lost one are lost."""
     made: list[sweep_runs.Sent] = []
@@ -322,10 +322,7 @@ def test_a_run_that_kills_its_worker_is_lost_alone(
     tensions = swept.dataset["span_tension.final"].values[0]
     assert tensions.tobytes() == survivors[:2].tobytes()
 
-
-def test_workers_of_the_users_that_die_are_an_error(tmp_path: Path) -> None:
-    """Their executor is broken for good, and the error says so; what was done before is kept."""
-
+    # Their executor is broken for good, and the error says so; what was done before is kept
     def few(torque: Any, executor: Any = "threads") -> Any:
         over = {"torque": [harmless, torque], "friction.mu_k": [0.5, 0.6]}
         return do(plain(), over, FINAL, combine="zip", executor=executor, store=tmp_path)
