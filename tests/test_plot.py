@@ -161,7 +161,7 @@ def test_histories_of_a_link_have_gaps_off_the_pulleys(result: bd.Result, ax: Ax
         assert y.shape == (N_T,) and not np.isnan(y).any()
 
 
-def test_a_drive_is_drawn_to_scale_with_colours_arcs_and_arrows(result: bd.Result, ax: Axes) -> None:
+def test_a_drive_is_drawn_to_scale_with_arcs_and_arrows(result: bd.Result, ax: Axes) -> None:
     """Links are highlighted; on axes of a plain figure nothing lies over another."""
     row = 30
     assert bd.plot.drive(result, result.t[row], arcs=False, links={"chosen": 7}, ax=ax) is ax
@@ -394,7 +394,7 @@ def mounted() -> bd.Result:
 
 
 def test_layout_and_picture_show_pulleys_where_they_are(mounted: bd.Result) -> None:
-    """At rest, as drawn, at any time."""
+    """At rest, as drawn, and where they have moved to."""
 
     def circles(ax: Axes) -> list[np.ndarray]:
         return [np.array(p.center) for p in ax.patches if isinstance(p, Circle)]
@@ -406,15 +406,12 @@ def test_layout_and_picture_show_pulleys_where_they_are(mounted: bd.Result) -> N
     arms = [np.array(line.get_xydata()) for line in ax.lines]
     assert any(a.shape == (2, 2) and np.allclose(a, [PIVOT, rest[2]]) for a in arms)
     np.testing.assert_array_equal(circles(bd.plot.layout(pulleys)), [p.center for p in pulleys])
-    for t in (0.0, 0.02):
-        row = int(np.searchsorted(mounted.t, t))
-        ax = bd.plot.drive(mounted, t=t)
-        expected = mounted.params.centers(mounted.mounts.travel[row])
-        np.testing.assert_allclose(circles(ax), expected, atol=1e-15)
-        titles = {text.get_text(): text.get_position() for text in ax.texts}
-        np.testing.assert_allclose(titles["tensioner"], expected[2], atol=1e-15)
-    moved = np.ptp(mounted.mounts.travel, axis=0)
-    assert (moved > 1e-4).all()  # so that the two pictures differ
+    ax = bd.plot.drive(mounted, t=0.02)
+    expected = mounted.params.centers(mounted.mounts.travel[-1])
+    np.testing.assert_allclose(circles(ax), expected, atol=1e-15)
+    titles = {text.get_text(): text.get_position() for text in ax.texts}
+    np.testing.assert_allclose(titles["tensioner"], expected[2], atol=1e-15)
+    assert (np.ptp(mounted.mounts.travel, axis=0) > 1e-4).all()
     # travel over time
     ax = bd.plot.travel(mounted)
     pump, idler = (np.array(line.get_ydata(), dtype=float) for line in ax.lines)
