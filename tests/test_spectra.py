@@ -284,7 +284,6 @@ BAD_CAMPBELL: tuple[tuple[dict[str, Any], str], ...] = (
     ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
     ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
     ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
-    ({"limits": 1.0}, "limits must be a pair"),
     ({"modes": [1, 2]}, r"modes\[0\] must be a bd.Modes or a pair"),
     ({"modes": [(50.0, ["a"])]}, r"modes\[0\]\[1\] must hold real numbers"),
     ({"window": -1.0}, "window must be > 0 s"),

@@ -137,7 +137,6 @@ WRONG = [
     ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
     ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
     ("[options]", "[sample]\nn = 3\n[options]", "either over or sample"),
-    ("[over]", "over = 3\n[x]", "x: unknown field"),
 ]
 
 

@@ -177,6 +177,14 @@ def test_a_prior_counts_like_one_more_measurement(
     # The curves bend: the slope a standard deviation on is another by some per cent.
     assert both.std["friction.mu_k"] == pytest.approx(std / math.sqrt(2.0), rel=0.05)
     assert math.log(both.values["friction.mu_k"] / 0.8) == pytest.approx(std / 2.0, rel=0.1)
+    # an outlier counts less with a robust loss
+    speeds = truth.pulleys.omega.copy()
+    speeds[-1] += 30.0 * SPEED
+    wrong = [experiment.curve("pulleys.omega", TIMES, speeds, sigma=SPEED)]
+    plain = bd.identify(rig, ["friction.mu_k"], wrong)
+    robust = bd.identify(rig, ["friction.mu_k"], wrong, loss="soft_l1")
+    off = [abs(found.values["friction.mu_k"] - 0.8) for found in (plain, robust)]
+    assert off[1] < 0.1 * off[0] and "misses the data" in str(plain)
     few = bd.identify(changed(rig, {"friction.mu_k": 0.84}), ["friction.mu_k"], data, max_nfev=2)
     assert not few.success and few.nfev <= 2 and "not converged" in str(few)
 
@@ -221,7 +229,6 @@ def test_contact_that_hardly_bends_says_nothing_of_its_curvature(
     assert found.undetermined == ("contact.quadratic",)
     assert [str(part) for part in found.indistinguishable] == ["contact.quadratic alone"]
     assert found.indistinguishable[0].std > math.log(2.0)
-    assert found.intervals["contact.quadratic"] == (0.0, math.inf)
 
 
 def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(
@@ -246,7 +253,8 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(
     )
     found = bd.identify(rig, ["friction.mu_k", "pulleys[1].inertia"], [speed])
     assert [set(part.names) for part in found.indistinguishable] == [set(found.names)]
-    assert np.isinf(found.covariance).all()
+    assert np.isinf(found.covariance).all() and math.isinf(found.indistinguishable[0].std)
+    assert found.intervals["friction.mu_k"] == (0.0, math.inf)
     assert math.isnan(found.misfit)
     exact = bd.identify(rig, ["friction.mu_k"], [speed])  # dof = 0
     assert exact.indistinguishable == () and math.isfinite(exact.std["friction.mu_k"])
@@ -460,7 +468,6 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         ({"targets": [flat]}, ValueError, "all its values are 0"),
         ({"targets": [flat], "loss": "huber"}, ValueError, "loss 'huber' needs the sigma"),
         ({"targets": twice}, ValueError, "two targets are called"),
-        ({"limit": 1.0}, ValueError, "limit must be > 1"),
         ({"jac": "5-point"}, ValueError, "jac must be one of"),
         ({"loss": "l1"}, ValueError, "loss must be one of"),
         ({"diff_step": 0.0}, ValueError, "diff_step must be > 0"),
@@ -495,7 +502,6 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         (curve(t=[0.0, 0.09]), ValueError, r"t must lie within the run, \[0, 0.08\] s"),
         (curve(t=[0.02, 0.01]), ValueError, "t must be non-decreasing"),
         (curve(values=[1.0, np.nan]), ValueError, "values must be finite"),
-        (curve(sigma=0.0), ValueError, "sigma must be > 0"),
         (curve(sigma=[1.0, 1.0, 1.0]), ValueError, "sigma must be one number or fit"),
         (lambda: number("slip[1]", 1.0), TypeError, "read must be callable"),
         (lambda: number(len, [1.0, 2.0], names=["one"]), ValueError, "each of the 2 values"),
