@@ -41,6 +41,12 @@ def texts(ax: Axes) -> list[Text]:
     return [text for text in found if text.get_visible() and text.get_text()]
 
 
+def labels(ax: Axes) -> list[str]:
+    """Give the entries of the legend."""
+    legend = ax.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
+
+
 def over_lines(ax: Axes, box: BboxBase) -> bool:
     """Whether a line of the axes, its points joined, runs through a box."""
     paths = (line.get_transform().transform_path(line.get_path()) for line in ax.lines)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -37,20 +38,15 @@ def of_samples(samples: bd.Samples, values: NDArray[Any], **more: Any) -> xr.Dat
     return finished(xr.Dataset({**given, **more}, coords, {"design": design}), ("run",))
 
 
-def of_grid(
-    over: Mapping[str, Sequence[Any] | NDArray[Any]],
-    value: Callable[..., Any],
-    long_name: str = "largest torque",
-    units: str = "N m",
-) -> xr.Dataset:
+def of_grid(over: Mapping[str, Any], value: Callable[..., Any]) -> xr.Dataset:
     """Give a sweep over a grid with the quantity "q" of a function of the swept values."""
     axes = [np.asarray(values) for values in over.values()]
-    values = np.array([[value(*point)] for point in _points(axes)], dtype=float)
+    values = np.array([value(*point) for point in product(*axes)], dtype=float)
     shape = tuple(axis.size for axis in axes)
-    given = {"q": (tuple(over), values.reshape(shape), {"units": units, "long_name": long_name})}
+    attrs = {"units": "N m", "long_name": "largest torque"}
     coords = {name: (name, axis, attributes(name)) for name, axis in zip(over, axes, strict=True)}
-    data = xr.Dataset(given, coords, {"design": json.dumps({"kind": "grid"})})
-    return finished(data, tuple(over))
+    given, design = {"q": (tuple(over), values.reshape(shape), attrs)}, {"kind": "grid"}
+    return finished(xr.Dataset(given, coords, {"design": json.dumps(design)}), tuple(over))
 
 
 def fail(dataset: xr.Dataset, status: str, **at: Any) -> None:
@@ -72,8 +68,3 @@ def finished(dataset: xr.Dataset, dims: tuple[str, ...]) -> xr.Dataset:
     for name, text in (("status", "finished"), ("message", ""), ("warnings", "")):
         dataset[name] = (dims, np.full(shape, text, dtype=object))
     return dataset
-
-
-def _points(axes: Sequence[NDArray[Any]]) -> list[tuple[Any, ...]]:
-    grids = np.meshgrid(*axes, indexing="ij")
-    return list(zip(*(grid.ravel() for grid in grids), strict=True))

@@ -185,7 +185,7 @@ def test_a_report_tells_what_theory_does() -> None:
     assert abs(rows["error of sampling"].power) < 0.05 * lost
 
 
-@pytest.mark.ci(guard="test_report_margin.py::test_the_torque_at_which_a_run_slips")
+@pytest.mark.ci(guard="test_report_slip.py::test_the_torque_at_which_a_run_slips")
 @pytest.mark.filterwarnings("ignore:full_slip:UserWarning")
 def test_full_slip_comes_at_the_torque_of_theory() -> None:
     """1 % below it the driven pulley keeps its speed, 1 % above it comes to a halt.

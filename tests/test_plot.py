@@ -11,10 +11,12 @@ import attrs
 import matplotlib
 import numpy as np
 import pytest
+from drives import pressing
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch
+from matplotlib.patches import Circle, FancyArrowPatch
+from pictures import labels
 
 import beltdyn as bd
 
@@ -32,23 +34,8 @@ def ax() -> Axes:
     return Figure().add_subplot()
 
 
-def with_contact(result: bd.Result, **arrays: Any) -> bd.Result:
-    return attrs.evolve(result, contact=attrs.evolve(result.contact, **arrays))
-
-
 def drawn(ax: Axes) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in ax.lines]
-
-
-def labels(ax: Axes) -> list[str]:
-    legend = ax.get_legend()
-    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
-
-
-def hinges(r: bd.Result) -> int:
-    """Return a link that is on a pulley for some of the run and off for some of it."""
-    on = r.contact.pulley >= 0
-    return int(np.flatnonzero(on.any(axis=0) & ~on.all(axis=0))[0])
 
 
 def test_each_pulley_span_and_joint_over_time(result: bd.Result) -> None:
@@ -72,16 +59,13 @@ def test_each_pulley_span_and_joint_over_time(result: bd.Result) -> None:
             np.testing.assert_array_equal(y, values[:, k], ylabel)
     # chosen pulleys keep their looks
     both = bd.plot.speeds(result).lines
-    (one,), (same,) = (
-        bd.plot.speeds(result, pulleys=1).lines,
-        bd.plot.torques(result, pulleys=[1]).lines,
-    )
+    (one,) = bd.plot.speeds(result, pulleys=1).lines
+    (same,) = bd.plot.torques(result, pulleys=[1]).lines
     np.testing.assert_array_equal(one.get_ydata(), result.pulleys.omega[:, 1])
     np.testing.assert_array_equal(same.get_ydata(), result.pulleys.torque[:, 1])
     assert one.get_color() == same.get_color() == both[1].get_color() != both[0].get_color()
-
-
-def test_line_keywords_and_runs_compared(result: bd.Result, ax: Axes) -> None:
+    # line keywords and runs compared
+    ax = Figure().add_subplot()
     bd.plot.speeds(result, label="soft", ax=ax)
     bd.plot.speeds(result, label="stiff", ax=ax)
     assert labels(ax) == [f"{run}, pulley {k}" for run in ("soft", "stiff") for k in (0, 1)]
@@ -92,9 +76,8 @@ def test_line_keywords_and_runs_compared(result: bd.Result, ax: Axes) -> None:
     assert last.get_label() == "measured"
     assert (last.get_color(), last.get_linewidth(), last.get_linestyle()) == ("red", 3, ":")
     # room made for a legend must not freeze the limits
-    higher = attrs.evolve(
-        result, joints=attrs.evolve(result.joints, force=10 * result.joints.force)
-    )
+    joints = attrs.evolve(result.joints, force=10 * result.joints.force)
+    higher = attrs.evolve(result, joints=joints)
     bd.plot.span_tensions(higher, ax=ax)
     assert ax.get_ylim()[1] >= np.nanmax(higher.span_tension)
 
@@ -121,21 +104,18 @@ def test_force_along_belt(result: bd.Result, ax: Axes) -> None:
     assert ax.lines[0].get_color() != ax.lines[1].get_color()
 
 
-def test_contact_forces(result: bd.Result, ax: Axes) -> None:
-    k = hinges(result)
+def test_histories_of_a_link_have_gaps_off_the_pulleys(result: bd.Result, ax: Axes) -> None:
+    contact = result.contact
+    there = contact.pulley >= 0
+    k = int(np.flatnonzero(there.any(axis=0) & ~there.all(axis=0))[0])
+    on = there[:, k]
     assert bd.plot.contact_forces(result, k, ax=ax) is ax
     assert "[N]" in ax.get_ylabel() and labels(ax) == [f"normal, link {k}", f"friction, link {k}"]
     normal, friction = drawn(ax)
-    np.testing.assert_array_equal(normal[1], result.contact.normal[:, k])
-    np.testing.assert_array_equal(friction[1], result.contact.friction[:, k])
+    np.testing.assert_array_equal(normal[1], contact.normal[:, k])
+    np.testing.assert_array_equal(friction[1], contact.friction[:, k])
     (line,) = bd.plot.contact_forces(result, k, which="friction").lines
-    np.testing.assert_array_equal(line.get_ydata(), result.contact.friction[:, k])
-
-
-def test_gaps_and_labels_off_the_pulleys(result: bd.Result) -> None:
-    k = hinges(result)
-    contact = result.contact
-    on = contact.pulley[:, k] >= 0
+    np.testing.assert_array_equal(line.get_ydata(), contact.friction[:, k])
     for ax, values in (
         (bd.plot.friction_coefficient(result, k), contact.mu),
         (bd.plot.relative_velocity(result, k), contact.velocity),
@@ -143,42 +123,35 @@ def test_gaps_and_labels_off_the_pulleys(result: bd.Result) -> None:
         ((x, y),) = drawn(ax)
         np.testing.assert_array_equal(x, result.t)
         np.testing.assert_array_equal(y, np.where(on, values[:, k], np.nan))
+    assert "[m/s]" in ax.get_ylabel()
     ((x, y),) = drawn(bd.plot.friction_coefficient(result, k, against="slip"))
     np.testing.assert_array_equal(x, np.where(on, 1e3 * contact.slip[:, k], np.nan))
     np.testing.assert_array_equal(y, np.where(on, contact.mu[:, k], np.nan))
-    free = int(np.flatnonzero((contact.pulley < 0).all(axis=0))[0])
+    free = int(np.flatnonzero(~there.any(axis=0))[0])
     over_time = bd.plot.friction_coefficient(result, free)
     assert over_time.get_xlabel() == "time [s]"
     assert labels(over_time) == [f"link {free} (no contact)"]
     assert np.isnan(drawn(over_time)[0][1]).all()
     loop = bd.plot.friction_coefficient(result, [0, 1], against="slip")
     assert loop.get_xlabel() == "slip displacement [mm]" and len(labels(loop)) == 2
-    assert "[m/s]" in bd.plot.relative_velocity(result, 0).get_ylabel()
-
-
-def test_contact_begun_anew_between_samples_breaks_the_line(result: bd.Result) -> None:
-    """By hand: contact all along, v_T = 0.02 m/s; the slip starts from 0 again before sample 40."""
-    t, mu_k = result.t, 1.0
+    # By hand: contact all along, v_T = 0.02 m/s; the slip starts from 0 again before sample 40
+    t = result.t
     slip = 0.02 * np.where(t < t[40] - 1e-9, t, t - t[40] + 5e-4)
-    column = {
-        "pulley": np.zeros(N_T, dtype=np.int32),
-        "slip": slip,
-        "mu": mu_k * -np.expm1(-1e4 * slip),
-        "velocity": np.full(N_T, 0.02),
-    }
+    column = {"pulley": np.zeros(N_T, dtype=np.int32), "velocity": np.full(N_T, 0.02)}
+    column |= {"slip": slip, "mu": -np.expm1(-1e4 * slip)}
     arrays = {name: getattr(result.contact, name).copy() for name in column}
     for name, values in column.items():
-        arrays[name][:, 5] = values
-        arrays[name][:, 6] = values
+        arrays[name][:, 5:7] = values[:, None]
     arrays["slip"][:, 6] = 0.02 * t  # this one holds on
-    changed = with_contact(result, **arrays)
+    changed = attrs.evolve(result, contact=attrs.evolve(result.contact, **arrays))
     for against in ("time", "slip"):
         broken, whole = drawn(bd.plot.friction_coefficient(changed, [5, 6], against=against))
         np.testing.assert_array_equal(np.flatnonzero(np.isnan(broken[1])), [40])
         np.testing.assert_array_equal(np.delete(broken[1], 40), column["mu"])
         assert np.isnan(broken[0][40]) and not np.isnan(whole).any()
     arrays["pulley"][30:, 6] = 1
-    ((_, y),) = drawn(bd.plot.relative_velocity(with_contact(result, **arrays), 6))
+    changed = attrs.evolve(result, contact=attrs.evolve(result.contact, **arrays))
+    ((_, y),) = drawn(bd.plot.relative_velocity(changed, 6))
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(y)), [30])
     # a link on one pulley at all samples of a settled drive keeps its slip: no false gap
     contact = result.contact
@@ -188,18 +161,12 @@ def test_contact_begun_anew_between_samples_breaks_the_line(result: bd.Result) -
         assert y.shape == (N_T,) and not np.isnan(y).any()
 
 
-def parts(ax: Axes) -> tuple[LineCollection, list[LineCollection]]:
-    """Give the belt and the stick and slip arcs."""
-    found = [one for one in ax.collections if isinstance(one, LineCollection)]
-    *arcs, _edge, belt = found
-    return belt, arcs
-
-
-def test_drive_to_scale_coloured_by_tension(result: bd.Result, ax: Axes) -> None:
+def test_a_drive_is_drawn_to_scale_with_arcs_and_arrows(result: bd.Result, ax: Axes) -> None:
+    """Links are highlighted; on axes of a plain figure nothing lies over another."""
     row = 30
-    assert bd.plot.drive(result, result.t[row], ax=ax) is ax
+    assert bd.plot.drive(result, result.t[row], arcs=False, links={"chosen": 7}, ax=ax) is ax
     assert ax.get_aspect() == 1.0 and ax.get_xlabel() == "x [m]" and "0.15 s" in ax.get_title()
-    belt, _ = parts(ax)
+    belt = [one for one in ax.collections if isinstance(one, LineCollection)][-1]
     force = result.joints.force[row]
     np.testing.assert_array_equal(belt.get_array(), (force + np.roll(force, -1)) / 2)
     middles = np.array([segment.mean(axis=0) for segment in belt.get_segments()])
@@ -208,76 +175,29 @@ def test_drive_to_scale_coloured_by_tension(result: bd.Result, ax: Axes) -> None
     np.testing.assert_allclose(middles[:, 1], result.belt.y[row], atol=1e-15)
     lengths = [np.hypot(*(segment[1] - segment[0])) for segment in belt.get_segments()]
     np.testing.assert_allclose(lengths, 1.2 / 60, rtol=1e-12)
-    texts = [text.get_text() for text in ax.texts]
-    assert texts == ["0", "1"]
-
-
-def test_drive_coloured_by_friction(result: bd.Result, ax: Axes) -> None:
-    bd.plot.drive(result, colour="friction", ax=ax)
-    belt, _ = parts(ax)
+    assert [text.get_text() for text in ax.texts] == ["0", "1"] and labels(ax) == ["chosen"]
+    (x,), (y,) = ax.lines[-1].get_data()
+    assert (x, y) == (result.belt.x[row, 7], result.belt.y[row, 7])
+    ax = bd.plot.drive(result, colour="friction", links=[3, 4], ax=Figure().add_subplot())
+    assert {"no contact", "link 3", "link 4"} < set(labels(ax))
+    belt = [one for one in ax.collections if isinstance(one, LineCollection)][-1]
     mu_k = result.params.friction.mu_k
     assert belt.get_clim() == (-mu_k, mu_k)
     values = belt.get_array()
-    assert isinstance(values, np.ma.MaskedArray)
     np.testing.assert_array_equal(np.ma.getmaskarray(values), result.contact.pulley[-1] < 0)
     np.testing.assert_array_equal(values.data, result.contact.mu[-1])
-    assert "no contact" in labels(ax)
+    ax.figure.draw_without_rendering()
+    bar = ax.figure.axes[1].get_window_extent()
+    legend, label = ax.get_legend().get_window_extent(), ax.xaxis.label.get_window_extent()
+    assert bar.y1 < legend.y0 and legend.y1 < label.y1
+    free = attrs.evolve(result, params=attrs.evolve(result.params, friction=None))
+    assert labels(bd.plot.drive(free)) == []
+    with pytest.raises(ValueError, match=r'colour must not be "friction"'):
+        bd.plot.drive(free, colour="friction")
+    with pytest.raises(ValueError, match=r"no pulley of it has any"):
+        bd.plot.friction_coefficient(free, 0)
 
-
-def inside_their_rims(result: bd.Result, ax: Axes) -> list[np.ndarray]:
-    """The points of the sticking arc of pulley 1 and of the slipping one of pulley 0, from axes."""
-    found = []
-    for arcs, k in zip(parts(ax)[1], (1, 0), strict=True):
-        pulley = result.params.pulleys[k]
-        found.append(np.concatenate(arcs.get_segments()) - pulley.center)
-        assert (np.hypot(*found[-1].T) < pulley.radius).all()
-    return found
-
-
-def test_arcs_follow_a_stribeck_curve(result: bd.Result) -> None:
-    """At rest friction may be mu_s before it slips, in fast slip mu_k: as much friction is slip
-    where it is fast and stick where it is slow.
-    """
-    assert isinstance(result.params.friction, bd.Dahl)
-    mu_k, pulley = result.params.friction.mu_k, result.contact.pulley
-    law = attrs.evolve(result.params.friction, mu_s=2.0 * mu_k, v_stribeck=0.01)
-    changed = with_contact(
-        attrs.evolve(result, params=attrs.evolve(result.params, friction=law)),
-        mu=np.where(pulley >= 0, 1.2 * mu_k, 0.0),
-        velocity=np.where(pulley == 0, 1.0, 1e-4),
-    )
-    inside_their_rims(changed, bd.plot.drive(changed))
-
-
-def test_stick_and_slip_arcs(result: bd.Result) -> None:
-    """All links of pulley 0 made to slip, none of pulley 1: one arc each, inside the rims."""
-    mu_k = result.params.friction.mu_k
-    pulley = result.contact.pulley
-    changed = with_contact(result, mu=np.where(pulley == 0, 0.96 * mu_k, 0.5 * mu_k))
-    ax = bd.plot.drive(changed)
-    assert labels(ax) == ["belt sticks", "belt slips"]
-    for points, k in zip(inside_their_rims(changed, ax), (1, 0), strict=True):
-        # from the outer end of the first link on it to that of the last one, clockwise
-        on = np.flatnonzero(pulley[-1] == k)
-        np.testing.assert_array_equal(np.diff(on), 1)
-        steps = np.diff(np.unwrap(np.arctan2(points[:, 1], points[:, 0])))
-        radius = result.params.pulleys[k].radius
-        half = np.arctan2(result.params.info["link_length"] / 2, radius)
-        # Links lie tangent to the rim within the contact's compression, some 1e-3 of the radius.
-        assert -steps.sum() == pytest.approx(2 * half * on.size, rel=0.02)
-    assert labels(bd.plot.drive(changed, slip_from=0.97)) == ["belt sticks"]
-    assert labels(bd.plot.drive(changed, arcs=False, colour=None)) == []
-
-
-def test_links_are_highlighted(result: bd.Result) -> None:
-    ax = bd.plot.drive(result, arcs=False, links={"chosen element": 7})
-    assert labels(ax) == ["chosen element"]
-    (x,), (y,) = ax.lines[-1].get_data()
-    assert (x, y) == (result.belt.x[-1, 7], result.belt.y[-1, 7])
-    assert labels(bd.plot.drive(result, arcs=False, links=[3, 4])) == ["link 3", "link 4"]
-
-
-def test_arrows_and_marks_follow_the_rotation(result: bd.Result) -> None:
+    # arrows and marks follow the rotation
     def arrows(ax: Axes) -> list[bool]:
         return [patch.get_visible() for patch in ax.patches if isinstance(patch, FancyArrowPatch)]
 
@@ -293,15 +213,34 @@ def test_arrows_and_marks_follow_the_rotation(result: bd.Result) -> None:
     # cos(pi/2) is 6e-17 in floating point
     np.testing.assert_allclose(mark.get_xdata(), centre[0], atol=1e-15)
     assert (np.asarray(mark.get_ydata()) > centre[1]).all()
-
-
-def test_drive_without_friction(result: bd.Result) -> None:
-    free = attrs.evolve(result, params=attrs.evolve(result.params, friction=None))
-    assert labels(bd.plot.drive(free)) == []
-    with pytest.raises(ValueError, match=r'colour must not be "friction"'):
-        bd.plot.drive(free, colour="friction")
-    with pytest.raises(ValueError, match=r"no pulley of it has any"):
-        bd.plot.friction_coefficient(free, 0)
+    # All links of pulley 0 made to slip, none of pulley 1: one arc each, inside the rims. So with
+    mu_k, pulley = result.params.friction.mu_k, result.contact.pulley
+    mu = np.where(pulley == 0, 0.96 * mu_k, 0.5 * mu_k)
+    changed = attrs.evolve(result, contact=attrs.evolve(result.contact, mu=mu))
+    law = attrs.evolve(result.params.friction, mu_s=2.0 * mu_k, v_stribeck=0.01)
+    contact = attrs.evolve(
+        result.contact,
+        mu=np.where(pulley >= 0, 1.2 * mu_k, 0.0),
+        velocity=np.where(pulley == 0, 1.0, 1e-4),
+    )
+    params = attrs.evolve(result.params, friction=law)
+    for run in (changed, attrs.evolve(result, params=params, contact=contact)):
+        ax = bd.plot.drive(run)
+        assert labels(ax) == ["belt sticks", "belt slips"]
+        *arcs, _edge, _belt = [one for one in ax.collections if isinstance(one, LineCollection)]
+        for arc, k in zip(arcs, (1, 0), strict=True):
+            points = np.concatenate(arc.get_segments()) - run.params.pulleys[k].center
+            radius = run.params.pulleys[k].radius
+            assert (np.hypot(*points.T) < radius).all()
+            # from the outer end of the first link on it to that of the last one, clockwise
+            on = np.flatnonzero(pulley[-1] == k)
+            np.testing.assert_array_equal(np.diff(on), 1)
+            steps = np.diff(np.unwrap(np.arctan2(points[:, 1], points[:, 0])))
+            half = np.arctan2(run.params.info["link_length"] / 2, radius)
+            # Links lie tangent to the rim within the contact's compression, 1e-3 of the radius.
+            assert -steps.sum() == pytest.approx(2 * half * on.size, rel=0.02)
+    assert labels(bd.plot.drive(changed, slip_from=0.97)) == ["belt sticks"]
+    assert labels(bd.plot.drive(changed, arcs=False, colour=None)) == []
 
 
 def test_energy(result: bd.Result, ax: Axes) -> None:
@@ -315,10 +254,9 @@ def test_energy(result: bd.Result, ax: Axes) -> None:
     assert ax.get_title().startswith(f"residual at most {np.abs(ledger.residual).max():.1g} J")
     assert len(ax.collections) == 3 and len(labels(ax)) == 6
     upper = np.zeros(N_T)
-    for area, name in zip(
-        ax.collections, ("friction_loss", "contact_loss", "joint_loss"), strict=True
-    ):
-        upper = upper + getattr(ledger, name)
+    losses = (ledger.friction_loss, ledger.contact_loss, ledger.joint_loss)
+    for area, loss in zip(ax.collections, losses, strict=True):
+        upper = upper + loss
         outline = area.get_paths()[0].vertices
         assert outline[:, 1].max() == pytest.approx(upper.max(), rel=1e-12)
     with pytest.raises(ValueError, match="result must carry the energy ledger"):
@@ -331,18 +269,11 @@ def test_energy(result: bd.Result, ax: Axes) -> None:
     np.testing.assert_allclose(stored, (ledger.total - ledger.total[0])[40:], rtol=1e-4)
 
 
-ALL: dict[str, Callable[..., Any]] = {
-    draw.__name__: draw
-    for draw in (
-        *(bd.plot.speeds, bd.plot.torques, bd.plot.span_tensions),
-        *(bd.plot.force_along_belt, bd.plot.drive, bd.plot.energy),
-    )
-} | {
-    draw.__name__: lambda r, draw=draw, **options: draw(r, 0, **options)
-    for draw in (
-        *(bd.plot.joint_force, bd.plot.joint_deformation, bd.plot.contact_forces),
-        *(bd.plot.friction_coefficient, bd.plot.relative_velocity),
-    )
+WHOLE = ["speeds", "torques", "span_tensions", "force_along_belt", "drive", "energy"]
+OF_ONE = "joint_force joint_deformation contact_forces friction_coefficient relative_velocity"
+ALL: dict[str, Callable[..., Any]] = {name: getattr(bd.plot, name) for name in WHOLE} | {
+    name: lambda r, name=name, **options: getattr(bd.plot, name)(r, 0, **options)
+    for name in OF_ONE.split()
 }
 
 
@@ -356,33 +287,27 @@ def test_each_makes_a_figure_of_its_own_and_changes_nothing_global(result: bd.Re
         assert ax.get_xlabel() and "[" in ax.get_ylabel(), name
         assert not ax.spines["top"].get_visible() and not ax.spines["right"].get_visible()
         assert dict(matplotlib.rcParams) == before, name
+    # an overview is made of them
+    given = Figure()
+    assert bd.plot.overview(result, t=0.02, fig=given) is given
+    speeds, tensions, forces, drive, _bar = given.axes
+    np.testing.assert_equal(drawn(speeds), drawn(bd.plot.speeds(result)))
+    np.testing.assert_equal(drawn(tensions), drawn(bd.plot.span_tensions(result)))
+    np.testing.assert_equal(drawn(forces), drawn(bd.plot.force_along_belt(result, 0.02)))
+    assert drive.get_aspect() == 1.0 and "0.02 s" in drive.get_title()
 
 
-def test_bad_results_and_axes_are_refused_by_each(result: bd.Result) -> None:
-    start = bd.settle(result.params)
-    empty = bd.simulate(result.params, bd.Viscous([1, 1]), 1e-4, t_eval=[], initial=start)
-    for draw in ALL.values():
-        with pytest.raises(TypeError, match="result must be a Result, got Scene"):
-            draw(bd.scenes.kubas_case_1())
-        with pytest.raises(TypeError, match="ax must be matplotlib axes or None, got int"):
-            draw(result, ax=1)
-        with pytest.raises(ValueError, match="result must hold at least one sample"):
-            draw(empty)
-
-
-@pytest.mark.one_in(2)
-@pytest.mark.parametrize("times", [[0.0], [0.0, 1e-3, 0.01]], ids=["one sample", "two samples"])
-def test_a_run_that_failed_5_ms_in_can_be_drawn(result: bd.Result, times: list[float]) -> None:
-    """Warnings, such as of empty ranges, are errors here."""
+def test_a_run_that_failed_5_ms_in_can_be_drawn(result: bd.Result) -> None:
+    """Of one sample. Warnings, such as of empty ranges, are errors here."""
     with pytest.raises(bd.SimulationError) as error:
         bd.simulate(
             result.params,
             lambda t, theta, omega: [float("nan") if t > 5e-3 else 0.0, 0.0],
             0.02,
-            t_eval=times,
+            t_eval=[0.0, 0.01],
         )
     partial = error.value.result
-    assert partial.t.size == min(len(times), 2)
+    assert partial.t.size == 1
     figure = Figure(figsize=(16.0, 12.0))
     for k, draw in enumerate(ALL.values()):
         draw(partial, ax=figure.add_subplot(3, 4, k + 1))
@@ -393,28 +318,18 @@ BAD: list[tuple[Callable[[bd.Result], Any], type[Exception], str]] = [
     (lambda r: bd.plot.speeds(r, pulleys=2), ValueError, "pulleys must be an integer from 0 to 1"),
     (lambda r: bd.plot.torques(r, pulleys=[0, -1]), ValueError, r"pulleys\[1\] must be an integer"),
     (lambda r: bd.plot.speeds(r, pulleys=[]), ValueError, "pulleys must hold at least one"),
-    (lambda r: bd.plot.speeds(r, pulleys="0"), TypeError, "pulleys must be an integer"),
     (lambda r: bd.plot.joint_force(r, 60), ValueError, "joint must be an integer from 0 to 59"),
-    (lambda r: bd.plot.joint_deformation(r, 1.0), TypeError, "joint must be an integer"),
     (lambda r: bd.plot.contact_forces(r, -1), ValueError, "link must be an integer from 0 to 59"),
     (lambda r: bd.plot.contact_forces(r, 0, which="mu"), ValueError, "which must be one of"),
     (lambda r: bd.plot.contact_forces(r, 0, which=()), ValueError, "which must hold at least"),
     (lambda r: bd.plot.contact_forces(r, 0, which=3), TypeError, "which must be a str"),
-    (
-        *(lambda r: bd.plot.friction_coefficient(r, 0, against="x"), ValueError),
-        "against must be one of 'time', 'slip', got 'x'",
-    ),
-    (lambda r: bd.plot.relative_velocity(r, True), TypeError, "link must be an integer"),
+    (lambda r: bd.plot.friction_coefficient(r, 0, against="x"), ValueError, "against must be one"),
     (lambda r: bd.plot.force_along_belt(r, 1.0), ValueError, "t must lie within the samples"),
     (lambda r: bd.plot.force_along_belt(r, "now"), TypeError, "t must be a real number"),
     (lambda r: bd.plot.force_along_belt(r, first=-1), ValueError, "first must be an integer >= 0"),
-    (lambda r: bd.plot.drive(r, -0.1), ValueError, "t must lie within the samples"),
-    (lambda r: bd.plot.drive(r, colour="red"), ValueError, "colour must be one of 'tension'"),
     (lambda r: bd.plot.drive(r, arcs=1), TypeError, "arcs must be a bool"),
     (lambda r: bd.plot.drive(r, slip_from=0), ValueError, "slip_from must be > 0 and <= 1"),
     (lambda r: bd.plot.drive(r, links={"x": 60}), ValueError, r"links\['x'\] must be an integer"),
-    (lambda r: bd.plot.drive(r, limits=(2, 1)), ValueError, "limits must rise, got 2, 1"),
-    (lambda r: bd.plot.overview(r, t=2.0), ValueError, "t must lie within the samples"),
 ]
 
 
@@ -422,30 +337,15 @@ def test_bad_arguments(result: bd.Result) -> None:
     for call, kind, message in BAD:
         with pytest.raises(kind, match=message):
             call(result)
-
-
-def test_overview_is_made_of_the_functions(result: bd.Result) -> None:
-    given = Figure()
-    assert bd.plot.overview(result, t=0.02, fig=given) is given
-    speeds, tensions, forces, drive, _bar = given.axes
-    for ax, alone in (
-        (speeds, bd.plot.speeds(result)),
-        (tensions, bd.plot.span_tensions(result)),
-        (forces, bd.plot.force_along_belt(result, 0.02)),
-    ):
-        np.testing.assert_equal(drawn(ax), drawn(alone))
-    assert drive.get_aspect() == 1.0 and "0.02 s" in drive.get_title()
-
-
-def test_no_overlap_without_a_layout(result: bd.Result) -> None:
-    """Axes of a plain figure: the colour bar lies below the legend, and this below the axis."""
-    ax = Figure().add_subplot()
-    bd.plot.drive(result, links=[1, 2, 3], ax=ax)
-    figure = ax.figure
-    figure.draw_without_rendering()
-    bar = figure.axes[1].get_window_extent()
-    legend, label = ax.get_legend().get_window_extent(), ax.xaxis.label.get_window_extent()
-    assert bar.y1 < legend.y0 and legend.y1 < label.y1
+    start = bd.settle(result.params)
+    empty = bd.simulate(result.params, bd.Viscous([1, 1]), 1e-4, t_eval=[], initial=start)
+    for draw in ALL.values():
+        with pytest.raises(TypeError, match="result must be a Result, got Scene"):
+            draw(bd.scenes.kubas_case_1())
+        with pytest.raises(TypeError, match="ax must be matplotlib axes or None, got int"):
+            draw(result, ax=1)
+        with pytest.raises(ValueError, match="result must hold at least one sample"):
+            draw(empty)
 
 
 @pytest.mark.ci(
@@ -463,11 +363,63 @@ def test_plot_is_found_without_an_import_and_without_pyplot() -> None:
         "bd.plot.overview(r); bd.plot.animate(r, duration=0.1)._repr_html_()\n"
         "print('matplotlib' in sys.modules, 'matplotlib.pyplot' in sys.modules)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "pip install matplotlib (or beltdyn[plot])" in done.stdout
     assert done.stdout.splitlines()[-1] == "True False"
     with pytest.raises(AttributeError, match="no attribute 'plots'"):
         _ = bd.plots
+
+
+PIVOT = (0.3, -0.05)
+
+
+@pytest.fixture(scope="module")
+def mounted() -> bd.Result:
+    """A back-side idler on an arm and a pulley on a slider, which a step of torque moves."""
+    slider = bd.Slider(direction=(2.0, 0.0), mass=1.0, weight=2.0, stiffness=1e5)
+    arm = {"pivot": PIVOT, "inertia": 3e-3, "stiffness": 30.0, "preload": -18.0, "damping": 0.2}
+    belt = {"n_bodies": 100, "linear_density": 0.1, "axial_stiffness": 70e3, "axial_damping": 1.4}
+    params = bd.Params(
+        belt=bd.Belt(length=1.262, **belt),
+        pulleys=[
+            bd.Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.01),
+            bd.Pulley(name="pump", center=(0.4, 0.05), radius=0.06, inertia=0.004, mount=slider),
+            pressing((0.2, 0.0), **arm),
+        ],
+        friction=bd.Dahl(mu_k=1.0, sigma=1e4),
+    )
+    torque = bd.PiecewiseLinear([0.0, 0.005], [[0, 0, 0], [-20, 0, 0]])
+    return bd.simulate(params, torque, t_end=0.02, t_eval=np.linspace(0.0, 0.02, 21))
+
+
+def test_layout_and_picture_show_pulleys_where_they_are(mounted: bd.Result) -> None:
+    """At rest, as drawn, and where they have moved to."""
+
+    def circles(ax: Axes) -> list[np.ndarray]:
+        return [np.array(p.center) for p in ax.patches if isinstance(p, Circle)]
+
+    pulleys, rest = mounted.params.pulleys, mounted.params.centers()
+    ax = bd.plot.layout(mounted.params)
+    np.testing.assert_allclose(circles(ax), rest, atol=1e-15)
+    assert np.abs(rest - [p.center for p in pulleys]).max() > 1e-4
+    arms = [np.array(line.get_xydata()) for line in ax.lines]
+    assert any(a.shape == (2, 2) and np.allclose(a, [PIVOT, rest[2]]) for a in arms)
+    np.testing.assert_array_equal(circles(bd.plot.layout(pulleys)), [p.center for p in pulleys])
+    ax = bd.plot.drive(mounted, t=0.02)
+    expected = mounted.params.centers(mounted.mounts.travel[-1])
+    np.testing.assert_allclose(circles(ax), expected, atol=1e-15)
+    titles = {text.get_text(): text.get_position() for text in ax.texts}
+    np.testing.assert_allclose(titles["tensioner"], expected[2], atol=1e-15)
+    assert (np.ptp(mounted.mounts.travel, axis=0) > 1e-4).all()
+    # travel over time
+    ax = bd.plot.travel(mounted)
+    pump, idler = (np.array(line.get_ydata(), dtype=float) for line in ax.lines)
+    way = mounted.mounts.travel
+    np.testing.assert_allclose(pump, 1e3 * way[:, 0], atol=1e-12)
+    np.testing.assert_allclose(idler, np.degrees(way[:, 1]), atol=1e-12)
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert labels == ["pump [mm]", "tensioner [deg]"]
+    fixed = attrs.evolve(mounted, mounts=None)
+    with pytest.raises(ValueError, match="no pulley of this drive is on an arm or a slider"):
+        bd.plot.travel(fixed)

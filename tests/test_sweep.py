@@ -22,7 +22,6 @@ from sweep_runs import (
     under_function,
     with_belt,
 )
-from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.sweeping import names
@@ -39,16 +38,10 @@ def run(*args: Any, **options: Any) -> xr.Dataset:
     return dataset
 
 
-# --- Numbers --------------------------------------------------------------------------------------
-
-
 def test_a_grid_is_every_combination_of_runs_by_hand() -> None:
     scene, lengths, factors = small(), [1.198, 1.2], [0.5, 1.0, 2.0]
-    found = run(
-        scene,
-        {"belt.length": lengths, "torque.scale": factors},
-        ["pulleys.omega", "span_tension.final", "joints.force"],
-    )
+    measure = ["pulleys.omega", "span_tension.final", "joints.force"]
+    found = run(scene, {"belt.length": lengths, "torque.scale": factors}, measure)
     assert found["pulleys.omega"].dims == ("belt.length", "torque.scale", "time", "pulley")
     assert found["joints.force"].dims == ("belt.length", "torque.scale", "time", "joint")
     assert list(found["pulley"].values) == ["crank", "fan"]
@@ -64,6 +57,28 @@ def test_a_grid_is_every_combination_of_runs_by_hand() -> None:
             assert bits(here["span_tension.final"]) == bits(result.span_tension[-1])
             assert str(here["warnings"].values) == "\n".join(map(str, result.warnings))
     assert bits(found["time"]) == bits(result.t)
+    # zipped listed and sampled runs are along one dimension
+    over = {"belt.length": [1.198, 1.2], "torque.scale": [0.5, 2.0]}
+    grid = run(small(), over, "span_tension.final")
+    zipped = run(small(), over, "span_tension.final", combine="zip")
+    listed = run(
+        small(),
+        [{"belt.length": 1.198, "torque.scale": 0.5}, {"belt.length": 1.2, "torque.scale": 2.0}],
+        "span_tension.final",
+    )
+    assert zipped.drop_attrs().identical(listed.drop_attrs())
+    assert zipped["span_tension.final"].dims == ("run", "span")
+    for k in range(2):
+        assert bits(zipped["span_tension.final"][k]) == bits(grid["span_tension.final"][k, k])
+    assert list(zipped["torque.scale"].values) == [0.5, 2.0]
+    samples = bd.sample({"belt.length": (1.195, 1.2), "friction.mu_k": (0.5, 0.9)}, 4, seed=3)
+    found = run(small(), samples, "span_tension.final")
+    assert bits(found["friction.mu_k"]) == bits(samples.values[:, 1])
+    one = attrs.evolve(small().params.friction, mu_k=float(samples.values[2, 1]))
+    scene = with_belt(small(), length=float(samples.values[2, 0]))
+    scene = scene._replace(params=attrs.evolve(scene.params, friction=one))
+    assert bits(found["span_tension.final"][2]) == bits(alone(scene).span_tension[-1])
+    assert json.loads(found.attrs["design"])["seed"] == 3
 
 
 OPTIONS = {"rtol": 1e-6, "method": "tsit5", "max_step": 1e-5}
@@ -74,24 +89,22 @@ def alternator() -> bd.Scene:
     return bd.scenes.tensioned_alternator()._replace(t_end=0.003)
 
 
+def ramp_to(torque: float) -> bd.PiecewiseLinear:
+    return bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [torque, 0.0]])
+
+
 def by_hand() -> dict[str, tuple[Any, bd.Scene]]:
     """Names, a value, and the scene with it, made without names."""
-    scene, moving = small(), moved()
+    scene, moving, arms = small(), moved(), alternator()
     params, torque = scene.params, scene.torque_fn
     assert isinstance(torque, bd.TorqueSum)
     drive, load = torque.parts
     heavy = [attrs.evolve(one, inertia=0.02) for one in params.pulleys]
-    ramp = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-30.0, 0.0]])
     twice = bd.PiecewiseLinear([0.0, 1e-3, 2e-3], [-20.0, -22.0, -22.0])
     other = bd.PiecewiseLinear([0.0, 1e-3, 2e-3], [-10.0, -7.0, -11.0])
     coulomb = bd.Coulomb(mu=0.5, v_reg=0.01)
-
-    arms = alternator()
-    (k,) = arms.params.mounted
-    arm = arms.params.pulleys[k]
-    pulleys = list(arms.params.pulleys)
-    pulleys[k] = attrs.evolve(arm, mount=attrs.evolve(arm.mount, damping=0.5))
-    damped = attrs.evolve(arms.params, pulleys=pulleys)
+    *fixed, arm = arms.params.pulleys
+    damped = attrs.evolve(arm, mount=attrs.evolve(arm.mount, damping=0.5))
 
     def of(**changes: Any) -> bd.Scene:
         return scene._replace(params=attrs.evolve(params, **changes))
@@ -102,28 +115,30 @@ def by_hand() -> dict[str, tuple[Any, bd.Scene]]:
     return {
         "belt.axial_damping": (2.0, with_belt(scene, axial_damping=2.0)),
         "belt.n_bodies": (20, with_belt(scene, n_bodies=20)),
+        "belt.preload": (900.0, with_belt(scene, length=None, preload=900.0)),
         "friction.mu_k": (0.6, of(friction=bd.Dahl(mu_k=0.6, sigma=1e4))),
         "friction": (coulomb, of(friction=coulomb)),
         "gravity[1]": (-9.81, of(gravity=(0.0, -9.81))),
-        "pulleys[1].inertia": (0.02, of(pulleys=(params.pulleys[0], heavy[1]))),
         "pulleys[fan].inertia": (0.02, of(pulleys=(params.pulleys[0], heavy[1]))),
         "pulleys[*].inertia": (0.02, of(pulleys=heavy)),
         "torque.scale": (1.5, under(drive * 1.5 + load * 1.5)),
         "torque[0].scale": (1.5, under(drive * 1.5 + load)),
         "torque[1].quadratic": (2e-3, under(drive + bd.Load("fan", viscous=0.5, quadratic=2e-3))),
-        "torque[0].values[1][0]": (-30.0, under(ramp + load)),
+        "torque[0].values[1][0]": (-30.0, under(ramp_to(-30.0) + load)),
         "torque": (drive, under(drive)),
         "t_end": (0.001, scene._replace(t_end=0.001)),
         "motion.scale": (2.0, moving._replace(motion={0: twice})),
-        "motion[0].scale": (2.0, moving._replace(motion={0: twice})),
         "motion[0].values[1]": (-7.0, moving._replace(motion={0: other})),
-        f"pulleys[{MOUNTED}].mount.damping": (0.5, arms._replace(params=damped)),
+        f"pulleys[{MOUNTED}].mount.damping": (
+            *(0.5, arms._replace(params=attrs.evolve(arms.params, pulleys=[*fixed, damped]))),
+        ),
         # options of simulate are swept as well
         **dict.fromkeys(OPTIONS, (None, scene)),
     }
 
 
 def test_a_name_changes_what_it_stands_for() -> None:
+    """A factor comes after what it is a factor of, in whatever order they are named."""
     bases = {"motion": moved, f"pulleys[{MOUNTED}]": alternator}
     before = {base: alone(base()).joints.force[-1] for base in (small, moved, alternator)}
     for name, (value, scene) in by_hand().items():
@@ -136,55 +151,19 @@ def test_a_name_changes_what_it_stands_for() -> None:
         if options:
             again = run(small(), {"torque.scale": [1.0]}, "joints.force.final", **options)
             assert bits(again["joints.force.final"]) == bits(found), name
-
-
-def test_a_preload_takes_the_place_of_a_length() -> None:
-    scene = small(0.001)
-    found = run(scene, {"belt.preload": [900.0, 1000.0]}, "span_tension.final", rtol=1e-3)
-    for preload in (900.0, 1000.0):
-        by_hand = with_belt(scene, length=None, preload=preload)
-        here = found["span_tension.final"].sel({"belt.preload": preload})
-        assert bits(here) == bits(alone(by_hand, rtol=1e-3).span_tension[-1])
-    back = run(with_belt(scene, length=None, preload=900.0), {"belt.length": [1.2]}, "stats.steps")
-    assert list(back["status"].values) == ["finished"]
-
-
-def test_factors_come_after_what_they_are_factors_of() -> None:
-    """In whatever order they are named."""
-    drive = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-30.0, 0.0]])
-    over = {"torque.scale": [2.0], "torque[0].scale": [1.5], "torque": [drive]}
+    tight = with_belt(small(), length=None, preload=900.0)
+    assert list(run(tight, {"belt.length": [1.2]}, "stats.steps")["status"].values) == ["finished"]
+    over = {"torque.scale": [2.0], "torque[0].scale": [1.5], "torque": [ramp_to(-30.0)]}
     found = run(small(), over, "pulleys.torque.final", t_end=0.001)
     assert list(found["pulleys.torque.final"].values.ravel()) == [-90.0, 0.0]
-
-
-def test_zipped_listed_and_sampled_runs_are_along_one_dimension() -> None:
-    over = {"belt.length": [1.198, 1.2], "torque.scale": [0.5, 2.0]}
-    grid = run(small(), over, "span_tension.final")
-    zipped = run(small(), over, "span_tension.final", combine="zip")
-    points = [dict(zip(over, values, strict=True)) for values in zip(*over.values(), strict=True)]
-    listed = run(small(), points, "span_tension.final")
-    assert zipped["span_tension.final"].dims == ("run", "span")
-    for k in range(2):
-        assert bits(zipped["span_tension.final"][k]) == bits(grid["span_tension.final"][k, k])
-    assert zipped.drop_attrs().identical(listed.drop_attrs())
-    assert list(zipped["torque.scale"].values) == [0.5, 2.0]
-    samples = bd.sample({"belt.length": (1.195, 1.2), "friction.mu_k": (0.5, 0.9)}, 4, seed=3)
-    found = run(small(), samples, "span_tension.final")
-    assert bits(found["friction.mu_k"]) == bits(samples.values[:, 1])
-    one = attrs.evolve(small().params.friction, mu_k=float(samples.values[2, 1]))
-    scene = with_belt(small(), length=float(samples.values[2, 0]))
-    scene = scene._replace(params=attrs.evolve(scene.params, friction=one))
-    assert bits(found["span_tension.final"][2]) == bits(alone(scene).span_tension[-1])
-    assert json.loads(found.attrs["design"])["seed"] == 3
 
 
 def test_a_warm_start_goes_on_from_the_run_before() -> None:
     """As by hand: the final state, at t = 0, is the start of the next run along that name."""
     scene = plain()
     over = {"torque.scale": SCALES, "friction.mu_k": [0.5, 1.0]}
-    swept = do(scene, over, "span_tension", warm="torque.scale", t_eval=TIMES)
-    assert swept.settled == 2
-    found = swept.dataset["span_tension"].values
+    found = do(scene, over, "span_tension", warm="torque.scale", t_eval=TIMES).dataset
+    found = found["span_tension"].values
     for k, mu_k in enumerate(over["friction.mu_k"]):
         friction = attrs.evolve(scene.params.friction, mu_k=mu_k)
         params, state = attrs.evolve(scene.params, friction=friction), None
@@ -199,45 +178,70 @@ def test_a_warm_start_goes_on_from_the_run_before() -> None:
     warm, cold = (run(small(), lengths, "span_tension", warm=name) for name in (*lengths, None))
     assert list(warm["status"].values) == ["finished", "refused", "finished"]
     assert bits(warm["span_tension"][2]) == bits(cold["span_tension"][2])
-
-
-def test_states_are_settled_once_for_runs_that_differ_in_loads() -> None:
-    """One state for all runs that differ in loads or options alone, one for each drive."""
+    # One state for all runs that differ in loads or options alone, one for each drive
     loads: dict[str, Any] = {"torque.scale": [k / 20 for k in range(20)], "rtol": [1e-3, 1e-4]}
-    for executor in (1, 2, "threads"):
+    for executor in (1, "threads"):
         swept = do(plain(), loads, "stats.steps", executor=executor)
         assert (swept.settled, swept.computed) == (1, 40)
     assert do(plain(), {**loads, "friction.mu_k": [0.5, 0.7]}, "stats.steps").settled == 2
     speeds = {"motion.scale": [1.0, 1.5], "torque.scale": [0.5, 1.0]}
     assert do(moved(), speeds, "stats.steps").settled == 2  # it runs at the speed
     assert do(plain(), loads, "stats.steps", initial=bd.settle(plain().params)).settled == 0
-
-
-# --- What is measured -----------------------------------------------------------------------------
+    # of a drive that does not settle all runs fail, with one message, at the cost of one
+    params = plain().params
+    loose = attrs.evolve(params.tensioning, move_time=1e-9, offset=[(0.0, 0.0), (-0.2, 0.0)])
+    scene = plain()._replace(params=attrs.evolve(params, tensioning=loose))
+    swept = do(scene, {"torque.scale": SCALES}, "stats.steps")
+    assert swept.settled == 1 and swept.counts in ({"failed": 3}, {"refused": 3})
+    assert len({str(one) for one in swept.dataset.message.values}) == 1
 
 
 def test_reductions_are_of_the_last_part() -> None:
+    """And nothing is computed but what is measured."""
     scene = small(0.01)
-    found = run(
-        scene,
-        {"torque.scale": [1.0]},
-        [f"pulleys.omega.{how}" for how in ("mean", "least", "most", "rms", "final")],
-        last=0.5,
-    )
+    measure = [f"pulleys.omega.{how}" for how in ("mean", "least", "most", "rms", "final")]
+    found = run(scene, {"torque.scale": [1.0]}, measure, last=0.5).isel({"torque.scale": 0})
     result = alone(scene)
     inside = result.t >= 0.005 - 1e-12
     t, omega = result.t[inside], result.pulleys.omega[inside]
-    lasts = t[-1] - t[0]
-    mean = np.trapezoid(omega, t, axis=0) / lasts
-    rms = np.sqrt(np.trapezoid(omega**2, t, axis=0) / lasts)
-    at = {how: found[f"pulleys.omega.{how}"].values[0] for how in ("mean", "rms")}
+    mean = np.trapezoid(omega, t, axis=0) / np.ptp(t)
+    rms = np.sqrt(np.trapezoid(omega**2, t, axis=0) / np.ptp(t))
     # another order of summing up
-    np.testing.assert_allclose(at["mean"], mean, rtol=1e-12)
-    np.testing.assert_allclose(at["rms"], rms, rtol=1e-12)
-    assert bits(found["pulleys.omega.least"][0]) == bits(omega.min(axis=0))
-    assert bits(found["pulleys.omega.most"][0]) == bits(omega.max(axis=0))
-    assert bits(found["pulleys.omega.final"][0]) == bits(omega[-1])
+    np.testing.assert_allclose(found["pulleys.omega.mean"], mean, rtol=1e-12)
+    np.testing.assert_allclose(found["pulleys.omega.rms"], rms, rtol=1e-12)
+    assert bits(found["pulleys.omega.least"]) == bits(omega.min(axis=0))
+    assert bits(found["pulleys.omega.most"]) == bits(omega.max(axis=0))
+    assert bits(found["pulleys.omega.final"]) == bits(omega[-1])
     assert found["pulleys.omega.mean"].attrs["units"] == "rad/s"
+    names = ["span_tension.mean", "pulleys.omega.final", "stats.steps"]
+    assert as_measure(names, scene.params, 0.2).outputs == ("span_tension", "pulleys.omega")
+    assert as_measure(lambda result: 0.0, scene.params, 0.2).outputs is None
+
+    # a function gives numbers texts arrays and labelled arrays
+    def measure(result: bd.Result) -> dict[str, Any]:
+        force = result.joints.force[-1]
+        return {
+            "largest": float(force.max()),
+            "count": force.size,
+            "word": "tight" if force.max() > 1000.0 else "slack",
+            "all": force,
+            "both": xr.DataArray(force[:2], {"end": ["l", "r"]}, ("end",), attrs={"units": "N"}),
+            "inside": {"least": force.min()},
+            "none": None,
+        }
+
+    over = {"belt.length": [1.195, 1.207]}
+    found = run(small(), over, measure)
+    force = alone(with_belt(small(), length=1.195)).joints.force[-1]
+    assert float(found["largest"][0]) == force.max() and float(found["count"][0]) == 24
+    assert list(found["word"].values) == ["tight", "slack"]
+    assert found["all"].dims == ("belt.length", "all_0") and bits(found["all"][0]) == bits(force)
+    assert found["both"].dims == ("belt.length", "end") and found["both"].attrs["units"] == "N"
+    assert bits(found["both"].sel(end="r")[0]) == bits(force[1])
+    assert float(found["inside.least"][0]) == force.min()
+    assert np.isnan(found["none"]).all()
+    measures = {"top": lambda result: result.joints.force.max(), "n": "stats.steps"}
+    assert set(measures) < set(map(str, run(small(), over, measures).data_vars))
 
 
 def test_quantities_of_the_report() -> None:
@@ -269,46 +273,7 @@ def test_quantities_of_the_report() -> None:
     assert {name for name in expected if "[" not in name} < set(map(str, whole.data_vars))
 
 
-def test_a_function_gives_numbers_texts_arrays_and_labelled_arrays() -> None:
-    def measure(result: bd.Result) -> dict[str, Any]:
-        force = result.joints.force[-1]
-        return {
-            "largest": float(force.max()),
-            "count": force.size,
-            "word": "tight" if force.max() > 1000.0 else "slack",
-            "all": force,
-            "both": xr.DataArray(
-                force[:2], {"end": ["left", "right"]}, ("end",), attrs={"units": "N"}
-            ),
-            "inside": {"least": force.min()},
-            "none": None,
-        }
-
-    over = {"belt.length": [1.195, 1.207]}
-    found = run(small(), over, measure)
-    force = alone(with_belt(small(), length=1.195)).joints.force[-1]
-    assert float(found["largest"][0]) == force.max() and float(found["count"][0]) == 24
-    assert list(found["word"].values) == ["tight", "slack"]
-    assert found["all"].dims == ("belt.length", "all_0") and bits(found["all"][0]) == bits(force)
-    assert found["both"].dims == ("belt.length", "end") and found["both"].attrs["units"] == "N"
-    assert bits(found["both"].sel(end="right")[0]) == bits(force[1])
-    assert float(found["inside.least"][0]) == force.min()
-    assert np.isnan(found["none"]).all()
-    measures = {"top": lambda result: result.joints.force.max(), "n": "stats.steps"}
-    assert set(measures) < set(map(str, run(small(), over, measures).data_vars))
-
-
-def test_only_what_is_measured_is_computed() -> None:
-    names = ["span_tension.mean", "pulleys.omega.final", "stats.steps"]
-    assert as_measure(names, small().params, 0.2).outputs == ("span_tension", "pulleys.omega")
-    assert as_measure(lambda result: 0.0, small().params, 0.2).outputs is None
-
-
-# --- Runs that fail -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("executor", ci_if("processes".__eq__, ["threads", "processes"]))
-def test_runs_that_fail_stop_nothing_and_say_why(executor: str) -> None:
+def test_runs_that_fail_stop_nothing_and_say_why() -> None:
     """Refused by the drive, a load, an option; failed while settling, while running."""
 
     def torque(t: float, theta: Any, omega: Any) -> list[float]:
@@ -338,7 +303,8 @@ def test_runs_that_fail_stop_nothing_and_say_why(executor: str) -> None:
         ({"belt.length": 1.198}, "finished", ""),
     ]
     points = [{**usual, **change} for change, _, _ in changes]
-    found = run(scene, points, ["span_tension.mean", "stats.method"], executor=executor)
+    measure = ["span_tension.mean", "stats.method"]
+    found = run(scene, points, measure)
     tensions = found["span_tension.mean"]
     for k, (_, status, words) in enumerate(changes):
         message = str(found["message"].values[k])
@@ -347,24 +313,12 @@ def test_runs_that_fail_stop_nothing_and_say_why(executor: str) -> None:
         assert np.isfinite(tensions[k]).all() == (status == "finished")
         assert (found["stats.method"].values[k] != "") == (status == "finished")
         assert "mesh" in str(found["warnings"].values[k]) or status == "refused" or k == 6
-    alone_too = run(scene, points[-1:], "span_tension.mean")
-    assert bits(tensions[-1]) == bits(alone_too["span_tension.mean"][0])
+    assert bits(tensions[-1]) == bits(run(scene, points[-1:], measure)["span_tension.mean"][0])
     with pytest.raises(bd.SimulationError) as error:
         bd.settle(attrs.evolve(scene.params, gravity=(0.0, -1e7)))
     assert found["message"].values[6] == " ".join(str(error.value).split())
 
-
-def test_a_drive_that_does_not_settle_is_tried_once() -> None:
-    """Its runs all fail, with the same message, at the cost of one."""
-    scene = plain()
-    loose = attrs.evolve(scene.params.tensioning, move_time=1e-9, offset=[(0.0, 0.0), (-0.2, 0.0)])
-    params = attrs.evolve(scene.params, tensioning=loose)
-    swept = do(scene._replace(params=params), {"torque.scale": SCALES}, "stats.steps")
-    assert swept.settled == 1 and swept.counts in ({"failed": 3}, {"refused": 3})
-    assert len({str(one) for one in swept.dataset.message.values}) == 1
-
-
-def test_a_measure_that_fails_or_does_not_fit() -> None:
+    # a measure that fails or does not fit
     def measure(result: bd.Result) -> Any:
         length = result.params.belt.length
         if length == 1.2:
@@ -376,10 +330,8 @@ def test_a_measure_that_fails_or_does_not_fit() -> None:
     found = run(small(), {"belt.length": [1.195, 1.2, 1.198]}, {"force": measure})
     assert list(found["status"].values) == ["finished", "measure", "measure"]
     said = str(found["message"].values[1])
-    assert said.startswith("KeyError: 'peak' (line ") and said.endswith(
-        " of measure, test_sweep.py)"
-    )
-    assert found["message"].values[2] == ("force has 4 values along 'force_0', 3 in the first runs")
+    assert said.startswith("KeyError: 'peak' (line ") and said.endswith("easure, test_sweep.py)")
+    assert found["message"].values[2] == "force has 4 values along 'force_0', 3 in the first runs"
     assert np.isnan(found["force"][1:]).all() and np.isfinite(found["force"][0]).all()
 
     # curves over other times
@@ -391,71 +343,53 @@ def test_a_measure_that_fails_or_does_not_fit() -> None:
     assert list(found["status"].values) == ["finished", "finished"]
 
 
-# --- The table ------------------------------------------------------------------------------------
-
-
-def test_units_texts_and_what_the_sweep_was_of() -> None:
-    over = {"belt.length": [1.2], "torque.scale": [1.0], "rtol": [1e-3], "t_end": [0.001]}
-    found = run(small(), over, ["span_tension.mean"], method="tsit5")
-    units = {name: found[name].attrs.get("units") for name in over}
-    assert units == {"belt.length": "m", "torque.scale": "1", "rtol": None, "t_end": "s"}
+def test_a_table_has_units_and_texts_and_comes_back_from_a_file(tmp_path: Any) -> None:
+    over = {"friction": [bd.Dahl(mu_k=1.0, sigma=1e4), None], "torque.scale": [1, 2]}
+    over |= {"belt.length": [1.2], "rtol": [1e-3], "t_end": [0.001]}
+    measure = ["span_tension.mean", "stats.method", "pulleys.omega"]
+    found = run(small(), over, measure, method="tsit5")
+    units = {name: found[name].attrs.get("units") for name in [*over][1:]}
+    assert units == {"torque.scale": "1", "belt.length": "m", "rtol": None, "t_end": "s"}
     assert found["belt.length"].attrs["long_name"] and found["span_tension.mean"].attrs["long_name"]
     assert found["span_tension.mean"].attrs["units"] == "N"
     assert bd.Scene.from_toml(found.attrs["scene"]).t_end == small().t_end
-    assert "method = tsit5" in found.attrs["options"]
+    assert "method = tsit5" in found.attrs["options"] and found.attrs["kernels"]
     assert found.attrs["beltdyn_version"] == bd.__version__
-    assert found.attrs["kernels"]
-    travel = run(alternator(), {"t_end": [0.001]}, "mounts.travel.final")
-    assert travel["mount"].values == [MOUNTED]
-    assert travel["mounts.travel.final"].attrs["units"] == "rad"
-
-
-def test_a_table_comes_back_from_a_file(tmp_path: Any) -> None:
-    over = {"friction": [bd.Dahl(mu_k=1.0, sigma=1e4), None], "torque.scale": [1, 2]}
-    found = run(small(), over, ["span_tension.final", "stats.method", "pulleys.omega"])
     assert found["torque.scale"].dtype.kind == "i"
     found.to_netcdf(tmp_path / "sweep.nc")
     with xr.open_dataset(tmp_path / "sweep.nc") as read:
         xr.testing.assert_equal(read.load(), found)
     assert read.attrs == found.attrs
-
-
-# --- What is refused ------------------------------------------------------------------------------
+    travel = run(alternator(), {"t_end": [0.001]}, "mounts.travel.final")
+    assert travel["mount"].values == [MOUNTED]
+    assert travel["mounts.travel.final"].attrs["units"] == "rad"
 
 
 BAD_NAMES: list[tuple[Any, str]] = [
     ({"belt.lenght": [1.2]}, "did you mean 'belt.length'"),
     ({"pulleys[pump].inertia": [1.0]}, "no pulley is called 'pump'"),
-    ({"pulleys[7].inertia": [1.0]}, "has 2 entries"),
     ({"torque[2].scale": [1.0]}, "2 part"),
     ({"torque[1].linear": [1.0]}, "not 'linear'"),
     ({"torque.viscous": [1.0]}, 'torque[0].viscous'),
     ({"motion.scale": [1.0]}, "no motion is prescribed"),
-    ({"belt.length": []}, "at least one value"),
     ({"belt.length": 1.2}, "a list of values"),
     ({"belt.length": [1.2, 1.2]}, "twice"),
     ({}, "at least one"),
-    ([], "at least one"),
     ([{"belt.length": 1.2}, {"torque.scale": 1.0}], "over[1] must name belt.length"),
     ({"pulleys[0].inertia": [1.0], "pulleys[*].inertia": [1.0]}, "a number in common"),
-    ({"pulleys[0].inertia": [1.0], "pulleys[crank].inertia": [1.0]}, "a number in common"),
     ({"outputs": [("belt",)]}, "nothing is called 'outputs'"),
     ("belt.length", "over must be"),
 ]  # fmt: skip
 BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"measure": "span_tensoin"}, "did you mean 'span_tension'"),
     ({"measure": "report.pulleys.margn"}, "did you mean 'margin'"),
-    ({"measure": "report.pulley.margin"}, "did you mean 'pulleys'"),
     ({"measure": "report.pulleys[pump].margin"}, "no pulley is called 'pump'"),
     ({"measure": "mounts.travel"}, "no mounts"),
-    ({"measure": "stats.stepps"}, "did you mean 'steps'"),
-    ({"measure": []}, "at least one"),
     ({"measure": {"a": 3}}, "must be a name or a function"),
     ({"measure": 3}, "measure must be"),
     ({"measure": {"status": "span_tension.mean"}}, "'status' is the name of something else"),
     ({"measure": {"belt.length": "slip.mean"}}, "'belt.length' is the name of"),
     ({"t_end": -1.0}, "t_end must be > 0"),
-    ({"rtoll": 1e-3}, "did you mean 'rtol'"),
     ({"outputs": ("belt",)}, "follows from measure"),
     ({"method": "rk4", "over": {"method": ["rk4"]}}, "leave one of them out"),
     ({"combine": "both"}, "combine must be"),
@@ -463,9 +397,6 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"warm": "belt.width"}, "warm must be one of"),
     ({"warm": "belt.length", "combine": "zip"}, "needs a grid"),
     ({"last": 0.0}, "last must be"),
-    ({"executor": 0}, "executor"),
-    ({"executor": "cluster"}, "executor must be"),
-    ({"executor": 1.5}, "executor must be"),
     ({"scene": "no-such-scene"}, "no scene is called"),
     ({"scene": 3}, "scene must be"),
 ]
@@ -480,21 +411,10 @@ def test_what_is_wrong_is_refused_before_anything_runs(monkeypatch: pytest.Monke
         assert words in str(error.value), options
 
 
-def test_a_function_as_torque_has_a_factor_and_no_fields() -> None:
-    scene = under_function()
-    inner: Any = scene.torque_fn
-    found = run(scene, {"torque.scale": SCALES}, "span_tension", t_eval=TIMES)["span_tension"]
-    for k, scale in enumerate(SCALES):
-        torque = lambda *at, scale=scale: [scale * one for one in inner(*at)]  # noqa: E731
-        result = alone(scene._replace(torque_fn=torque), t_eval=TIMES)
-        assert bits(found[k]) == bits(result.span_tension)
-    assert bits(found[0]) != bits(found[2])
-    with pytest.raises(ValueError, match="the torque is a function"):
-        names.find(scene, "torque[0].values")
-
-
 def test_torques_times_numbers() -> None:
-    """In proportion at every speed and time, of each kind; sums by their parts."""
+    """In proportion at every speed and time, of each kind, sums by their parts; functions in a
+    sweep, which have no fields.
+    """
     kinds: list[bd.Torque] = [
         bd.PiecewiseLinear([0.0, 1.0], [0.0, 2.0], pulley=0),
         bd.Viscous([0.5, 1.0]),
@@ -504,9 +424,8 @@ def test_torques_times_numbers() -> None:
         bd.Step(1, 0.2, 3.0),
         bd.Ramp(1, 0.1, 0.4, -3.0),
     ]
-    whole = bd.TorqueSum(kinds)
     at = (0.3, np.array([0.3, -0.2]), np.array([4.0, -5.0]))
-    for torque in [*kinds, whole]:
+    for torque in [*kinds, bd.TorqueSum(kinds)]:
         for product in (torque * 2.5, 2.5 * torque):
             assert type(product) is type(torque)
             np.testing.assert_allclose(product(*at), 2.5 * torque(*at), rtol=1e-14)
@@ -514,3 +433,13 @@ def test_torques_times_numbers() -> None:
         kinds[0] * "2"  # type: ignore[operator]
     with pytest.raises(ValueError, match="against the rotation"):
         kinds[2] * -1.0
+    scene = under_function()
+    inner: Any = scene.torque_fn
+    found = run(scene, {"torque.scale": SCALES}, "span_tension", t_eval=TIMES)["span_tension"]
+    for k, scale in enumerate(SCALES):
+        scaled = lambda *at, scale=scale: [scale * one for one in inner(*at)]  # noqa: E731
+        result = alone(scene._replace(torque_fn=scaled), t_eval=TIMES)
+        assert bits(found[k]) == bits(result.span_tension)
+    assert bits(found[0]) != bits(found[2])
+    with pytest.raises(ValueError, match="the torque is a function"):
+        names.find(scene, "torque[0].values")

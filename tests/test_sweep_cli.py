@@ -1,6 +1,6 @@
 """The command ``beltdyn sweep``: files of sweeps, what they are refused for, and a whole one.
 
-Stopped or killed it leaves what is done, and the same command goes on.
+Stopped it leaves what is done, and the same command goes on.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from beltdyn.sweeping.store import Store
 
 pytestmark = pytest.mark.filterwarnings("ignore:long_links")
 
-extended = pytest.mark.extended(guard="test_sweep_cli.py::test_an_interrupted_sweep_goes_on")
+MEASURE = ["span_tension.final", "stats.steps"]
 SWEEP = """
 scene = "drive.toml"
 measure = ["span_tension.final", "stats.steps"]
@@ -58,14 +58,13 @@ def table(path: Path) -> xr.Dataset:
         return read.load()
 
 
-def test_a_sweep_from_a_file(folder: Path) -> None:
+def test_a_sweep_from_a_file(folder: Path, tmp_path: Path) -> None:
     out = folder / "sweep.nc"
     done = call(folder / "sweep.toml", "--out", out, "--workers", 2)
     assert done.exit_code == 0, done.stderr
     found = table(out)
     over = {"torque.scale": np.linspace(0.5, 1.5, 3), "belt.length": [1.198, 1.2, 0.2]}
-    measure = ["span_tension.final", "stats.steps"]
-    expected = bd.sweep(small(), over, measure, rtol=1e-3, progress=False)
+    expected = bd.sweep(small(), over, MEASURE, rtol=1e-3, progress=False)
     xr.testing.assert_equal(found, expected)
     assert found.attrs == expected.attrs
     assert "9 runs: 6 finished, 3 refused; 9 computed by 2 thread(s)" in done.stdout
@@ -78,60 +77,29 @@ def test_a_sweep_from_a_file(folder: Path) -> None:
     assert "9 runs: 6 finished, 3 refused; 3 computed by" in again.stdout
     assert "6 found in the store" in again.stdout
 
+    # values of every kind
+    def read(*lines: str) -> Any:
+        (tmp_path / "s.toml").write_text("\n".join(['scene = "kubas-case-1"', *lines]))
+        return sweep_file.read(tmp_path / "s.toml").over
 
-@pytest.mark.ci(guard="test_sweep_cli.py::test_a_sweep_from_a_file")
-def test_the_file_of_the_notebooks() -> None:
-    """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
-    path = Path(__file__).resolve().parent.parent / "notebooks" / "sweep.toml"
-    found = sweep_file.read(path)
-    assert found.scene == bd.scenes.serpentine()
-    as_measure(found.measure, found.scene.params, found.arguments["last"])
-    options = {**found.arguments, "executor": "threads", "progress": False}
-    over, measure = {**found.over, "t_end": [0.002]}, "report.pulleys.hub_load"
-    assert measure in found.measure
-    table = bd.sweep(found.scene, over, measure, **options)
-    assert table["status"].values.ravel().tolist() == 6 * ["finished"], table["message"].values
-    held = table[measure].squeeze().sel(pulley="tensioner")
-    # a tighter spring: more load on its pulley
-    assert (held.diff("pulleys[tensioner].mount.preload") > 0.0).all()
-
-
-def test_no_run_finishes(folder: Path) -> None:
-    text = SWEEP.replace("[1.198, 1.2, 0.2]", "[0.2]")
-    (folder / "sweep.toml").write_text(text)
-    done = call(folder / "sweep.toml", "--out", folder / "sweep.nc")
-    assert done.exit_code == 1 and "no run finished" in done.stderr
-    assert (table(folder / "sweep.nc")["status"] == "refused").all()
-
-
-def read(folder: Path, text: str) -> Any:
-    (folder / "s.toml").write_text('scene = "kubas-case-1"\n' + text)
-    return sweep_file.read(folder / "s.toml").over
-
-
-def test_values_of_every_kind(tmp_path: Path) -> None:
-    lines = [
+    over = read(
+        "[over]",
         '"friction" = [{ kind = "coulomb", mu = 0.5, v_reg = 0.01 }, { mu_k = 0.7, sigma = 1e4 }]',
         '"torque" = [[{ kind = "viscous", coefficients = [0.1, 0.0] }]]',
         '"contact.quadratic" = { from = 1e9, to = 1e11, count = 3, spacing = "geometric" }',
         '"method" = ["tsit5", "rodas4"]',
-    ]
-    over = read(tmp_path, "\n".join(["[over]", *lines]))
+    )
     assert over["friction"] == [bd.Coulomb(mu=0.5, v_reg=0.01), bd.Dahl(mu_k=0.7, sigma=1e4)]
     assert over["torque"] == [bd.Viscous([0.1, 0.0])]
     np.testing.assert_allclose(over["contact.quadratic"], [1e9, 1e10, 1e11], rtol=1e-12)
     assert over["method"] == ["tsit5", "rodas4"]
-    text = """
-        [sample]
-        n = 8
-        method = "latin-hypercube"
-        seed = 4
-        [sample.ranges]
-        "friction.mu_k" = [0.6, 0.9]
-        "belt.axial_stiffness" = { normal = [90e3, 4e3] }
-        "contact.quadratic" = { lognormal = [5e10, 0.2] }
-    """
-    found = read(tmp_path, text)
+    found = read(
+        '[sample]\nn = 8\nmethod = "latin-hypercube"\nseed = 4',
+        "[sample.ranges]",
+        '"friction.mu_k" = [0.6, 0.9]',
+        '"belt.axial_stiffness" = { normal = [90e3, 4e3] }',
+        '"contact.quadratic" = { lognormal = [5e10, 0.2] }',
+    )
     ranges = {
         "friction.mu_k": (0.6, 0.9),
         "belt.axial_stiffness": stats.norm(90e3, 4e3),
@@ -141,52 +109,60 @@ def test_values_of_every_kind(tmp_path: Path) -> None:
     assert found.names == expected.names and bits(found.values) == bits(expected.values)
 
 
+@pytest.mark.ci(guard="test_sweep_cli.py::test_a_sweep_from_a_file")
+def test_the_file_of_the_notebooks() -> None:
+    """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
+    found = sweep_file.read(Path(__file__).resolve().parents[1] / "notebooks" / "sweep.toml")
+    assert found.scene == bd.scenes.serpentine()
+    as_measure(found.measure, found.scene.params, found.arguments["last"])
+    over, measure = {**found.over, "t_end": [0.002]}, "report.pulleys.hub_load"
+    table = bd.sweep(found.scene, over, measure, **{**found.arguments, "progress": False})
+    assert measure in found.measure
+    assert table["status"].values.ravel().tolist() == 6 * ["finished"], table["message"].values
+    # a tighter spring: more load on its pulley
+    held = table[measure].squeeze().sel(pulley="tensioner")
+    assert (held.diff("pulleys[tensioner].mount.preload") > 0.0).all()
+
+
 WRONG = [
     ('scene = "drive.toml"', "", "scene: missing"),
-    ('scene = "drive.toml"', "scene = 3", "scene: must be a table"),
-    ('scene = "drive.toml"', 'scene = "driv"', "no scene is called"),
     ("measure", "mesure", "mesure: unknown field (did you mean 'measure'?)"),
-    ("[over]", "[ower]", "ower: unknown field"),
     ("count = 3", "number = 3", "over.torque.scale.number: unknown field"),
     ("from = 0.5, ", "", "over.torque.scale.from: missing"),
     ("count = 3", "count = 0", "over.torque.scale.count"),
     ("count = 3", 'count = 3, spacing = "log"', "spacing must be one of even, geometric"),
     ("from = 0.5", "from = -1, spacing = 'geometric'", "must not reach or pass 0"),
-    ("rtol = 1e-3", "rtoll = 1e-3", "did you mean 'rtol'"),
     ("rtol = 1e-3", "store = 'x'", "options.store"),
     ("[1.198, 1.2, 0.2]", "1.2", "over.belt.length: must be a list of values, or a range"),
     ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
     ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
-    ("belt.length", "belt.lenght", "did you mean 'belt.length'"),
-    ("span_tension.final", "span_tension.last", "did you mean"),
     ("[options]", "[sample]\nn = 3\n[options]", "either over or sample"),
-    ("[over]", "over = 3\n[x]", "x: unknown field"),
 ]
 
 
-def test_what_files_are_refused_for(folder: Path) -> None:
+def test_what_is_refused_and_where_no_run_finishes(folder: Path) -> None:
+    """Each in a line: of the file, of the command; nothing is written. Refused runs are."""
+    file, out = folder / "sweep.toml", folder / "sweep.nc"
     for old, new, words in WRONG:
         assert old in SWEEP
-        (folder / "sweep.toml").write_text(SWEEP.replace(old, new))
-        done = call(folder / "sweep.toml", "--out", folder / "sweep.nc")
+        file.write_text(SWEEP.replace(old, new))
+        done = call(file, "--out", out)
         assert done.exit_code == 2 and words in done.stderr, (new, done.stderr)
-        assert done.stderr.count("\n") == 1
-        assert not (folder / "sweep.nc").exists()
-
-
-def test_bad_usage(folder: Path) -> None:
-    file = folder / "sweep.toml"
+        assert done.stderr.count("\n") == 1 and not out.exists()
+    file.write_text(SWEEP.replace("[1.198, 1.2, 0.2]", "[0.2]"))
     for options, words in [
-        (["--out", folder / "no" / "sweep.nc"], "there is no folder"),
-        (["--out", folder / "a.nc", "--workers", 0], "at least 1"),
-        (["--out", folder / "a.nc", "--workers", 1, "--scheduler", "tcp://x:1"], "together"),
-        (["--out", folder / "a.nc", "--store", file], "it is a file"),
-        ([], "--out"),
+        ([file, "--out", folder / "no" / "sweep.nc"], "there is no folder"),
+        ([file, "--out", out, "--workers", 0], "at least 1"),
+        ([file, "--out", out, "--workers", 1, "--scheduler", "tcp://x:1"], "together"),
+        ([file, "--out", out, "--store", file], "it is a file"),
+        ([file], "--out"),
+        ([folder / "none.toml", "--out", out], "cannot read"),
     ]:
-        done = call(file, *options)
+        done = call(*options)
         assert done.exit_code == 2 and words in done.stderr
-    missing = call(folder / "none.toml", "--out", folder / "a.nc")
-    assert missing.exit_code == 2 and "cannot read" in missing.stderr
+    done = call(file, "--out", out)
+    assert done.exit_code == 1 and "no run finished" in done.stderr
+    assert (table(out)["status"] == "refused").all()
 
 
 #: The command in a process of its own, which goes on slowly once there is a part.
@@ -199,7 +175,6 @@ sweep_runs.go_on_slowly(sys.argv[4] + ".runs", 1)
 main()
 """
 )
-MANY = {"torque.scale": np.linspace(0.5, 1.5, 20), "belt.length": [1.198, 1.2]}
 
 
 def of_many(folder: Path) -> list[str]:
@@ -212,8 +187,8 @@ def of_many(folder: Path) -> list[str]:
 
 def check_went_on(folder: Path) -> None:
     assert not (folder / "sweep.nc.runs").exists()
-    measure = ["span_tension.final", "stats.steps"]
-    whole = bd.sweep(small(), MANY, measure, rtol=1e-3, progress=False)
+    over = {"torque.scale": np.linspace(0.5, 1.5, 20), "belt.length": [1.198, 1.2]}
+    whole = bd.sweep(small(), over, MEASURE, rtol=1e-3, progress=False)
     xr.testing.assert_equal(table(folder / "sweep.nc"), whole)
 
 
@@ -235,27 +210,22 @@ def test_an_interrupted_sweep_goes_on(folder: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.ci(guard="test_sweep_cli.py::test_an_interrupted_sweep_goes_on")
-@pytest.mark.parametrize(
-    "sent", [signal.SIGINT, signal.SIGKILL, pytest.param(signal.SIGTERM, marks=extended)]
-)
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_sweep_goes_on_with_the_same_command(folder: Path, sent: signal.Signals) -> None:
-    arguments, out, parts = of_many(folder), folder / "sweep.nc", folder / "sweep.nc.runs"
+    arguments = of_many(folder)
     running = subprocess.Popen(
         [sys.executable, "-c", SLOWED, *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
     )
-    while not list(parts.glob("part-*")):
+    while not list((folder / "sweep.nc.runs").glob("part-*")):
         assert running.poll() is None
         time.sleep(0.02)
     os.kill(running.pid, sent)
     _, said = running.communicate(timeout=60)
-    if sent is signal.SIGKILL:
-        assert running.returncode == -signal.SIGKILL and not out.exists()
-    else:
-        assert running.returncode == 130 and "go on with the same command" in said
-        assert (table(out)["status"] == "missing").any()
+    assert running.returncode == 130 and "go on with the same command" in said
+    assert (table(folder / "sweep.nc")["status"] == "missing").any()
     command = [sys.executable, "-m", "beltdyn", *arguments]
     again = subprocess.run(command, capture_output=True, text=True, check=True)
     assert " found in the store" in again.stdout

@@ -1,17 +1,22 @@
 """A sweep gives the same Dataset, to the last bit, wherever its runs are done; Python torques go to
-processes, compiled ones stay; batches stay few; ten thousand runs need bounded memory.
+processes, compiled ones stay; batches stay few; results are let go. Workers that are killed: the
+same Dataset; runs that kill them are given up, alone.
 """
 
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 import weakref
-from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,52 +46,50 @@ GUARD = "test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes
 ci = pytest.mark.ci(guard=GUARD)
 
 
-# --- the same numbers ----------------------------------------------------------------------------
-
-
-def test_two_threads(expected: dict[str, Any]) -> None:
-    for name in cases():
-        same(sweep(name, "threads"), expected[name])
-    with ThreadPoolExecutor(3) as threads:
-        same(sweep("warm", threads), expected["warm"])
-
-
 def test_workers_that_are_told_everything_in_bytes(expected: dict[str, Any]) -> None:
-    """As processes and clusters are, of which the tests below are run in CI."""
-    with sweep_runs.Sent() as sent:
+    """As processes and clusters are, of which the tests below are run in CI; and threads."""
+    with sweep_runs.Sent() as sent, ThreadPoolExecutor(3) as threads:
         for name in cases():
             same(sweep(name, sent), expected[name])
+            same(sweep(name, "threads" if name == "grid" else threads), expected[name])
         assert sent.jobs > len(cases())
         assert do(plain(), ONE, MEASURE, executor=sent).workers.endswith("worker(s) of Sent")
 
 
 @ci
 def test_processes(expected: dict[str, Any]) -> None:
-    for name in ("warm", "lambda"):
-        same(sweep(name, "processes"), expected[name])
-
-
-@ci
-def test_processes_of_the_users(expected: dict[str, Any]) -> None:
+    """Of the package and of the user's."""
+    same(sweep("lambda", "processes"), expected["lambda"])
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
         for name in cases():
             same(sweep(name, processes), expected[name])
 
 
-@pytest.fixture(scope="module")
-def client() -> Iterator[Any]:
-    """A client of a scheduler and two worker processes, each of one thread."""
-    with sweep_runs.cluster() as client:
-        yield client
-
-
 @ci
-def test_a_dask_cluster(expected: dict[str, Any], client: Any) -> None:
-    for name in cases():
-        same(sweep(name, client), expected[name])
-    assert "Dask" in do(plain(), ONE, MEASURE, executor=client).workers
-    with pytest.raises(TypeError, match="compiled function"):
-        do(plain()._replace(torque_fn=compiled), ONE, MEASURE, executor=client)
+def test_a_dask_cluster(expected: dict[str, Any]) -> None:
+    """Clients that cannot be waited for are refused; at first there may be no workers."""
+    distributed = pytest.importorskip("distributed")
+
+    async def asynchronous() -> None:
+        address = client.scheduler.address
+        async with distributed.Client(address, asynchronous=True) as other:
+            with pytest.raises(ValueError, match="asynchronous"):
+                do(plain(), ONE, MEASURE, executor=other)
+
+    with sweep_runs.cluster() as client:
+        for name in cases():
+            same(sweep(name, client), expected[name])
+        assert "Dask" in do(plain(), ONE, MEASURE, executor=client).workers
+        with pytest.raises(TypeError, match="compiled function"):
+            do(plain()._replace(torque_fn=compiled), ONE, MEASURE, executor=client)
+        client.sync(asynchronous)
+        closed = distributed.Client(client.scheduler.address)
+        closed.close()
+        with pytest.raises(ValueError, match="closed"):
+            do(plain(), ONE, MEASURE, executor=closed)
+    with sweep_runs.cluster(workers=0, processes=False) as client:
+        client.cluster.adapt(minimum=0, maximum=1, interval="50ms")
+        assert do(plain(), ONE, MEASURE, executor=client).counts == {"finished": 1}
 
 
 @ci
@@ -113,9 +116,6 @@ def test_a_function_of_a_script(tmp_path: Any) -> None:
     assert "thread" in threads and "process" in processes and counts == "{'finished': 2}"
 
 
-# --- where runs go -------------------------------------------------------------------------------
-
-
 def test_python_torques_go_to_processes_and_it_is_said(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -129,27 +129,21 @@ def test_python_torques_go_to_processes_and_it_is_said(
     assert "thread" in swept.workers and capsys.readouterr().err == ""
 
 
-def test_compiled_functions_stay_in_this_process() -> None:
+def test_what_cannot_be_sent_stays_in_this_process() -> None:
+    """Compiled functions, and those that enclose a lock."""
     scene = plain()._replace(torque_fn=compiled)
     over = {"friction.mu_k": [0.5, 1.0]}
-    objects = plain()._replace(
-        torque_fn=bd.PiecewiseLinear([0.0], [[-20.0, 0.0]]) + bd.Viscous([0.0, 1.0])
-    )
+    objects = bd.PiecewiseLinear([0.0], [[-20.0, 0.0]]) + bd.Viscous([0.0, 1.0])
     measure = [*MEASURE, "report.spans.tension"]  # reports alone would go to processes
     found = do(scene, over, measure, executor=None)
-    expected = do(objects, over, measure)
     assert "thread" in found.workers and found.counts == {"finished": 2}
-    np.testing.assert_allclose(
-        found.dataset["span_tension"], expected.dataset["span_tension"], rtol=1e-6
-    )
+    python = do(plain()._replace(torque_fn=objects), over, measure).dataset["span_tension"]
+    np.testing.assert_allclose(found.dataset["span_tension"], python, rtol=1e-6)
     for executor in ("processes", sweep_runs.Sent()):
         with pytest.raises(TypeError, match=r'compiled function.*executor="threads"'):
             do(scene, over, MEASURE, executor=executor)
         with pytest.raises(TypeError, match="compiled function"):
             do(plain(), {"torque": [compiled]}, MEASURE, executor=executor)
-
-
-def test_what_cannot_be_sent_is_said() -> None:
     lock = threading.Lock()
 
     def torque(_t: float, _theta: Any, _omega: Any) -> list[float]:
@@ -161,8 +155,7 @@ def test_what_cannot_be_sent_is_said() -> None:
         do(scene, ONE, MEASURE, executor="processes")
     assert do(scene, ONE, MEASURE).counts == {"finished": 1}
 
-
-def test_what_is_no_executor() -> None:
+    # what is no executor
     class Odd:
         def submit(self, *_: Any) -> str:
             return "later"
@@ -179,116 +172,42 @@ def test_what_is_no_executor() -> None:
             do(plain(), ONE, MEASURE, executor=executor)
 
 
-@pytest.mark.ci(guard="test_sweep_executors.py::test_what_is_no_executor")
-def test_clients_that_cannot_be_waited_for(client: Any) -> None:
-    distributed = pytest.importorskip("distributed")
-
-    async def asynchronous() -> None:
-        address = client.scheduler.address
-        async with distributed.Client(address, asynchronous=True) as other:
-            with pytest.raises(ValueError, match="asynchronous"):
-                do(plain(), ONE, MEASURE, executor=other)
-
-    client.sync(asynchronous)
-    closed = distributed.Client(client.scheduler.address)
-    closed.close()
-    with pytest.raises(ValueError, match="closed"):
-        do(plain(), ONE, MEASURE, executor=closed)
-
-
-@pytest.mark.extended(guard=GUARD)
-def test_a_cluster_that_begins_without_workers() -> None:
-    with sweep_runs.cluster(workers=0, processes=False) as client:
-        client.cluster.adapt(minimum=0, maximum=1, interval="50ms")
-        swept = do(plain(), {"torque.scale": sweep_runs.SCALES}, MEASURE, executor=client)
-    assert swept.counts == {"finished": 3}
-
-
-# --- batches -------------------------------------------------------------------------------------
-
-
-class Counting(Executor):
+class Counting(ThreadPoolExecutor):
     """An executor of the user's that counts; its workers take as long as they say."""
 
-    def __init__(self, workers: int) -> None:
-        self._threads = ThreadPoolExecutor(workers)
-        self._max_workers = workers
-        self._lock = threading.Lock()
+    def __init__(self, workers: int, seconds: float) -> None:
+        super().__init__(workers)
+        self.lock, self.seconds = threading.Lock(), seconds
         self.sizes: list[int] = []
         self.flying = self.most = 0
 
     def submit(self, work: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with self._lock:
+        with self.lock:
             self.flying += 1
             self.most = max(self.most, self.flying)
 
         def counted() -> Any:
-            try:
-                batch = work(*args, **kwargs)
-                self.sizes.append(len(batch.outcomes))
-                # as if a run took this long, whatever the machine does meanwhile
-                return batch._replace(seconds=[self.seconds] * len(batch.outcomes))
-            finally:
-                with self._lock:
-                    self.flying -= 1
+            batch = work(*args, **kwargs)
+            with self.lock:
+                self.flying -= 1
+            self.sizes.append(len(batch.outcomes))
+            # as if a run took this long, whatever the machine does meanwhile
+            return batch._replace(seconds=[self.seconds] * len(batch.outcomes))
 
-        return self._threads.submit(counted)
-
-    def shutdown(self, *args: Any, **kwargs: Any) -> None:
-        self._threads.shutdown(*args, **kwargs)
-
-    seconds = 1e-3
+        return super().submit(counted)
 
 
 def test_batches_are_few_for_short_runs_and_never_many_at_a_time() -> None:
-    over = {"torque.scale": [k / 300 for k in range(300)]}
-    with Counting(2) as counting:
-        assert do(plain(1e-4), over, ["stats.steps"], executor=counting).counts == {"finished": 300}
-    # Half a second in a batch could be 500 runs. Two workers with two batches each get a quarter of
-    # what is left, again and again: 300 * 0.75^k, down to one, takes 20 batches.
-    assert sum(counting.sizes) == 300 and len(counting.sizes) <= 25
-    assert counting.most <= 4
-    with Counting(2) as counting:
-        counting.seconds = 0.3
-        over = {"torque.scale": [k / 40 for k in range(40)]}
-        do(plain(1e-4), over, ["stats.steps"], executor=counting)
-    assert counting.sizes == [1] * 40 and counting.most <= 4
-
-
-# --- many runs -----------------------------------------------------------------------------------
-
-MANY = (
-    sweep_runs.PATH
-    + """
-import resource
-import sweep_runs
-n = int(sys.argv[1])
-over = {"torque.scale": [k / n for k in range(n)]}
-swept = sweep_runs.do(sweep_runs.plain(), over, ["span_tension.least"], t_eval=sweep_runs.TIMES,
-                      store=sys.argv[2])
-assert swept.counts == {"finished": n} and swept.settled == 1, (swept.counts, swept.settled)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-"""
-)
-
-
-@pytest.mark.extended(guard="test_sweep_executors.py::test_results_are_let_go")
-@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss is in KiB on Linux")
-def test_memory_of_ten_thousand_runs(tmp_path: Any) -> None:
-    """Nine thousand runs more take what the table holds of them.
-
-    Of a run that is 16 bytes of tensions in an array (130 with its head) and in the Dataset, value
-    and number (200), key (100), a status, a message and one text of warnings of some 400 letters:
-    that twice, as a text and, four bytes a letter and the same for all, in the Dataset, which is
-    put together from a copy: 4 kB in all. A Result is 30 kB, a State 4 kB.
+    """Half a second in a batch could be 500 runs. Two workers with two batches each get a quarter
+    of what is left, again and again: 300 * 0.75^k, down to one, takes 20 batches.
     """
-    peaks = []
-    for n in (1000, 10_000):
-        command = [sys.executable, "-c", MANY, str(n), str(tmp_path / str(n))]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        peaks.append(1024 * int(done.stdout))
-    assert peaks[1] - peaks[0] < 9000 * 5000, peaks
+    for n, seconds in ((300, 1e-3), (40, 0.3)):
+        over = {"torque.scale": [k / n for k in range(n)]}
+        with Counting(2, seconds) as counting:
+            swept = do(plain(1e-4), over, ["stats.steps"], executor=counting)
+        assert swept.counts == {"finished": n} and counting.most <= 4
+        assert sum(counting.sizes) == n and len(counting.sizes) <= (25 if n == 300 else 40)
+    assert counting.sizes == [1] * 40
 
 
 def test_results_are_let_go() -> None:
@@ -310,3 +229,134 @@ def test_results_are_let_go() -> None:
     assert alive[0] <= 2 and len(held) == 200  # those of the run before, at most
     gc.collect()
     assert not any(one() is not None for one in held)
+
+
+FINAL = ["span_tension.final"]
+OVER = {"torque.scale": [float(k) for k in range(12)]}
+
+
+def sleeping(begun: Path) -> bd.Scene:
+    """Runs that say which process they are in and take some time, not only of the processor."""
+
+    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
+        if t == 0.0:
+            begun.joinpath(f"{os.getpid()}").touch()
+            time.sleep(0.1)
+        return [-10.0, -float(omega[1])]
+
+    return plain()._replace(torque_fn=torque)
+
+
+def lethal(_t: float, _theta: Any, _omega: Any) -> list[float]:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return [0.0, 0.0]
+
+
+def harmless(_t: float, _theta: Any, omega: Any) -> list[float]:
+    return [-10.0, -float(omega[1])]
+
+
+def when_begun(begun: Path, act: Callable[[list[int]], None]) -> threading.Thread:
+    """Start a thread that acts once runs are on their way in some processes."""
+
+    def wait() -> None:
+        for _ in range(2400):
+            if found := [int(one.name) for one in begun.iterdir()]:
+                act(found)
+                return
+            time.sleep(0.05)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
+
+
+def kill_in(begun: Path, executor: Any) -> None:
+    """Do a sweep of which a worker is killed: another takes over, and the Dataset is the same."""
+    killer = when_begun(begun, lambda found: os.kill(found[0], signal.SIGKILL))
+    swept = do(sleeping(begun), OVER, FINAL, executor=executor)
+    killer.join()
+    assert len(list(begun.iterdir())) > 1, "no other worker has taken over"
+    same(swept.dataset, do(sleeping(begun), OVER, FINAL).dataset)
+
+
+def check_lost(executor: Any, survivors: Any) -> None:
+    """One run of four is lost, with a message, and the others are as they would be without it."""
+    torques = [harmless, lethal, harmless, harmless]
+    over = {"torque": torques, "friction.mu_k": [0.5, 0.6, 0.7, 1.0]}
+    dataset = do(plain(), over, FINAL, combine="zip", executor=executor).dataset
+    assert list(dataset.status.values) == ["finished", "lost", "finished", "finished"]
+    assert "the worker process died in this run" in str(dataset.message.values[1])
+    tensions = dataset["span_tension.final"].values
+    assert np.isnan(tensions[1]).all()
+    assert tensions[[0, 2, 3]].tobytes() == survivors.tobytes()
+
+
+@pytest.fixture(scope="module")
+def survivors() -> Any:
+    """What the runs that kill nothing give."""
+    torques = {"torque": [harmless] * 3, "friction.mu_k": [0.5, 0.7, 1.0]}
+    return do(plain(), torques, FINAL, combine="zip").dataset["span_tension.final"].values
+
+
+def test_a_run_that_kills_its_worker_is_lost_alone(
+    survivors: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With workers in this process that die as processes do; and runs after a lost one are lost."""
+    made: list[sweep_runs.Sent] = []
+
+    def new(_pool: Any, _count: int) -> Any:
+        made.append(sweep_runs.Sent())
+        return made[-1]
+
+    monkeypatch.setattr(pools._Processes, "_new", new)
+    check_lost("processes", survivors)
+    assert len(made) > 1, "no other workers have taken over"
+    # runs that start from the end of a lost one have no start; the others are not touched
+    for torques, counts in (([lethal, harmless], {"lost": 4}), ([harmless, lethal], None)):
+        over = {"torque": torques, "friction.mu_k": [0.5, 0.7]}
+        swept = do(plain(), over, FINAL, executor="processes", warm="torque")
+        assert swept.counts == (counts or {"finished": 2, "lost": 2})
+        message = str(swept.dataset.message.values[1, 0])
+        assert ("the run from whose end it starts was lost" in message) == (counts is not None)
+    tensions = swept.dataset["span_tension.final"].values[0]
+    assert tensions.tobytes() == survivors[:2].tobytes()
+
+    # Their executor is broken for good, and the error says so; what was done before is kept
+    def few(torque: Any, executor: Any = "threads") -> Any:
+        over = {"torque": [harmless, torque], "friction.mu_k": [0.5, 0.6]}
+        return do(plain(), over, FINAL, combine="zip", executor=executor, store=tmp_path)
+
+    with sweep_runs.Sent() as workers:
+        few(harmless, workers)
+        with pytest.raises(RuntimeError, match="takes no more work: give a new one; with store="):
+            few(lethal, workers)
+    assert few(harmless).stored == 2
+
+
+@pytest.mark.ci(guard="test_sweep_executors.py::test_a_run_that_kills_its_worker_is_lost_alone")
+def test_processes_killed(tmp_path: Path, survivors: Any) -> None:
+    """By another, and by a run."""
+    kill_in(tmp_path, "processes")
+    check_lost("processes", survivors)
+
+
+@pytest.mark.ci(guard="test_sweep_executors.py::test_a_run_that_kills_its_worker_is_lost_alone")
+def test_dask_workers_killed(tmp_path: Path, survivors: Any) -> None:
+    """Its nanny starts another, the scheduler does its batch again; one that kills all is lost.
+
+    A cluster that is closed meanwhile is an error.
+    """
+    with sweep_runs.cluster() as client:
+        kill_in(tmp_path, client)
+        check_lost(client, survivors)
+
+        def close(_found: list[int]) -> None:
+            client.cluster.scale(0)
+            client.close()
+
+        (tmp_path / "more").mkdir()
+        closer = when_begun(tmp_path / "more", close)
+        with pytest.raises(RuntimeError, match="the executor or the cluster was closed"):
+            do(sleeping(tmp_path / "more"), OVER, FINAL, executor=client)
+        closer.join()

@@ -5,7 +5,6 @@ same Dataset; extended sweeps find what is there; parts hold every run once, and
 from __future__ import annotations
 
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -25,10 +24,13 @@ from beltdyn.sweeping import SweepInterrupted, content, store
 from beltdyn.sweeping.rows import Outcome
 
 N = 60
-OVER = {"torque.scale": [k / N for k in range(N)], "friction.mu_k": [0.5, 1.0]}
+
+
 GUARD = "test_sweep_store.py::test_what_an_interrupted_sweep_leaves_is_gone_on_with"
-ci, extended = pytest.mark.ci(guard=GUARD), pytest.mark.extended(guard=GUARD)
 linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
+
+
+OVER = {"torque.scale": [k / N for k in range(N)], "friction.mu_k": [0.5, 1.0]}
 
 #: A sweep in a process of its own, which writes a part whenever it can and after two of them goes
 #: on slowly, so that signals reach it on its way. Arguments: folder, executor.
@@ -53,23 +55,6 @@ if sys.argv[2] == "dask":
 else:
     go(sys.argv[2])
 """
-)
-#: The same, killed while it writes a part.
-IN_A_PART = SCRIPT.replace(
-    'print("begun"',
-    """
-import os, pathlib
-def dying(self, layout, rows, write=store.Store._dataset):
-    dataset = write(self, layout, rows)
-    class Half:
-        def to_netcdf(self, path, **options):
-            dataset.to_netcdf(path, **options)
-            with open(path, "r+b") as file:
-                file.truncate(1000)
-            os.kill(os.getpid(), signal.SIGKILL)
-    return Half() if list(pathlib.Path(sys.argv[1]).glob("part-*.nc")) else dataset
-store.Store._dataset = dying
-print("begun\"""",
 )
 
 
@@ -127,82 +112,32 @@ def test_what_an_interrupted_sweep_leaves_is_gone_on_with(
     check_resumed(tmp_path, expected)
 
 
-# --- killed --------------------------------------------------------------------------------------
-
-
-def start(script: str, folder: Path, executor: str = "threads") -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", script, str(folder), executor]
+def start(folder: Path, executor: str) -> subprocess.Popen[str]:
+    """Start a sweep in another process, and wait until it has written two parts."""
+    command = [sys.executable, "-c", SCRIPT, str(folder), executor]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     assert process.stdout and process.stdout.readline() == "begun\n", process.communicate()
-    return process
-
-
-def until(parts: int, folder: Path, process: subprocess.Popen[str]) -> None:
-    while process.poll() is None and len(list(folder.glob("part-*.nc"))) < parts:
+    while process.poll() is None and len(list(folder.glob("part-*.nc"))) < 2:
         time.sleep(0.01)
-
-
-@ci
-def test_the_client_killed(tmp_path: Path, expected: Any) -> None:
-    process = start(SCRIPT, tmp_path)
-    until(2, tmp_path, process)
-    process.kill()
-    process.communicate()
-    check_resumed(tmp_path, expected)
-
-
-@ci
-def test_the_client_killed_while_it_writes_a_part(tmp_path: Path, expected: Any) -> None:
-    process = start(IN_A_PART, tmp_path)
-    process.communicate()
-    assert process.returncode == -signal.SIGKILL
-    assert list(tmp_path.glob(".part-*")), "nothing was being written"
-    check_resumed(tmp_path, expected)
-
-
-@extended
-@pytest.mark.parametrize("executor", ["threads", "processes"])
-def test_the_client_killed_at_any_moment_again_and_again(
-    executor: str, tmp_path: Path, expected: Any
-) -> None:
-    draw = random.Random(3)
-    found = [0]
-    for _ in range(6):
-        process = start(SCRIPT, tmp_path, executor)
-        until(len(list(tmp_path.glob("part-*.nc"))) + 1, tmp_path, process)
-        time.sleep(draw.uniform(0.0, 0.1))
-        process.kill()
-        process.communicate()
-        found.append(len(keys(tmp_path)))
-        assert found[-1] == len(set(keys(tmp_path))) >= found[-2]
-    if found[-1] < 2 * N:
-        check_resumed(tmp_path, expected)
-    same(sweep(tmp_path, "threads").dataset, expected)
-
-
-def stat(process: int | str) -> list[str]:
-    """State, parent and more of a process, of one that has ended nothing."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return []
+    return process
 
 
 def children(process: int) -> list[int]:
     """Give the processes that one has started, and theirs."""
     found: list[int] = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        if stat(entry.name)[1:2] == [str(process)]:
-            found += [int(entry.name), *children(int(entry.name))]
+    for child in Path(f"/proc/{process}/task").glob("*/children"):
+        for one in map(int, child.read_text().split()):
+            found += [one, *children(one)]
     return found
 
 
 def ended(processes: list[int]) -> bool:
     """Wait until all have ended, if only to be asked how."""
     for _ in range(1200):
-        if not any(stat(one)[:1] not in ([], ["Z"]) for one in processes):
+        left = [Path(f"/proc/{one}/stat") for one in processes]
+        if not any(one.exists() and ") Z" not in one.read_text() for one in left):
             return True
         time.sleep(0.05)
     return False
@@ -211,109 +146,101 @@ def ended(processes: list[int]) -> bool:
 @linux
 @pytest.mark.parametrize(
     "executor",
-    [pytest.param(one, marks=ci if one == "processes" else extended) for one in
-     ("threads", "processes", "dask")],
-)  # fmt: skip
-def test_ctrl_c(executor: str, tmp_path: Path, expected: Any) -> None:
-    """What is done is given and kept; no process stays behind."""
-    process = start(SCRIPT, tmp_path, executor)
-    until(2, tmp_path, process)
+    [
+        pytest.param("processes", marks=pytest.mark.ci(guard=GUARD)),
+        pytest.param("dask", marks=pytest.mark.extended(guard=GUARD)),
+    ],
+)
+def test_ctrl_c_and_a_kill(executor: str, tmp_path: Path, expected: Any) -> None:
+    """What is done is given and kept; no process stays behind, nor if the client is killed."""
+    process = start(tmp_path, executor)
     workers = children(process.pid)
-    assert bool(workers) == (executor != "threads")
     os.kill(process.pid, signal.SIGINT)
     said, errors = process.communicate(timeout=120)
     assert said.startswith("interrupted"), errors
     _, done, missing = said.splitlines()[0].split()
     assert int(done) == len(keys(tmp_path)) and int(done) + int(missing) == 2 * N
-    assert ended(workers)
-    check_resumed(tmp_path, expected)
-
-
-@linux
-@ci
-def test_workers_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
-    process = start(SCRIPT, tmp_path, "processes")
-    until(1, tmp_path, process)
-    workers = children(process.pid)
-    process.kill()
-    process.communicate()
     assert workers and ended(workers)
-
-
-# --- what is found again -------------------------------------------------------------------------
-
-
-def counts(
-    folder: Path, scene: Any = None, over: Any = None, measure: Any = None, **more: Any
-) -> Any:
-    """Give how many runs were found and how many computed."""
-    over = over or {"torque.scale": [0.5, 1.0]}
-    given: Any = {"t_eval": TIMES, **more}
-    swept = do(scene or plain(), over, measure or MEASURE, store=folder, **given)
-    assert swept.counts == {"finished": swept.stored + swept.computed}
-    return swept.stored, swept.computed
+    check_resumed(tmp_path, expected)
+    if executor == "processes":
+        process = start(tmp_path / "other", executor)
+        workers = children(process.pid)
+        process.kill()
+        process.communicate()
+        assert workers and ended(workers)
+        check_resumed(tmp_path / "other", expected)
 
 
 def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert counts(tmp_path) == (0, 2)
-    assert counts(tmp_path) == (2, 0)
+    both = {"torque.scale": [0.5, 1.0]}
+
+    def counts(scene: Any = None, over: Any = both, measure: Any = MEASURE, **more: Any) -> Any:
+        """Give how many runs were found and how many computed."""
+        given: Any = {"t_eval": TIMES, **more}
+        swept = do(scene or plain(), over, measure, store=tmp_path, **given)
+        assert swept.counts == {"finished": swept.stored + swept.computed}
+        return swept.stored, swept.computed
+
+    assert (counts(), counts()) == ((0, 2), (2, 0))
     # more values of one name, in another order
-    assert counts(tmp_path, over={"torque.scale": [1.0, 0.75, 0.5]}) == (2, 1)
+    assert counts(over={"torque.scale": [1.0, 0.75, 0.5]}) == (2, 1)
     # one more name, of which one value is that of the scene: of the drive, of the options
     mu_k = plain().params.friction.mu_k  # type: ignore[union-attr]
-    both = {"friction.mu_k": [mu_k, 0.5], "torque.scale": [0.5, 1.0]}
-    assert counts(tmp_path, over=both) == (2, 2)
-    assert counts(tmp_path, over={"torque.scale": [0.5], "rtol": [1e-4, 1e-3]}) == (1, 1)
+    assert counts(over={"friction.mu_k": [mu_k, 0.5], **both}) == (2, 2)
+    assert counts(over={"torque.scale": [0.5], "rtol": [1e-4, 1e-3]}) == (1, 1)
     # sampled and listed, zipped
-    listed = [{"friction.mu_k": 0.5, "torque.scale": 1.0}]
-    assert counts(tmp_path, over=listed) == (1, 0)
+    assert counts(over=[{"friction.mu_k": 0.5, "torque.scale": 1.0}]) == (1, 0)
     # the factor 1 is the scene itself
-    assert counts(tmp_path, over={"friction.mu_k": [mu_k]}) == (1, 0)
+    assert counts(over={"friction.mu_k": [mu_k]}) == (1, 0)
     # what makes a difference: of Python torques what they do
-    assert counts(tmp_path, under_function(40.0)) == (0, 2)
-    assert counts(tmp_path, under_function(40.0)) == (2, 0)
-    assert counts(tmp_path, under_function(41.0)) == (0, 2)
-    assert counts(tmp_path, t_eval=[1e-3, 1.5e-3]) == (0, 2)
-    assert counts(tmp_path, t_eval=np.array(TIMES)) == (2, 0)
-    assert counts(tmp_path, measure=["stats.steps"]) == (0, 2)
-    assert counts(tmp_path, last=0.3) == (0, 2)
-    assert counts(tmp_path, version="of mine") == (0, 2)
-    assert counts(tmp_path, scene=plain(1.9e-3), t_eval=[1e-3, 1.9e-3]) == (0, 2)
-    assert counts(tmp_path, over={"torque.scale": [0.5, 1.0]}, warm="torque.scale") == (0, 2)
+    functions = [counts(under_function(gain)) for gain in (40.0, 40.0, 41.0)]
+    assert functions == [(0, 2), (2, 0), (0, 2)]
+    assert counts(t_eval=[1e-3, 1.5e-3]) == (0, 2)
+    assert counts(t_eval=np.array(TIMES)) == (2, 0)
+    assert counts(measure=["stats.steps"]) == (0, 2)
+    assert counts(last=0.3) == (0, 2)
+    assert counts(version="of mine") == (0, 2)
+    assert counts(scene=plain(1.9e-3), t_eval=[1e-3, 1.9e-3]) == (0, 2)
+    # chains go on where they were
+    assert counts(warm="torque.scale") == (0, 2)
+    longer: Any = {"over": {"torque.scale": [0.5, 1.0, 1.5]}, "warm": "torque.scale"}
+    assert counts(**longer) == (2, 1)
+    here, anew = (
+        do(plain(), measure=MEASURE, store=store, t_eval=TIMES, **longer)
+        for store in (tmp_path, None)
+    )
+    assert (here.stored, here.settled) == (3, 0)
+    same(here.dataset, anew.dataset)
     monkeypatch.setattr(content._core, "__version__", "0.0.0")
-    assert counts(tmp_path) == (0, 2)
+    assert counts() == (0, 2)
 
 
 def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
     """What is refused costs nothing; what a function raised may be mended, on the same machine."""
 
-    def raising(t: float, _theta: Any, _omega: Any) -> list[float]:
-        if t > 1e-3:
-            raise OSError("the file is not there")
-        return [0.0, 0.0]
+    def raising(_t: float, _theta: Any, _omega: Any) -> list[float]:
+        raise OSError("the file is not there")
 
     def unmeasured(_result: Any) -> float:
         raise ImportError("something is not installed")
 
-    over = {"belt.axial_stiffness": [7e4, -1.0]}
-    swept = do(plain(), over, MEASURE, store=tmp_path)
-    assert swept.counts == {"finished": 1, "refused": 1} and len(keys(tmp_path)) == 1
-    scene = plain()._replace(torque_fn=raising)
-    assert do(scene, {"torque.scale": [1.0]}, MEASURE, store=tmp_path).counts == {"failed": 1}
-    assert do(plain(), {"torque.scale": [1.0]}, unmeasured, store=tmp_path).counts == {"measure": 1}
+    def go(over: Any, measure: Any = MEASURE, scene: Any = None) -> Any:
+        return do(scene or plain(), over, measure, store=tmp_path)
+
+    assert go({"belt.axial_stiffness": [7e4, -1.0]}).counts == {"finished": 1, "refused": 1}
+    assert len(keys(tmp_path)) == 1
+    one = {"torque.scale": [1.0]}
+    assert go(one, scene=plain()._replace(torque_fn=raising)).counts == {"failed": 1}
+    assert go(one, unmeasured).counts == {"measure": 1}
     assert len(keys(tmp_path)) == 1
     # but what the drive itself does is
     over = {"max_steps": [3, 100_000]}
-    swept = do(plain(), over, MEASURE, store=tmp_path)
+    swept, again = go(over), go(over)
     assert swept.counts == {"finished": 1, "failed": 1} and len(keys(tmp_path)) == 3
-    again = do(plain(), over, MEASURE, store=tmp_path)
     assert (again.stored, again.computed) == (2, 0)
     same(again.dataset, swept.dataset)
 
-
-def test_anything_that_can_be_measured_comes_back(tmp_path: Path) -> None:
-    """Texts of any characters, names that files do not allow, several shapes, nothing at all."""
-
+    # Texts of any characters, names that files do not allow, several shapes, nothing at all
     def odd(result: bd.Result) -> dict[str, Any]:
         return {
             "a/b key": float(result.t[-1]),
@@ -330,19 +257,7 @@ def test_anything_that_can_be_measured_comes_back(tmp_path: Path) -> None:
         swept = do(plain(), over, odd, store=tmp_path)
         assert swept.stored == stored
         same(swept.dataset, expected)
-
-
-def test_chains_go_on_where_they_were(tmp_path: Path) -> None:
-    given: Any = {"warm": "torque.scale", "t_eval": TIMES}
-    over = {"torque.scale": [0.0, 0.5, 1.0], "friction.mu_k": [0.5, 1.0]}
-    expected = do(plain(), over, MEASURE, **given)
-    do(plain(), {**over, "torque.scale": [0.0, 0.5]}, MEASURE, store=tmp_path, **given)
-    swept = do(plain(), over, MEASURE, store=tmp_path, **given)
-    assert (swept.stored, swept.computed, swept.settled) == (4, 2, 0)
-    same(swept.dataset, expected.dataset)
-
-
-def test_folders_that_are_no_store(tmp_path: Path) -> None:
+    # Runs of two sweeps at once; nothing else, and no part that cannot be read
     over = {"torque.scale": [1.0]}
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="it is a file"):
@@ -355,10 +270,7 @@ def test_folders_that_are_no_store(tmp_path: Path) -> None:
     part.write_bytes(part.read_bytes()[:2000])
     with pytest.raises(ValueError, match=rf"{part.name} cannot be read.*remove it"):
         do(plain(), over, MEASURE, store=folder)
-
-
-def test_two_sweeps_may_write_to_one_store(tmp_path: Path) -> None:
-    one, other = store.Store(tmp_path), store.Store(tmp_path)
+    one, other = store.Store(tmp_path / "both"), store.Store(tmp_path / "both")
     outcome = Outcome(status="finished", kernels="x")
     for k in range(3):
         one.add(f"one {k}", outcome)

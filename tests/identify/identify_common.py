@@ -1,7 +1,4 @@
-"""The rig of the identification tests: a small fast drive, a reduction 1:2 on a coarse belt.
-
-It slips under its last torque.
-"""
+"""The rig of the identification tests: a small fast drive that slips under its last torque."""
 
 from __future__ import annotations
 

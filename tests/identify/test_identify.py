@@ -1,9 +1,17 @@
-"""Finding parameters: known ones come back from noisy curves, and what cannot be told is said."""
+"""Finding parameters: known ones come back from noisy curves, and what cannot be told is said.
+
+What goes wrong in a search, and every argument that is wrong.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -13,7 +21,6 @@ import pytest
 from identify_common import COARSE, SPEED, T_END, TIMES, TORQUE, changed, curves, free_pulley
 from scipy import stats
 from sweep_runs import Sent
-from tiers import ci_if, first
 
 import beltdyn as bd
 from beltdyn.identification import linear
@@ -21,43 +28,7 @@ from beltdyn.identification.losses import LOSSES, cost_and_weights
 
 pytestmark = COARSE
 
-DRAWS = 100
-# Of 100 intervals that each hold the truth with probability 0.95, fewer than 90 do with
-# probability 0.011; the seeds are fixed, so this is paid once. (The intervals are linearised and
-# links come and go: over 300 other seeds 91 to 94 % held it.) Intervals much too wide would pass as
-# well: those of 50 % hold it 35 to 65 times with probability 0.998.
-LEAST, HALF = 90, (35, 65)
 
-
-def holds(intervals: Mapping[str, tuple[float, float]], true: Mapping[str, float]) -> list[bool]:
-    return [low <= true[name] <= high for name, (low, high) in intervals.items()]
-
-
-# --- known parameters come back -------------------------------------------------------------------
-
-
-def count(
-    rig: bd.Params, truth: bd.Result, true: Mapping[str, float], off: float, known: bool
-) -> tuple[list[int], list[int], int]:
-    """Count the draws whose intervals hold the truth: of 95 %, of 50 %, of 95 % together."""
-    initial = bd.settle(rig) if "belt.axial_stiffness" not in true else None
-    experiment = bd.Experiment(TORQUE, T_END, initial=initial, options={"ledger": False})
-    start = changed(rig, {name: off * value for name, value in true.items()})
-    single, half, joint = np.zeros(len(true), int), np.zeros(len(true), int), 0
-    for seed in range(DRAWS):
-        data = curves(experiment, truth, seed, known)
-        found = bd.identify(start, list(true), data, jac="2-point", workers=1)
-        assert found.success
-        single += holds(found.intervals, true)
-        half += holds(found.interval(0.5), true)
-        joint += all(holds(found.joint_intervals, true))
-    return single.tolist(), half.tolist(), joint
-
-
-CLOSED = (
-    "identify/test_identify.py::"
-    "test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form"
-)
 TRUE = {"pulleys[1].inertia": 0.03, "friction.mu_k": 0.8, "belt.axial_stiffness": 80e3}
 
 
@@ -67,16 +38,37 @@ def check_found(found: bd.Identification, part: float = 0.1) -> None:
         assert abs(math.log(value / TRUE[name])) < part * found.std[name]
 
 
-@pytest.mark.extended(guard=CLOSED)
+@pytest.mark.extended(
+    guard="identify/test_identify.py::"
+    "test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form"
+)
 @pytest.mark.parametrize("known", [True, False])
 def test_known_parameters_lie_within_their_intervals_in_90_of_100_draws(
     rig: bd.Params, truth: bd.Result, known: bool
 ) -> None:
-    """With the noise known, and found from what is left."""
+    """With the noise known, and found from what is left; intervals of 95 %, each and jointly.
+
+    Of 100 such fewer than 90 hold the truth with probability 0.011; the seeds are fixed, so this is
+    paid once. (The intervals are linearised and links come and go: over 300 other seeds 91 to 94 %
+    held it.) Those much too wide would pass: of 50 % 35 to 65 hold it with probability 0.998.
+    """
     true = {name: TRUE[name] for name in (TRUE if known else [*TRUE][:2])}
-    single, half, joint = count(rig, truth, true, 1.05, known)
-    assert min(single) >= LEAST and joint >= LEAST
-    assert HALF[0] <= min(half) and max(half) <= HALF[1]
+    initial = None if known else bd.settle(rig)
+    experiment = bd.Experiment(TORQUE, T_END, initial=initial, options={"ledger": False})
+    start = changed(rig, {name: 1.05 * value for name, value in true.items()})
+    held: list[Any] = []
+    for seed in range(100):
+        data = curves(experiment, truth, seed, known)
+        found = bd.identify(start, list(true), data, jac="2-point", workers=1)
+        assert found.success
+        single, half, joint = (
+            [low <= true[name] <= high for name, (low, high) in intervals.items()]
+            for intervals in (found.intervals, found.interval(0.5), found.joint_intervals)
+        )
+        held.append([all(joint), *single, *half])
+    joint, *counts = np.sum(held, axis=0)
+    assert min(joint, *counts[: len(true)]) >= 90
+    assert min(counts[len(true) :]) >= 35 and max(counts[len(true) :]) <= 65
 
 
 def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[bd.Target]) -> None:
@@ -87,6 +79,18 @@ def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[
     check_found(found)
     assert found.cost < 0.01
     assert found.params == changed(rig, found.values)
+    # printing shows every parameter and target
+    for part in (*TRUE, "95 % interval", "pulleys.omega", "span_tension[0]", "converged"):
+        assert part in str(found)
+    assert found.residuals["pulleys.omega"].shape == (TIMES.size, 2)
+    assert found.labels[1] == "pulleys.omega[1] at 0.004 s"
+    assert found.jacobian.shape == (60, 3)
+    assert "friction.mu_k" in str(found.sensitivity())
+    assert found.sensitivity("sigma").rows == ("pulleys.omega", "span_tension[0]")
+    with pytest.raises(ValueError, match="unit must be"):
+        found.sensitivity("percent")
+    with pytest.raises(ValueError, match="confidence must be between 0 and 1"):
+        found.interval(95.0)
 
 
 @pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
@@ -103,12 +107,9 @@ def test_numbers_do_as_well_as_curves_and_runs_may_differ(rig: bd.Params) -> Non
         return result.span_tension.mean(axis=0)
 
     soft = {"friction.sigma": 5e3}
-    runs = [
-        bd.Experiment(TORQUE, T_END, name="stiff"),
-        bd.Experiment(TORQUE, T_END, name="soft", changes=soft),
-    ]
     data, at = [], np.linspace(0.02, T_END, 200)
-    for run, drive in zip(runs, (rig, changed(rig, soft)), strict=True):
+    for name, changes in (("stiff", {}), ("soft", soft)):
+        run, drive = bd.Experiment(TORQUE, T_END, name=name, changes=changes), changed(rig, changes)
         measured = bd.simulate(drive, TORQUE, T_END, t_eval=at)
         data += [
             run.number(speed, speed(measured), t=at, sigma=0.05),
@@ -139,21 +140,18 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
-@pytest.mark.ci(guard="test_sweep_executors.py::test_two_threads")
-@pytest.mark.parametrize("elsewhere", ci_if("processes".__eq__, ["bytes", "processes"]))
+@pytest.mark.ci(guard="test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes")
 def test_the_result_does_not_depend_on_where_runs_are_done(
-    rig: bd.Params, targets: list[bd.Target], elsewhere: str
+    rig: bd.Params, targets: list[bd.Target]
 ) -> None:
-    start = changed(rig, {"friction.mu_k": 0.9})
-    free = ["friction.mu_k"]
+    start, free = changed(rig, {"friction.mu_k": 0.9}), ["friction.mu_k"]
     with ThreadPoolExecutor(2) as threads, Sent() as sent:
         one, *others = (
             bd.identify(start, free, targets, **where)
             for where in (
                 {"workers": 1},
                 {"workers": 2},
-                {"executor": threads},
-                {"executor": sent if elsewhere == "bytes" else elsewhere},
+                *({"executor": executor} for executor in (threads, sent, "processes")),
             )
         )
     for two in others:
@@ -164,37 +162,7 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         for name, run in one.results.items():
             np.testing.assert_array_equal(run.pulleys.omega, two.results[name].pulleys.omega)
     with pytest.raises(ValueError, match="give one of them"):
-        bd.identify(start, ["friction.mu_k"], targets, workers=1, executor="threads")
-
-
-@pytest.mark.ci(guard="test_sweep_executors.py::test_two_threads")
-def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
-    rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
-) -> None:
-    begun = []
-
-    def begin(params: bd.Params) -> bd.State:
-        begun.append(params)
-        return rest
-
-    def torque(t: float, _theta: Any, omega: Any) -> list[float]:
-        return list(TORQUE(t, _theta, omega))
-
-    measured = bd.simulate(rig, TORQUE, T_END, t_eval=TIMES, initial=rest)
-    data = [
-        bd.Experiment(loads, T_END, initial=begin).curve(
-            "pulleys.omega", TIMES, measured.pulleys.omega, sigma=SPEED
-        )
-        for loads in (TORQUE, torque)
-    ]
-    start = changed(rig, {"friction.mu_k": 0.84})
-    found = bd.identify(start, ["friction.mu_k"], data, workers=2, progress=True)
-    check_found(found)
-    assert found.runs == 2 * len(begun)
-    assert list(found.residuals) == ["run 1: pulleys.omega", "run 2: pulleys.omega"]
-    assert capfd.readouterr().err == ""  # no terminal, no bar
-    few = bd.identify(start, ["friction.mu_k"], data, max_nfev=2)
-    assert not few.success and few.nfev <= 2 and "not converged" in str(few)
+        bd.identify(start, free, targets, workers=1, executor="threads")
 
 
 def test_a_prior_counts_like_one_more_measurement(
@@ -209,26 +177,16 @@ def test_a_prior_counts_like_one_more_measurement(
     # The curves bend: the slope a standard deviation on is another by some per cent.
     assert both.std["friction.mu_k"] == pytest.approx(std / math.sqrt(2.0), rel=0.05)
     assert math.log(both.values["friction.mu_k"] / 0.8) == pytest.approx(std / 2.0, rel=0.1)
-
-
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_cost_and_weights_are_those_of_the_closed_forms"
-)
-@pytest.mark.parametrize("loss", first(1, ["soft_l1", "huber", "cauchy"]))
-def test_an_outlier_counts_less_with_a_robust_loss(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, loss: str
-) -> None:
+    # an outlier counts less with a robust loss
     speeds = truth.pulleys.omega.copy()
     speeds[-1] += 30.0 * SPEED
-    data = [experiment.curve("pulleys.omega", TIMES, speeds, sigma=SPEED)]
-    plain = bd.identify(rig, ["friction.mu_k"], data)
-    robust = bd.identify(rig, ["friction.mu_k"], data, loss=loss)
+    wrong = [experiment.curve("pulleys.omega", TIMES, speeds, sigma=SPEED)]
+    plain = bd.identify(rig, ["friction.mu_k"], wrong)
+    robust = bd.identify(rig, ["friction.mu_k"], wrong, loss="soft_l1")
     off = [abs(found.values["friction.mu_k"] - 0.8) for found in (plain, robust)]
-    assert off[1] < 0.1 * off[0]
-    assert "misses the data" in str(plain)
-
-
-# --- what the data say, and what they do not ------------------------------------------------------
+    assert off[1] < 0.1 * off[0] and "misses the data" in str(plain)
+    few = bd.identify(changed(rig, {"friction.mu_k": 0.84}), ["friction.mu_k"], data, max_nfev=2)
+    assert not few.success and few.nfev <= 2 and "not converged" in str(few)
 
 
 def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form() -> None:
@@ -246,10 +204,7 @@ def test_sensitivity_and_interval_of_a_free_spin_up_are_those_of_the_closed_form
     assert high / low == pytest.approx(math.exp(2 * 1.959964 * 0.01 / omega), rel=1e-5)
     assert low * high == pytest.approx(0.03**2, rel=1e-5)
     assert found.sensitivity().rows == ("final",)
-
-
-def test_intervals_with_unknown_noise_are_those_of_student() -> None:
-    """One parameter, n measurements of omega = M t/I: the textbook's mean and its interval."""
+    # One parameter, n measurements of omega = M t/I: the textbook's mean and its interval
     draws = np.random.default_rng(3).normal(2.0, 0.01, 6)
     run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
     data = run.number(lambda r: np.full(6, r.pulleys.omega[-1, 1]), draws, t=[0.02], name="final")
@@ -274,23 +229,11 @@ def test_contact_that_hardly_bends_says_nothing_of_its_curvature(
     assert found.undetermined == ("contact.quadratic",)
     assert [str(part) for part in found.indistinguishable] == ["contact.quadratic alone"]
     assert found.indistinguishable[0].std > math.log(2.0)
-    # With equal shares they stand for each other: one up as the other goes down.
-    share = changed(rig, {"contact.quadratic": 5e10, "contact.linear": 3e6})
-    at_rest = bd.Experiment(TORQUE, T_END, options={"ledger": False})
-    number = at_rest.number(
-        lambda r: r.span_tension[0].mean(), share.info["strain_tension"], t=[0.0], sigma=1.0
-    )
-    found = bd.identify(share, ["contact.linear", "contact.quadratic"], [number])
-    [pair] = found.indistinguishable
-    assert set(pair.names) == {"contact.linear", "contact.quadratic"}
-    assert " up with " in str(pair) and str(pair).endswith(" down")
-    assert math.isinf(pair.std)
-    assert found.correlation[0, 1] == pytest.approx(-1.0, abs=1e-6)
-    assert set(found.undetermined) == set(pair.names)
-    assert found.intervals["contact.linear"] == (0.0, math.inf)
 
 
-def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Params) -> None:
+def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(
+    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result, targets: list[bd.Target]
+) -> None:
     """Equal pulleys far below slip: only the sum of their inertias matters to the speed."""
     two = [attrs.evolve(pulley, radius=0.09, inertia=0.02) for pulley in rig.pulleys]
     drive = attrs.evolve(rig, pulleys=two, belt=attrs.evolve(rig.belt, length=1.265))
@@ -304,46 +247,27 @@ def test_pulleys_that_only_ever_turn_together_have_but_one_inertia(rig: bd.Param
     both = bd.identify(drive, ["pulleys[*].inertia"], [data])
     assert both.indistinguishable == ()
     assert both.std["pulleys[*].inertia"] < 0.3 * min(found.std.values())
-
-
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_pulleys_that_only_ever_turn_together_have_but_one_inertia"
-)
-def test_a_parameter_without_effect_is_reported_and_harms_no_other(
-    rig: bd.Params, truth: bd.Result
-) -> None:
-    run = bd.Experiment(TORQUE, T_END, changes={"friction.sigma": 1e4})
-    data = curves(run, truth)
-    start = changed(rig, {"friction.mu_k": 0.9})
-    found = bd.identify(start, ["friction.sigma", "friction.mu_k"], data)
-    alone = bd.identify(start, ["friction.mu_k"], data)
-    assert found.undetermined == ("friction.sigma",)
-    assert found.intervals["friction.sigma"] == (0.0, math.inf)
-    assert found.values["friction.sigma"] == pytest.approx(1e4)
-    # The two searches stop at points of their own, with slopes of their own.
-    assert found.std["friction.mu_k"] == pytest.approx(alone.std["friction.mu_k"], rel=0.01)
-    assert [str(part) for part in found.indistinguishable] == ["friction.sigma alone"]
-    nothing = bd.identify(start, ["friction.sigma"], data)
-    assert nothing.success and nothing.undetermined == ("friction.sigma",)
-
-
-def test_fewer_numbers_than_parameters_leave_a_direction_open(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
-) -> None:
+    # fewer numbers than parameters leave a direction open
     speed = experiment.number(
         lambda r: r.pulleys.omega[-1, 1], truth.pulleys.omega[-1, 1], t=[T_END], sigma=0.1
     )
     found = bd.identify(rig, ["friction.mu_k", "pulleys[1].inertia"], [speed])
     assert [set(part.names) for part in found.indistinguishable] == [set(found.names)]
-    assert np.isinf(found.covariance).all()
+    assert np.isinf(found.covariance).all() and math.isinf(found.indistinguishable[0].std)
+    assert found.intervals["friction.mu_k"] == (0.0, math.inf)
     assert math.isnan(found.misfit)
     exact = bd.identify(rig, ["friction.mu_k"], [speed])  # dof = 0
     assert exact.indistinguishable == () and math.isfinite(exact.std["friction.mu_k"])
-
-
-def test_a_parameter_on_its_limit_is_told_and_its_interval_ends_there(
-    rig: bd.Params, targets: list[bd.Target]
-) -> None:
+    # written with few parameters: of a, b, c, d the data know a + b alone
+    jacobian = np.array([[1.0, 1.0, 0.0, 0.0], [2.0, 2.0, 0.0, 0.0]])
+    open_ways = linear.combinations(["a", "b", "c", "d"], jacobian, math.log(2.0))
+    assert sorted(map(str, open_ways)) == ["a up with b down", "c alone", "d alone"]
+    assert all(math.isinf(part.std) for part in open_ways)
+    known = linear.covariance(jacobian[:, 1:])
+    assert known[0, 0] == pytest.approx(0.2)
+    assert np.isinf(np.diag(known)[1:]).all()
+    assert linear.leverage(jacobian) == pytest.approx([0.2, 0.8])
+    # a parameter on its limit is told and its interval ends there
     found = bd.identify(rig, [bd.Free("friction.mu_k", start=0.6, upper=0.7)], targets)
     assert found.at_limit == {"friction.mu_k": "upper"}
     assert found.values["friction.mu_k"] == pytest.approx(0.7, rel=1e-3)
@@ -356,56 +280,233 @@ def test_a_parameter_on_its_limit_is_told_and_its_interval_ends_there(
     assert low == 0.0 < high
 
 
-def test_open_directions_are_written_with_few_parameters() -> None:
-    """Of a, b, c, d the data know a + b alone."""
-    jacobian = np.array([[1.0, 1.0, 0.0, 0.0], [2.0, 2.0, 0.0, 0.0]])
-    found = linear.combinations(["a", "b", "c", "d"], jacobian, math.log(2.0))
-    assert sorted(map(str, found)) == ["a up with b down", "c alone", "d alone"]
-    assert all(math.isinf(part.std) for part in found)
-    known = linear.covariance(jacobian[:, 1:])
-    assert known[0, 0] == pytest.approx(0.2)
-    assert np.isinf(np.diag(known)[1:]).all()
-    assert linear.leverage(jacobian) == pytest.approx([0.2, 0.8])
-
-
-def test_printing_shows_every_parameter_and_target(
-    rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
-) -> None:
-    found = bd.identify(rig, ["friction.mu_k"], curves(experiment, truth, seed=1))
-    text = str(found)
-    for part in ("friction.mu_k", "95 % interval", "pulleys.omega", "span_tension[0]", "converged"):
-        assert part in text
-    assert found.residuals["pulleys.omega"].shape == (TIMES.size, 2)
-    assert found.labels[1] == "pulleys.omega[1] at 0.004 s"
-    assert found.jacobian.shape == (60, 1)
-    assert "friction.mu_k" in str(found.sensitivity())
-    assert found.sensitivity("sigma").rows == ("pulleys.omega", "span_tension[0]")
-    with pytest.raises(ValueError, match="unit must be"):
-        found.sensitivity("percent")
-    with pytest.raises(ValueError, match="confidence must be between 0 and 1"):
-        found.interval(95.0)
-
-
-# --- losses, which come from SciPy ----------------------------------------------------------------
-
-#: Of z = f^2: the loss and its derivative, as SciPy's manual has them.
-CLOSED: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
-    "linear": (lambda z: z, np.ones_like),
-    "soft_l1": (lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: (1.0 + z) ** -0.5),
-    "huber": (
-        lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
-        lambda z: np.maximum(z, 1.0) ** -0.5,
-    ),
-    "cauchy": (np.log1p, lambda z: 1.0 / (1.0 + z)),
-}
-
-
 @pytest.mark.parametrize("loss", LOSSES)
 def test_cost_and_weights_are_those_of_the_closed_forms(loss: str) -> None:
+    """The loss of z = f^2 and its derivative, as SciPy's manual has them."""
     f = np.random.default_rng(1).standard_cauchy(500)
     f[:4] = 0.0, 1.0, -1.0, 1e-170
+    z = f**2
+    rho, slope = {
+        "linear": (z, np.ones_like(z)),
+        "soft_l1": (2.0 * (np.sqrt(1.0 + z) - 1.0), (1.0 + z) ** -0.5),
+        "huber": (np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0), np.maximum(z, 1.0) ** -0.5),
+        "cauchy": (np.log1p(z), 1.0 / (1.0 + z)),
+    }[loss]
     cost, weights = cost_and_weights(f, loss)
-    rho, slope = CLOSED[loss]
-    assert cost == pytest.approx(0.5 * np.sum(rho(f**2)), rel=1e-13)
-    np.testing.assert_allclose(weights, slope(f**2), rtol=1e-14)
+    assert cost == pytest.approx(0.5 * np.sum(rho), rel=1e-13)
+    np.testing.assert_allclose(weights, slope, rtol=1e-14)
     assert cost_and_weights(np.array([0.0, np.inf]), loss)[0] == np.inf
+
+
+def test_trials_that_cannot_be_simulated_do_not_end_the_search() -> None:
+    """omega = M t/I over I itself: the first step from 0.08 to 0.03 wants to go to -0.053.
+
+    Such a drive is refused; the second time it is the reading that has no value below 0.028.
+    """
+    run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
+
+    def omega(result: bd.Result) -> float:
+        return float(result.pulleys.omega[-1, 1])
+
+    def omega_if_slow(result: bd.Result) -> float:
+        return omega(result) if result.params.pulleys[1].inertia > 0.028 else math.nan
+
+    def put(params: bd.Params, value: float) -> bd.Params:
+        return changed(params, {"pulleys[1].inertia": value})
+
+    own = bd.Free("inertia", start=0.08, size=0.16, set=put)
+    for read in (omega, omega_if_slow):
+        data = run.number(read, 2.0, t=[0.02], sigma=0.01)
+        found = bd.identify(free_pulley(0.08), [own], [data])
+        assert found.success and found.failed > 0
+        assert found.params.pulleys[1].inertia == pytest.approx(0.03, rel=1e-4)
+    # Just above a value that is refused only steps up are possible
+    run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
+    data = run.number(lambda r: r.pulleys.omega[-1, 1], 2.0, t=[0.02], sigma=0.01)
+    refused = []
+
+    def heavy(params: bd.Params, value: float) -> bd.Params:
+        if value < 0.02995:
+            refused.append(value)
+            raise ValueError("too light")
+        return changed(params, {"pulleys[1].inertia": value})
+
+    free = bd.Free("inertia", start=0.03, scale="log", set=heavy)
+    found = bd.identify(free_pulley(0.03), [free], [data])
+    assert refused and found.success
+    # One-sided: (exp(-h) - 1)/h is -1 but for h/2.
+    assert found.sensitivity().values.item() == pytest.approx(-1.0, abs=0.006)
+
+
+def test_a_start_that_cannot_be_simulated_says_why(rig: bd.Params) -> None:
+    short = bd.Experiment(TORQUE, T_END, options={"max_steps": 10})
+    data = short.curve("slip[1]", [T_END], [0.0], sigma=0.1)
+    with pytest.raises(bd.SimulationError, match="steps"):
+        bd.identify(rig, ["friction.mu_k"], [data])
+    early = bd.Experiment(TORQUE, T_END).curve("slip[1]", [0.0, T_END], [0.0, 0.0], sigma=0.1)
+    with pytest.raises(ValueError, match=r"slip\[1\] at 0 s: the run has no value there"):
+        bd.identify(rig, ["friction.mu_k"], [early])
+
+    # what a torque function raises comes out unchanged
+    class OutOfPaper(Exception):
+        """What only the user's code raises."""
+
+    mine = OutOfPaper("the plotter jams")
+    calls: list[float] = []
+
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        calls.append(t)
+        if len(calls) > 3000:
+            raise mine
+        return [-30.0, 0.0]
+
+    def value_error(_t: float, _theta: Any, _omega: Any) -> list[float]:
+        raise ValueError("not a matter of parameters")
+
+    for workers in (1, 2):
+        calls.clear()
+        data = bd.Experiment(torque, T_END).curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
+        with pytest.raises(OutOfPaper) as caught:
+            bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
+        assert caught.value is mine
+        run = bd.Experiment(value_error, T_END)
+        data = run.curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
+        with pytest.raises(ValueError, match="not a matter of parameters"):
+            bd.identify(rig, ["friction.mu_k"], [data], workers=workers)
+
+
+@pytest.mark.usefixtures("handlers")
+def test_ctrl_c_ends_it_soon_and_loses_nothing(rig: bd.Params, rest: bd.State) -> None:
+    """The runs that are interrupted would take a minute or more; their threads end with it.
+
+    Before anything is known it is an ordinary one.
+    """
+    before = set(threading.enumerate())
+    trials, main = [], threading.main_thread().ident
+    assert main is not None
+
+    def begin(params: bd.Params) -> bd.State:
+        trials.append(params.friction.mu_k)  # type: ignore[union-attr]
+        return rest
+
+    def long_after_the_fifth(t: float, _theta: Any, _omega: Any) -> list[float]:
+        if len(trials) >= 6:
+            if t > 0.0 and not sent:
+                sent.append(t)
+                signal.pthread_kill(main, signal.SIGINT)
+            time.sleep(0.01)
+        return [-30.0, 0.0]
+
+    sent: list[float] = []
+    run = bd.Experiment(long_after_the_fifth, T_END, initial=begin)
+    data = run.curve("pulleys.omega", TIMES, np.full((20, 2), -20.0), sigma=1.0)
+    with pytest.raises(bd.Interrupted) as caught:
+        bd.identify(rig, ["friction.mu_k"], [data], workers=2)
+    assert isinstance(caught.value, bd.IdentificationInterrupted)
+    found = caught.value.identification
+    assert not found.success and "interrupted" in str(found)
+    assert found.values["friction.mu_k"] in trials
+    assert math.isfinite(found.std["friction.mu_k"])
+    assert not set(threading.enumerate()) - before
+
+    def stop(_params: bd.Params) -> bd.State:
+        raise KeyboardInterrupt
+
+    run = bd.Experiment(TORQUE, T_END, initial=stop)
+    data = run.curve("pulleys.omega[0]", [T_END], [-40.0], sigma=1.0)
+    with pytest.raises(KeyboardInterrupt) as early:
+        bd.identify(rig, ["friction.mu_k"], [data])
+    assert not isinstance(early.value, bd.IdentificationInterrupted)
+
+
+@pytest.mark.ci(guard="test_sensitivity.py::test_samples_that_are_refused")
+def test_without_scipy_it_says_what_to_install_and_nothing_imports_it_before() -> None:
+    script = """import sys, beltdyn as bd
+assert not any(name.startswith("scipy") for name in sys.modules)
+sys.modules["scipy"] = sys.modules["scipy.optimize"] = None
+bd.identify(bd.scenes.three_pulleys().params, [], [])"""
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert "ImportError: beltdyn.identify needs SciPy: python -m pip install scipy" in ran.stderr
+
+
+MU: Any = {"free": ["friction.mu_k"]}
+INERTIA = bd.Free("pulleys[*].inertia", start=0.01)
+
+
+def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.Experiment) -> None:
+    """Of the search: free parameters, priors, options; and what the run gives must fit the data."""
+
+    def curve(*given: Any) -> dict[str, Any]:
+        return {"targets": [experiment.curve(*given, sigma=1.0)]}
+
+    unknown = experiment.curve("pulleys.omega[0]", [0.01], [1.0])
+    flat = experiment.curve("pulleys.omega[0]", [0.01, 0.02], [0.0, 0.0])
+    twice = [experiment.curve("slip[1]", [0.01], [0.0], sigma=1.0) for _ in range(2)]
+    rows: list[tuple[dict[str, Any], type[Exception], str]] = [
+        ({"free": ["belt.axial_stifness"]}, ValueError, "did you mean 'belt.axial_stiffness'"),
+        ({"free": ["pulleys[2].inertia"]}, ValueError, r"pulleys has 2 entries"),
+        ({"free": ["belt.n_bodies"]}, ValueError, "cannot be free: it is not a real number"),
+        ({"free": ["tensioning.offset[1][0]"]}, ValueError, "tensioning.offset has 0 entries"),
+        ({"free": ["pulleys[*].inertia"]}, ValueError, "differ .*start="),
+        ({"free": ["gravity[1]"]}, ValueError, "size="),
+        ({"free": ["axial stiffness"]}, ValueError, "is named like"),
+        ({"free": []}, ValueError, "at least one"),
+        ({"free": ["friction.mu_k", "friction.mu_k"]}, ValueError, "twice"),
+        ({"free": [bd.Free("friction.mu_k", lower=0.9)]}, ValueError, "must lie within its limits"),
+        ({"free": [bd.Free("friction.mu_k", lower=1.0, upper=0.9)]}, ValueError, "be < upper"),
+        ({"free": [bd.Free("gravity[1]", scale="log")]}, ValueError, "needs a start > 0"),
+        ({"free": ["pulleys[1].inertia", INERTIA]}, ValueError, "which overlap"),
+        ({"free": "friction.mu_k"}, TypeError, "free must be a sequence"),
+        ({"params": attrs.evolve(rig, friction=None)}, ValueError, "this drive has no friction"),
+        ({"params": None}, TypeError, "params must be a Params"),
+        (curve("pulleys.omega", [0.01], [1.0]), ValueError, r"gives shape \(1, 2\)"),
+        (curve("pulleys.omega[2]", [0.01], [1.0]), ValueError, "has 2 columns"),
+        (curve(lambda _: ["fast"], [0.01], [1.0]), TypeError, "must give real numbers"),
+        ({"targets": []}, ValueError, "at least one target"),
+        ({"targets": [1.0]}, TypeError, r"targets\[0\] must be"),
+        ({"targets": [unknown]}, ValueError, "too few to estimate it beside 1 free"),
+        ({"targets": [flat]}, ValueError, "all its values are 0"),
+        ({"targets": [flat], "loss": "huber"}, ValueError, "loss 'huber' needs the sigma"),
+        ({"targets": twice}, ValueError, "two targets are called"),
+        ({"jac": "5-point"}, ValueError, "jac must be one of"),
+        ({"loss": "l1"}, ValueError, "loss must be one of"),
+        ({"diff_step": 0.0}, ValueError, "diff_step must be > 0"),
+        ({"max_nfev": 0}, ValueError, "max_nfev must be an integer >= 1"),
+        ({"prior": {"friction.sigma": (1e4, 1e3)}}, ValueError, "is not free"),
+        ({"prior": {"friction.mu_k": (0.8, 0.0)}}, ValueError, "deviation must be > 0"),
+        ({"prior": {"friction.mu_k": (-0.8, 0.1)}}, ValueError, "the value must be > 0"),
+    ]
+    for change, kind, message in rows:
+        with pytest.raises(kind, match=message):
+            bd.identify(**{"params": rig, "targets": targets, **MU, **change})
+
+    # Of free parameters, experiments, curves and numbers
+    def curve(**change: Any) -> Callable[[], object]:
+        good = {"quantity": "pulleys.omega[0]", "t": [0.01, 0.02], "values": [1.0, 2.0]}
+        return lambda: experiment.curve(**{**good, "sigma": 1.0, **change})
+
+    number: Any = experiment.number
+    rows: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: bd.Free("x", set=changed), ValueError, "needs start="),
+        (lambda: bd.Free("belt.length", scale="cubic"), ValueError, "scale must be"),
+        (lambda: bd.Free("belt.length", size=0.0), ValueError, "size must be > 0"),
+        (lambda: bd.Free("belt.length", lower="0"), TypeError, "belt.length: lower"),
+        (lambda: bd.Experiment(TORQUE, 0.0), ValueError, "t_end must be > 0"),
+        (lambda: bd.Experiment(TORQUE, 1.0, options={"rtoll": 1}), ValueError, "mean 'rtol'"),
+        (lambda: bd.Experiment(TORQUE, 1.0, settling={"frictn": 1}), ValueError, "mean 'friction'"),
+        (lambda: bd.Experiment(TORQUE, 1.0, changes={"a b": 1}), ValueError, "is named like"),
+        (lambda: bd.Experiment(TORQUE, 1.0, options=[1]), TypeError, "must be mappings"),
+        (lambda: bd.Experiment(TORQUE, 1.0, initial=3), TypeError, "initial must be"),
+        (curve(quantity="pulleys.omga[0]"), ValueError, "mean 'pulleys.omega'"),
+        (curve(quantity=3), TypeError, "quantity must be"),
+        (curve(t=[0.0, 0.09]), ValueError, r"t must lie within the run, \[0, 0.08\] s"),
+        (curve(t=[0.02, 0.01]), ValueError, "t must be non-decreasing"),
+        (curve(values=[1.0, np.nan]), ValueError, "values must be finite"),
+        (curve(sigma=[1.0, 1.0, 1.0]), ValueError, "sigma must be one number or fit"),
+        (lambda: number("slip[1]", 1.0), TypeError, "read must be callable"),
+        (lambda: number(len, [1.0, 2.0], names=["one"]), ValueError, "each of the 2 values"),
+        (lambda: number(len, [], sigma=1.0), ValueError, "must hold at least one number"),
+    ]
+    for make, kind, message in rows:
+        with pytest.raises(kind, match=message):
+            make()
