@@ -451,6 +451,12 @@ def test_names_of_pulleys(free: bd.Params, rest: bd.State) -> None:
     assert np.array_equal(one.pulleys.omega, other.pulleys.omega)
     scene = bd.Scene(named, by_name, 0.01, {"crank": CRANK})
     assert bd.Scene.from_toml(scene.to_toml()) == scene
+    assert 'kind = "crank"' in scene.to_toml()
+    table = "\n[[motion]]\npulley = 0\nkind = 'crank'\nspeed = -20.0\norders = [2]\n"
+    read = bd.Scene.from_toml(
+        bd.Scene(free, NOTHING, 0.1).to_toml() + table + "amplitudes = [0.1]\n"
+    )
+    assert read.motion == {0: bd.CrankMotion(-20.0, [2], [0.1])}
     assert 'load on pulley "fan", viscous' in str(scene)
     assert "mean speed -50 to 0 rad/s, harmonics of orders 1.5, 4" in str(scene)
     with pytest.warns(bd.BeltdynWarning, match='beyond_table: pulley "fan" turns at '):
@@ -485,3 +491,4 @@ def test_objects_are_values_that_the_core_reads() -> None:
     assert in_core(CRANK) and in_core(CRANK_SPEED) and in_core(bd.Motion(speed=CRANK_SPEED))
     assert not in_core(math.sin) and not in_core(bd.Motion(angle=math.sin))
     assert _in_core(bd.Scene(drives.plain(), whole, 0.1, {0: CRANK}))
+    assert "call" not in {kind for kind, *_ in whole.terms(drives.plain().pulley_names)}

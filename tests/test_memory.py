@@ -75,6 +75,10 @@ def test_memory_that_is_refused_after_all(
     monkeypatch.setattr("beltdyn.simulation._core.Simulation", refusing)
     with pytest.raises(MemoryError, match=r"^t_eval is too long .* which could not be had; take"):
         bd.simulate(*scene, initial=start)
+    refusing.return_value.sample.side_effect = KeyboardInterrupt
+    with pytest.raises(bd.Interrupted, match="before the first step, nothing was computed") as e:
+        bd.simulate(*scene, initial=start)
+    assert e.value.result is None
 
 
 def test_the_command_line_says_it_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -386,8 +386,6 @@ def flicker() -> Callable[..., list[float]]:
     return lambda *_: next(torques)
 
 
-JUMP = bd.PiecewiseLinear([0.0, 1.0], [-50.0, -50.0])
-FIXED: dict[str, Any] = {"method": "rk4", "step": 5e-5}
 REFUSED: dict[str, Callable[[Dress], object]] = {
     "overlap": routed(0.10, 0.02, 0.04),
     "passed by": routed(0.15, 0.05, 0.02, "inside"),

@@ -131,6 +131,25 @@ def test_tension_between_fixed_axes(layout: str, contact: bd.Contact | None) -> 
             assert found > rest * (1.0 + 0.1 * share**2)
 
 
+def test_a_weight_sets_the_pressure_and_the_belt_adds_its_own_tension() -> None:
+    """On a take-up with a weight the spans have half of it, and rho A v^2 / lambda more; also where
+    that is more than the tension at rest, which fixed axes could not hold.
+    """
+    pull, slider = 80.0 * 9.80665, bd.Slider(direction=(1.0, 0.0), mass=1.0, weight=80.0)
+    fixed = drive("two", 120)
+    pulleys = [fixed.pulleys[0], attrs.evolve(fixed.pulleys[1], mount=slider)]
+    belt = attrs.evolve(fixed.belt, length=None)
+    params = attrs.evolve(fixed, belt=belt, pulleys=pulleys)
+    for speed in (50.0, 314.0, 700.0):
+        state = bd.settle(params, speed={0: speed})
+        tension = state.tension(params).spans.mean()
+        carried = RHO * speed_of(params, state) ** 2 / (1.0 + tension / EA)
+        assert tension == pytest.approx(0.5 * pull + carried, rel=2e-4)
+        # the carriage moves out by what the belt is stretched more, half of it
+        more = (tension - 0.5 * pull) / EA * params.info["length"] / 2.0
+        assert state.travel[0] == pytest.approx(more, rel=0.02, abs=1e-5)
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_velocities_stretch_nothing_and_do_not_slip(layout: str) -> None:
     params = drive(layout, 240, SOFT)

@@ -3,7 +3,7 @@ and closed forms, and against links, whose limit it shares; what chooses it, wha
 
 Jacobians, kernels, methods, the ledger, symmetries and runs against the oracle are in the tests of
 those, which go through every mesh; starts at speed, a weight's tension included, in
-test_start_at_speed.py; lateral vibration in test_reference_string.py; drums in test_capstan.py.
+test_start_at_speed.py; lateral vibration in test_modes.py; drums in test_capstan.py.
 """
 
 from __future__ import annotations

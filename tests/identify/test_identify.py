@@ -493,6 +493,7 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         (lambda: bd.Free("belt.length", lower="0"), TypeError, "belt.length: lower"),
         (lambda: bd.Experiment(TORQUE, 0.0), ValueError, "t_end must be > 0"),
         (lambda: bd.Experiment(TORQUE, 1.0, options={"rtoll": 1}), ValueError, "mean 'rtol'"),
+        (lambda: bd.Experiment(TORQUE, 1.0, options={"motion": {}}), ValueError, "has no 'motion'"),
         (lambda: bd.Experiment(TORQUE, 1.0, settling={"frictn": 1}), ValueError, "mean 'friction'"),
         (lambda: bd.Experiment(TORQUE, 1.0, changes={"a b": 1}), ValueError, "is named like"),
         (lambda: bd.Experiment(TORQUE, 1.0, options=[1]), TypeError, "must be mappings"),
