@@ -131,11 +131,7 @@ def solve(model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float
 def jacobian_of_solver(
     model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float
 ) -> Array:
-    """J = 1 / g - S^-1, S the matrix that the solver applies; exact to rounding if |g J| <= 1.
-
-    The slip displacements, which nothing depends on, are left out of the inverse: their columns
-    of J are 0.
-    """
+    """J = 1 / g - S^-1, S the matrix that the solver applies; exact to rounding if |g J| <= 1."""
     n = len(layout.scale)
     apply = solve(model, layout, state, g)
     solutions = np.column_stack([apply(column) for column in np.eye(n)])
@@ -155,11 +151,8 @@ def jacobian_of_solver(
 def directions(layout: Layout, n: int, seed: int = 0) -> Iterator[tuple[list[str], Array]]:
     """Columns that differences take together, and the steps in which they do, of random signs.
 
-    Links know of their neighbours alone, and links of one colour are three apart or more: in a row
-    of a link every difference is one entry, times its step. Rows of pulleys and mounts, which know
-    of every link, see sums of random signs in which each column occurs; columns of theirs go one by
-    one. Last all columns at once, with signs drawn anew: what depends on a link far off, or on one
-    that is none of its colour, would have to cancel twice.
+    Links of one colour are three apart: in a row of a link every difference is one entry. Rows of
+    pulleys and mounts see sums; columns of theirs go one by one. Last all columns at once.
     """
     rng, steps = np.random.default_rng([seed, n]), layout.steps()
     signs = rng.choice([-1.0, 1.0], (2, len(steps)))
@@ -178,12 +171,7 @@ def directions(layout: Layout, n: int, seed: int = 0) -> Iterator[tuple[list[str
 
 
 def slope_along(rate: Vector, y: Array, along: Array, curved: bool) -> Array:
-    """The derivative by central differences.
-
-    Of fourth order for speeds, with which friction may change over 0.1 m/s, some hundred steps, and
-    for places and angles, by which the part of a link that is in contact is p_a / (p_a - p_b), some
-    hundred steps long.
-    """
+    """The derivative by central differences."""
     whole = 0.5 * (rate(y + along) - rate(y - along))
     if not curved:
         return np.asarray(whole)
@@ -195,15 +183,9 @@ def assert_jacobian(
 ) -> None:
     """Every entry of J is what differences of the rate say, in the directions above.
 
-    Block by block of fields, each to its own largest entry. Rounding of a rate over the step of
-    1e-4: forces c times the rounding 5e-17 m of places make w^2 5e-17 m of acceleration, over the
-    scale w s and the step 5e-9 w; 1e-7 leaves a decade for sums, and for blocks smaller than w. The
-    chords of a string, up to 0.4 m from which the rest length is taken, are rounded as well, to
-    half as much again. Curvature: steps of 1e-8 m over radii of 0.1 m and over penetrations of
-    1e-5 m (odd terms; central differences have no even ones), squared.
-
-    A travel moves a pulley against all of its links: an entry by it is a sum over theirs, which may
-    cancel, and is known as they are.
+    Block by block, each to its own largest entry: rounding 5e-17 m of places over steps of 1e-8 m,
+    1e-7 with a decade for sums (half as much again of the chords of a string); curvature, steps
+    over penetrations of 1e-5 m, squared. By a travel entries are sums, which may cancel.
     """
     blocks = {name: part for name, part in layout.blocks().items() if layout.sizes[name]}
     rounding = 1e-7 if layout.sizes["phi"] else 1.5e-7
@@ -250,11 +232,7 @@ def vector_of_oracle(oracle: reference.Reference, state: dict[str, Any], slots: 
 
 
 def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) -> Vector:
-    """The oracle's right-hand side in the core's layout; slots: of each pulley.
-
-    Core and oracle keep friction by slot and by pair: every pulley is given what its slot holds,
-    and of the rates of a slot's pulleys, of which one at most is touched, the sum is taken.
-    """
+    """The oracle's right-hand side in the core's layout; slots: of each pulley."""
     n, n_p = oracle.n_bodies, oracle.n_pulleys
     names = ("x", "y", "phi")[: oracle.freedoms]
     held = [name for name in ("mu", "slip") if layout.sizes[name]]
@@ -280,8 +258,7 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
 
 def slots_of(oracle: reference.Reference) -> Array:
     """Friction slot of each pulley: the first that none before it has that it overlaps, or with
-    which it could touch one joint of two links, which may gape by half a link.
-    """
+    which it could touch one joint of two links, which may gape by half a link."""
     slots = np.zeros(oracle.n_pulleys, dtype=int)
     between = 2.5 * oracle.l0 if oracle.mesh == "joint" else 0.0
     for j in range(oracle.n_pulleys):

@@ -43,9 +43,6 @@ def no_torque(t: float, theta: ref.Array, omega: ref.Array) -> ref.Array:
     return np.zeros_like(omega)
 
 
-# -------------------------------------------------------------------- drives
-
-
 def small_drive(**changes: Any) -> ref.Reference:
     """24 soft links on the paper's pulleys: 100 times fewer right-hand sides per second."""
     data = {"axial_stiffness": 7e3, "axial_damping": 2.0, "contact": (1e8, 5e6, 200.0)}
@@ -143,9 +140,6 @@ MODELS: dict[str, Callable[[], ref.Reference]] = {
     ),
     "string, arm, path and slider, motions": lambda: as_string(every(motion=MOTION)),
 }  # fmt: skip
-
-
-# -------------------------------------------------------------------- states
 
 
 def laid_on_joints(model: ref.Reference, y: ref.Array) -> ref.Array:

@@ -44,21 +44,15 @@ LEDGER = ("drive", "joint_damping", "contact_damping", "friction", "drag")
 class Reference:
     """A belt drive by its data per metre of belt (section 6), with the equations of motion.
 
-    The state vector is `x, y, phi, vx, vy, vphi` (n_b each), `theta, omega` (n_p each), `mu, slip`
-    (n_p x n_b each, pulley first) and the quadratures of `LEDGER`. `mu` is the state z of the
-    friction law of the pulley, whatever that law is; without a law it and the slip stay 0. With
-    `mounts`, which move the axes of their pulleys, travel, its rate and the share of friction (n_m
-    each, in the order of the pulleys) stand before the quadratures, and two of these more after
-    them. `centers` are the places in the scene, q = 0. The travel of a path is the time.
+    The state vector is `x, y, phi, vx, vy, vphi` (n_b each), `theta, omega` (n_p each), friction
+    states `mu` and `slip` (n_p x n_b each, pulley first), with `mounts` travel, its rate and the
+    share of friction (n_m each), and the quadratures of `columns`. The travel of a path is the
+    time. `centers` are the places in the scene, q = 0.
 
     `mu_k` and `sigma` are the short way to Dahl's law on all pulleys, `friction` gives a law, or
-    none, to each. `motion` maps pulleys to their prescribed speeds: `rhs` takes these from the
-    function and lets theta and omega of the state follow. What knows no time (`contacts`, `energy`)
-    takes the speeds of the state; `follow` makes them the prescribed ones.
-
-    With `mesh="joint"` contact is integrated along the links and friction acts at the joints
-    (section 3): what is said of (pulley, link) pairs is then of (pulley, joint) pairs, a joint by
-    the link on whose left it is.
+    none, to each. `motion` maps pulleys to their prescribed speeds, which `rhs` takes from there,
+    and what knows no time (`contacts`, `energy`) from the state; `follow` makes them one. With
+    `mesh="joint"` pairs are of (pulley, joint), a joint by the link on whose left it is.
     """
 
     freedoms: ClassVar[int] = 3  # coordinates of a link
@@ -212,8 +206,6 @@ class Reference:
             )
         return tension, spans
 
-    # ---------------------------------------------------------------- state vector
-
     def links(self, y: Array) -> Array:
         """View (..., 2, 3, n_b) of the links: [position or velocity, x y phi, link]."""
         shape = 2, self.freedoms, self.n_bodies
@@ -226,8 +218,7 @@ class Reference:
 
     def memory(self, y: Array) -> Array:
         """View (..., n_states + 1, n_p, n_b): states z (named mu) and, in the last row, slip of
-        every (pulley, link) pair.
-        """
+        every (pulley, link) pair."""
         start = 2 * (self.freedoms * self.n_bodies + self.n_pulleys)
         stop = self.size - len(self.columns) - 3 * len(self.mounted)
         return y[..., start:stop].reshape(*y.shape[:-1], -1, self.n_pulleys, self.n_bodies)
@@ -296,17 +287,8 @@ class Reference:
         state["t"] = t
         return state
 
-    # ---------------------------------------------------------------- equations of motion
-
     def rhs(self, t: float, y: Array, torque: Torque, held: Array | None = None) -> Array:
-        """dy/dt: (2.11) for links, (2.12) for pulleys, friction laws, the powers of section 7.
-
-        `held` (n_m, 2): which stops of mounts press; None: those that are reached.
-
-        Written flat and on its own because SciPy calls it some 1e5 times, and with Dahl's law on
-        all pulleys at once for the same reason; `joints`, `contacts` and `energy` below say the
-        same things again, one at a time, and the tests compare the two.
-        """
+        """dy/dt: (2.11) for links, (2.12) for pulleys, friction laws, the powers of section 7."""
         n_b, n_p, at_pulleys = self.n_bodies, self.n_pulleys, 2 * self.freedoms * self.n_bodies
         at_memory, at_ledger = at_pulleys + 2 * n_p, self.size - len(self.columns)
         at_mounts = at_ledger - 3 * len(self.mounted)
@@ -423,11 +405,7 @@ class Reference:
         return dy
 
     def _pull(self, links: Array, forces: Array) -> tuple[Array, Array, float]:
-        """Joints (2.2): add their forces and moments on the links to `forces` (3, n_b).
-
-        Returns both ends of the links, [position or velocity, xy, link], and the power that is lost
-        in the joints.
-        """
+        """Joints (2.2): add their forces and moments on the links to `forces` (3, n_b)."""
         centre, angle, half_length = links[:, :2], links[:, 2], 0.5 * self.l0
         half = np.empty((2, 2, self.n_bodies))  # from mass centre to right end, and its rate
         arm = half[0]
@@ -489,11 +467,7 @@ class Reference:
     def along_links(
         self, left: Array, right: Array, centers: Array, moving: Array | None = None
     ) -> AlongLinks:
-        """Contact integrated along the links, whose ends are given: [position or rate, xy, link].
-
-        Section 3: penetration is linear between the ends; two Gauss points on the part in contact.
-        The pulleys' axes are given, (n_p, 2), and their velocities, if they move.
-        """
+        """Contact along the links (section 3), of their ends: [position or rate, xy, link]."""
         both = np.array((left, right))  # [end, position or rate, xy, link]
         arm = both[:, 0, :, None] - centers.T[:, :, None]  # [end, xy, pulley, link]
         distance = np.sqrt(arm[:, 0] * arm[:, 0] + arm[:, 1] * arm[:, 1])
@@ -598,7 +572,6 @@ class Reference:
         sign = omega / np.hypot(omega, self.omega_0)
         return np.asarray(coulomb * sign + viscous * omega + quadratic * omega * np.abs(omega))
 
-    # ---------------------------------------------------------------- outputs at a state
     # All take one state (size,) or many (..., size).
 
     def directions(self, y: Array) -> Array:
@@ -638,10 +611,7 @@ class Reference:
         return bend, rate - np.roll(rate, 1, axis=-1)
 
     def joints(self, y: Array) -> tuple[Array, Array]:
-        """Deformation and force of each joint along the mean direction of its two links.
-
-        Joint i is on the left of link i. Positive in tension.
-        """
+        """Deformation and force of each joint, left of its link, along the mean of both links."""
         e = self.directions(y)
         mean = e + np.roll(e, 1, axis=-1)
         mean /= np.hypot(mean[..., :1, :], mean[..., 1:, :])
@@ -650,11 +620,7 @@ class Reference:
         return (d * mean).sum(axis=-2), (force * mean).sum(axis=-2)
 
     def penetration(self, y: Array) -> Array:
-        """Return p of every pair (2.5), (..., n_p, n_b); contact is p > 0.
-
-        With the paper's mesh the same arithmetic as in `rhs`, so that both agree on the sign to the
-        last bit; of a joint, the largest of the four ends of the two links that meet there.
-        """
+        """Return p of every pair (2.5), (..., n_p, n_b); contact is p > 0."""
         if self.mesh == "paper":
             return self._depth(self.links(y)[..., 0, :2, :], self.centers)
         left, right = (self._depth(end[..., 0, :, :], self.axes(y)) for end in self.ends(y))
@@ -789,10 +755,7 @@ class Reference:
         return torques
 
     def axis_forces(self, y: Array) -> Array:
-        """Force of the belt on the axis of every pulley, less the sum of F_ij, (..., n_p, 2).
-
-        With contact along the links, which mounts ask for.
-        """
+        """Force of the belt on the axis of every pulley, less the sum of F_ij, (..., n_p, 2)."""
         contacts = self.contacts(y)
         rubbing = (contacts.friction[..., None, :] * contacts.tangent).sum(axis=-1)
         states = y.reshape(-1, self.size)
@@ -918,17 +881,13 @@ class AlongLinks:
         return np.asarray(self.rate_left + self.rate_right.take(previous, axis=1))
 
 
-# -------------------------------------------------------------------- Dahl in closed form
-
-
 def dahl_closed(
     x: npt.ArrayLike, x0: float, mu0: Any, mu_k: float, sigma: float, sign: int
 ) -> npt.NDArray[np.longdouble]:
     """Friction coefficient at x after a reversal at (x0, mu0): (2.9), in extended precision.
 
-    `sign` is that of v_T. The displacement in the exponent counts from the reversal in the
-    direction of motion, |x - x0|: with x - x0 as printed, the second line of (2.9) would grow
-    without bound and would not solve dmu/dt = sigma (v - |v| mu/mu_k), the law of section 4.
+    The displacement counts in the direction of motion, `sign`: as printed, the second line of (2.9)
+    would grow without bound and not solve the law of section 4.
     """
     long = np.longdouble
     gone = sign * (np.asarray(x, dtype=long) - long(x0))
@@ -948,9 +907,6 @@ def dahl_path_exact(
         sign = 1 if x[k] >= x[k - 1] else -1
         mu[k] = dahl_closed(x[k], x[k - 1], mu[k - 1], mu_k, sigma, sign)
     return mu
-
-
-# -------------------------------------------------------------------- the paper's drive
 
 
 def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
@@ -976,11 +932,7 @@ def paper_drive(n_bodies: int = 60, **changes: Any) -> Reference:
 
 
 def start_state(model: Reference) -> Array:
-    """Lay the belt at rest along `belt_line`, which also checks the model's winding.
-
-    Arms and sliders are where they rest, paths where they begin. Masses of a string are where the
-    joints of links would be.
-    """
+    """Lay the belt at rest along `belt_line`, which also checks the model's winding."""
     centers = model.axes(model.pack({"x": 0.0, "y": 0.0, "phi": 0.0}))
     x, y, phi, winding, _ = belt_line(
         centers, model.radii, model.length, model.n_bodies, model.sides,

@@ -6,11 +6,9 @@ From one settled state, A is beltdyn's "tsit5" at a tolerance near its limit and
 DOP853 on the NumPy oracle (`reference.py`, written from the equations alone), which is fast enough
 for the whole run. Their difference is the floor: nothing can be shown to be nearer to the truth.
 
-A stick-slip drive may make more of a small difference by itself, so the floor is taken twice. B
-over the whole run tells how far the curves can be known at all. B begun anew from A's state at
-every tenth of the run, a leg, tells how well the equations are solved, whatever the drive makes of
-errors later; from the same states the tests start what they compare. The growth of a leg is the
-most that a small change of its start comes to in it.
+A stick-slip drive may make more of a small difference by itself: B over the whole run tells how far
+the curves can be known at all; B begun anew from A's state at every leg, a tenth of the run, how
+well the equations are solved; the growth of a leg what a small change of its start comes to in it.
 
 A file of `tests/curves/` holds A's curves, the difference B - A of the legs, the state at the
 start of every leg, the scene as TOML and the hash of the oracle, so that a scene or an oracle that
@@ -67,41 +65,23 @@ QUANTITIES = ("omega", "force", "mu", "normal")
 class Curves:
     """What a file holds.
 
-    Attributes:
-        scene: The scene as TOML.
-        oracle: Hash of the oracle's source (`stored_runs.hash_of_oracle`).
-        edges: Ends of the legs (n_w + 1,) [s].
-        states: A's state at the start of each leg, by field, each (n_w, n_b) or (n_w, n_p).
-        t: Sample times (n_t,) [s], irregular.
-        links: Links whose joint force, mu and normal force are kept (n_l,): two that may be the
-            paper's chosen element, then two that lie a third of the belt apart.
-        a: Curves of A (n_t, n_c): pulley speeds [rad/s], then joint forces [N], mu [1] and normal
-            forces [N] of the links.
-        b: The same of B begun anew from A's state in every leg.
-        tension: Mean joint force of the run [N], the scale of forces.
-        run_floor: Largest difference over its scale of A and B without a new beginning, by leg and
-            quantity (n_w, 4).
-        growth: Largest change of the joint forces in a leg over that at its start, for a small
-            change of all links at random (n_w,).
-        rtol: Tolerance of A.
-        tol: Tolerance of B.
-        seconds: CPU time of A, and of B once through the run (2,) [s].
+    Curves are pulley speeds [rad/s], then joint forces [N], mu [1] and normal forces [N] of links.
     """
 
-    scene: str
-    oracle: str
-    edges: Array
-    states: dict[str, Array]
-    t: Array
-    links: NDArray[np.int64]
-    a: Array
-    b: Array
-    tension: float
-    run_floor: Array
-    growth: Array
-    rtol: float
-    tol: float
-    seconds: Array
+    scene: str  # as TOML
+    oracle: str  # hash of its source
+    edges: Array  # ends of the legs (n_w + 1,) [s]
+    states: dict[str, Array]  # A's at the start of each leg, by field
+    t: Array  # samples [s], irregular
+    links: NDArray[np.int64]  # two that may be the paper's, two a third of the belt apart
+    a: Array  # curves of A (n_t, n_c)
+    b: Array  # the same of B begun anew from A's state in every leg
+    tension: float  # mean joint force of the run [N], the scale of forces
+    run_floor: Array  # largest difference over its scale of A and B in one run (n_w, 4)
+    growth: Array  # of a small change of all links at random, in joint forces, by leg
+    rtol: float  # of A
+    tol: float  # of B
+    seconds: Array  # CPU time of A, and of B once through the run
 
     def state(self, leg: int) -> bd.State:
         """A's state at the start of a leg."""
@@ -186,8 +166,7 @@ def path_of(case: str, directory: Path = DIRECTORY) -> Path:
 
 def sample_times(edges: Array) -> Array:
     """In every leg 4 samples in its first milliseconds, then 28 at golden-ratio places: in step
-    with nothing. Also the start and the end of the run.
-    """
+    with nothing. Also the start and the end of the run."""
     golden = (np.arange(28) * 0.5 * (np.sqrt(5.0) - 1.0)) % 1.0
     share = (np.arange(28) + 0.1 + 0.8 * golden) / 28
     legs = []

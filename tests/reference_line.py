@@ -45,8 +45,7 @@ def spans_away(
     centers: Array, radii: Array, sides: npt.ArrayLike | None = None
 ) -> tuple[float, Array, Array]:
     """Length of the tight belt line, the wraps, and the unit vectors along its spans away from each
-    pulley: (n_p, 2, 2), [pulley, the span before or behind it, xy].
-    """
+    pulley: (n_p, 2, 2), [pulley, the span before or behind it, xy]."""
     side = np.ones(len(centers)) if sides is None else np.asarray(sides, dtype=float)
     _, span, angle, wrap, _ = _tight(centers, radii, side)
     behind = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
@@ -68,11 +67,7 @@ def tension_at_rest(
     contact: tuple[float, float, float],
     compensate: bool,
 ) -> float:
-    """Mean tension of a settled belt whose line has this strain, section 6; stiffness: EA and EI.
-
-    With contact along the links, which has no strain of the mesh. The tension T at the end of a
-    wrap is that which the pressure balances, with lambda.
-    """
+    """Mean tension of a settled belt whose line has this strain, section 6; of EA and EI."""
     axial, bending = stiffness
 
     def end(pull: float, r: float, p: float) -> float:

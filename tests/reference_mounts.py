@@ -115,11 +115,7 @@ class Sprung:
     def _pressed(
         self, q: Array, rate: Array, held: Array | None
     ) -> list[tuple[float, Array, Array, Array]]:
-        """Both stops: the sign of the force, dp/dt, force of spring and of spring and damper.
-
-        A stop presses where it is reached, p > 0; or, `held`, where it says so, which lets a solver
-        carry the side of the jump at p = 0 on which it is over that edge.
-        """
+        """Both stops: the sign of the force, dp/dt, force of spring and of spring and damper."""
         if self.stops is None:
             return []
         assert self.stop_stiffness is not None and self.stop_damping is not None
@@ -259,9 +255,6 @@ class Path:
 Mount = Arm | Slider | Path
 
 
-# -------------------------------------------------------------------- where they rest
-
-
 def rest_of(
     mounts: Sequence[tuple[int, Mount]],
     centers: Array,
@@ -270,12 +263,7 @@ def rest_of(
     length: float,
     gravity: Array,
 ) -> Array:
-    """Travel of every mount where the tension of the belt line is in balance with the mounts.
-
-    `line` gives the tension of the belt line round pulleys at the places given, and the unit
-    vectors of the spans away from them, [pulley, before or behind, xy]. Section 5: S_0 - k q + H +
-    m g . a = T dl/dq. A path rests where it begins.
-    """
+    """Travel of every mount where the tension of the belt line is in balance with the mounts."""
     sprung = [(m, j, one) for m, (j, one) in enumerate(mounts) if isinstance(one, Sprung)]
     at = np.array([0.0 if isinstance(one, Sprung) else one.t[0] for _, one in mounts])
     if not sprung:

@@ -36,14 +36,8 @@ def error_weights(model: Reference, y0: Array, tol: float, stretch: float | None
     0.1/(l0/2) for their rates; 1e-3 rad for theta; 1 rad/s for omega; for mu 1, or for the state of
     a law that is no coefficient what makes friction as large as the normal force at that stretch;
     of mounts what moves the axis by the stretch, or at 0.1 m/s, and 1 for the share of friction.
-    Weights from |x| would be a thousand times too loose for the joint forces.
-
-    SciPy accepts a step when the RMS of error/weight over all n components is <= 1. Dividing the
-    weights by sqrt(n) makes that the Euclidean norm, so a step SciPy accepts also passes the max
-    norm with the undivided weights: no single link can hide in the average.
-
-    Slip displacements and the ledger drive nothing; they are left out of the error control (their
-    weights are huge) and are as accurate as the steps the rest needs.
+    SciPy takes the RMS of error/weight; weights over sqrt(n) make a max norm of it: no link hides
+    in the average. Slip displacements and the ledger, which drive nothing, have huge weights.
     """
     if stretch is None:
         stretch = max(float(np.mean(model.joints(y0)[0])), 1e-4 * model.l0)
@@ -82,21 +76,11 @@ def integrate(
 ) -> Run:
     """Integrate with a solver of `scipy.integrate` and return the states at `t_eval`.
 
-    Starts at `t0` (default: t_eval[0]) from `y0`. `atol` defaults to `error_weights(model, y0,
-    tol)`; `rtol` to the least SciPy takes, so that the weights are absolute.
-
-    Lost contacts (section 4) are located: after each step, a pair that holds memory (mu or slip)
-    and went from p > 0 to p <= 0, at the end of the step or in a dip inside it, is traced back on
-    the dense output; the first such time ends the step, mu and slip of that pair become 0, and the
-    solver starts again from there. `scipy.integrate.solve_ivp` drives the same solver objects; it
-    is not used itself because its events see a step's two ends only. Making contact and reversals
-    of slip are left to the step-size control. The stop of a mount, whose damper presses at
-    once, is traced back in the same way to where it is reached, or left; up to there the step does
-    not know of it.
-
-    The solver also starts again at each of `breakpoints` (times where the torque or the rate of a
-    prescribed speed has a kink or a jump); up to a breakpoint the limit from the left is used. At
-    the start the speed of a pulley of prescribed motion must be the prescribed one.
+    From `y0` at `t0` (default: t_eval[0]), with absolute weights `atol`. A pair that holds memory
+    and lost contact in a step (section 4), also in a dip within it, is traced back on the dense
+    output: there mu and slip become 0 and the solver starts anew. So is the stop of a mount that is
+    reached or left, and so it does at each of `breakpoints`, up to which the limit from the left is
+    used.
     """
     times = np.atleast_1d(np.asarray(t_eval, dtype=float))
     if np.any(np.diff(times) <= 0):
@@ -278,13 +262,9 @@ def _locate_lost(
 def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 300) -> Array:
     """Find the belt at rest without friction, near y0 (what the paper calls stabilised).
 
-    Newton's method with Levenberg's damping: the belt is free to slide along its path, so the
-    stiffness matrix is singular, and links that touch or leave make it jump. Energy must fall, so
-    that it ends at a minimum, not a saddle (the polygon of links has both along its path). Ends
-    when no force on a link (or moment over half a link) exceeds `tol` times the belt's EA/1000.
-    Pulleys keep their angles; memory and ledger are cleared. Motions and laws of single pulleys are
-    left out: unlike Dahl's, a law may resist a prescribed motion from its first instant. Arms and
-    sliders move too, without friction; paths stay where y0 has them.
+    Newton's method with Levenberg's damping (the belt slides along its path, contact jumps); energy
+    must fall, so that it ends at a minimum. Ends when no force on a link exceeds `tol` times
+    EA/1000. Motions and laws of pulleys are left out; paths stay where y0 has them.
     """
     model = dataclasses.replace(model, friction=None, motion={})
     y = np.array(y0, dtype=float)
@@ -363,6 +343,3 @@ def settle(model: Reference, y0: Array, *, tol: float = 1e-9, iterations: int = 
         raise RuntimeError(f"no equilibrium found: {np.abs(force).max():.3g} N left")
     residual(q)
     return y
-
-
-# -------------------------------------------------------------------- geometry

@@ -53,19 +53,13 @@ SOURCES = ("", "_run", "_friction", "_line", "_mounts", "_string")
 class Case:
     """A run of the oracle.
 
-    Attributes:
-        oracle: The drive.
-        torque: Its torques; the oracle stops at the times of piecewise linear ones.
-        start: Makes the state it begins with.
-        after: Times of the samples after the start [s].
-        tol: Tolerance, as `reference_run.integrate` takes it.
-        breakpoints: More times to stop at [s], such as those of a prescribed speed.
+    The oracle stops at the kinks of its torque, and at breakpoints. `start` makes its first state.
     """
 
     oracle: Reference
     torque: bd.Torque
     start: Callable[[], bd.State | Mapping[str, Any]]
-    after: Array
+    after: Array  # times of the samples after the start [s]
     tol: float = 1e-8
     breakpoints: Sequence[float] = ()
 
@@ -136,8 +130,7 @@ def hash_of_oracle() -> str:
 
 def _code(source: bytes) -> str:
     """Tokens of a source, a line for a statement; strings that are statements are left out, and
-    spaces, since versions of Python differ in what they take for the tokens of an f-string.
-    """
+    spaces, since versions of Python differ in what they take for the tokens of an f-string."""
     ignored = (token.NL, token.COMMENT, token.ENCODING, token.ENDMARKER)
     tokens = tokenize.tokenize(io.BytesIO(source).readline)
     marks = {token.INDENT: "{", token.DEDENT: "}"}

@@ -174,9 +174,6 @@ def case_of(oracle: reference.Reference, state: dict[str, Any], seed: int = 0) -
     return Case(core_of(oracle), oracle, shaken(oracle, state, seed))
 
 
-# -------------------------------------------------------------------- drives
-
-
 def crossed(n: int, **changes: Any) -> tuple[reference.Reference, dict[str, Any]]:
     """A ring through two pulleys that overlap: links on none, one and both of them."""
     given: dict[str, Any] = {
@@ -237,9 +234,6 @@ def of_drive(params: bd.Params, state: dict[str, Any], how: str, seed: int = 0) 
         if off_the_stops(oracle, moved):
             return Case(params._model, oracle, moved)
     raise AssertionError
-
-
-# -------------------------------------------------------------------- entries and solves
 
 
 def left_over(case: Case, j: Array, g: float, c: Array) -> float:
@@ -445,9 +439,6 @@ def test_every_ring_length_at_every_level(
             for _ in range(3):
                 c = case.fastest * rng.uniform(-1, 1, len(j))
                 assert left_over(case, j, g, c) <= GROWTH, (level, g)
-
-
-# -------------------------------------------------------------------- kinks
 
 
 @dataclass(frozen=True)

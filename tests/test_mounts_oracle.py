@@ -18,7 +18,7 @@ import reference
 import reference_run
 import stored_runs
 from bridge import fields, oracle_of
-from mounted_drives import DRIVES, METHODS
+from mounted_drives import DRIVES
 from reference_mounts import Path, Sprung
 from tiers import extended_if
 
@@ -39,9 +39,6 @@ def settled(name: str) -> tuple[bd.Params, bd.State]:
 def running(name: str, t: float = 0.03) -> bd.State:
     params, start = settled(name)
     return bd.simulate(params, drives.torque(params), t, initial=start, t_eval=[t]).final_state
-
-
-# -------------------------------------------------------------------- places
 
 
 @pytest.mark.one_in(3)
@@ -91,9 +88,6 @@ def test_settled_state_is_the_oracles(name: str) -> None:
     sprung = [isinstance(one, Sprung) for one in oracle.mounts.values()]
     found = start.travel * dense.levers(oracle)
     assert np.abs(travel - found)[sprung] == pytest.approx(0.0, abs=1e-7 * oracle.length)
-
-
-# -------------------------------------------------------------------- rates
 
 
 def shaken(name: str, seed: int, how: str) -> tuple[bd.Params, reference.Reference, dict[str, Any]]:
@@ -170,21 +164,6 @@ def test_rates_agree_at_random_states(name: str, how: str) -> None:
                 size = sum(abs(force[m]) for force in oracle.mount_forces(y).values())
                 apart = abs(rate["travel_speed"][m] - expected["travel_speed"][m]) * one.moved
                 assert apart <= 1e-10 * size, m
-
-
-def test_states_reach_what_they_are_named_for() -> None:
-    """Stops pressed, let go by their damper, and full friction of the pivot occur among them."""
-    pressed, released, full = 0, 0, 0
-    for seed in range(8):
-        _, oracle, state = shaken("arm with stops", seed, "stops")
-        stop = oracle.mount_forces(oracle.pack(state))["stop_force"][0]
-        pressed, released = pressed + (stop != 0.0), released + (stop == 0.0)
-        _, _, state = shaken("arm", seed, "saturated")
-        full += abs(state["mount_friction"][0]) == 1.0
-    assert pressed >= 2 and released >= 1 and full == 8
-
-
-# -------------------------------------------------------------------- runs
 
 
 def thrown(name: str, state: bd.State) -> bd.State:
@@ -333,48 +312,3 @@ def test_prescribed_speed_of_a_pulley_on_an_arm() -> None:
     most = 1e-5 * tension * 0.08
     assert np.max(np.abs(result.pulleys.torque - needed)) <= most
     assert np.ptp(needed[:, 1]) > 1e3 * most
-
-
-# -------------------------------------------------------------------- methods
-
-
-@cache
-def exact(name: str) -> bd.Result:
-    return simulated(name, method="tsit5", rtol=1e-8)
-
-
-def simulated(name: str, **options: Any) -> bd.Result:
-    """From a running state: at rest a pulley of Coulomb drag turns sharply, mount or none."""
-    params, _ = settled(name)
-    start = running(name)
-    times = start.t + np.linspace(0.0, 0.03, 31)
-    return bd.simulate(
-        params, drives.torque(params), times[-1], initial=start, t_eval=times, **options
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "method"),
-    extended_if(
-        lambda case: case[1] not in {
-            "arm": ("auto", "lbdf2"), "arm and slider": ("tsit5", "rodas4"), "path": ("rk4", "lie"),
-        }.get(case[0], ()),
-        [(name, method)
-         for name in ("arm", "arm with stops", "slider, gravity", "path", "arm and slider",
-                      "arm and slider, three laws", "string, arm and slider, three laws")
-         for method in METHODS],
-    ),
-)  # fmt: skip
-def test_every_method(name: str, method: str) -> None:
-    """Forces err by what was asked, rk4 by less than 1e-4; the balance closes (test_drag.py)."""
-    params, _ = settled(name)
-    options, expected = METHODS[method], exact(name)
-    result = simulated(name, method=method, **options)
-    apart = (result.joints.force - expected.joints.force) / drives.tension_of(params)
-    assert np.sqrt(np.mean(apart**2)) <= options.get("rtol", 1e-4)
-    reach = dense.levers(oracle_of(params))
-    moved = (result.mounts.travel - expected.mounts.travel) * reach
-    most = options.get("rtol", 1e-4) * params.info["strain"] * params.belt.length
-    assert np.max(np.abs(moved)) <= most
-    residual = np.max(np.abs(result.energy.residual))
-    assert residual <= 10 * options.get("rtol", 1e-4) * result.energy.passed[-1]

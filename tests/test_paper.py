@@ -93,6 +93,8 @@ def test_chosen_elements_are_those_that_fit_best(runs: kubas.Runs) -> None:
     start.
     """
     case_1, case_2, _ = runs
+    assert all(run.success and run.t.size == 2001 and run.t[-1] == 1.0 for run in runs)
+    assert [run.params.friction.sigma for run in runs] == [1e4, 1e4, 5e3]
     for link in rows.candidates(case_1, 1):
         touching = case_1.contact.pulley[:, link] == 1
         assert not touching[0] and 0.26 < case_1.t[touching.argmax()] < 0.36
@@ -182,12 +184,6 @@ def test_a_start_that_is_no_rest_is_missed(runs: kubas.Runs) -> None:
     jumped = attrs.evolve(runs.case_2, joints=joints)
     missed = kubas.compare(runs._replace(case_2=jumped))["rest_2"]
     assert not missed.within and missed.verdict == "MISSED"
-
-
-def test_the_runs(runs: kubas.Runs) -> None:
-    for run, sigma in zip(runs, (1e4, 1e4, 5e3), strict=True):
-        assert run.success and run.t.size == 2001 and run.t[-1] == 1.0
-        assert run.params.friction.sigma == sigma
 
 
 #: Panels of the figure, and the quantities marked in it: at their place in x or in y.

@@ -48,9 +48,6 @@ def model(request: pytest.FixtureRequest) -> ref.Reference:
     return MODELS[request.param]()
 
 
-# -------------------------------------------------------------------- balances at a state
-
-
 def test_momentum_changes_by_external_forces_alone(model: ref.Reference) -> None:
     """Linear, and angular about the origin: bearings, torques, drag, weight - and a couple.
 
@@ -162,9 +159,6 @@ def test_torque_of_a_prescribed_motion_makes_that_motion() -> None:
     model.pulleys(astray)[1, 1:] += 1.0
     np.testing.assert_array_equal(model.rhs(0.0, astray, lambda *_: absurd), dy)
     np.testing.assert_array_equal(model.follow(0.0, astray), y)
-
-
-# -------------------------------------------------------------------- closed forms
 
 
 def test_dahl_has_its_published_numbers_and_solves_its_equation() -> None:
@@ -279,9 +273,6 @@ def test_belt_line(order: int) -> None:
     assert phi[-1] - phi[0] == pytest.approx(2 * math.pi * order, abs=0.02)
 
 
-# -------------------------------------------------------------------- mounts
-
-
 def test_constants_of_a_link_and_what_is_chosen_of_a_mount_by_hand() -> None:
     """Section 6 for set S2 and the paper's 60 links of 20 mm; section 5."""
     model = ref.paper_drive(bending_damping=1e-4)
@@ -343,9 +334,6 @@ def test_mounts_rest_where_the_energy_of_line_and_mounts_is_least(
         ahead, behind = (energy(model.rest + s * h * np.eye(3)[m]) for s in (1, -1))
         # rounding of the line's length, some 4e-16 m, under 50 N, over the step
         assert (ahead - behind) / (2 * h) == pytest.approx(0.0, abs=4e-16 * 50 / h)
-
-
-# -------------------------------------------------------------------- rest and runs
 
 
 @RUN
