@@ -409,7 +409,7 @@ LENGTHS = (*range(3, 21), 31, 32, 33, 59, 60, 61, 63, 64, 65, 71, 72)
 SOME = {"joint": (*range(3, 21), 33, 64), "paper": (3, 5, 9, 17, 65), "string": (3, 4, 8, 15, 33)}
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(
     ("mesh", "n", "mixed"),
     extended_if(
@@ -523,7 +523,7 @@ def place(mesh: str, sink: float, v_radial: float, v_slide: float, z: Any, law: 
     return Spot(Case(core_of(oracle), oracle, state), link, radial, across)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_both_sides_of_sliding(mesh: str, name: str) -> None:
     """Of whatever law: forces and the state's rate; at rest, the mean of both sides. Of friction
@@ -563,7 +563,7 @@ def test_both_sides_of_sticking(way: float) -> None:
         assert faster == pytest.approx(by_speed, rel=1e-7, abs=1e-9 / scale[row])
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("kink", [1e-5, 2e-4, "coming", "leaving"])
 def test_both_sides_of_contact(name: str, kink: float | str) -> None:

@@ -172,7 +172,7 @@ KINKS: dict[str, Callable[[float], tuple[Depth, Depth, Depth]]] = {
 }
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("kink", KINKS)
 def test_both_sides_of_a_kink(kink: str, name: str) -> None:

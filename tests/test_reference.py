@@ -1,8 +1,7 @@
 """The oracle of `reference.py` against conservation laws, closed forms and slopes of its energy.
 
-Nothing here comes from the C core, and no number was produced by the oracle itself. That the core
-has the same forces, rates, outputs and runs is the stronger test: `test_oracle.py`,
-`test_mounts_oracle.py`, `test_drive_table.py`.
+Nothing here comes from the C core, nor from the oracle itself. That the core has the same forces,
+rates and runs is the stronger test: `test_oracle.py`, `test_mounts_oracle.py`.
 """
 
 from __future__ import annotations
@@ -34,6 +33,7 @@ from oracle_drives import (
     slider,
     small_drive,
 )
+from reference_friction import Dahl
 from reference_mounts import Path, Sprung
 from reference_string import as_string
 from tiers import extended_if
@@ -162,12 +162,15 @@ def test_torque_of_a_prescribed_motion_makes_that_motion() -> None:
 
 
 def test_dahl_has_its_published_numbers_and_solves_its_equation() -> None:
-    """Closed form (2.9) and dmu/dt of section 4 along x(t) that goes at 1 m/s from point to point.
+    """Closed form (2.9) and the law of section 4, or the share of a pivot's friction, along x(t)
+    that goes at 1 m/s from point to point.
 
     The table gives seven decimals: half a unit of the last is 5e-8. Integration at 1e-12 per step
     leaves 1e-10. The last path has loops within loops.
     """
     mu_k, sigma = 0.8, 1e4
+    law = Dahl(mu_k, sigma)
+    pivot = dataclasses.replace(ARM, friction_stiffness=ARM.friction * sigma / mu_k)
     for path, published in (
         ([0.0, 1e-5], 0.0940025),
         ([0.0, 5e-5], 0.3717909),
@@ -180,15 +183,15 @@ def test_dahl_has_its_published_numbers_and_solves_its_equation() -> None:
         if published is not None:
             assert closed[-1] == pytest.approx(published, abs=5.1e-8)
         assert np.all(np.abs(closed) < mu_k)
-        mu = 0.0
+        z = np.zeros(2)
         for begin, end in itertools.pairwise(path):
-            v = math.copysign(1.0, end - begin)
+            v = np.array([math.copysign(1.0, end - begin)])
             run = scipy.integrate.solve_ivp(
-                lambda t, m, v=v: sigma * (v - abs(v) * m / mu_k), (0.0, abs(end - begin)), [mu],
-                method="DOP853", rtol=1e-12, atol=1e-13,
+                lambda t, z, v=v: [*law.rate(z[:1], v, v, 1.0), *pivot.share_rate(v, z[1:])],
+                (0.0, abs(end - begin)), z, method="DOP853", rtol=1e-12, atol=1e-13,
             )  # fmt: skip
-            mu = float(run.y[0, -1])
-        assert mu == pytest.approx(closed[-1], abs=1e-10)
+            z = run.y[:, -1]
+        assert z == pytest.approx(closed[-1] / np.array([1.0, mu_k]), abs=1e-10)
 
 
 def ring(n: int, **changes: Any) -> tuple[ref.Reference, ref.Array]:
