@@ -12,6 +12,8 @@ import functools
 from itertools import product
 from typing import Any
 
+import attrs
+import drives
 import judged
 import pytest
 import random_drives
@@ -98,3 +100,10 @@ def test_most_are_judged() -> None:
     runs = [record(seed, "any") for seed in ANY] + [record(seed, "calm") for seed in CALM]
     unknown = [run for run in runs if run["outcome"] in ("dear", "doubtful")]
     assert len(unknown) <= 0.2 * len(runs)
+
+
+def test_a_belt_that_left_a_pulley_is_told() -> None:
+    result = judged.quiet(*drives.plain_scene()[:2], 1e-3, t_eval=[0.0, 1e-3])
+    end = result.final_state
+    final = attrs.evolve(end, x=end.x + 0.25 * (end.x < 0.1))  # past pulley 0
+    assert (judged.lost(result), judged.lost(attrs.evolve(result, final_state=final))) == ([], [0])

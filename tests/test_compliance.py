@@ -307,3 +307,17 @@ def test_refused_values() -> None:
     for tension in bad:
         with pytest.raises(ValueError, match=r"^tension must be 2 finite numbers >= 0"):
             compliance.compliance(params, tension)
+
+
+def test_implicit_steps_hardly_mind_a_stiff_contact() -> None:
+    """A hundred times stiffer has ten times the frequency, which explicit steps must follow."""
+    steps, chosen = {"tsit5": [], "rodas4": []}, drive().effective_contact
+    torque = bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [-15.0, 0.0]])
+    for scale in (1.0, 100.0):
+        linear, damping = scale * chosen.linear, math.sqrt(scale) * chosen.damping
+        params = drive(bd.Contact(linear=linear, damping=damping, compensate=True), n_bodies=60)
+        given = {"initial": bd.settle(params), "ledger": False}
+        for method, counted in steps.items():
+            counted.append(bd.simulate(params, torque, 0.02, method=method, **given).stats.steps)
+    assert steps["rodas4"][1] < 4.0 * steps["rodas4"][0], steps
+    assert steps["tsit5"][1] > 5.0 * steps["tsit5"][0], steps

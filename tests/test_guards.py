@@ -412,3 +412,12 @@ def test_links_that_ring_on_their_contact() -> None:
         assert (implicit.stats.error is None) == (share < 0.15)
         assert "undamped" not in codes(explicit)
     assert off[0.06] > 0.01 and off[0.2] < 1e-3
+
+
+def test_too_long_an_explicit_step_is_a_named_error() -> None:
+    with pytest.raises(bd.SimulationError, match=r"has an error of.*shorter step than") as caught:
+        bd.simulate(*drives.plain_scene(), method="rk4", step=1e-4)
+    error, done = caught.value, caught.value.result
+    assert error.symbol == "BD_ERR_FIXED_STEP" and (error.body >= 0 or error.pulley >= 0)
+    assert done is not None and done.t[-1] <= error.t < 1.0
+    assert np.all(np.isfinite(done.final_state.x)) and np.all(np.isfinite(done.joints.force))

@@ -240,3 +240,20 @@ def test_tolerances_below_rounding_are_not_chased() -> None:
     assert held_to.steps == asked.steps
     assert asked.fallbacks == 0
     assert asked.local_error is None or asked.local_error >= 1e-7
+
+
+@pytest.mark.parametrize("method", [*IMPLICIT, "tsit5"])
+def test_a_run_in_two_parts_is_the_run_in_one(method: str) -> None:
+    """One step of order 1 more, or steps of other sizes: errors as between two tolerances."""
+    scene = bd.scenes.kubas_case_1()
+    state = bd.simulate(*scene[:2], 0.06, t_eval=[0.06], rtol=1e-2).final_state
+    tight = {"rodas4": {"rtol": 1e-6}, "tsit5": {"rtol": 1e-7}}.get(method, {"step": 2e-6})
+
+    def run(start: bd.State, end: float) -> bd.State:
+        options: dict[str, Any] = {"method": method, "t_eval": [end], **tight}
+        return bd.simulate(*scene[:2], end, initial=start, **options).final_state
+
+    whole, rest = run(state, 0.07), run(run(state, 0.065), 0.07)
+    stretch = scene.params.info["strain"] * scene.params.info["link_length"]
+    assert np.max(np.abs(rest.x - whole.x)) <= (1e-5 if method == "tsit5" else 1e-4) * stretch
+    assert rest.t == 0.07 and np.max(np.abs(rest.omega - whole.omega)) <= 1e-5

@@ -324,3 +324,4 @@ def test_a_warning_names_links_enough_for_one_percent() -> None:
         params = scene_of("U", 60, mesh).params
         (line,) = (one for one in str(params).splitlines() if "error of the mesh" in one)
         assert f"{100 * sanity.mesh_error(params)['span_mean']:.2g} %" in line
+        assert "error in time" in str(params)

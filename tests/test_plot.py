@@ -346,6 +346,8 @@ def test_bad_arguments(result: bd.Result) -> None:
             draw(result, ax=1)
         with pytest.raises(ValueError, match="result must hold at least one sample"):
             draw(empty)
+    with pytest.raises(ValueError, match="result must hold at least one sample"):
+        bd.plot.overview(empty)
 
 
 @pytest.mark.ci(

@@ -136,6 +136,8 @@ def test_mesh_share_against_settled_belts() -> None:
         assert excess == pytest.approx(share, rel=2.0 * params.belt.length / links / arcs)
         if links == 60:
             assert share == pytest.approx(0.44, abs=0.01)
+    # of the paper's two pulleys a quarter (README, MODEL section 6)
+    assert sanity.mesh_share(drives.plain()) == pytest.approx(0.25, abs=0.01)
 
 
 MACHINES = {

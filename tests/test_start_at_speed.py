@@ -249,3 +249,12 @@ def test_no_transient(layout: str, omega: float) -> None:
     assert abs(np.sum(pressed * slips)) <= 3e-4 * v * np.sum(pressed)
     # it goes on at that speed, but for what links lose as they land
     assert turned[0] == pytest.approx(start.omega[0], rel=2e-3)
+
+
+def test_a_prescribed_speed_begins_so() -> None:
+    params, motion = drive("two", 60), {0: bd.PiecewiseLinear([0.0], [-50.0])}
+    by_itself, given = (
+        bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-3, motion, t_eval=[0.0, 1e-3], initial=one)
+        for one in (None, bd.settle(params, speed={0: -50.0}))
+    )
+    assert np.array_equal(by_itself.joints.force, given.joints.force)
