@@ -23,7 +23,7 @@ from beltdyn.report.spans import dominant, moving_string
 from beltdyn.report.window import Window
 from beltdyn.spans import Coordinates, joint_points, mid_span
 
-pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+pytestmark = pytest.mark.filterwarnings("ignore:(balance|mesh)")
 
 PULSE = 22.0
 
@@ -62,6 +62,7 @@ def test_a_constant_load_has_a_narrow_range() -> None:
     assert belt.most - belt.least < 0.7 * np.ptp(raw)
 
 
+@pytest.mark.filterwarnings("ignore:long_links")
 def test_pulleys_carry_the_weight_of_the_belt() -> None:
     """Of all pulleys together the pulls of the spans cancel: what is left is rho L g."""
     params = drive(40, gravity=(0.0, -9.80665))
@@ -115,6 +116,7 @@ def test_what_acts_on_an_arm_is_in_balance() -> None:
         assert pulley.hub_direction == pytest.approx(math.atan2(y, x), abs=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:(long_links|undamped)")
 def test_a_slider_and_a_path() -> None:
     def two(mount: object, **belt: float) -> bd.Params:
         return bd.Params(

@@ -27,7 +27,7 @@ from beltdyn.report.powers import _bristles
 from beltdyn.report.window import Window
 from beltdyn.scenes import get
 
-pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+pytestmark = pytest.mark.filterwarnings("ignore:(full_slip|balance|chatter|slack_span)")
 
 MU = 0.6
 
@@ -87,6 +87,10 @@ def test_slip_in_full_within_a_steady_mean_is_told() -> None:
     assert row.used_range.most == pytest.approx(row.used, abs=0.01)
     assert row.used_range.least == pytest.approx(row.used, abs=0.01)
     assert row.least_margin == pytest.approx(row.margin, rel=0.03)
+    # one load: growing alone is growing together
+    other = told.pulleys[1]
+    assert math.isfinite(other.margin) and other.own_margin == pytest.approx(other.margin, rel=1e-3)
+    assert other.own_slip_torque == pytest.approx(other.slip_torque, rel=1e-3)
 
 
 def test_unsteady_drives_have_no_efficiency_and_no_creep() -> None:
@@ -162,6 +166,20 @@ def test_the_torque_that_grows_alone() -> None:
     assert own.factor > together.factor
 
 
+@pytest.mark.ci(guard="test_report_slip.py::test_the_torque_that_grows_alone")
+def test_how_far_the_alternator_of_an_engine_is_from_slipping() -> None:
+    """Where all torques grow others slip before it; alone it has five times as much to go."""
+    told = bd.simulate(*get("serpentine")).report()
+    crank = told.pulleys["crank"]
+    assert crank.used_range.most > 1.4 * crank.used and crank.least_margin < 0.7 * crank.margin
+    for name in ("compressor", "alternator", "steering pump"):
+        row = told.pulleys[name]
+        assert row.margin == math.inf and row.own_margin > 5.0, name
+    assert told.pulleys["compressor"].wrap == pytest.approx(math.pi / 2, rel=0.01)
+    assert "later: others slip" in str(told)
+
+
+@pytest.mark.filterwarnings("ignore:(compliance|long_links)")
 def test_wraps_and_limits_are_those_of_the_belt_line_and_of_euler() -> None:
     """Few links count badly: 1.3 on a small pulley; its limit is by the same wrap."""
     small = bd.Pulley(center=(0.17, 0.09), radius=0.01, inertia=1e-5, side="outside")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import attrs
@@ -22,7 +23,7 @@ from beltdyn import spectra
 from beltdyn.report.spans import _of_links
 from beltdyn.spectra.sources import Source, lines_at, sources
 
-pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+pytestmark = pytest.mark.filterwarnings("ignore:chatter")
 
 
 def test_a_sine_shows_its_amplitude() -> None:
@@ -175,6 +176,12 @@ def test_the_belt_passes_as_often_as_its_links_say(coarse: bd.Result) -> None:
     # v / l0 with the speed of the rim, less creep and sinking of the belt
     length = coarse.params.info["length"]
     assert whole.frequency == pytest.approx(60 * SPEED * 0.08 / length, rel=2e-2)
+    lines = spectra.spectrum(coarse, span="crank").lines(12)
+    (line,) = [one for one in lines if "link passing x1" in one.names]
+    assert line.from_mesh
+    assert line.frequency == pytest.approx(60 * rate[coarse.t > 0.3].mean(), rel=2e-3)
+    (crank,) = [one for one in lines if "crank x2" in one.names]
+    assert not crank.from_mesh
     spectrum = spectra.spectrum(thinned(coarse, 20), span="crank")
     (passing,) = [one for one in spectrum.sources if one.kind == "link"]
     assert spectrum.limit == pytest.approx(150.0) and passing.frequency > spectrum.limit
@@ -281,6 +288,7 @@ def test_campbell_has_orders_and_modes_where_they_are(run_up: bd.Result) -> None
 
 BAD_CAMPBELL: tuple[tuple[dict[str, Any], str], ...] = (
     ({"up_to": -5.0}, "up_to must be > 0 Hz, got -5"),
+    ({"up_to": float("nan")}, "up_to must be finite"),
     ({"orders": (1, -1)}, r"orders\[1\] must be > 0, got -1"),
     ({"orders": ("a",)}, r"orders\[0\] must be a real number"),
     ({"limits": (0.0, 1.0)}, "limits must be .* 0 < low < high"),
@@ -397,3 +405,21 @@ def test_on_a_run_up_no_line_is_named_after_what_sweeps_over_it() -> None:
     # as near by an order that is not folded it cannot be told
     both = lines_at([source("link passing", "link", 101.5), crank], 101.2, 25.0, 4166.5)
     assert set(both) == {"crank x2", "may be link passing x1"}
+
+    # A pulley whose speed rises by so many resolutions of 0.75 Hz: its peak is at its mean
+    t = np.linspace(0.0, 2.0, 4001)
+    for swept in (0.5, 2.0, 4.0, 6.0):
+        turns = 30.0 * t + 0.5 * 0.75 * swept * (t - 1.0) ** 2 / 2.0
+        omega = 2.0 * np.pi * np.gradient(turns, t)[:, None] * np.ones((1, 2))
+        made: Any = SimpleNamespace(
+            t=t,
+            params=reduction(),
+            pulleys=SimpleNamespace(omega=omega),
+            _has="pulleys.omega".__eq__,
+        )
+        one = next(s for s in sources(made, slice(None)) if s.kind == "pulley")
+        at, amplitude, resolution = spectra.amplitude_spectrum(t, np.cos(2.0 * np.pi * turns))
+        assert one.frequency == pytest.approx(30.0, abs=1e-3)
+        assert one.kept[0] == pytest.approx(amplitude[np.argmin(abs(at - 30.0))], abs=0.01)
+        named = lines_at([one], float(at[amplitude.argmax()]), resolution, 1000.0)
+        assert ("pulley 0 x1" in named) == (one.kept[0] >= 0.7) == (swept < 5.0)
