@@ -279,18 +279,23 @@ def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
 
 @of_each
 def test_the_method_of_its_row_finds_the_same_motion(name: str) -> None:
-    """Within what it is asked for, of all forces, and its energy balance closes to that; within 2 %
-    with fixed steps, and where a function jumps.
+    """Within what it is asked for, of all forces, and its energy balance closes to that; with fixed
+    steps within 2 %, of "rk4" 0.1 %, and 2 % where a function jumps. Mounts, of the belt's stretch.
     """
     drive, _, result = ran(name)
     exact = tight(name).joints.force
     apart = np.sqrt(np.mean((result.joints.force - exact) ** 2)) / np.mean(exact)
-    loose = drive.row["loads"] in ("function", "compiled") or drive.row["method"] in (
-        "rk4", "lbdf2-h", "lie-h",
-    )  # fmt: skip
-    bound = 0.02 if loose else 3.0 * drive.options.get("rtol", 1e-4)
+    jumps = drive.row["loads"] in ("function", "compiled")
+    fixed = {"rk4": 1e-3, "lbdf2-h": 0.02, "lie-h": 0.02}.get(drive.row["method"])
+    bound = 0.02 if jumps else fixed or 3.0 * drive.options.get("rtol", 1e-4)
     assert apart <= bound
     assert np.max(np.abs(result.energy.residual)) <= 3.5 * bound * result.energy.passed[-1]
+    if result.mounts is not None:
+        params = drive.scene.params
+        moved = result.mounts.travel - tight(name).mounts.travel
+        strain = params.info["strain_tension"] / params.belt.axial_stiffness
+        moved *= dense.levers(oracle_of(params))
+        assert np.max(np.abs(moved)) <= bound * strain * params.info["length"]
 
 
 def test_kernel_levels_agree(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,3 +57,4 @@ def test_it_closes_where_links_leave_too_fast_for_damping_to_pull(mesh: str) -> 
         energy = run.energy
         assert energy is not None and energy.contact_loss[-1] > 0.1 * energy.kinetic[0]
         assert np.max(np.abs(energy.residual)) <= 1e-6 * energy.kinetic[0]
+        assert run.contact.normal.min() >= 0.0 and run.contact.normal.max() > 0.0

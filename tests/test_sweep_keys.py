@@ -177,6 +177,7 @@ ATTRS = (
 DIFFERENT = [
     ("def f(t): return {} * t", "1.0", "2.0"),
     ("def f(t, k={}): return k * t", "2.0", "3.0"),
+    ("def f(t, *, k={}): return k * t", "3.0"),
     ("GAIN = {}\ndef f(t): return GAIN * t", "1.0", "2.0"),
     ("def g(t): return {}\ndef f(t): return g(t)", "t", "-t", "f(t)"),
     ("def h(t): return {}\ndef g(t): return h(t)\ndef f(t): return g(t)", "1", "2"),
@@ -189,7 +190,9 @@ DIFFERENT = [
     (CALLS, "1", "2"),
     (SLOTS, "1", "2"),
     (ATTRS.format("self.k", "{}"), "1", "2"),
+    (ATTRS.format("5", "{}"), "2"),
     ("import functools\nf = functools.partial(lambda k, t: k * t, {})", "2"),
+    ("import functools\nf = functools.partial(lambda k, t: {}, 1)", "k * t", "k + t"),
     ("import functools\nf = functools.lru_cache(lambda t: {})", "t", "-t"),
     ("import numpy as np\nf = np.{}", "sin", "cos"),
     ("import numpy as np\nK = np.array({})\nf = lambda t: K * t", "[1., 2.]", "[1., 3.]", "[1, 2]"),

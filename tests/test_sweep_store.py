@@ -279,3 +279,17 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
     found = one.find([*(f"one {k}" for k in range(3)), "other 2", "none"])
     assert sorted(found) == ["one 0", "one 1", "one 2", "other 2"]
     assert found["other 2"].message == "2"
+
+    # A part is there when it is whole
+    class Half:
+        def to_netcdf(self, path: Any, **_options: Any) -> None:
+            Path(path).write_bytes(b"half of it")
+            raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(store.Store, "_dataset", lambda *_: Half())
+        one.add("cut off", outcome)
+        one.flush()
+    assert store.Store(tmp_path / "both").find(["cut off"]) == {}
+    one.flush()
+    assert set(one.find(["cut off"])) == {"cut off"}
