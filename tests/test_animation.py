@@ -84,6 +84,9 @@ def test_frames_are_samples_equally_spaced(result: bd.Result) -> None:
     assert limits == {(tension.min(), tension.max())}, "one scale for the whole run"
     paces = {3.0: "10x slower", 0.3: "real time", 0.15: "2x faster", 5.0: "17x slower"}
     assert {duration: _pace(duration, T_END) for duration in paces} == paces
+    # a run that failed can be filmed as far as it came
+    half = attrs.evolve(thinned(result, slice(7)), success=False, status="failed")
+    assert rows(bd.plot.animate(half, duration=1.0, fps=4.0)) == [0, 2, 4, 6]
 
 
 @pytest.fixture(scope="module")

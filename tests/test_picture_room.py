@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.font_manager import FontProperties
 from matplotlib.text import Text
 from pictures import SIZED, SIZES, axes_of, check_room, over_lines
 from tiers import first
@@ -108,3 +109,25 @@ def test_names_of_a_mode_and_legends_of_an_overview() -> None:
             legend = ax.get_legend()
             assert len(legend.get_texts()) == 7
             assert not over_lines(ax, legend.get_window_extent())
+    # the guide of a slider is left free, and its weight's arrow
+    with axes_of(SIZES[0]) as ax:
+        params = bd.scenes.conveyor().params
+        bd.plot.layout(params, ax=ax)
+        check_room(ax.figure)
+        (name,) = [text for text in ax.texts if text.get_text().startswith("take-up")]
+        (x, y), r = params.pulleys[2].center, params.pulleys[2].radius
+        along = ax.transData.transform([(x, y + share * r) for share in np.linspace(1.6, -2.1, 60)])
+        assert name.get_window_extent().count_contains(along) == 0
+
+
+def test_headroom_on_a_logarithmic_axis() -> None:
+    """Six rows of text take their height from the data, over whatever range of powers of ten."""
+    with axes_of(SIZES[2]) as ax:
+        ax.plot([0.0, 1.0], [1e-3, 1e6])
+        ax.set_yscale("log")
+        ax.figure.draw_without_rendering()
+        bd.plot.style.add_headroom(ax, rows=6)
+        ax.figure.draw_without_rendering()
+        free = ax.get_window_extent().y1 - ax.transData.transform((1.0, 1e6))[1]
+        row = 1.5 * FontProperties(size="small").get_size_in_points() * ax.figure.dpi / 72.0
+    assert 6.0 * row < free < 9.0 * row

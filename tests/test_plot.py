@@ -328,6 +328,8 @@ BAD: list[tuple[Callable[[bd.Result], Any], type[Exception], str]] = [
     (lambda r: bd.plot.force_along_belt(r, "now"), TypeError, "t must be a real number"),
     (lambda r: bd.plot.force_along_belt(r, first=-1), ValueError, "first must be an integer >= 0"),
     (lambda r: bd.plot.drive(r, arcs=1), TypeError, "arcs must be a bool"),
+    (lambda r: bd.plot.drive(r, limits=(2, 1)), ValueError, "limits must rise, got 2, 1"),
+    (lambda r: bd.plot.overview(r, t=2.0), ValueError, "t must lie within the samples"),
     (lambda r: bd.plot.drive(r, slip_from=0), ValueError, "slip_from must be > 0 and <= 1"),
     (lambda r: bd.plot.drive(r, links={"x": 60}), ValueError, r"links\['x'\] must be an integer"),
 ]

@@ -356,6 +356,7 @@ def test_what_is_refused() -> None:
         (ValueError, r"q has the dimensions .* by at=\{'.*': \d", "q", {}),
         (ValueError, r"at\['friction.mu_k'\] must be one of 0.3, .* 0.35", "q", {"at": BETWEEN}),
         (TypeError, "at must be a dict", "q", {"at": 3}),
+        (ValueError, "at: there is no dimension 'mu', there are belt", "q", {"at": {"mu": 1}}),
         (TypeError, "ax must be matplotlib axes", "q", {"ax": 3, "at": {"friction.mu_k": 0.5}}),
     ]
     data = cube()
@@ -369,6 +370,7 @@ def test_what_is_refused() -> None:
         ("x and y must be two of", lambda: bd.plot.map(sampled(), "y")),
         ("x must be named, one of", lambda: bd.plot.lines(sampled(), "y")),
         ("contours must be", lambda: bd.plot.map(grid(), "q", contours=-1)),
+        ("contours must be finite", lambda: bd.plot.map(grid(), "q", contours=(np.nan,))),
         ("dataset must be that of bd.sweep", lambda: bd.plot.map(grid().drop_vars("status"), "q")),
     ):
         with pytest.raises(ValueError, match=f"^{words}"):

@@ -137,6 +137,9 @@ WRONG = [
     ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
     ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),
     ("[options]", "[sample]\nn = 3\n[options]", "either over or sample"),
+    ("[over]", "[ower]", "ower: unknown field"),
+    ('scene = "drive.toml"', "scene = 3", "scene: must be a table"),
+    ("belt.length", "belt.lenght", "did you mean 'belt.length'"),
 ]
 
 

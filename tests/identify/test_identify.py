@@ -165,6 +165,30 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         bd.identify(start, free, targets, workers=1, executor="threads")
 
 
+@pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
+def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
+    rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
+) -> None:
+    begun = []
+
+    def begin(params: bd.Params) -> bd.State:
+        begun.append(params)
+        return rest
+
+    def torque(t: float, theta: Any, omega: Any) -> list[float]:
+        return list(TORQUE(t, theta, omega))
+
+    omega = bd.simulate(rig, TORQUE, T_END, t_eval=TIMES, initial=rest).pulleys.omega
+    runs = [bd.Experiment(loads, T_END, initial=begin) for loads in (TORQUE, torque)]
+    data = [run.curve("pulleys.omega", TIMES, omega, sigma=SPEED) for run in runs]
+    start = changed(rig, {"friction.mu_k": 0.84})
+    found = bd.identify(start, ["friction.mu_k"], data, workers=2, progress=True)
+    check_found(found)
+    assert found.runs == 2 * len(begun)
+    assert list(found.residuals) == ["run 1: pulleys.omega", "run 2: pulleys.omega"]
+    assert capfd.readouterr().err == ""  # no terminal, no bar
+
+
 def test_a_prior_counts_like_one_more_measurement(
     rig: bd.Params, experiment: bd.Experiment, truth: bd.Result
 ) -> None:
@@ -337,6 +361,15 @@ def test_trials_that_cannot_be_simulated_do_not_end_the_search() -> None:
     # One-sided: (exp(-h) - 1)/h is -1 but for h/2.
     assert found.sensitivity().values.item() == pytest.approx(-1.0, abs=0.006)
 
+    # Where neither side can be simulated the reason comes out
+    def only(params: bd.Params, value: float) -> bd.Params:
+        if value != 0.03:
+            raise ValueError("nothing but 0.03")
+        return params
+
+    with pytest.raises(ValueError, match=r"nothing but 0\.03"):
+        bd.identify(free_pulley(0.03), [bd.Free("inertia", start=0.03, set=only)], [data])
+
 
 def test_a_start_that_cannot_be_simulated_says_why(rig: bd.Params) -> None:
     short = bd.Experiment(TORQUE, T_END, options={"max_steps": 10})
@@ -468,6 +501,12 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         ({"targets": [flat]}, ValueError, "all its values are 0"),
         ({"targets": [flat], "loss": "huber"}, ValueError, "loss 'huber' needs the sigma"),
         ({"targets": twice}, ValueError, "two targets are called"),
+        ({"limit": 1.0}, ValueError, "limit must be > 1"),
+        ({"diff_step": 10.0}, ValueError, "diff_step must be < 1"),
+        ({"workers": 0}, ValueError, "workers must be an integer >= 1"),
+        ({"progress": 1}, TypeError, "progress must be a bool"),
+        ({"confidence": 95.0}, ValueError, "confidence must be between 0 and 1"),
+        ({"free": ["belt[0]"]}, ValueError, r"no parameter is called 'belt\[0\]'"),
         ({"jac": "5-point"}, ValueError, "jac must be one of"),
         ({"loss": "l1"}, ValueError, "loss must be one of"),
         ({"diff_step": 0.0}, ValueError, "diff_step must be > 0"),
@@ -488,6 +527,9 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
     number: Any = experiment.number
     rows: list[tuple[Callable[[], object], type[Exception], str]] = [
         (lambda: bd.Free("x", set=changed), ValueError, "needs start="),
+        (lambda: bd.Free("x", set=3), TypeError, "set must be callable"),
+        (curve(t=[0.01]), ValueError, "one row for each of the 1 times"),
+        (curve(sigma=0.0), ValueError, "sigma must be > 0"),
         (lambda: bd.Free("belt.length", scale="cubic"), ValueError, "scale must be"),
         (lambda: bd.Free("belt.length", size=0.0), ValueError, "size must be > 0"),
         (lambda: bd.Free("belt.length", lower="0"), TypeError, "belt.length: lower"),
