@@ -4,7 +4,7 @@
  *
  * A Python torque is called some 1e6 times a run, so its two argument arrays are used again, but
  * only while nobody else holds them: a callable that keeps them keeps their values. Guarded by
- * tests/test_module_torque.py (terms, what may be returned) and tests/test_lifetime.py (kept
+ * tests/test_module_run.py (terms, what may be returned) and tests/test_lifetime.py (kept
  * arrays).
  */
 #include "binding/binding.h"
