@@ -56,7 +56,8 @@ def still(size: float) -> bd.Path:
 @attrs.frozen(kw_only=True)
 class Effect:
     """An effect, on, on with coefficients of next to nothing, and with 0; what it takes when on:
-    passes, numbers of the state for n links, and whether the simulation needs more bytes."""
+    passes, numbers of the state for n links, and whether the simulation needs more bytes.
+    """
 
     on: Change
     tiny: Change

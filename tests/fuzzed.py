@@ -1,5 +1,6 @@
 """Hypothesis: a few examples of everything by default, many in the extended tier; the same ones
-again and again."""
+again and again.
+"""
 
 from __future__ import annotations
 

@@ -218,7 +218,8 @@ class Reference:
 
     def memory(self, y: Array) -> Array:
         """View (..., n_states + 1, n_p, n_b): states z (named mu) and, in the last row, slip of
-        every (pulley, link) pair."""
+        every (pulley, link) pair.
+        """
         start = 2 * (self.freedoms * self.n_bodies + self.n_pulleys)
         stop = self.size - len(self.columns) - 3 * len(self.mounted)
         return y[..., start:stop].reshape(*y.shape[:-1], -1, self.n_pulleys, self.n_bodies)
@@ -681,7 +682,8 @@ class Reference:
     def kinks(self, y: Array) -> dict[str, Array]:
         """What changes its form of equation at 0, of one state: penetrations [m], normal forces
         before they are clamped [N], slip velocities [m/s] and rates of the share of joints partly
-        in contact [1/s], the latter three of what touches."""
+        in contact [1/s], the latter three of what touches.
+        """
         contacts = self.contacts(y)
         touching = contacts.share > 0
         if self.mesh == "paper":

@@ -166,7 +166,8 @@ def path_of(case: str, directory: Path = DIRECTORY) -> Path:
 
 def sample_times(edges: Array) -> Array:
     """In every leg 4 samples in its first milliseconds, then 28 at golden-ratio places: in step
-    with nothing. Also the start and the end of the run."""
+    with nothing. Also the start and the end of the run.
+    """
     golden = (np.arange(28) * 0.5 * (np.sqrt(5.0) - 1.0)) % 1.0
     share = (np.arange(28) + 0.1 + 0.8 * golden) / 28
     legs = []

@@ -37,7 +37,8 @@ class Law(Protocol):
 
     def scale(self, pressure: float) -> float | Array:
         """Size of z at which friction is of the order of the normal force, `pressure` [N/m]; of
-        several states (n_states, 1)."""
+        several states (n_states, 1).
+        """
 
 
 def law_states(law: Law, z: Array, pulley: int) -> Array:

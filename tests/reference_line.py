@@ -45,7 +45,8 @@ def spans_away(
     centers: Array, radii: Array, sides: npt.ArrayLike | None = None
 ) -> tuple[float, Array, Array]:
     """Length of the tight belt line, the wraps, and the unit vectors along its spans away from each
-    pulley: (n_p, 2, 2), [pulley, the span before or behind it, xy]."""
+    pulley: (n_p, 2, 2), [pulley, the span before or behind it, xy].
+    """
     side = np.ones(len(centers)) if sides is None else np.asarray(sides, dtype=float)
     _, span, angle, wrap, _ = _tight(centers, radii, side)
     behind = np.stack((np.cos(angle), np.sin(angle)), axis=-1)

@@ -38,7 +38,8 @@ class String(Reference):
 
     def stretch(self) -> float:
         """1 + epsilon of the belt line where mounts rest; 1 where no belt lies on one: round one
-        pulley, or pulleys that overlap; slack, or stretched by more than a quarter."""
+        pulley, or pulleys that overlap; slack, or stretched by more than a quarter.
+        """
         places = self.centers.copy()
         for (j, one), q in zip(self.mounts.items(), self.rest, strict=True):
             places[j] = one.place(q, self.centers[j])
@@ -50,7 +51,8 @@ class String(Reference):
 
     def bars(self, links: Array) -> tuple[Array, Array, Array, Array]:
         """Length, unit vector (..., 2, n_b) and rate of length of the bar before each mass, and how
-        fast it turns."""
+        fast it turns.
+        """
         position, velocity = links[..., 0, :, :], links[..., 1, :, :]
         d = position - position.take(self.previous, axis=-1)
         v = velocity - velocity.take(self.previous, axis=-1)

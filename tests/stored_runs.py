@@ -130,7 +130,8 @@ def hash_of_oracle() -> str:
 
 def _code(source: bytes) -> str:
     """Tokens of a source, a line for a statement; strings that are statements are left out, and
-    spaces, since versions of Python differ in what they take for the tokens of an f-string."""
+    spaces, since versions of Python differ in what they take for the tokens of an f-string.
+    """
     ignored = (token.NL, token.COMMENT, token.ENCODING, token.ENDMARKER)
     tokens = tokenize.tokenize(io.BytesIO(source).readline)
     marks = {token.INDENT: "{", token.DEDENT: "}"}

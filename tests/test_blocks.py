@@ -1,5 +1,6 @@
 """Files of blocks: whatever is cut off, damaged or exchanged, what is read is what was written, up
-to some complete write."""
+to some complete write.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 """A run that is written as it goes survives everything that can end a process, and goes on from its
-file to the result of a run that was not stopped, bit for bit; what the file cannot give is said."""
+file to the result of a run that was not stopped, bit for bit; what the file cannot give is said.
+"""
 
 from __future__ import annotations
 
@@ -201,7 +202,8 @@ def child(name: str, path: Path, out: Path) -> bd.Result:
 @pytest.mark.parametrize("name", [*METHODS, "function"])
 def test_a_run_survives_kills(name: str, tmp_path: Path) -> None:
     """Four times, soon after it has written something; where it has finished before, it begins
-    anew."""
+    anew.
+    """
     rng, path, out = random.Random(sum(map(ord, name))), tmp_path / "run", tmp_path / "out.npz"
     expected = child(name, path, Path())
     processes = multiprocessing.get_context("forkserver")

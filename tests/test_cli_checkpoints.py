@@ -1,5 +1,6 @@
 """`beltdyn run --checkpoint` and `beltdyn resume`: a run that is killed or stopped leaves what it
-computed, and goes on to the files that it was to write."""
+computed, and goes on to the files that it was to write.
+"""
 
 from __future__ import annotations
 

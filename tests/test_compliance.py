@@ -1,5 +1,6 @@
 """How far the belt sinks into its pulleys, against runs: depth, tension, ratio, errors; compensated
-and chosen contacts. All on the mesh of joints, whose own errors are small."""
+and chosen contacts. All on the mesh of joints, whose own errors are small.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +88,8 @@ def second_order(params: bd.Params) -> float:
 
 def mesh_tension(params: bd.Params) -> float:
     """Tension that the mesh may add [N]: at each end of a wrap a link lies on it in part, which is
-    worth the difference of its chord and its arc, l0^3 / (24 R^2), at most."""
+    worth the difference of its chord and its arc, l0^3 / (24 R^2), at most.
+    """
     l0 = params.info["link_length"]
     longer = sum(2.0 * l0**3 / (24.0 * pulley.radius**2) for pulley in params.pulleys)
     return float(EA * longer / params.belt.length)

@@ -232,7 +232,8 @@ def test_the_same_bits_again_and_in_threads_side_by_side() -> None:
 @of_each
 def test_the_energy_balance_closes(name: str) -> None:
     """At this tolerance less than 1e-9 of what is transmitted is left; where a function of the user
-    jumps, what the control of errors leaves of a step there."""
+    jumps, what the control of errors leaves of a step there.
+    """
     energy = tight(name).energy
     assert energy is not None and energy.passed[-1] > 0.0
     jumps = ran(name).drive.row["loads"] in ("function", "compiled")

@@ -144,7 +144,8 @@ def test_it_never_pulls(mesh: str) -> None:
 
 def test_explicit_fixed_steps_know_how_stiff_it_makes_contact() -> None:
     """Of a contact whose damping by the force is what is fastest: the step follows from it, and
-    the run is that of the tight one."""
+    the run is that of the tight one.
+    """
     made = scene("paper", hunt_crossley=60.0, damping=0.0)
     initial = bd.settle(made.params)
     fixed, weak = (

@@ -97,7 +97,8 @@ def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> N
     """In fixed steps, so that no choice of steps depends on it: the effect's pass is made, and what
     it adds is lost. Sums may be in another order where it has kernels of its own; a relative
     rounding of 1e-16 in each of 2000 steps is 2e-13, over forces that are differences of places,
-    T / (EA / L) = 7 mm, of 1e-16 of 1 m."""
+    T / (EA / L) = 7 mm, of 1e-16 of 1 m.
+    """
     effect, params = EFFECTS[name], bare(mesh)
     torque = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-5.0, 2.0]])
     # settled without it, so that both begin alike
@@ -119,7 +120,8 @@ def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> N
 
 def test_motions_and_loads() -> None:
     """A prescribed motion takes two passes and bytes, and nothing without; loads are terms of the
-    one pass of the pulleys, in bytes what their numbers take."""
+    one pass of the pulleys, in bytes what their numbers take.
+    """
     off = Counted(bare("joint"))
     moved = Counted(bare("joint"), motion={0: bd.PiecewiseLinear([0.0, 1e-2], [0.0, 1.0])})
     assert len(moved.passes) == len(off.passes) + 2 and moved.sizes["bytes"] > off.sizes["bytes"]

@@ -63,7 +63,8 @@ def held(result: bd.Result) -> dict[str, NDArray[Any]]:
 
 def test_each_output_alone_is_that_of_the_whole_run(pair: Any) -> None:
     """To the bit: what is sampled feeds nothing back. The ledger is another variant of the kernels,
-    which the compiler may sum in another order, so it is compared with itself."""
+    which the compiler may sum in another order, so it is compared with itself.
+    """
     scene, initial, full = pair
     known = outputs.array_names()
     without = run(scene, initial=initial, ledger=False)
@@ -194,7 +195,8 @@ def test_what_cannot_be_looked_for_is_listed(rest: bd.State) -> None:
 
 def test_a_slack_span_is_seen_in_the_tension_of_spans_alone() -> None:
     """Pulleys are jerked against each other, which a belt stretched by 0.05 % does not bear; the
-    estimate of the error does not hold then."""
+    estimate of the error does not hold then.
+    """
     belt = attrs.evolve(PLAIN.params.belt, length=1.2077)
     params = attrs.evolve(PLAIN.params, belt=belt, friction=bd.Dahl(mu_k=3.0, sigma=1e4))
     torque = bd.PiecewiseLinear([0.0, 1e-3], [[0.0, 0.0], [-60.0, 60.0]])
@@ -291,7 +293,8 @@ def spans_by_hand(touched: NDArray[np.int32], force: Array, n_p: int) -> Array:
 def test_spans_against_a_search_from_every_joint(n_p: int) -> None:
     """Links on pulleys at random, and so wraps with links lifted off, spans without joints, pulleys
     not touched and rings on which nothing is touched; sums of a few numbers of one sign differ by
-    rounding alone."""
+    rounding alone.
+    """
     random = np.random.default_rng(5)
     n_b = 12
     touched = random.integers(-1, n_p, (400, n_b)).astype(np.int32)

@@ -69,7 +69,8 @@ def test_links_at_rest_lie_along_the_line_and_on_its_wraps(layout: str, mesh: st
 
 def test_places_know_their_position() -> None:
     """Coordinates of links in a place are those of the line there: of a chord between two links on
-    a pulley l^2 / (8 r) inside, and as much again off it in their centres."""
+    a pulley l^2 / (8 r) inside, and as much again off it in their centres.
+    """
     params = drives.on_mesh(drives.idler_scene().params, "joint")
     result, line = at_rest(params), params.route
     found, y = result.along_belt("belt.x"), result.along_belt("belt.y").values[-1]
@@ -155,7 +156,8 @@ def test_a_wrap_that_drags_slips_all_over_and_a_free_one_does() -> None:
 def test_running_without_load(model: str) -> None:
     """Steady at 20 m/s, rho v^2 = 40 N of 400 N: loads are (T - rho v^2) (d_1 + d_2) within 0.2 %,
     and without the centrifugal part T (d_1 + d_2). Without dampers in the contact, which a settled
-    state does not know and which push links that arrive, 1 % of the load here."""
+    state does not know and which push links that arrive, 1 % of the load here.
+    """
     params = idler(360, model)
     undamped = attrs.evolve(params.contact, damping=0.0)
     params = attrs.evolve(params, contact=undamped)

@@ -119,7 +119,8 @@ def test_any_samples_within_the_run(scene: bd.Scene, start: bd.State) -> None:
 
 def test_the_summary_says_the_whole_error(result: bd.Result) -> None:
     """In time, of the mesh and of contact; what is not known is said not to be. What the integrator
-    did is told on request."""
+    did is told on request.
+    """
     known = result.accuracy["span_mean"]
     assert known.time == result.stats.error and known.total is not None
     errors = {"time": 3e-4, "space": 2e-2, "compliance": 1e-3}

@@ -1,5 +1,6 @@
 """Sweeps: each run is that of simulate, bit for bit, with what its names stand for changed; what is
-measured, labelled, refused, and what happens to runs that fail."""
+measured, labelled, refused, and what happens to runs that fail.
+"""
 
 from __future__ import annotations
 
