@@ -11,6 +11,7 @@ time.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import sysconfig
@@ -20,6 +21,7 @@ from pathlib import Path
 import numpy
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.modified import newer_group
 
 CORE = Path("csrc")
 # No -ffast-math: only what changes no result but errno and flags. Nothing is fused but where the
@@ -56,10 +58,18 @@ class BuildCore(build_ext):
     """
 
     def build_extension(self, ext: Extension) -> None:
+        # Objects are kept, in a folder for each way to compile. Where headers lie, which changes
+        # with each of pip's environments, is none of it.
+        way = repr((self.compiler.compiler_so, ext.extra_compile_args, numpy.__version__))
+        folder = str(Path(self.build_temp) / hashlib.sha256(way.encode()).hexdigest()[:12])
+
         def compiled(source: str) -> list[str]:
+            known = self.compiler.object_filenames([source], output_dir=folder)
+            if not (self.force or newer_group([source, *ext.depends], known[0])):
+                return known
             return self.compiler.compile(
                 [source],
-                output_dir=self.build_temp,
+                output_dir=folder,
                 macros=ext.define_macros,
                 include_dirs=ext.include_dirs,
                 extra_postargs=[*ext.extra_compile_args, *LEVELS.get(Path(source), [])],
@@ -71,6 +81,7 @@ class BuildCore(build_ext):
             for objects in pool.map(compiled, order):
                 ext.extra_objects += objects
         ext.sources = []
+        self.force = True  # to link, which takes a second: what lies there may be of another way
         super().build_extension(ext)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import tiers
 
+WRONG = pytest.StashKey[str]()
 ROOT = Path(__file__).resolve().parent.parent
 # Tests run side by side: threads of BLAS, which it starts for small matrices too, only get in their
 # way. Before anything imports NumPy.
@@ -27,10 +28,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     tiers.deal(items)
     whole = not any("::" in argument for argument in config.args)
     if wrong := tiers.faults_of_marks(items, whole):
-        raise pytest.UsageError("\n".join(wrong))
+        if not hasattr(config, "workerinput"):
+            raise pytest.UsageError("\n".join(wrong))
+        config.stash[WRONG] = "\n".join(wrong)  # in a worker, pytest would not say what is wrong
     for item in items:
         if not tiers.is_default(item) and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1800))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if wrong := item.config.stash.get(WRONG, ""):
+        pytest.fail(wrong, pytrace=False)
 
 
 @pytest.fixture

@@ -421,3 +421,14 @@ def test_too_long_an_explicit_step_is_a_named_error() -> None:
     assert error.symbol == "BD_ERR_FIXED_STEP" and (error.body >= 0 or error.pulley >= 0)
     assert done is not None and done.t[-1] <= error.t < 1.0
     assert np.all(np.isfinite(done.final_state.x)) and np.all(np.isfinite(done.joints.force))
+
+
+def test_a_belt_pulled_through_a_pulley_is_a_named_error() -> None:
+    """490 N of preload are left with 490 / (1 + 2 pi 70e3 / (2e4 0.1 1.2)) N: they sink in 1.3 mm."""
+    params = attrs.evolve(drives.plain(), contact=bd.Contact(linear=2e4))
+    with (
+        pytest.raises(bd.SimulationError, match="pulley") as failed,
+        pytest.warns(bd.AccuracyWarning, match="^compliance: .* 1.3 % of its radius"),
+    ):
+        bd.simulate(params, bd.Viscous([0, 0]), 0.1)
+    assert any("compliance: " in note for note in failed.value.__notes__)
