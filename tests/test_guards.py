@@ -424,7 +424,7 @@ def test_too_long_an_explicit_step_is_a_named_error() -> None:
 
 
 def test_a_belt_pulled_through_a_pulley_is_a_named_error() -> None:
-    """490 N of preload are left with 490 / (1 + 2 pi 70e3 / (2e4 0.1 1.2)) N: they sink in 1.3 mm."""
+    """490 N of preload leave 490 / (1 + 2 pi 70e3 / (2e4 0.1 1.2)) N, which sink in 1.3 mm."""
     params = attrs.evolve(drives.plain(), contact=bd.Contact(linear=2e4))
     with (
         pytest.raises(bd.SimulationError, match="pulley") as failed,

@@ -29,7 +29,8 @@ def change_of(stored: Stored, case: Case, samples: int | None) -> float:
     weights = reference_run.error_weights(model, model.pack(stored.start), tol)
     change = np.abs(again - stored.y[:samples])
     of_rest = [
-        np.max(np.abs(part(again) - part(stored.y)[:samples])) / np.max(np.abs(part(stored.y)))
+        np.max(np.abs(part(again) - part(stored.y)[:samples]))
+        / (np.max(np.abs(part(stored.y))) or 1.0)  # without friction nothing slips
         for part in (lambda y: model.memory(y)[:, -1], model.ledger)
     ]
     return max(float(np.max(change / weights)), max(of_rest) / 1e-6)
