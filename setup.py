@@ -54,18 +54,20 @@ class BuildCore(build_ext):
     """Compiles files side by side, each kernel level with its own flags, and links them.
 
     Nine tenths of the time goes into the six files of the kernels, each of which has every friction
-    law on every belt and contact; they begin, and two processors are busy to the end.
+    law on every belt and contact; they begin, and two processors are busy to the end. At -O2 they
+    take 64 s of CPU time instead of 66 (gcc 12): every file has -O3.
     """
 
     def build_extension(self, ext: Extension) -> None:
         # Objects are kept, in a folder for each way to compile. Where headers lie, which changes
-        # with each of pip's environments, is none of it.
-        way = repr((self.compiler.compiler_so, ext.extra_compile_args, numpy.__version__))
+        # with each of pip's environments, is none of it, nor are warnings: a strict build compiles
+        # every file, and what it made serves the others.
+        way = repr((self.compiler.compiler_so, flags, numpy.__version__))
         folder = str(Path(self.build_temp) / hashlib.sha256(way.encode()).hexdigest()[:12])
 
         def compiled(source: str) -> list[str]:
             known = self.compiler.object_filenames([source], output_dir=folder)
-            if not (self.force or newer_group([source, *ext.depends], known[0])):
+            if not (self.force or strict or newer_group([source, *ext.depends], known[0])):
                 return known
             return self.compiler.compile(
                 [source],
@@ -88,9 +90,10 @@ class BuildCore(build_ext):
 flags = list(FLAGS)
 if not os.environ.get("BELTDYN_DEBUG"):
     flags.append("-g0")  # Python's own flags have -g
+strict = []
 if os.environ.get("BELTDYN_STRICT"):
     # -isystem: other people's headers are not ours to mend
-    flags += [
+    strict = [
         *STRICT,
         f"-isystem{numpy.get_include()}",
         f"-isystem{sysconfig.get_path('include')}",
@@ -107,7 +110,7 @@ setup(
                 ("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION"),
                 *([("BD_X86_LEVELS", "1")] if X86 else []),
             ],
-            extra_compile_args=flags,
+            extra_compile_args=[*flags, *strict],
         )
     ],
     cmdclass={"build_ext": BuildCore},
