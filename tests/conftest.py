@@ -26,7 +26,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Refuse marks of tiers without a guard; tests outside the default tier may take long."""
     tiers.deal(items)
-    whole = not any("::" in argument for argument in config.args)
+    whole = not any("::" in argument for argument in config.args) and not config.getoption("lf", 0)
+    if whole and tiers.are_all(items):
+        config.stash[tiers.ALL] = list(items)
     if wrong := tiers.faults_of_marks(items, whole):
         if not hasattr(config, "workerinput"):
             raise pytest.UsageError("\n".join(wrong))

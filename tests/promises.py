@@ -1,20 +1,24 @@
 """List the promises that the tests guard, and where: `python tests/promises.py` writes PROMISES.md.
 
-A promise is a test of the default tier, in the words of its docstring or its name. Tests outside
-that tier stand in the row of the test that they name as the guard of the same promise.
+A promise is a test with a case in the default tier, in the words of its docstring or its name.
+Tests outside it stand in the row of the test that they name as the guard of the same promise.
 """
 
 from __future__ import annotations
 
-import ast
+import contextlib
+import inspect
+import io
 import re
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
+import pytest
 import tiers
 
-TESTS = Path(__file__).resolve().parent
-PAGE = TESTS / "PROMISES.md"
+PAGE = tiers.TESTS / "PROMISES.md"
 HEAD = """# Promises
 
 What the tests guard, and where: each row is a test of the default tier (`python -m pytest`); the
@@ -24,53 +28,62 @@ length, or says that further cases of the test itself are in that tier (`+`). Wr
 """
 
 
-def sentence(text: str) -> str:
-    return re.sub(r"\s+", " ", text.strip().partition("\n\n")[0]).replace("|", r"\|")
+def sentence(of: Any) -> str:
+    text = (inspect.getdoc(of) or "").partition("\n\n")[0]
+    return re.sub(r"\s+", " ", text.strip()).replace("|", r"\|")
 
 
-def tests_of(tree: ast.Module) -> list[tuple[str, str, dict[str, str]]]:
-    """Return name, promise, and the guard by tier of each test of a file."""
-    functions, of_file = tiers.tests_and_marks(tree)
-    found = []
-    for node in functions:
-        guards = {}
-        for mark in map(ast.unparse, (*of_file, *node.decorator_list)):
-            for tier in tiers.OUTSIDE:
-                if named := re.search(rf"pytest\.mark\.{tier}\(guard='([^']+)'\)", mark):
-                    guards[tier] = named[1]
-            if "extended_if(" in mark or "first(" in mark:
-                guards["extended"] = tiers.OTHERS
-            if "ci_if(" in mark or "one_in(" in mark:
-                guards["ci"] = tiers.OTHERS
-        name = node.name.removeprefix("test_").replace("_", " ")
-        found.append((node.name, sentence(ast.get_docstring(node) or name), guards))
-    return found
+def _place(test: tuple[str, list[Any]]) -> tuple[Path, int]:
+    name, cases = test
+    return Path(name.partition("::")[0]), min(case.location[1] for case in cases)
 
 
-def page() -> str:
-    files = sorted(TESTS.rglob("test_*.py"))
-    trees = {str(file.relative_to(TESTS)): ast.parse(file.read_text("utf-8")) for file in files}
-    of_file = {file: tests_of(tree) for file, tree in trees.items()}
-    others: dict[str, list[str]] = defaultdict(list)
-    for file, tests in of_file.items():
-        for name, _, guards in tests:
-            for tier, guard in guards.items():
-                if guard != tiers.OTHERS:
-                    others[guard].append(f"{tier}: {file}::{name}")
-    lines = [HEAD]
-    for file, tests in of_file.items():
-        rows = [row for row in tests if all(guard == tiers.OTHERS for guard in row[2].values())]
-        if rows:
-            title = sentence(ast.get_docstring(trees[file]) or "")
-            lines.append(
-                f"## {file}\n\n{title}\n\n| promise, test | guarded at length by |\n|---|---|"
-            )
-            for name, text, guards in rows:
-                also = [f"+ {tier}" for tier in guards] + others[f"{file}::{name}"]
-                lines.append(f"| {text}<br>`{name}` | {'; '.join(also)} |")
-            lines.append("")
-    return "\n".join(lines)
+def page(items: Iterable[pytest.Item]) -> str:
+    """Return the list of collected tests, in whatever order they are."""
+    tests = dict(sorted(tiers.by_test(items).items(), key=_place))
+    plus, longer = defaultdict(list), defaultdict(list)
+    for name, cases in tests.items():
+        for tier in tiers.OUTSIDE:
+            of_tier = {mark.kwargs["guard"] for case in cases for mark in case.iter_markers(tier)}
+            for guard in of_tier:
+                if guard == tiers.OTHERS:
+                    plus[name].append(f"+ {tier}")
+                else:
+                    longer[guard].append(f"{tier}: {name}")
+    of_file: dict[str, list[str]] = {}
+    for name, cases in tests.items():
+        if any(map(tiers.guards, cases)):
+            file, _, function = name.partition("::")
+            title = f"## {file}\n\n{sentence(cases[0].module)}\n\n"
+            title += "| promise, test | guarded at length by |\n|---|---|"
+            text = sentence(cases[0].function) or function.removeprefix("test_").replace("_", " ")
+            row = f"| {text}<br>`{function}` | {'; '.join(plus[name] + longer[name])} |"
+            of_file.setdefault(file, [title]).append(row)
+    return "\n".join([HEAD, *("\n".join([*rows, ""]) for rows in of_file.values())])
+
+
+class _Collector:
+    def __init__(self) -> None:
+        self.items: list[pytest.Item] = []
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        self.items = items
+
+
+def collected() -> list[pytest.Item]:
+    """Collect the tests of every tier; marks without a guard are refused (`conftest.py`)."""
+    seen, said = _Collector(), io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        code = pytest.main(
+            ["--collect-only", "-q", "-n", "0", "-m", "", str(tiers.TESTS)], plugins=[seen]
+        )
+    if code:
+        raise SystemExit(said.getvalue())
+    return seen.items
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), "utf-8")
+    text = page(collected())
+    PAGE.write_text(text, "utf-8")
+    print(f"{PAGE}: {text.count('<br>`test_')} promises in {text.count('## ')} files")

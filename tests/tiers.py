@@ -2,13 +2,14 @@
 
 A test outside the default tier names the test that guards the same promise in short:
 `@pytest.mark.ci(guard="test_sweep.py::test_name")`; where only some cases of a test are outside it,
-the others are its guard. `faults_of_marks` tells of marks that do not.
+the others are its guard. `faults_of_marks` tells of marks that do not. What counts is what pytest
+has collected, wherever its marks are written.
 """
 
 from __future__ import annotations
 
-import ast
-from collections import Counter
+import os
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,8 @@ import pytest
 TESTS = Path(__file__).resolve().parent
 OUTSIDE = ("ci", "extended")
 OTHERS = "other cases"
+#: All tests of all files, where all were collected.
+ALL = pytest.StashKey[list[pytest.Item]]()
 
 
 def _marked_if(mark: Any, is_outside: Callable[[Any], bool], cases: Iterable[Any]) -> list[Any]:
@@ -54,62 +57,78 @@ def deal(items: Iterable[pytest.Item]) -> None:
             before[test] += 1
 
 
+def marks(item: pytest.Item) -> list[pytest.Mark]:
+    """Return the marks that take a collected test out of the default tier."""
+    return [mark for name in OUTSIDE for mark in item.iter_markers(name)]
+
+
 def is_default(item: pytest.Item) -> bool:
-    return not any(item.get_closest_marker(name) for name in OUTSIDE)
+    return not marks(item)
 
 
-def tests_and_marks(tree: ast.Module) -> tuple[list[ast.FunctionDef], list[ast.expr]]:
-    """Return the test functions of a file, and what `pytestmark` marks all of them with."""
-    functions, of_file = [], []
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
-            functions.append(node)
-        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
-            of_file.append(node.value)
-    return functions, of_file
+def guards(item: pytest.Item) -> bool:
+    """Say whether a test is done by default; a condition that is a text may hold."""
+    skips = (mark for name in ("skip", "skipif") for mark in item.iter_markers(name))
+    return is_default(item) and not any(all(mark.args) for mark in skips)
 
 
 @cache
-def _functions(file: Path) -> dict[str, bool]:
-    """Return the test functions of a file, and whether all of one is outside the default tier."""
-    tree = ast.parse(file.read_text("utf-8"))
-    outside = tuple(f"pytest.mark.{name}" for name in OUTSIDE)
-    functions, of_file = tests_and_marks(tree)
-    return {
-        node.name: any(
-            ast.unparse(mark).startswith(outside) for mark in (*node.decorator_list, *of_file)
-        )
-        for node in functions
-    }
+def _name(path: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), TESTS)).as_posix()
+
+
+def by_test(items: Iterable[pytest.Item]) -> dict[str, list[Any]]:
+    """Return the cases of each test, which is named as guards are: `folder/test_file.py::test`."""
+    tests = defaultdict(list)
+    for item in items:
+        function = getattr(item, "originalname", None) or item.name
+        tests[f"{_name(item.path)}::{function}"].append(item)
+    return dict(tests)
+
+
+def files() -> dict[str, Path]:
+    """Return the files of tests by name, collected or not."""
+    return {_name(path): path for path in TESTS.rglob("test_*.py")}
+
+
+def are_all(items: Iterable[pytest.Item]) -> bool:
+    """Say whether tests, of files that were collected whole, are those of every file."""
+    return {test.partition("::")[0] for test in by_test(items)}.issuperset(files())
+
+
+def _fault(guard: str, tests: dict[str, list[Any]], whole: set[str]) -> str | None:
+    file, _, function = guard.partition("::")
+    if guard in tests and file in whole:
+        return None if any(map(guards, tests[guard])) else "is not in the default tier itself"
+    definition = f"\ndef {function}("
+    named = [name for name, path in files().items() if definition in path.read_text("utf-8")]
+    if file in named and file not in whole:
+        return None
+    meant = " or ".join(sorted(f"{name}::{function}" for name in named))
+    return "does not exist" + (f", {meant} does" if meant else "")
 
 
 def faults_of_marks(items: Iterable[pytest.Item], whole_files: bool) -> list[str]:
     """Return what is wrong with the marks of collected tests.
 
-    That some cases are default can be told only where files are collected whole.
+    What cases a test has, and of which tiers, can be told only of files that are collected whole;
+    of a guard in another file, that it exists.
     """
-    items = list(items)
-    # Tests with a case in the default tier, or whose cases have a guard elsewhere.
-    guarded = {
-        item.nodeid.partition("[")[0]
-        for item in items
-        if is_default(item)
-        or any(m.kwargs.get("guard") != OTHERS for n in OUTSIDE for m in item.iter_markers(n))
-    }
+    tests = by_test(items)
+    whole = {test.partition("::")[0] for test in tests} if whole_files else set()
     wrong = set()
-    for item in items:
-        test = item.nodeid.partition("[")[0]
-        for mark in (m for name in OUTSIDE for m in item.iter_markers(name)):
-            guard = mark.kwargs.get("guard")
-            file, _, function = str(guard).partition("::")
-            outside = _functions(TESTS / file) if (TESTS / file).is_file() else {}
-            if not guard:
-                wrong.add(f"{test}: {mark.name} without guard=, the default test of its promise")
-            elif guard == OTHERS:
-                if whole_files and test not in guarded:
+    for test, cases in tests.items():
+        for case in cases:
+            of_case = marks(case)
+            named = {mark.kwargs.get("guard") for mark in of_case} - {None, "", OTHERS}
+            for mark in of_case:
+                if not mark.kwargs.get("guard"):
+                    wrong.add(
+                        f"{test}: {mark.name} without guard=, the default test of its promise"
+                    )
+                elif not named and whole_files and not any(map(guards, cases)):
                     wrong.add(f"{test}: no case of it is in the default tier")
-            elif function not in outside:
-                wrong.add(f"{test}: guard {guard} does not exist")
-            elif outside[function]:
-                wrong.add(f"{test}: guard {guard} is not in the default tier itself")
+            for guard in named:
+                if fault := _fault(guard, tests, whole):
+                    wrong.add(f"{test}: guard {guard} {fault}")
     return sorted(wrong)
