@@ -156,6 +156,11 @@ def test_what_ffmpeg_says_comes_out(
     for ending in ("gif", "mp4", "html"):
         with pytest.raises(FileNotFoundError):
             short.save(tmp_path / "none" / f"drive.{ending}")
+    # none that could fail
+    monkeypatch.setattr(shutil, "which", lambda *_: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ImportError, match=r"pip install imageio-ffmpeg \(or beltdyn\[animation\]"):
+        short.save(tmp_path / "drive.mp4")
     # bad arguments
     options: dict[str, Any]
     for options, kind, message in (

@@ -9,6 +9,7 @@ import re
 import subprocess
 from pathlib import Path
 
+import attrs
 import drives
 import numpy as np
 import pytest
@@ -30,7 +31,27 @@ def test_only_the_binding_sees_python() -> None:
             assert not re.search(r"\b(?:malloc|calloc|realloc|free)\(", text), path
 
 
-@pytest.mark.ci(guard="test_c.py::test_only_the_binding_sees_python")
+def test_the_example_is_of_the_header_and_has_the_drive_of_the_package() -> None:
+    """Numbers of the drive and its load, and functions that are declared: without building it."""
+    csrc, drive = ROOT / "csrc", drives.plain()
+    text = (csrc / "examples" / "two_pulleys.c").read_text()
+    called = set(re.findall(r"\b(bd_\w+)\(", text))
+    assert len(called) > 10 and called <= set(
+        re.findall(r"\b(bd_\w+)\(", (csrc / "beltdyn.h").read_text())
+    )
+    numbers = {name: float(v) for name, v in re.findall(r"\.(\w+) = ([-\d.e]+)[,}]", text)}
+    for part in (drive.belt, drive.pulleys[1], drive.contact, drive.friction):
+        of_part = {
+            k: v for k, v in attrs.asdict(part).items() if isinstance(v, float) and k in numbers
+        }
+        assert of_part and of_part.items() <= numbers.items(), part
+    assert f"LINKS = {drive.belt.n_bodies}," in text and "{0.29, 0.0}, .radius" in text
+    assert "t[] = {0.0, 0.3}, torques[] = {0.0, 0.0, -100.0, 0.0}" in text
+
+
+@pytest.mark.ci(
+    guard="test_c.py::test_the_example_is_of_the_header_and_has_the_drive_of_the_package"
+)
 def test_the_example_gives_the_numbers_of_the_package() -> None:
     make = ["make", "-s", "-C", str(ROOT / "tests" / "c"), "example"]
     out = subprocess.run(make, capture_output=True, text=True, check=True, timeout=600).stdout

@@ -46,14 +46,18 @@ def only_the_mesh(stderr: str) -> None:
 
 
 def test_run_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The picture is the overview of the run."""
+    """The picture is the overview of the run, the film that of the same run."""
     out, plot, overview = tmp_path / "run.npz", tmp_path / "run.png", Mock(return_value=Figure())
+    film, animate = tmp_path / "run.gif", Mock(return_value=Mock(frames=3))
     monkeypatch.setattr("beltdyn.plot.overview", overview)
-    result = call(*SHORT, "--out", out, "--plot", plot)
+    monkeypatch.setattr("beltdyn.plot.animate", animate)
+    result = call(*SHORT, "--out", out, "--plot", plot, "--animate", film)
     assert result.exit_code == 0, result.output
     for word in ("pulley speeds", "span tensions", "creep", "of the mesh", "in time", "CPU time"):
         assert word in result.stdout
-    assert str(out) in result.stdout and str(plot) in result.stdout
+    assert f"written: {out}, {plot}, {film}" in result.stdout
+    assert animate.call_args == overview.call_args
+    assert animate.return_value.save.call_args.args == (film,)
     assert bd.Result.load(out).t[-1] == overview.call_args.args[0].t[-1] == 0.002
     assert plot.read_bytes().startswith(b"\x89PNG")
     long = call(*SHORT, "--verbose")  # adds what the integrator did
@@ -62,7 +66,7 @@ def test_run_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert (word in long.stdout, word in result.stdout) == (True, False)
 
 
-@pytest.mark.ci(guard="test_animation.py::test_gif")
+@pytest.mark.ci(guard="test_cli.py::test_run_a_scene")
 def test_animate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def simulate(params: bd.Params, torque: Any, t_end: float, **options: Any) -> bd.Result:
         return bd.simulate(params, torque, t_end, t_eval=[0.0, 1e-3, 2e-3], **options)

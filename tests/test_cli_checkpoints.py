@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from drives import plain_scene
@@ -31,7 +32,28 @@ def command(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(parts, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-@pytest.mark.ci(guard="test_cli_checkpoints.py::test_options_reach_the_file")
+def test_an_interrupted_run_goes_on_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By Ctrl-C while it writes; what is there is a run, and it goes on to the whole one."""
+    short = ("run", "kubas-case-1", "--t-end", "0.01", "--out", "out.npz")
+    append, written = BlockFile.append, []
+
+    def interrupted(self: BlockFile, blocks: Any) -> None:
+        written.append(self)
+        if len(written) == 4:
+            signal.raise_signal(signal.SIGINT)
+        append(self, blocks)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BlockFile, "append", interrupted)
+        done = call(*short, "--checkpoint", "the run", "--checkpoint-every", "0")
+    assert done.exit_code == 130
+    assert "go on with: beltdyn resume 'the run'" in done.stderr
+    assert bd.Result.load("out.npz").status == "interrupted"
+    assert call("resume", "the run", "--out", "out.npz", "--quiet").output == ""
+    assert same(bd.Result.load("out.npz"), bd.simulate(*bd.scenes.kubas_case_1()[:2], 0.01))
+
+
+@pytest.mark.ci(guard="test_cli_checkpoints.py::test_an_interrupted_run_goes_on_to_the_end")
 def test_a_run_that_is_killed_and_interrupted_goes_on() -> None:
     """By kill -9, by Ctrl-C and by SIGTERM; the last part writes the whole run."""
     scene, written, out = plain_scene()._replace(t_end=1.0), Path("the run"), Path("out.npz")

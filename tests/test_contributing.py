@@ -78,6 +78,32 @@ def test_changes_are_of_rows_that_are_there() -> None:
         assert len(after.splitlines()) == len(before.splitlines()) + 1, block
 
 
+def test_what_is_new_is_complete_and_its_numbers_are_right() -> None:
+    """The law has every function that those of csrc/friction share; the method is of order 3, its
+    embedded one of order 2. That both work is for CI, which builds them.
+    """
+
+    def of_law(text: str) -> set[str]:
+        return set(re.findall(rf"{re.search(r'BD_LAW_([a-z_]+)', text)[1]}_(\w+)\(", text))  # type: ignore[index]
+
+    laws = (ROOT / "csrc" / "friction" / "laws.h").read_text("utf-8")
+    headers = re.findall(r'#include "(friction/\w+\.h)"', laws)
+    texts = [(ROOT / "csrc" / name).read_text("utf-8") for name in headers]
+    functions = set.intersection(*(of_law(text) for text in texts if "define BD_LAW_" in text))
+    assert len(functions) >= 5 and functions <= of_law(NEW[0].code)
+    table = {
+        name: [eval(one) for one in row.replace("\n", "").split(",") if one.strip()]
+        for name, row in re.findall(r"double (\w+)\[\] = \{(.*?)\};", NEW[1].code, re.DOTALL)
+    }
+    a, c, error = np.zeros((4, 4)), np.array(table["c"]), np.array(table["error"])
+    a[np.tril_indices(4, -1)] = table["a"]
+    b = a[3]
+    assert a.sum(axis=1) == pytest.approx(c)
+    assert [b.sum(), b @ c, b @ c**2, b @ a @ c] == pytest.approx([1.0, 1 / 2, 1 / 3, 1 / 6])
+    assert [error.sum(), error @ c] == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert abs(error @ c**2) > 0.01
+
+
 COMPILER = os.environ.get("CC", "cc")
 X86 = platform.machine().lower() in {"x86_64", "amd64"}
 #: As setup.py has them, but for -O3: what is tried here is little, and compiled for it alone.
@@ -126,7 +152,9 @@ def contents() -> dict[str, bytes]:
     }
 
 
-@pytest.mark.ci(guard="test_contributing.py::test_changes_are_of_rows_that_are_there")
+@pytest.mark.ci(
+    guard="test_contributing.py::test_what_is_new_is_complete_and_its_numbers_are_right"
+)
 def test_the_law_and_the_method_of_the_page(tmp_path: Path) -> None:
     tables = (_core.LAWS, _core.METHODS, _core.PARAMETERS)
     before = contents()

@@ -116,7 +116,6 @@ def test_a_torque_function_is_not_called_for_the_twin() -> None:
     assert run.stats.twin_steps > 1000 and calls <= run.stats.nfev + 1  # and the sample
 
 
-@pytest.mark.ci(guard="test_growth.py::test_drives_that_do_not")
 def test_long_runs_of_the_second_order_claim_more() -> None:
     """Damping shifts the creep, and that adds up: the estimate grows with the run."""
     params, torque, *_ = bd.scenes.kubas_case_1()

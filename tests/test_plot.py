@@ -17,6 +17,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch
 from pictures import labels
+from tiers import ci_if
 
 import beltdyn as bd
 
@@ -352,19 +353,23 @@ def test_bad_arguments(result: bd.Result) -> None:
         bd.plot.overview(empty)
 
 
-@pytest.mark.ci(
-    guard="test_plot.py::test_each_makes_a_figure_of_its_own_and_changes_nothing_global"
+OF_A_DRIVE = "bd.plot.layout(bd.scenes.kubas_case_1().params)"
+OF_A_RUN = (
+    "r = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3)\n"
+    "assert 'matplotlib' not in sys.modules\n"
+    "bd.plot.overview(r); bd.plot.animate(r, duration=0.1)._repr_html_()"
 )
-def test_plot_is_found_without_an_import_and_without_pyplot() -> None:
+
+
+@pytest.mark.parametrize("draws", ci_if(OF_A_RUN.__eq__, [OF_A_DRIVE, OF_A_RUN]))
+def test_plot_is_found_without_an_import_and_without_pyplot(draws: str) -> None:
     """Without matplotlib it says what to install; with it neither pyplot nor a window is needed."""
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
         "import beltdyn as bd\n"
         "try: bd.plot\nexcept ImportError as error: print(error)\n"
         "assert sys.modules.pop('matplotlib') is None\n"
-        "r = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3)\n"
-        "assert 'matplotlib' not in sys.modules\n"
-        "bd.plot.overview(r); bd.plot.animate(r, duration=0.1)._repr_html_()\n"
+        f"{draws}\n"
         "print('matplotlib' in sys.modules, 'matplotlib.pyplot' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

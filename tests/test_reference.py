@@ -38,7 +38,6 @@ from reference_mounts import Path, Sprung
 from reference_string import as_string
 from tiers import extended_if
 
-RUN = pytest.mark.extended(guard="test_oracle.py::test_core_agrees_with_oracle")
 #: In the default tier: each belt, each law, drag, motions and mounts.
 SHORT = ("paper", "joints, three laws", "string, arm, path and slider, motions")
 
@@ -339,7 +338,7 @@ def test_mounts_rest_where_the_energy_of_line_and_mounts_is_least(
         assert (ahead - behind) / (2 * h) == pytest.approx(0.0, abs=4e-16 * 50 / h)
 
 
-@RUN
+@pytest.mark.extended(guard="test_mounts_oracle.py::test_settled_state_is_the_oracles")
 @pytest.mark.parametrize("name", ["paper", "string", "slider, LuGre", "arm in its stops"])
 def test_settled_belt_and_mount_are_in_equilibrium(name: str) -> None:
     """No force is left on links or mount. The paper's belt has the same tension all round, but for
@@ -384,7 +383,7 @@ RUNS = {
 }
 
 
-@RUN
+@pytest.mark.extended(guard="test_reference.py::test_power_balance")
 @pytest.mark.parametrize("name", RUNS)
 def test_books_of_a_run_balance_and_friction_keeps_its_limits(name: str) -> None:
     """To 1e-6 of the work done: each step errs by less than 1e-6 of the stretch, and the energy of

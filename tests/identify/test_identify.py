@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -21,6 +20,7 @@ import pytest
 from identify_common import COARSE, SPEED, T_END, TIMES, TORQUE, changed, curves, free_pulley
 from scipy import stats
 from sweep_runs import Sent
+from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.identification import linear
@@ -93,7 +93,9 @@ def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[
         found.interval(95.0)
 
 
-@pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_runs_may_begin_alike_differ_and_be_done_anywhere"
+)
 def test_numbers_do_as_well_as_curves_and_runs_may_differ(rig: bd.Params) -> None:
     """Two runs, one on softer friction joints, from numbers alone.
 
@@ -123,14 +125,14 @@ def test_numbers_do_as_well_as_curves_and_runs_may_differ(rig: bd.Params) -> Non
     assert found.results["soft"].params == changed(found.params, soft)
 
 
-@pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
-def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
+@pytest.mark.parametrize("t_end", ci_if(T_END.__eq__, [1e-3, T_END]))
+def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params, t_end: float) -> None:
     def moved(dx: float) -> bd.Params:
         return attrs.evolve(rig, tensioning=bd.Tensioning(friction=True, offset={1: (dx, 0.0)}))
 
-    run = bd.Experiment(TORQUE, T_END, settling={"tolerance": 1e-5})
-    measured = bd.simulate(moved(-0.002), TORQUE, T_END, t_eval=TIMES)
-    data = [run.curve("joints.force", TIMES, measured.joints.force, sigma=5.0)]
+    run, times = bd.Experiment(TORQUE, t_end, settling={"tolerance": 1e-5}), TIMES * t_end / T_END
+    measured = bd.simulate(moved(-0.002), TORQUE, t_end, t_eval=times)
+    data = [run.curve("joints.force", times, measured.joints.force, sigma=5.0)]
     found = bd.identify(moved(-0.0015), ["tensioning.offset[1][0]"], data)
     assert found.params.tensioning.offset[1][0] == found.values["tensioning.offset[1][0]"]
     own = bd.Free("way", start=-0.0015, size=0.001, set=lambda _params, value: moved(value))
@@ -140,7 +142,9 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params) -> None:
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
-@pytest.mark.ci(guard="test_sweep_executors.py::test_workers_that_are_told_everything_in_bytes")
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_runs_may_begin_alike_differ_and_be_done_anywhere"
+)
 def test_the_result_does_not_depend_on_where_runs_are_done(
     rig: bd.Params, targets: list[bd.Target]
 ) -> None:
@@ -165,7 +169,9 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         bd.identify(start, free, targets, workers=1, executor="threads")
 
 
-@pytest.mark.ci(guard="identify/test_identify.py::test_a_start_30_percent_off_leads_to_the_same")
+@pytest.mark.ci(
+    guard="identify/test_identify.py::test_runs_may_begin_alike_differ_and_be_done_anywhere"
+)
 def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
     rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -187,6 +193,44 @@ def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
     assert found.runs == 2 * len(begun)
     assert list(found.residuals) == ["run 1: pulleys.omega", "run 2: pulleys.omega"]
     assert capfd.readouterr().err == ""  # no terminal, no bar
+
+
+def final(result: bd.Result) -> float:
+    return float(result.pulleys.omega[-1, 1])
+
+
+def test_runs_may_begin_alike_differ_and_be_done_anywhere() -> None:
+    """omega = M t/I: of runs with one start, which is made once for both, and torques given either
+    way; of numbers, from different drives, to the same bits in this thread, in others, in bytes.
+    """
+    begun, rest = [], bd.settle(free_pulley(0.02))
+
+    def begin(params: bd.Params) -> bd.State:
+        begun.append(params)
+        return rest
+
+    constant = bd.PiecewiseLinear([0.0], [[0.0, 3.0]])
+    runs = [bd.Experiment(one, 0.02, initial=begin) for one in (constant, lambda *_: [0.0, 3.0])]
+    data = [run.curve("pulleys.omega[1]", [0.01, 0.02], [1.0, 2.0], sigma=0.01) for run in runs]
+    found = bd.identify(free_pulley(0.02), ["pulleys[1].inertia"], data, workers=2)
+    assert found.values["pulleys[1].inertia"] == pytest.approx(0.03, rel=1e-4)
+    assert found.runs == 2 * len(begun)
+    assert list(found.residuals) == [f"run {k}: pulleys.omega[1]" for k in (1, 2)]
+    other = {"pulleys[0].inertia": 0.5}
+    runs = [
+        bd.Experiment(constant, 0.02, name=name, changes=changes)
+        for name, changes in (("one", {}), ("other", other))
+    ]
+    numbers = [run.number(final, 2.0, t=[0.02], sigma=0.01) for run in runs]
+    with ThreadPoolExecutor(2) as threads, Sent() as sent:
+        one, *others = (
+            bd.identify(free_pulley(0.02), ["pulleys[1].inertia"], numbers, **where)
+            for where in ({"workers": 1}, {"executor": threads}, {"executor": sent})
+        )
+    assert one.values["pulleys[1].inertia"] == pytest.approx(0.03, rel=1e-4)
+    assert one.results["other"].params == changed(one.params, other)
+    for two in others:
+        assert (one.values, one.intervals, one.runs) == (two.values, two.intervals, two.runs)
 
 
 def test_a_prior_counts_like_one_more_measurement(
@@ -452,14 +496,11 @@ def test_ctrl_c_ends_it_soon_and_loses_nothing(rig: bd.Params, rest: bd.State) -
     assert not isinstance(early.value, bd.IdentificationInterrupted)
 
 
-@pytest.mark.ci(guard="test_sensitivity.py::test_samples_that_are_refused")
-def test_without_scipy_it_says_what_to_install_and_nothing_imports_it_before() -> None:
-    script = """import sys, beltdyn as bd
-assert not any(name.startswith("scipy") for name in sys.modules)
-sys.modules["scipy"] = sys.modules["scipy.optimize"] = None
-bd.identify(bd.scenes.three_pulleys().params, [], [])"""
-    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert "ImportError: beltdyn.identify needs SciPy: python -m pip install scipy" in ran.stderr
+def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That nothing imports it before is in test_cli.py."""
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    with pytest.raises(ImportError, match=r"^beltdyn\.identify needs SciPy: .* install scipy"):
+        bd.identify(bd.scenes.three_pulleys().params, [], [])
 
 
 MU: Any = {"free": ["friction.mu_k"]}
