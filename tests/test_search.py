@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from tiers import ci_if, first
+from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.identification.free import resolve
@@ -39,7 +39,9 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize(("start", "way"), first(1, product(search.STARTS, WAYS)))
+@pytest.mark.parametrize(
+    ("start", "way"), ci_if(("S1", "held").__ne__, product(search.STARTS, WAYS))
+)
 def test_the_published_set_beats_both_starts(published: search.Trial, start: str, way: str) -> None:
     trial = search.evaluate(attrs.evolve(search.STARTS[start], tensioning=WAYS[way]))
     assert published.misfit < trial.misfit < np.inf
@@ -107,7 +109,9 @@ def test_exploring_is_the_same_for_any_number_of_threads(
         monkeypatch.setattr(search, "evaluate", mass)
 
     def explore(workers: int, seed: int) -> list[search.Trial]:
-        return search.explore(search.BEGIN, generations=2, population=4, seed=seed, workers=workers)
+        return search.explore(
+            search.BEGIN, generations=1 if runs else 3, population=4, seed=seed, workers=workers
+        )
 
     one, two, other = explore(1, 1), explore(2, 1), explore(2, 2)
     assert [trial.params for trial in one] == [trial.params for trial in two]
