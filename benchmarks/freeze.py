@@ -1,14 +1,17 @@
 """Compares two builds: does a change leave all results and texts as they were?
 
     python benchmarks/freeze.py BEFORE [AFTER] [--only TEXT] [--sizes]
+    python benchmarks/freeze.py --quick
 
 BEFORE and AFTER are commits; without AFTER it is the working tree. Each is built with the compiler
 of this machine and kept under build/freeze/ by the content of its sources. `freeze_side.py` runs
 both, side by side, on the drives of tests/drive_table.py and the built-in scenes, with every method
 at every kernel level; compared to the last bit are arrays of results, counters, warnings, messages,
 TOML, prints, reports and tables of sweeps. Prints what differs, by kind, each change of a text once
-with the drives that have it; ends with 1 if anything does. With --sizes it says how far apart
-trajectories are: the largest difference of a joint's force over the mean tension.
+with the drives that have it; ends with 1 if anything does, or if no run was warned of by a code of
+`beltdyn.RunWarning`. With --sizes it says how far apart trajectories are: the largest difference of
+a joint's force over the mean tension. With --quick nothing is built: the package that is installed
+is compared with itself, on one drive.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ SIDE = ROOT / "benchmarks" / "freeze_side.py"
 LEVELS = {"baseline": "", "avx2": "avx2", "avx512": "avx512vl"}
 #: Lines shown of a change of a text, and names shown of what has it.
 MAX_LINES, MAX_NAMES = 8, 6
+#: The drive of --quick.
+QUICK = "joint-dahl-arm-engine-crossed"
 
 
 # --- builds ---------------------------------------------------------------------------------------
@@ -70,7 +75,6 @@ def digest(folder: Path, *parts: str) -> str:
 
 def build(commit: str | None) -> Path:
     """Where the package stands, built if need be; a core is kept for all packages that have it."""
-    BUILDS.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=BUILDS) as temporary:
         folder = Path(temporary)
         sources(commit, folder)
@@ -103,13 +107,14 @@ def levels() -> list[str]:
     return [level for level, needs in LEVELS.items() if needs in flags][::-1]
 
 
-def look(site: Path, keep: Path, only: str) -> dict[str, dict[str, Any]]:
+def look(site: Path | None, keep: Path, only: str) -> dict[str, dict[str, Any]]:
     """What a side tells: of every kind, a value for each name. Texts are of the best level."""
     told: dict[str, dict[str, Any]] = defaultdict(dict)
     for level in levels():
         out = keep / f"{level}.json"
         command = [sys.executable, str(SIDE), str(out), "texts" * (level == levels()[0]), only]
-        environment = {**os.environ, "PYTHONPATH": str(site), "BELTDYN_KERNELS": level}
+        environment = {**os.environ, "BELTDYN_KERNELS": level}
+        environment |= {"PYTHONPATH": str(site)} if site else {}
         environment |= {"OPENBLAS_NUM_THREADS": "1", "COLUMNS": "80", "PYTHONHASHSEED": "0"}
         subprocess.run(command, cwd=keep, env=environment, check=True)
         for kind, values in json.loads(out.read_text("utf-8")).items():
@@ -167,16 +172,22 @@ def size(folders: tuple[Path, Path], name: str) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("before")
+    parser.add_argument("before", nargs="?")
     parser.add_argument("after", nargs="?")
     parser.add_argument("--only", default="", metavar="TEXT", help="drives with TEXT in their name")
     parser.add_argument("--sizes", action="store_true", help="say how large differences are")
+    parser.add_argument("--quick", action="store_true", help="this package twice, on one drive")
     options = parser.parse_args()
+    if options.quick == bool(options.before):
+        parser.error("give a commit, or --quick")
     begun = time.monotonic()
-    sites = tuple(build(commit) for commit in (options.before, options.after))
-    print(
-        f"built in {time.monotonic() - begun:.0f} s" + ", sources identical" * (len({*sites}) < 2)
-    )
+    BUILDS.mkdir(parents=True, exist_ok=True)
+    if options.quick:
+        sites, options.only = (None, None), QUICK
+    else:
+        sites = tuple(build(commit) for commit in (options.before, options.after))
+        same = ", sources identical" * (len({*sites}) < 2)
+        print(f"built in {time.monotonic() - begun:.0f} s{same}")
     with tempfile.TemporaryDirectory(dir=BUILDS) as temporary:
         folders = (Path(temporary) / "before", Path(temporary) / "after")
         for folder in folders:
@@ -192,9 +203,12 @@ def main() -> int:
             print("".join(f"    {line}\n" for line in lines), end="")
             for name in names if options.sizes and kind == "trajectory" else ():
                 print(f"    {name}: {size(folders, name)}")
+    silent = sorted({**one["codes never warned of"], **other["codes never warned of"]})
+    if silent:
+        print(f"no run was warned of by {', '.join(silent)}: see warned() in {SIDE.name}")
     counts = [f"{kind} {apart[kind]}/{len({**one[kind], **other[kind]})}" for kind in one]
     print(f"differing: {', '.join(counts)}; {time.monotonic() - begun:.0f} s")
-    return int(any(apart.values()))
+    return int(any(apart.values()) or bool(silent))
 
 
 if __name__ == "__main__":

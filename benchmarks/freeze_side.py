@@ -9,8 +9,12 @@ addresses is masked. Only the public interface is used, so that builds of other 
 from __future__ import annotations
 
 import hashlib
+import inspect
+import itertools
 import json
+import math
 import re
+import resource
 import sys
 import warnings
 from collections import defaultdict
@@ -18,6 +22,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import attrs
 import numpy as np
@@ -26,6 +31,7 @@ import beltdyn as bd
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 import drive_table as table
+import drives
 
 #: Built-in scenes are run on a coarse mesh for this long [s].
 SCENE_LINKS, SCENE_TIME = 60, 0.02
@@ -40,8 +46,8 @@ told: dict[str, dict[str, Any]] = defaultdict(dict)
 def masked(text: object) -> str:
     """Without addresses, and times that were measured."""
     text = re.sub(r"0x[0-9a-f]{6,}", "0x...", str(text))
-    text = re.sub(r"[\d.e+-]+ s CPU", "... s CPU", text)
-    return re.sub(r"(CPU time +)[\d.e+-]+ s", r"\1... s", text)
+    text = re.sub(r"[\d.e+-]+ s (of )?CPU", r"... s \1CPU", text)
+    return re.sub(r"(CPU time +|expected to take )[\d.e+-]+ s", r"\1... s", text)
 
 
 def error_text(error: BaseException) -> str:
@@ -126,7 +132,8 @@ def dataset_text(dataset: Any) -> str:
         if name in TIMES:
             continue
         values = np.asarray(array.values)
-        exact = values.astype(float).tobytes() if values.dtype.kind in "biuf" else b""
+        numbers = values.dtype.kind in "biuf"
+        exact = values.astype(float).tobytes() if numbers else repr(values.tolist()).encode()
         shown = values.tolist() if values.size <= 40 else hashlib.sha256(exact).hexdigest()[:12]
         lines.append(f"{name} {array.dims} {values.dtype.kind} {dict(array.attrs)} {shown}")
     return masked("\n".join(lines))
@@ -304,6 +311,126 @@ def refused() -> dict[str, Callable[[], object]]:
     }  # fmt: skip
 
 
+# --- what is warned of ----------------------------------------------------------------------------
+
+
+def codes() -> list[str]:
+    """All that the library lists."""
+    listed = inspect.getdoc(bd.RunWarning) or ""
+    return sorted({*re.findall(r"^    (\w+)(?: \*)? {1,13}\S", listed, re.MULTILINE)})
+
+
+def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
+    """Drives and runs that the library warns of; names begin with the code."""
+    plain, ramp = drives.plain_scene()[:2]
+    rest = bd.settle(plain)
+    small, larger = (drives.small_idler(radius, 20) for radius in (0.02, 0.025))
+    still, jump = bd.Viscous([0.0, 1.0]), bd.PiecewiseLinear([0.0], [[-1000.0, 1000.0]])
+    turning = attrs.evolve(rest, omega=np.array([9.0, 0.0]))
+    coarse = {"method": "rodas4", "rtol": 1e-2, "torque_interval": 0.01}
+    coarse["t_eval"] = np.linspace(0.0, 0.03, 3001)
+
+    def of(belt: dict[str, Any] | None = None, **changes: Any) -> bd.Params:
+        changes["belt"] = attrs.evolve(plain.belt, bending_stiffness=0.0, **(belt or {}))
+        return attrs.evolve(plain, **changes)
+
+    def run(
+        torque: Any, t_end: float, params: bd.Params = plain, **options: Any
+    ) -> Callable[[], bd.Result]:
+        return lambda: bd.simulate(params, torque, t_end, **{"initial": rest, **options})
+
+    def second(**changes: Any) -> bd.Params:
+        return attrs.evolve(
+            plain, pulleys=[*plain.pulleys[:1], attrs.evolve(plain.pulleys[1], **changes)]
+        )
+
+    def thrown(share: float, **others: Any) -> bd.State:
+        wave = math.sqrt(plain.belt.axial_stiffness / plain.belt.linear_density)
+        return attrs.evolve(rest, vy=rest.vy + share * wave * np.sign(rest.y), **others)
+
+    def pulse(t: float, _theta: Any, _omega: Any) -> list[float]:
+        return [-100.0 if 0.02 < t < 0.02002 else 0.0, 0.0]
+
+    def over_budget() -> bd.Result:
+        # Each run fits, as the clock goes 0.4 s a look; all of them together do not. The mesh is
+        # that of the state: else it would depend on how fast this machine is.
+        with mock.patch("time.thread_time", itertools.count(0.0, 0.4).__next__):
+            return bd.simulate(plain, ramp, 0.005, budget=1.0, initial=rest)
+
+    def full_disk() -> bd.Result:
+        """A torque that lets no file grow."""
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+        def torque(_t: float, _theta: Any, _omega: Any) -> list[float]:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1, limits[1]))
+            return [0.0, 0.0]
+
+        try:
+            return bd.simulate(plain, torque, 0.002, initial=rest, checkpoint="checkpoint")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+            Path("checkpoint").unlink()
+
+    lively = of({"axial_damping": 0.03})
+    chattering = of(contact=bd.Contact(linear=2.5e7, damping=100.0))
+    ringing = attrs.evolve(
+        drives.on_mesh(of(), "joint"), contact=bd.Contact(linear=2.5e7, damping=190.0)
+    )
+    return {
+        "mesh": lambda: plain,
+        "strain": lambda: of({"length": 1.16}),
+        "compliance": lambda: of(contact=bd.Contact(linear=2e5, damping=100.0)),
+        "long_links": lambda: drives.small_idler(0.02, 30),
+        "units of gravity": lambda: of(gravity=(0.0, -9810.0)),
+        "units of a stiffness": lambda: of({"axial_stiffness": 2.1e11}),
+        "units of a mass": lambda: of({"linear_density": 1e-4}),
+        "units of an inertia": lambda: second(inertia=1e-10),
+        "units of friction": lambda: second(friction=bd.Dahl(mu_k=30.0, sigma=1e4)),
+        "units of a torque": run(bd.PiecewiseLinear([0.0], [[0.0, -5e4]]), 1e-3),
+        "no_friction": run(bd.PiecewiseLinear([0.0], [[0.0, 1.0]]), 0.01, of(friction=None)),
+        "full_slip": run(bd.PiecewiseLinear([0.0], [[-300.0, 300.0]]), 0.02),
+        "slack_span": run(still, 0.003, initial=thrown(1.0)),
+        "balance": lambda: bd.simulate(
+            *bd.scenes.three_pulleys()[:2], 0.5, method="lbdf2", step=4e-4
+        ),
+        "stretch": run(still, 2e-3, initial=thrown(0.1)),
+        "no_contact": run(
+            bd.Viscous([0.0, 0.0, 1.0]), 0.02, small, initial=bd.settle(larger)
+        ),
+        "growth, chatter": run(ramp, 0.35, chattering, initial=bd.settle(chattering)),
+        "undamped": run(still, 0.03, lively, initial=bd.settle(lively), method="rodas4"),
+        "undamped on the contact": run(
+            ramp, 0.4, ringing, initial=bd.settle(ringing), method="rodas4"
+        ),
+        "torque": run(pulse, 0.03, **coarse),
+        "rough_torque": run(lambda t, *_: [0.0, -100.0 * math.sin(3e5 * t)], 0.03, **coarse),
+        "fallback": run(
+            still, 1e6 + 1e-6, initial=thrown(0.02, t=1e6), method="lbdf2", rtol=1e-8
+        ),
+        "fixed_step": run(jump, 4e-3, method="lbdf2", step=1e-3),
+        "budget": over_budget,
+        "checkpoint": full_disk,
+        "torque_ignored": run(
+            ramp, 0.002, motion={0: bd.PiecewiseLinear([0.0, 1.0], [0.0, -9.0])}
+        ),
+        "beyond_table": run(
+            bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0]), 0.001, initial=turning
+        ),
+    }  # fmt: skip
+
+
+def warn_of(name: str, make: Callable[[], bd.Params | bd.Result]) -> set[str]:
+    """Tell what is warned of, and give the codes."""
+    made = make()
+    if isinstance(made, bd.Params):
+        notes = re.findall(r"^  note  ((\w+): .*)", str(made), re.MULTILINE)
+        texts, found = [text for text, _ in notes], {code for _, code in notes}
+    else:
+        texts, found = [*map(repr, made.warnings)], {one.code for one in made.warnings}
+    told["warnings"][f"warned: {name}"] = masked("\n".join(texts))
+    return found
+
+
 def main() -> None:
     out, with_texts, only = Path(sys.argv[1]), sys.argv[2] == "texts", sys.argv[3]
     warnings.simplefilter("ignore")
@@ -317,6 +444,8 @@ def main() -> None:
     if with_texts:
         further(drives)
         told["message"] |= {f"refused: {k}": tried(v) for k, v in refused().items()}
+        found = set().union(*(warn_of(name, make) for name, make in warned().items()))
+        told["codes never warned of"] |= dict.fromkeys({*codes()} - found, "")
     np.savez(out.with_suffix(".npz"), **forces)
     out.write_text(json.dumps(told, indent=0), "utf-8")
 
