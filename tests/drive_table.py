@@ -448,5 +448,8 @@ _BY_NAME = {name_of(row): row for row in _read(ROWS)}
 
 
 if __name__ == "__main__":
-    for added in further_rows(_read(ROWS)):
+    lacking = list(further_rows(_read(ROWS)))
+    for added in lacking:
         print(" ".join(added.values()))
+    if not lacking:
+        print(f"complete: the {len(_BY_NAME)} rows have every pair")

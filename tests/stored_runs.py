@@ -6,7 +6,7 @@ A test module declares its runs, ``RUNS = stored_runs.Runs(__name__, {"a name": 
 ``make()`` gives a `Case`, and reads one by ``RUNS["a name"]``. A file of `tests/data/` holds the
 states that `reference_run.integrate` has given, the state it began with, all that was handed to it
 as text, and a hash of the oracle's source. A run whose inputs or oracle have changed since fails,
-and names the command that makes it anew.
+and names the command that makes all such runs anew.
 
 Nothing here but the start comes from the core. It is an input, a state like any other, kept so that
 both codes begin with the same bits whatever the core is now; it is made anew only if other inputs
@@ -22,7 +22,6 @@ import importlib
 import io
 import os
 import re
-import shlex
 import token
 import tokenize
 from collections.abc import Callable, Mapping, Sequence
@@ -202,8 +201,8 @@ class Runs:
         case, held, wrong = self.read(name)
         if wrong:
             pytest.fail(
-                f"tests/data/{self.module}/{self.slugs[name]}.npz {wrong}; make it anew: "
-                f"python tests/stored_runs.py {shlex.quote(f'{self.module}/{self.slugs[name]}')}"
+                f"tests/data/{self.module}/{self.slugs[name]}.npz {wrong}; if the change was "
+                "meant: python tests/stored_runs.py --stale"
             )
         return Stored(case=case, start=_start(held), y=held["y"], steps=held["steps"])
 
@@ -251,16 +250,21 @@ def main() -> None:
     parser.add_argument("--all", action="store_true", help="all runs of all modules")
     parser.add_argument("--stale", action="store_true", help="those that do not fit their files")
     arguments = parser.parse_args()
+    if not (arguments.names or arguments.all or arguments.stale):
+        parser.error("name runs, or give --all or --stale")
     known = {(runs.module, runs.slugs[name]): (runs, name) for runs in all_runs()
              for name in runs.cases}  # fmt: skip
     wanted = {tuple(name.split("/")) for name in arguments.names}
     if unknown := wanted - {*known, *((module,) for module, _ in known)}:
         parser.error(f"there is no {', '.join('/'.join(one) for one in unknown)}")
+    made = 0
     for (module, slug), (runs, name) in known.items():
         named = arguments.all or {(module,), (module, slug)} & wanted
         if named or (arguments.stale and runs.read(name)[2]):
             runs.make(name)
             print(f"{module}/{slug}: {runs.path(name).stat().st_size} bytes", flush=True)
+            made += 1
+    print(f"{made} of {len(known)} stored runs made anew")
 
 
 if __name__ == "__main__":

@@ -65,8 +65,8 @@ def test_stale_and_missing_files_are_named_with_the_command(
 ) -> None:
     runs, name = SMALL
     case = runs[name].case
-    message = rf"tests/data/{runs.module}/{runs.slugs[name]}\.npz %s; make it anew: "
-    message += rf"python tests/stored_runs\.py {runs.module}/{runs.slugs[name]}$"
+    message = rf"tests/data/{runs.module}/{runs.slugs[name]}\.npz %s; if the change was "
+    message += r"meant: python tests/stored_runs\.py --stale$"
     other = bd.PiecewiseLinear([0.0], [[1.0, -2.0]])
     for change, what in (
         ({"torque": other}, r"is of other inputs \(stops, torque\)"),
@@ -81,3 +81,12 @@ def test_stale_and_missing_files_are_named_with_the_command(
     monkeypatch.setattr(stored_runs, "DIRECTORY", stored_runs.DIRECTORY / "nowhere")
     with pytest.raises(pytest.fail.Exception, match=message % "is missing"):
         runs[name]
+
+
+def test_the_command_wants_to_know_which_runs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["stored_runs.py"])
+    with pytest.raises(SystemExit) as ended:
+        stored_runs.main()
+    assert ended.value.code == 2 and "usage" in capsys.readouterr().err
