@@ -31,6 +31,11 @@ def plain() -> bd.Params:
     )
 
 
+def with_belt(params: bd.Params, **changes: Any) -> bd.Params:
+    """The drive with numbers of the belt changed."""
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, **changes))
+
+
 def small_idler(radius: float, n_bodies: int) -> bd.Params:
     """Three pulleys, the middle one so small that links of twice its radius pass it by."""
     places = {(0.0, 0.0): (0.05, 0.01), (0.15, 0.05): (radius, 1e-4), (0.3, 0.0): (0.05, 0.01)}
@@ -50,7 +55,7 @@ def on_mesh(params: bd.Params, mesh: str) -> bd.Params:
     if mesh == "string":
         changes = {"mesh": "joint", "model": "string"}
         changes |= {"bending_stiffness": 0.0, "bending_damping": 0.0}
-    return attrs.evolve(params, belt=attrs.evolve(params.belt, **changes))
+    return with_belt(params, **changes)
 
 
 def plain_scene() -> bd.Scene:

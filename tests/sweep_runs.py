@@ -18,7 +18,6 @@ import attrs
 import drives
 import mounted_drives
 import numpy as np
-import pytest
 
 import beltdyn as bd
 from beltdyn.sweeping import dispatch, store
@@ -60,8 +59,7 @@ def under_function(gain: float = 40.0) -> bd.Scene:
 
 def with_belt(scene: bd.Scene, **changes: Any) -> bd.Scene:
     """The scene with numbers of the belt changed."""
-    belt = attrs.evolve(scene.params.belt, **changes)
-    return scene._replace(params=attrs.evolve(scene.params, belt=belt))
+    return scene._replace(params=drives.with_belt(scene.params, **changes))
 
 
 def bits(values: Any) -> bytes:
@@ -122,7 +120,8 @@ class Sent(Executor):
 @contextmanager
 def cluster(workers: int = 2, processes: bool = True) -> Iterator[Any]:
     """A Dask client of a scheduler and workers of one thread each."""
-    distributed = pytest.importorskip("distributed")
+    import distributed
+
     # A busy machine starts workers slowly; one death less before a batch is given up spares starts.
     settings = {
         "distributed.deploy.lost-worker-timeout": "5 minutes",

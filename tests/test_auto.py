@@ -12,15 +12,12 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
+from drives import with_belt
 from tiers import extended_if
 
 import beltdyn as bd
 
 WORTH = 5.2
-
-
-def with_belt(params: bd.Params, **changes: Any) -> bd.Params:
-    return attrs.evolve(params, belt=attrs.evolve(params.belt, **changes))
 
 
 def weight(stats: bd.Stats) -> float:
