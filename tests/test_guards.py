@@ -288,10 +288,11 @@ def raising(kind: str, error: type[BaseException]) -> Any:
         signature_in_c = "void(double, double *, double *, double *, void *)"
         return cffi.FFI().callback(signature_in_c)(compiled)
     if kind == "numba":
-        types = pytest.importorskip("numba").types
+        from numba import cfunc, types
+
         pointer = types.CPointer(types.double)
         signature_of_types = types.void(types.double, pointer, pointer, pointer, types.voidptr)
-        return pytest.importorskip("numba").cfunc(signature_of_types)(compiled)
+        return cfunc(signature_of_types)(compiled)
     return python
 
 

@@ -68,7 +68,7 @@ def test_processes(expected: dict[str, Any]) -> None:
 @ci
 def test_a_dask_cluster(expected: dict[str, Any]) -> None:
     """Clients that cannot be waited for are refused; at first there may be no workers."""
-    distributed = pytest.importorskip("distributed")
+    import distributed
 
     async def asynchronous() -> None:
         address = client.scheduler.address
