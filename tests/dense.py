@@ -152,7 +152,8 @@ def directions(layout: Layout, n: int, seed: int = 0) -> Iterator[tuple[list[str
     """Columns that differences take together, and the steps in which they do, of random signs.
 
     Links of one colour are three apart: in a row of a link every difference is one entry. Rows of
-    pulleys and mounts see sums; columns of theirs go one by one. Last all columns at once.
+    pulleys and mounts see sums; columns of theirs go one by one. Last all columns at once, by half
+    their steps: places and velocities of two links move what a joint's share of contact is by.
     """
     rng, steps = np.random.default_rng([seed, n]), layout.steps()
     signs = rng.choice([-1.0, 1.0], (2, len(steps)))
@@ -167,7 +168,7 @@ def directions(layout: Layout, n: int, seed: int = 0) -> Iterator[tuple[list[str
             along = np.zeros(len(steps))
             along[group] = (signs[0] * steps)[group]
             yield [name], along
-    yield [name for name, size in layout.sizes.items() if size], signs[1] * steps
+    yield [name for name, size in layout.sizes.items() if size], 0.5 * signs[1] * steps
 
 
 def slope_along(rate: Vector, y: Array, along: Array, curved: bool) -> Array:
