@@ -8,13 +8,15 @@ import runpy
 import shlex
 import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
 import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from unittest import mock
 
 HERE = Path(__file__).resolve().parent
@@ -69,16 +71,27 @@ def extension() -> Any:
     Those of all instruction levels are compiled from the same headers: what is wrong in one is
     wrong in all, and takes six times as long to compile.
     """
-    with mock.patch("setuptools.setup") as setup:
+    described: dict[str, Any] = {}
+    stubs = {  # in place of the version that setup.py needs, which tests do without
+        "setuptools": SimpleNamespace(
+            Extension=lambda _name, **fields: SimpleNamespace(**fields), setup=described.update
+        ),
+        "setuptools.command.build_ext": SimpleNamespace(build_ext=object),
+        "setuptools.modified": SimpleNamespace(newer_group=None),
+    }
+    with mock.patch.dict(sys.modules, cast(Any, stubs)):
         names = runpy.run_path(str(ROOT / "setup.py"))
-    module = setup.call_args.kwargs["ext_modules"][0]
+    module = described["ext_modules"][0]
     module.sources = [source for source in module.sources if Path(source) not in names["LEVELS"]]
     module.define_macros = [one for one in module.define_macros if one[0] != "BD_X86_LEVELS"]
     return module
 
 
 def _run(command: list[str], **options: Any) -> bytes:
-    done = subprocess.run(command, capture_output=True, **options)
+    try:
+        done = subprocess.run(command, capture_output=True, **options)
+    except FileNotFoundError:
+        raise FaultError(f"there is no command {command[0]} (CC names the compiler)") from None
     if done.returncode != 0:
         raise FaultError(f"{' '.join(command[-3:])}: {done.stderr.decode()[-2000:]}")
     return bytes(done.stdout)
@@ -107,18 +120,17 @@ def _compile(tree: Path, source: str, into: Path) -> Path:
     return _object(into, source)
 
 
+@cache
 def _as_read(tree: Path, source: str) -> str:
-    """Return a digest of what the compiler reads of a file and all its headers."""
+    """Return a digest of what the compiler reads of a file and its headers, without comments."""
     return hashlib.sha256(_run([*_compiler(source), "-E", "-P"], cwd=tree)).hexdigest()
 
 
 @cache
 def sources_key() -> str:
     """Return a digest of all that the extension module is built from."""
-    digest = hashlib.sha256(repr((FAST, extension().sources)).encode())
-    for path in [ROOT / "setup.py", *sorted((ROOT / "csrc").rglob("*.[ch]"))]:
-        digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
+    read = [(source, _as_read(ROOT, source)) for source in extension().sources]
+    return hashlib.sha256(repr((_compiler(""), read)).encode()).hexdigest()[:16]
 
 
 @cache
@@ -128,8 +140,7 @@ def clean_objects() -> dict[str, Path]:
     if not (into / "complete").exists():
         into.mkdir(parents=True, exist_ok=True)
         for source in extension().sources:
-            made = _compile(ROOT, source, into)
-            made.with_suffix(".read").write_text(_as_read(ROOT, source))
+            _compile(ROOT, source, into)
         (into / "complete").touch()
     return {source: _object(into, source) for source in extension().sources}
 
@@ -148,8 +159,8 @@ def core(fault: Fault | None) -> Path:
     if fault and in_c:
         shutil.copytree(ROOT / "csrc", tree / "csrc")
         (tree / fault.file).write_text(fault.planted(), "utf-8")
-        for source, clean in objects.items():
-            if _as_read(tree, source) != clean.with_suffix(".read").read_text():
+        for source in objects:
+            if _as_read(tree, source) != _as_read(ROOT, source):
                 objects[source] = _compile(tree, source, tree)
     linked = tree / "core.so"
     compiler = shlex.split(os.environ.get("CC", "cc"))

@@ -1,6 +1,7 @@
 """Plant the faults of `faults.toml` one by one and name the test that finds each.
 
-    python tests/faults/run.py [NAME...] [--tests DIR] [--note TEXT] [--hints-only] [--all-default]
+    python tests/faults/run.py [NAME...] [--left] [--tests DIR] [--note TEXT]
+                               [--hints-only | --all-default | --build]
 
 Each edit goes into a copy of its own of the package under `build/faults/`; the tests import that.
 The tests that the fault names as hints run first, then the rest of the default tier, then the
@@ -17,6 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 
 from planting import HERE, ROOT, Fault, FaultError, core, faults, package
@@ -114,13 +116,18 @@ def record(name: str, row: tuple[str, ...], listed: list[Fault]) -> None:
 
 
 def commit_of(tests: Path) -> str:
-    """Return the commit of the tests, with a plus if they have been changed since."""
+    """Return the last commit that changed the tests, with a plus if they have been changed since.
+
+    What lies in the folder of the faults is none of them.
+    """
 
     def git(*words: str) -> str:
         command = ["git", "-C", str(tests), *words]
         return subprocess.run(command, capture_output=True, text=True).stdout.strip()
 
-    return git("rev-parse", "--short", "HEAD") + "+" * bool(git("status", "-s", "-uno", "--", "."))
+    paths = ("--", ".", ":!faults")
+    changed = bool(git("status", "-s", "-uno", *paths))
+    return git("log", "-1", "--format=%h", *paths) + "+" * changed
 
 
 def main() -> int:
@@ -128,12 +135,20 @@ def main() -> int:
     parser.add_argument("names", nargs="*", help="of the faults; all by default")
     parser.add_argument("--tests", type=Path, default=ROOT / "tests", help="of which checkout")
     parser.add_argument("--note", help="what the column `when` says, instead of the commit")
-    parser.add_argument("--hints-only", action="store_true", help="run no more than the hints")
-    parser.add_argument("--all-default", action="store_true", help="whole tiers, without hints")
     parser.add_argument("--left", action="store_true", help="only those not found so far")
-    parser.add_argument("--build", action="store_true", help="build, and run nothing")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--hints-only", action="store_true", help="run no more than the hints")
+    what.add_argument("--all-default", action="store_true", help="whole tiers, without hints")
+    what.add_argument("--build", action="store_true", help="build, and run nothing")
     options = parser.parse_args()
     tests = options.tests.resolve()
+    if not (tests / "conftest.py").exists():
+        parser.error(f"--tests: {tests} is no folder of tests")
+    needed = ("numpy", "pytest", "xdist", "pytest_timeout")
+    if missing := [name for name in needed if find_spec(name) is None]:
+        parser.error(f"{sys.executable} has no {', '.join(missing)}: install beltdyn[test] in it")
+    if options.note and not options.note.isprintable():  # a tab would be a column of found.tsv
+        parser.error("--note must be a line of text without tabs")
     os.chdir(ROOT)  # setup.py looks for its sources here
     try:
         listed = faults()
