@@ -44,6 +44,7 @@ def chattering(method: str, rtol: float) -> bd.Result:
 def test_a_drive_that_chatters(method: str, rtol: float) -> None:
     run = chattering(method, rtol)
     (growth,) = (one for one in run.warnings if one.code == "growth")
+    assert "chatter" in {one.code for one in run.warnings}
     assert run.stats.error is None and growth.accuracy and growth.t is not None
     # e-foldings a second: the displaced runs below part by 1e5 in less than 0.06 s
     assert run.stats.growth > 100.0
@@ -65,7 +66,6 @@ def test_from_when_on_and_no_later() -> None:
     apart = np.sqrt(np.mean((one - another) ** 2, axis=1)) / np.mean(one)
     found = chattering(*SETTINGS[0]).warnings
     (growth,) = (one for one in found if one.code == "growth")
-    assert "chatter" in {one.code for one in found}
     assert np.max(apart) > 0.01 and growth.t is not None
     assert growth.t < times[np.argmax(apart > 0.01)]
     assert np.all(apart[times < 0.5 * growth.t] < 1e-4)
@@ -116,9 +116,11 @@ def test_a_torque_function_is_not_called_for_the_twin() -> None:
     assert run.stats.twin_steps > 1000 and calls <= run.stats.nfev + 1  # and the sample
 
 
+@pytest.mark.filterwarnings("ignore:(balance|mesh)")
 def test_long_runs_of_the_second_order_claim_more() -> None:
     """Damping shifts the creep, and that adds up: the estimate grows with the run."""
     params, torque, *_ = bd.scenes.kubas_case_1()
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=30))
     given = {"initial": bd.settle(params), "method": "lbdf2", "rtol": 1e-2}
     short, long = (bd.simulate(params, torque, t_end, **given).stats.error for t_end in (1.0, 4.0))
     assert short is not None and long is not None

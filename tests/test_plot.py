@@ -253,6 +253,7 @@ def test_energy(result: bd.Result, ax: Axes) -> None:
     np.testing.assert_allclose(stored, ledger.total - ledger.total[0], atol=1e-12)
     np.testing.assert_allclose(top, ledger.losses + stored, atol=1e-12)
     assert ax.get_title().startswith(f"residual at most {np.abs(ledger.residual).max():.1g} J")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "energy [J]")
     assert len(ax.collections) == 3 and len(labels(ax)) == 6
     upper = np.zeros(N_T)
     losses = (ledger.friction_loss, ledger.contact_loss, ledger.joint_loss)

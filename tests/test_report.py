@@ -15,7 +15,7 @@ import pandas
 import pytest
 
 import beltdyn as bd
-from beltdyn.report.text import _fitted
+from beltdyn.report.text import _fitted, tables
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -111,6 +111,44 @@ def test_numbers_are_those_of_the_run() -> None:
     printed = [float(cell) for cell in line.split()[2:]]
     assert printed[0] == pytest.approx(slower, abs=5e-4)
     assert sum(printed[1:]) == pytest.approx(printed[0], abs=2.5e-3)
+
+
+def test_headings_and_summaries_have_the_units_of_their_numbers() -> None:
+    """The numbers are in SI units; what is printed of them is scaled as its heading says."""
+    told, run = report(), result()
+    printed, titles = {}, " ".join(table.title for table in tables(told))
+    for table in tables(told):
+        columns = zip(*table.rows, strict=True)
+        printed |= {(table.title[:5], *k): v for *k, v in zip(table.heading, columns, strict=True)}
+    for heading, numbers in {
+        ("Speed", "1/min"): [30.0 / math.pi * one.speed.mean for one in told.pulleys],
+        ("Speed", "rad/s"): [one.speed.mean for one in told.pulleys],
+        ("Speed", "torque"): [one.torque.mean for one in told.pulleys],
+        ("Speed", "power"): [one.power.mean for one in told.pulleys],
+        ("Hub l", "hub load N"): [one.hub_load.mean for one in told.pulleys],
+        ("Hub l", "towards deg"): [math.degrees(one.hub_direction) for one in told.pulleys],
+        ("Hub l", "wrap deg"): [math.degrees(one.wrap) for one in told.pulleys],
+        ("Hub l", "slip arc deg"): [math.degrees(one.slip_arc) for one in told.pulleys],
+        ("Ratio", "torque N m"): [one.belt_torque for one in told.pulleys],
+        ("Spans", "mm"): [1e3 * one.length for one in told.spans],
+        ("Spans", "tension"): [one.tension.mean for one in told.spans],
+        ("Power", "W"): [one.power for one in told.powers],
+    }.items():
+        cells = [float(cell) for cell in printed[heading]]
+        # 4 digits, angles to 1 degree; powers of 0 are those of rounding
+        assert cells == pytest.approx(numbers, rel=1e-3, abs=0.51 if "deg" in heading[1] else 1e-6)
+    assert "torque in N m, power in W (" in titles and "Spans: tension in N," in titles
+    rows, late = dict(run.summary()), run.t >= 0.8 * run.t[-1]
+    for label, values, unit in (
+        ("  pulley speeds", run.pulleys.omega, " rad/s"),
+        ("  span tensions", run.span_tension, " N"),
+    ):
+        assert rows[label].endswith(unit)
+        shown = [float(one.split()[-1]) for one in rows[label].removesuffix(unit).split(", ")]
+        assert shown == pytest.approx(values[late].mean(axis=0), rel=1e-2)
+    left = f"{run.energy.residual[-1]:.2g} J, "
+    assert rows["  energy unaccounted for"].startswith(left)
+    assert rows["CPU time"] == f"{run.stats.cpu_time:.3g} s"
 
 
 def test_plain_numbers_and_a_table_of_pandas(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,6 +26,7 @@ from beltdyn.spans import Coordinates, joint_points, mid_span
 pytestmark = pytest.mark.filterwarnings("ignore:(balance|mesh)")
 
 PULSE = 22.0
+KINDS = ("in", "out", "lost", "stored", "left")  # of powers
 
 
 def drive(n_bodies: int, gravity: tuple[float, float] = (0.0, 0.0)) -> bd.Params:
@@ -110,6 +111,9 @@ def test_what_acts_on_an_arm_is_in_balance() -> None:
     assert any("to the nearer stop" in one for one in lines)
     assert "tensioner, spring" in told._repr_html_()
     assert told.to_dict()["mounts"][0]["travel"]["mean"] == row.travel.mean
+    # what dry friction stores is no loss, and is in the balance
+    powers = {kind: [one.power for one in told.powers if one.kind == kind] for kind in KINDS}
+    assert sum(powers.pop("in")) == pytest.approx(sum(map(sum, powers.values())), rel=1e-9)
     window = Window.last(result, 0.5)
     for pull, pulley in zip(np.moveaxis(hub_statics(window), 1, 0), told.pulleys, strict=True):
         x, y = window.mean(pull)
