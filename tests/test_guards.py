@@ -433,3 +433,27 @@ def test_a_belt_pulled_through_a_pulley_is_a_named_error() -> None:
     ):
         bd.simulate(params, bd.Viscous([0, 0]), 0.1)
     assert any("compliance: " in note for note in failed.value.__notes__)
+
+
+def test_numbers_that_are_not_finite_are_a_named_error(rest: bd.State) -> None:
+    """Of 1e160 m/s, whose squares overflow, no step makes anything, however short."""
+    mad = attrs.evolve(rest, vx=np.full(rest.vx.size, 1e160))
+    with pytest.raises(bd.SimulationError, match="gives finite numbers") as caught:
+        bd.simulate(PLAIN, RAMP, 1e-3, initial=mad, method="tsit5")
+    assert caught.value.symbol == "BD_ERR_NOT_FINITE"
+
+
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+def test_belts_thrown_through_a_pulley_are_named_errors(rest: bd.State) -> None:
+    """Links that sink past half of its radius; or that pass it by, which are longer than it."""
+    soft = attrs.evolve(PLAIN, contact=bd.Contact(linear=2e5))
+    small = drives.small_idler(0.005, 60)
+    thrown = attrs.evolve(rest, vx=rest.vx - 200.0)
+    with pytest.raises(bd.SimulationError, match="sank past half the radius of pulley 1") as caught:
+        bd.simulate(soft, RAMP, 0.01, initial=thrown)
+    assert caught.value.symbol == "BD_ERR_PASSED_THROUGH" and caught.value.body >= 0
+    start = bd.settle(small)
+    thrown = attrs.evolve(start, vy=start.vy - 20.0)
+    with pytest.raises(bd.SimulationError, match="no longer runs round pulley 1") as caught:
+        bd.simulate(small, bd.Viscous([0.0, 0.0, 0.0]), 0.01, initial=thrown)
+    assert (caught.value.symbol, caught.value.pulley) == ("BD_ERR_OFF_PULLEY", 1)

@@ -140,6 +140,13 @@ def test_starts_over_with_a_shorter_step(rest: bd.State) -> None:
     assert sim.stats["residual"] <= 1e-9
 
 
+def test_an_arm_settles_in_stiff_contact() -> None:
+    """In implicit steps. Without the damping in their derivatives the arm runs into a pulley."""
+    params = bd.scenes.tensioned_alternator(40).params
+    params = attrs.evolve(params, contact=bd.Contact(linear=2.5e10, damping=1e3))
+    assert bd.settle(params).residual <= 1e-9
+
+
 def test_says_when_it_does_not_come_to_rest(rest: bd.State) -> None:
     """A longer time is advised where it is that which ended it."""
     for options in ({"max_time": 1e-3}, {"max_time": 1e6, "tolerance": 1e-17}):
