@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from numpy.typing import NDArray
+
 from . import _core
 from .checks import Array
-from .histories import EnergyLedger, Group
+from .histories import EnergyLedger
 from .naming import span_name
 from .optional import optional_module
 from .outputs import LEDGER, SPANS
@@ -22,6 +24,7 @@ _DIMENSIONS = {
     "LINKS": ("link",),
     "FRICTION": ("link",),
     "MOUNTS": ("mount",),
+    "SPANS": ("span",),
 }
 #: What is not in the tables of the core.
 _TEXTS = {
@@ -68,8 +71,7 @@ def described() -> dict[str, tuple[str, str, str]]:
 
 def dataset(
     t: Array,
-    groups: Mapping[str, Group | None],
-    spans: Array | None,
+    arrays: Mapping[str, NDArray[Any]],
     params: Params,
     attributes: Mapping[str, str],
 ) -> Any:
@@ -77,8 +79,7 @@ def dataset(
 
     Args:
         t: Sample times (n_t,) [s].
-        groups: Histories by the name of the group; None: the drive has none.
-        spans: Tensions of the free spans (n_t, n_p) [N], or None.
+        arrays: Histories (n_t, ...) by name.
         params: The drive, for names.
         attributes: Texts of the whole.
 
@@ -86,12 +87,6 @@ def dataset(
         ImportError: xarray is not installed.
     """
     xarray = optional_module("xarray", "to_xarray", "sweep")
-    arrays = {
-        f"{name}.{field}": array
-        for name, group in groups.items()
-        if group is not None
-        for field, array in group.arrays().items()
-    }
     rows = described()
     variables: dict[str, Any] = {}
     for name, array in arrays.items():
@@ -102,8 +97,6 @@ def dataset(
         if size == "MOUNTS":
             unit = unit_of_mounts(unit, params)
         variables[name] = (("time", *own), array, {"units": unit, "long_name": text})
-    if spans is not None:
-        variables[SPANS] = (("time", "span"), spans, _labels(SPANS))
     names = params.pulley_names
     coordinates: dict[str, Any] = {
         "time": t,

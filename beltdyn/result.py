@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, labelled, saved
+from . import _core, exported, labelled, saved
 from .accuracy_report import Accuracy, known
 from .arcs import Arcs, arcs_of
 from .checks import Array, close_to, flag, real_array
@@ -442,21 +442,45 @@ class Result:
             "message": self.message,
             "warnings": "\n".join(map(str, self.warnings)),
         }
-        groups = {group: getattr(self, group) for group in GROUPS}
-        spans = self.span_tension if self._has("span_tension") else None
-        return labelled.dataset(self.t, groups, spans, self.params, attributes)
+        return labelled.dataset(self.t, self._arrays(), self.params, attributes)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all histories by their dotted names."""
+        groups = {name: getattr(self, name) for name in GROUPS}
+        arrays = {
+            f"{name}.{field}": array
+            for name, group in groups.items()
+            if group is not None
+            for field, array in group.arrays().items()
+        }
+        return arrays | ({"span_tension": self.span_tension} if self._has("span_tension") else {})
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file, exactly to ``path``: arrays by dotted name, such as "belt.x".
+        """Write a file of the kind that the ending of ``path`` names.
+
+        - ``.npz``, and a name without an ending: all of the result; what :meth:`load` reads. Arrays
+          have dotted names, such as "belt.x".
+        - ``.nc``: netCDF, the dataset of :meth:`to_xarray` (needs the extra ``sweep``).
+        - ``.csv``: a row for each sample, a column for each number, with a head such as
+          "pulleys.omega[1] (rad/s)"; each reads as the same number again. Of all links it is wide:
+          ``outputs=`` of :func:`beltdyn.simulate` leaves out what is not wanted.
+        - ``.mat``: for MATLAB: ``t``, a struct for each group (``pulleys.omega``), ``span_tension``
+          and ``scene``, the drive as TOML (needs SciPy).
 
         Raises:
+            ImportError: A package that this kind needs is not installed.
             OSError: It cannot be written; a file that was there before is unchanged.
+            ValueError: It has another ending.
         """
-        saved.write({**attrs.asdict(self, recurse=False), "spans": self._sampled_spans}, path)
+        ending = exported.check_ending(path)
+        if ending == ".npz":
+            saved.write({**attrs.asdict(self, recurse=False), "spans": self._sampled_spans}, path)
+        else:
+            exported.write(path, ending, self.t, self._arrays(), self.params, self.to_xarray)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:
-        """Read a file of :meth:`save`; nothing in it is executed, everything is checked.
+        """Read an ``.npz`` file of :meth:`save`; nothing in it is executed, all of it is checked.
 
         Raises:
             OSError: The file cannot be read.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
+from .exported import RESULTS
 from .histories import GROUPS, Stats
 from .outputs import LEDGER, SPANS, chosen
 from .params import Params
@@ -79,7 +80,12 @@ def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
 
 def read(path: str | os.PathLike[str], build: Callable[[dict[str, Any]], _T]) -> _T:
     """Build a :class:`beltdyn.Result` from its checked fields; see its ``load``."""
-    return npz.read(path, "Result", _ALL, lambda values: build(_fields(values)))
+    try:
+        return npz.read(path, "Result", _ALL, lambda values: build(_fields(values)))
+    except ValueError as error:
+        if os.path.splitext(path)[1].lower() in (*RESULTS,)[1:]:
+            raise ValueError(f"{error}; of the files that save writes only .npz is read") from None
+        raise
 
 
 # --- what describes the run ----------------------------------------------------------------------

@@ -29,7 +29,7 @@ def main() -> None:
     beltdyn scenes                                   list the built-in scenes
     beltdyn show three-pulleys --plot layout.png     look at one before it runs
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
-    beltdyn run drive.toml --out drive.npz           run a scene of your own
+    beltdyn run drive.toml --out drive.npz           run a scene of your own (.nc, .csv, .mat)
     beltdyn run drive.toml --outputs span_tension    compute and keep nothing else
     beltdyn run drive.toml --checkpoint drive.run    write it as it goes, in case it is killed
     beltdyn resume drive.run --out drive.npz         go on with it as if it had not been
@@ -81,7 +81,11 @@ def show(scene: str, plot: Path | None) -> None:
 
 @main.command()
 @click.argument("scene")
-@click.option("--out", type=click.Path(path_type=Path), help="Write the result here (.npz).")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
+)
 @click.option("--plot", type=click.Path(path_type=Path), help="Write an overview figure here.")
 @click.option(
     "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
@@ -264,7 +268,7 @@ def study_accuracy(
     SCENE is a name from `beltdyn scenes` or a TOML file. Takes some minutes on two processors, with
     --quick less than one.
     """
-    outputs = Outputs(out, plot, None, quiet)
+    outputs = Outputs(out, plot, None, quiet, endings=(".csv",))
     outputs.check()
     kept = "" if store is None else f"; finished runs are in {store}"
     with reported("read or write", kept):

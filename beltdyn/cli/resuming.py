@@ -17,7 +17,11 @@ __all__ = ["resume_run"]
 
 @click.command("resume")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Write the result here (.npz).")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
+)
 @click.option("--plot", type=click.Path(path_type=Path), help="Write an overview figure here.")
 @click.option(
     "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."

@@ -11,14 +11,14 @@ from typing import Any
 import click
 import numpy as np
 
-from .. import files
+from ..exported import write_netcdf
 from ..optional import optional_module
 from ..run_warnings import silenced
 from ..sweeping import file as sweep_file
 from ..sweeping.rows import STATUSES
 from ..sweeping.sweep import SweepInterrupted, Swept, run_sweep
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
-from .written import check_writable
+from .written import check_out, check_writable
 
 __all__ = ["sweep_scene"]
 
@@ -60,6 +60,7 @@ def sweep_scene(
     if workers is not None and workers < 1:
         stop(f"--workers must be at least 1, got {workers}", BAD_INPUT)
     check_writable(out)
+    check_out(out, (".nc",))
     folder = store or out.with_name(f"{out.name}.runs")
     begun = time.monotonic()
     with reported("read or write"):
@@ -102,8 +103,7 @@ def _executor(workers: int | None, scheduler: str | None) -> Any:
 
 def _write(dataset: Any, out: Path) -> None:
     try:
-        with files.replacing(out) as temporary:
-            dataset.to_netcdf(temporary, engine="netcdf4")
+        write_netcdf(dataset, out)
     except (OSError, ValueError) as error:
         stop(f"cannot write {out}: {getattr(error, 'strerror', None) or error}", FAILED)
 

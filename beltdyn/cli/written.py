@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from .. import files
+from ..exported import RESULTS, check_ending
 from ..params import Params
 from ..result import Result
 from .ending import BAD_INPUT, FAILED, stop
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Outputs",
+    "check_out",
     "check_writable",
     "draw_layout",
     "figure_kinds",
@@ -36,6 +39,14 @@ def check_writable(path: Path) -> None:
         stop(f"cannot write {path}: it is a folder", BAD_INPUT)
     # Makes and removes a temporary file in the folder, as writing will.
     files.check_writable(path)
+
+
+def check_out(path: Path, endings: Iterable[str]) -> None:
+    """Stop unless --out has one of these endings, and what writes it is installed."""
+    try:
+        check_ending(path, endings)
+    except (ValueError, ImportError) as error:
+        stop(f"--out: {error}", BAD_INPUT)
 
 
 def need_matplotlib(what: str) -> None:
@@ -82,6 +93,7 @@ class Outputs(NamedTuple):
     animate: Path | None
     quiet: bool
     checkpoint: Path | None = None
+    endings: tuple[str, ...] = tuple(RESULTS)
 
     def check(self) -> None:
         """Stop before the run if a file could not be written after it."""
@@ -103,6 +115,8 @@ class Outputs(NamedTuple):
         for (one, path), (other, same) in combinations(named.items(), 2):
             if path == same:
                 stop(f"{one} and {other} must not be the same file, {path}", BAD_INPUT)
+        if self.out is not None:
+            check_out(self.out, self.endings)
         if self.plot is not None:
             _check_plot(self.plot)
         if self.animate is not None:
