@@ -122,6 +122,20 @@ class Accuracy:
             rows.append(("  measured", "with verify=True, on the command line --verify"))
         return rows
 
+    def sentence(self) -> str:
+        """Give the sum of the errors of each quantity in a sentence."""
+        known = [
+            f"{one.quantity.replace('_', ' ')} {_share(one.total, 0.0)}"
+            for one in self.errors
+            if one.total is not None
+        ]
+        told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
+        unknown = [one.quantity.replace("_", " ") for one in self.errors if one.total is None]
+        if not unknown:
+            return f"{told}."
+        how = "" if self.verified else " (verify=True measures them)"
+        return f"{told}{'; ' if known else ''}not known of {', '.join(unknown)}{how}."
+
     def _in_time(self, one: QuantityError) -> str:
         share = _share(one.time, TIME_FLOOR)
         return share if self.verified or share.startswith("<") else f"at most {share}"

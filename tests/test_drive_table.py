@@ -409,7 +409,7 @@ def test_it_is_printed_reported_and_explained(name: str) -> None:
     params = drive.scene.params
     assert repr(result).startswith("Result(") and "\n" in str(result)
     labels = [params.label(k) for k in range(len(params.pulleys))]
-    for text in (str(told), json.dumps(told.to_dict())):
+    for text in (str(told), told.text(full=True), json.dumps(told.to_dict())):
         assert all(label in text for label in labels), text
     explanation = bd.explain(*drive.scene, ablation=False, method="rodas4")
     on = {effect.name for effect in explanation.effects if effect.on}

@@ -15,6 +15,7 @@ import pandas
 import pytest
 
 import beltdyn as bd
+from beltdyn.report import Rows
 from beltdyn.report.text import _fitted, tables
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
@@ -47,7 +48,7 @@ def report() -> bd.Report:
 def test_twelve_questions_of_a_stranger() -> None:
     """Each is answered by a number or a text of the report, and by a row of what it prints."""
     told = report()
-    text, alternator = str(told), told.pulleys["alternator"]
+    text, alternator = told.text(full=True), told.pulleys["alternator"]
     (span,) = (row for row in told.spans if row.name == "crank to alternator")
     answers: dict[str, Any] = {
         "what load do the alternator's bearings carry?": alternator.hub_load.mean,
@@ -107,7 +108,7 @@ def test_numbers_are_those_of_the_run() -> None:
     assert rows["  speed lost against crank"].startswith(f"alternator: {slower:.3g}")
     creep = f"alternator: {100.0 * split.creep * split.slower / split.lost:.3g}"
     assert rows["    by creep alone"].startswith(creep)
-    line = next(one for one in str(told).splitlines() if f"{split.ratio:.4f}" in one)
+    line = next(one for one in told.text(full=True).splitlines() if f"{split.ratio:.4f}" in one)
     printed = [float(cell) for cell in line.split()[2:]]
     assert printed[0] == pytest.approx(slower, abs=5e-4)
     assert sum(printed[1:]) == pytest.approx(printed[0], abs=2.5e-3)
@@ -192,7 +193,8 @@ def test_plain_numbers_and_a_table_of_pandas(monkeypatch: pytest.MonkeyPatch) ->
     assert set(angles.unit) == {"rad"} and (angles.value.abs() <= 2.0 * math.pi).all()
     direction = told.pulleys["alternator"].hub_direction
     assert plain["pulleys"][1]["hub_direction"] == direction
-    line = next(one for one in str(told).split("towards deg")[1].splitlines() if "altern" in one)
+    text = told.text(full=True)
+    line = next(one for one in text.split("towards deg")[1].splitlines() if "altern" in one)
     assert f"{math.degrees(direction):.0f}" in line.split()
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match=r"beltdyn\[report\]"):
@@ -201,7 +203,7 @@ def test_plain_numbers_and_a_table_of_pandas(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     """The crank turns counter-clockwise, the belt is laid clockwise: its speed is negative."""
-    told, words = report(), " ".join(str(report()).split())
+    told, words = report(), " ".join(report().text(full=True).split())
     assert told.belt_speed < 0.0
     assert "against the order of its links" in words
     assert told.to_dict()["belt_speed"] == told.belt_speed
@@ -211,13 +213,13 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     assert "8 classes by their range" in words
     assert "1 rounds" not in words.replace("1.1 rounds", "")
     # A table that is too wide is broken into parts, which keep their first column
-    text = str(report())
+    text = report().text(full=True)
     assert max(map(len, text.splitlines())) <= 80
     assert not re.search(r"\b(nan|inf)\b", text)
     for word in ("1/min", "rad/s", "N m", " W", "crank to alternator", "%", "Efficiency", "slips"):
         assert word in text, word
     html = report()._repr_html_()
-    assert html.count("<table>") == html.count("</table>") == 7
+    assert html.count("<table>") == html.count("</table>") == 7 + 2, "the first screen has two"
     assert "crank to alternator" in html and "<script" not in html
     assert repr(report()).startswith("Report(t = 0.3 to 0.4 s")
     # names are escaped in notebooks
@@ -225,9 +227,10 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     other = attrs.evolve(rows[0], name="<b>&", margin=math.inf)
     named = attrs.evolve(report(), pulleys=type(rows)([other]))
     assert "&lt;b&gt;&amp;" in named._repr_html_() and "<b>&" not in named._repr_html_()
-    assert "later: others slip" in str(named)
+    assert "later: others slip" in named.text(full=True)
     params, torque, _, motion = bd.scenes.serpentine(60)
-    text = str(bd.simulate(params, torque, 0.02, motion=motion).report(1.0))
+    told = bd.simulate(params, torque, 0.02, motion=motion).report(1.0)
+    text = told.text(full=True)
     assert max(map(len, text.splitlines())) <= 80 and text.count(params.pulley_names[0]) >= 5
     wide = [tuple(f"{'x' * 15}{k}{j}" for k in range(9)) for j in range(3)]
     parts = _fitted(wide)
@@ -239,26 +242,73 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
         assert [cell for part in parts for cell in part[j][1:]] == list(row[1:])
 
 
+def test_what_is_asked_first_is_one_screen() -> None:
+    """At most 39 lines of 100 columns, of fifty pulleys too: tensions, slip, hub loads, power."""
+    told = report()
+    text, alternator = str(told), told.pulleys["alternator"]
+    assert text == told.text() and len(text.splitlines()) < 30
+    line = next(one for one in text.splitlines() if one.split()[0:1] == ["alternator"])
+    for value in (
+        f"{alternator.speed.mean * 30.0 / math.pi:.4g}",
+        f"{alternator.hub_load.mean:.3g}",
+        f"{alternator.hub_load.most:.3g}",
+        f"{alternator.margin:.2f}",
+        f"{alternator.least_margin:.2f}",
+        f"{100.0 * told.creep['alternator'].slower:.2f}",
+    ):
+        assert value in line.split(), value
+    span = told.spans[0]
+    (line,) = (one for one in text.splitlines() if one.startswith(f"  {span.name} "))
+    ends = (span.tension.least, span.tension.most, span.of_run.least, span.of_run.most)
+    assert {f"{one:.3g}" for one in ends} <= set(line.split())
+    words = " ".join(text.split())
+    assert f"efficiency {100.0 * told.efficiency:.2f} %" in words
+    assert "alternator slips first" in words and "Errors, estimated: tension" in words
+    assert "Warnings:" not in text
+    warned = [
+        bd.RunWarning(code="full_slip", text="a"),
+        bd.RunWarning(code="full_slip", text="b"),
+        bd.RunWarning(code="mesh", text="c"),
+    ]
+    long = "a pulley whose name goes on and on until nothing else has room beside it"
+    names = [f"{long} {k}" for k in range(50)]
+    many = {
+        "pulleys": Rows(attrs.evolve(alternator, name=name) for name in names),
+        "spans": Rows(attrs.evolve(span, name=name) for name in names),
+        "warnings": tuple(warned),
+        "unsteady": ("the mean tension goes up", "so does the speed"),
+    }
+    told = attrs.evolve(told, **many)
+    rows = str(told).splitlines()
+    assert len(rows) <= 39 and max(map(len, rows)) <= 100
+    assert sum(one.strip().startswith("... and 4") for one in rows) == 2
+    assert "Warnings: full_slip (2), mesh" in str(told)
+    assert "full_slip: b" in told.text(full=True) and told.to_dict()["warnings"][2]["text"] == "c"
+    with pytest.raises(TypeError, match="full"):
+        told.text(full=1)
+
+
 def test_what_a_run_does_not_have_is_named() -> None:
     """Outputs; friction, of a drive that stands; a second time."""
     told = result(t_end=0.05, outputs=("pulleys.omega", "span_tension")).report(0.25)
-    text = str(told)
+    text = told.text(full=True)
     for name in ("pulleys.torque", "pulleys.load", "joints.force", "contact.friction"):
         assert name in text, name
     assert told.pulleys["crank"].torque is None and told.creep == () and told.powers == ()
     assert told.pulleys["crank"].speed is not None
     assert told.spans[0].tension is not None and not re.search(r"\bnan\b", text)
     assert result(t_end=0.01, outputs=("energy",)).report().notes
-    assert str(result(t_end=0.01, outputs=("belt.x",)).report())
+    bare = result(t_end=0.01, outputs=("belt.x",)).report()
+    assert str(bare) and bare.text(full=True)
     params, still = result().params, bd.PiecewiseLinear([0.0, 1.0], np.zeros((2, 3)))
     told = bd.simulate(attrs.evolve(params, friction=None), still, 0.01).report()
     assert any("no friction" in note for note in told.notes)
     assert all(row.margin is None for row in told.pulleys)
-    assert not re.search(r"\bnan\b", str(told))
+    assert not re.search(r"\bnan\b", str(told) + told.text(full=True))
     with pytest.raises(ValueError, match="two times"):
         bd.simulate(params, still, 1e-3, t_eval=[1e-3]).report()
     # what integration leaves, 1e-9 rad/s and less, is not printed as a speed
-    text = str(bd.simulate(params, still, 0.01).report(1.0))
+    text = bd.simulate(params, still, 0.01).report(1.0).text(full=True)
     (line,) = [one for one in text.split("Hub loads")[0].splitlines() if " crank " in one]
     assert line.split()[1:3] == ["0", "0"], line
 
@@ -268,8 +318,9 @@ def test_what_is_not_to_be_trusted_is_told() -> None:
     told = report()
     row = told.creep[0]
     off = attrs.evolve(row, remainder=0.2 * row.lost, stretch=row.stretch - 0.2 * row.lost)
-    assert "Do not trust the split" not in str(told)
-    assert "Do not trust the split of alternator" in str(attrs.evolve(told, creep=(off,)))
+    assert "Do not trust the split" not in told.text(full=True)
+    off = attrs.evolve(told, creep=(off,)).text(full=True)
+    assert "Do not trust the split of alternator" in off
     said = [note for note in result().report(0.05).notes if "turns of" in note]
     assert len(said) == 1 and 'the window holds 0.32 turns of pulley "crank"' in said[0]
     # in all of the run there are 5.6, but that is not steady
@@ -306,9 +357,11 @@ def test_the_command_prints_it() -> None:
 
     told = run("--last", "0.5")
     assert told.exit_code == 0
-    for words in ("Means over t = 0.05 to 0.1 s", "slips first", "efficiency", "pulley speeds"):
+    for words in ("finished", "Means over t = 0.05 to 0.1 s", "slips first", "efficiency", "N m"):
         assert words in told.stdout, words
-    few = run("--t-end", "0.01", "--outputs", "pulleys.omega")
+    assert len(told.stdout.splitlines()) <= 40 < len(run("--full").stdout.splitlines())
+    assert "Load cycles" in run("--full").stdout and "pulley speeds" in run("--full").stdout
+    few = run("--t-end", "0.01", "--outputs", "pulleys.omega", "--full")
     assert few.exit_code == 0 and "no hub loads: pulleys.load not asked for" in few.stdout
     assert run("--t-end", "0.01", "--quiet").stdout == ""
     for bad in ("0", "1.5", "nan"):

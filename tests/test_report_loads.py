@@ -104,7 +104,7 @@ def test_what_acts_on_an_arm_is_in_balance() -> None:
     # over 4.4 periods a line is found within a tenth of 5 Hz
     assert row.frequency == pytest.approx(PULSE, abs=0.5)
     assert 0.3 < 2.0 * row.amplitude / np.ptp(travel) < 1.2
-    lines = str(told).splitlines()
+    lines = told.text(full=True).splitlines()
     (line,) = [one for one in lines if one.strip().startswith("tensioner, travel")]
     assert f"{math.degrees(row.travel.mean):.3f}" in line and " deg " in line
     assert f"{row.frequency:.2f}" in line
@@ -140,10 +140,10 @@ def test_a_slider_and_a_path() -> None:
     assert row.kind == "slider" and row.to_stop is None and row.damper is None
     assert row.spring.mean == pytest.approx(pull, rel=1e-9)
     assert row.belt.mean == pytest.approx(-pull, rel=1e-3)
-    (line,) = (one for one in str(told).splitlines() if "tail" in one and " mm " in one)
+    (line,) = (one for one in told.text(full=True).splitlines() if "tail" in one and " mm " in one)
     printed = float(line.partition(" mm ")[2].split()[0])
     assert printed == pytest.approx(1e3 * row.travel.mean, rel=1e-3)
-    assert "spring, hung weight" in str(told)
+    assert "spring, hung weight" in told.text(full=True)
     path = bd.Path(t=[0.0, 0.02], displacement=[(0.0, 0.0), (3e-4, -4e-4)])
     told = bd.simulate(two(path, preload=300.0), still, 0.03).report(0.1)
     row = told.mounts[0]

@@ -14,7 +14,7 @@ from ..explaining import explain
 from ..run_warnings import silenced
 from ..simulation import METHODS, simulate
 from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
-from .printed import check_share, print_accuracy, print_report, print_summary, running, write
+from .printed import check_share, print_result, running, write
 from .written import Outputs, draw_layout, save_figure
 
 __all__ = ["main"]
@@ -130,6 +130,7 @@ def show(scene: str, plot: Path | None) -> None:
     show_default=True,
     help="Wall time between two of these writes [s].",
 )
+@click.option("--full", is_flag=True, help="Print all of the report, not its first screen.")
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 @click.pass_context
@@ -151,13 +152,15 @@ def run(
     last: float,
     checkpoint: Path | None,
     checkpoint_every: float,
+    full: bool,
     verbose: bool,
     quiet: bool,
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file, and print a report of it.
 
     The report is of the last part of the run: speeds, torques, powers, hub loads and margins to
-    slip of the pulleys, tensions of the spans, creep by its causes, where power goes, load cycles.
+    slip of the pulleys, tensions of the spans, efficiency, errors; with --full also arcs of
+    contact, creep by its causes, where power goes, load cycles.
     """
     check_share(last)
     written_to = Outputs(out, plot, animate, quiet, checkpoint)
@@ -196,10 +199,8 @@ def run(
     if not quiet:
         if suggestion is not None:
             click.echo(f"{suggestion}\n")
-        print_summary(scene, result, written, verbose or budget is not None)
-        if verify:
-            print_accuracy(result.accuracy)
-        print_report(result, last)
+        verbose = verbose or budget is not None
+        print_result(scene, result, last, written, full=full, verbose=verbose)
     warn(result.warnings, quiet)
 
 

@@ -18,14 +18,7 @@ from ..run_warnings import silenced
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
 from .written import Outputs
 
-__all__ = [
-    "check_share",
-    "print_accuracy",
-    "print_report",
-    "print_summary",
-    "running",
-    "write",
-]
+__all__ = ["check_share", "print_result", "running", "write"]
 
 
 def check_share(last: float) -> None:
@@ -76,7 +69,7 @@ def write(outputs: Outputs, result: Result, checkpoint: Path | None) -> str:
         stop(f"interrupted while the result was written{_hint(checkpoint)}", INTERRUPTED)
 
 
-def print_accuracy(report: Accuracy) -> None:
+def _print_accuracy(report: Accuracy) -> None:
     """Print the errors that ``verify`` has measured."""
     from rich.console import Console
     from rich.table import Table
@@ -92,17 +85,37 @@ def print_accuracy(report: Accuracy) -> None:
         click.echo(f"  {remark}")
 
 
-def print_report(result: Result, last: float) -> None:
-    """Print the report of the last part of a run."""
+def print_result(
+    scene: str, result: Result, last: float, written: str, *, full: bool, verbose: bool
+) -> None:
+    """Print what was written, how the run went, and the report of its last part.
+
+    Args:
+        scene: What was run.
+        result: The run.
+        last: The share of it, from its end, that the report is of.
+        written: The line that lists the files.
+        full: Whether to print the summary and all of the report; else one screen.
+        verbose: Whether to print the summary with what the integrator did.
+    """
+    report = None
     try:
-        report = str(result.report(last))
+        report = result.report(last)
     except ValueError as error:
-        report = f"no report: {error}"
-    click.echo(f"\n{report}")
+        missing = f"no report: {error}"
+    if full or verbose or report is None:
+        _print_summary(scene, result, verbose)
+    else:
+        end, cost = result.final_state.t, result.stats.cpu_time
+        click.echo(f"{scene}: {result.status}, {end:.6g} s in {cost:.3g} s of CPU time")
+    if written:
+        click.echo(written.strip())
+    if result.accuracy.verified:
+        _print_accuracy(result.accuracy)
+    click.echo(missing if report is None else report.text(full=full))
 
 
-def print_summary(scene: str, result: Result, written: str, verbose: bool) -> None:
-    """Print the most important results, and what was written."""
+def _print_summary(scene: str, result: Result, verbose: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -110,5 +123,3 @@ def print_summary(scene: str, result: Result, written: str, verbose: bool) -> No
     for label, value in result.summary(verbose):
         table.add_row(label, value)
     Console().print(table)
-    if written:
-        click.echo(written.strip())

@@ -9,7 +9,7 @@ import click
 from ..checkpoints import Continued
 from ..resuming import resume
 from .ending import BAD_INPUT, reported, stop, warn
-from .printed import check_share, print_report, print_summary, running, write
+from .printed import check_share, print_result, running, write
 from .written import Outputs
 
 __all__ = ["resume_run"]
@@ -38,6 +38,7 @@ __all__ = ["resume_run"]
     type=float,
     help="Wall time between two writes of FILE [s].",
 )
+@click.option("--full", is_flag=True, help="Print all of the report, not its first screen.")
 @click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 def resume_run(
@@ -47,6 +48,7 @@ def resume_run(
     animate: Path | None,
     last: float,
     checkpoint_every: float | None,
+    full: bool,
     verbose: bool,
     quiet: bool,
 ) -> None:
@@ -68,6 +70,5 @@ def resume_run(
         result = resume(file, progress=not quiet, every=checkpoint_every)
     written = write(outputs, result, file)
     if not quiet:
-        print_summary(str(file), result, written, verbose)
-        print_report(result, last)
+        print_result(str(file), result, last, written, full=full, verbose=verbose)
     warn(result.warnings, quiet)

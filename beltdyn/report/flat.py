@@ -110,7 +110,7 @@ def numbers(report: Told) -> list[Number]:
     """Give all that is known, angles in rad: part, name, quantity, unit, value, text.
 
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
-    notes. A text has the value NaN; yes and no are 1 and 0, with the text.
+    notes and warnings. A text has the value NaN; yes and no are 1 and 0, with the text.
     """
     found = []
 
@@ -133,9 +133,9 @@ def numbers(report: Told) -> list[Number]:
     first = report.first_to_slip
     add("report", "", "first_to_slip", "", None if first is None else first.name)
     add("report", "", "steady", "", not report.unsteady)
-    for field in ("unsteady", "notes"):
+    for field in ("unsteady", "notes", "warnings"):
         for k, text in enumerate(getattr(report, field)):
-            add("report", str(k), field, "", text)
+            add("report", str(k), field, "", str(text))
     for part in ("pulleys", "spans", "mounts", "creep", "powers", "cycles"):
         for index, row in enumerate(getattr(report, part)):
             name = getattr(row, "name", f"class {index}")

@@ -125,6 +125,8 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         rounds=counted.rounds,
         unsteady=tuple(unsteady),
         notes=tuple(notes),
+        accuracy=run.accuracy,
+        warnings=run.warnings,
     )
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import attrs
 
-from . import flat, text
+from ..checks import flag
+from . import brief, flat, text
 from .rows import Told
 
 __all__ = ["Report"]
@@ -18,9 +19,9 @@ __all__ = ["Report"]
 class Report(Told):
     """What an engineer reads off the last part of a run.
 
-    ``print(report)`` shows it in tables; a notebook shows it by itself. Rows are found by index or
-    name: ``report.pulleys["alternator"].hub_load.mean``. Questions, and where the answers stand:
-
+    ``print(report)`` shows what is asked first, ``print(report.text(full=True))`` all tables; a
+    notebook shows both by itself. Rows are found by index or name:
+    ``report.pulleys["alternator"].hub_load.mean``. Questions, and where the answers stand:
 
     ==================================================  ==========================================
     what load do the alternator's bearings carry?       ``pulleys["alternator"].hub_load``
@@ -63,10 +64,12 @@ class Report(Told):
         rounds: Rounds that the belt makes from then on.
         unsteady: What is not steady in the window, and by how much; empty: it is steady.
         notes: What could not be told, and why.
+        accuracy: What is known of the errors of the run, ``result.accuracy``.
+        warnings: What the run warned of, ``result.warnings``.
     """
 
     def __str__(self) -> str:
-        return "\n".join(text.lines(self))
+        return self.text()
 
     def __repr__(self) -> str:
         steady = "not steady" if self.unsteady else "steady"
@@ -76,7 +79,19 @@ class Report(Told):
         )
 
     def _repr_html_(self) -> str:
-        return text.html(self)
+        return brief.html(self)
+
+    def text(self, *, full: bool = False) -> str:
+        """Give the report as text.
+
+        Args:
+            full: False, as ``print`` does: the first screen, at most 39 lines of 100 columns.
+                True: all tables with their remarks, warnings and notes, in 80 columns.
+
+        Raises:
+            TypeError: ``full`` is not a bool.
+        """
+        return "\n".join(text.lines(self) if flag("full", full) else brief.lines(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Give plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.

@@ -8,6 +8,9 @@ from typing import Any, Generic, TypeVar, overload
 
 import attrs
 
+from ..accuracy_report import Accuracy
+from ..run_warnings import RunWarning
+
 __all__ = ["Creep", "Cycle", "MountRow", "Power", "PulleyRow", "Rows", "SpanRow", "Spread", "Told"]
 
 _Row = TypeVar("_Row")
@@ -285,6 +288,8 @@ class Told:
     rounds: float | None
     unsteady: tuple[str, ...]
     notes: tuple[str, ...]
+    accuracy: Accuracy
+    warnings: tuple[RunWarning, ...]
 
     @property
     def first_to_slip(self) -> PulleyRow | None:

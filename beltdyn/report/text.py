@@ -1,4 +1,4 @@
-"""How a report is printed: in tables of at most 80 columns, and the same in HTML."""
+"""All of a report in tables of at most 80 columns, and the same in HTML."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import html as escape
 import itertools
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from .cycles import CLASSES
 from .rows import PulleyRow, Spread, Told
 
-__all__ = ["Table", "html", "lines", "tables"]
+__all__ = ["Table", "columns", "html", "lines", "of_tables", "opening", "paragraphs", "tables"]
 
 _WIDTH = 80
 _TO_RPM = 30.0 / math.pi
@@ -432,17 +432,19 @@ def _cycles(report: Told) -> Table:
     return Table(title, ("range N", "mean N", "cycles"), rows, tuple(remarks))
 
 
-def _opening(report: Told) -> list[str]:
+def opening(report: Told) -> list[str]:
+    """Say which part of the run it is, and how fast the belt is."""
     speed, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
         speed = f"; belt at {abs(report.belt_speed):.4g} m/s"
     if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
         speed = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
     driver = "" if report.driver is None else f", driven by {report.driver}"
-    return [
+    found = [
         f"Means over t = {report.begin:.6g} to {report.end:.6g} s, {report.samples} samples"
         f"{speed}{_against(report)}{driver}"
     ]
+    return found + ([f"  not steady: {_unsteady(report)}"] if report.unsteady else [])
 
 
 def _against(report: Told) -> str:
@@ -459,25 +461,38 @@ def _unsteady(report: Told) -> str:
 
 def lines(report: Told) -> list[str]:
     """Give the lines of a report, none longer than 80 characters."""
-    found = [line for one in _opening(report) for line in textwrap.wrap(one, _WIDTH)]
-    if report.unsteady:
-        found += _wrapped(f"not steady: {_unsteady(report)}")
+    found = [
+        line
+        for one in opening(report)
+        for line in textwrap.wrap(one, _WIDTH, subsequent_indent="    " if one[0] == " " else "")
+    ]
     for table in tables(report):
         found += ["", *textwrap.wrap(table.title, _WIDTH)]
         for whole in _fitted([table.heading, *table.rows]):
-            widths = _widths(whole)
-            for row in whole:
-                cells = [
-                    f"{cell:{'>' if k else '<'}{width}}"
-                    for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-                ]
-                found.append(("  " + "  ".join(cells)).rstrip())
+            found += columns(whole)
         for remark in table.remarks:
             found += _wrapped(remark)
+    if report.warnings:
+        found += ["", "Warnings of the run"]
+        for warning in report.warnings:
+            found += _wrapped(str(warning))
     if report.notes:
         found += ["", "Not told, and to be kept in mind"]
         for note in report.notes:
             found += _wrapped(note)
+    return found
+
+
+def columns(rows: list[tuple[str, ...]]) -> list[str]:
+    """Print rows of a table, the first cell of each to the left, the others to the right."""
+    widths = _widths(rows)
+    found = []
+    for row in rows:
+        cells = [
+            f"{cell:{'>' if k else '<'}{width}}"
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        found.append(("  " + "  ".join(cells)).rstrip())
     return found
 
 
@@ -508,10 +523,26 @@ def _wrapped(text: str) -> list[str]:
 
 def html(report: Told) -> str:
     """Give a report as HTML, for notebooks."""
-    parts = [f"<p>{escape.escape(one)}</p>" for one in _opening(report)]
-    if report.unsteady:
-        parts.append(f"<p><b>not steady:</b> {escape.escape(_unsteady(report))}</p>")
-    for table in tables(report):
+    parts = [*paragraphs(opening(report)), *of_tables(tables(report))]
+    for title, texts in (
+        ("Warnings of the run", [str(one) for one in report.warnings]),
+        ("Not told, and to be kept in mind", report.notes),
+    ):
+        if texts:
+            items = "".join(f"<li>{escape.escape(one)}</li>" for one in texts)
+            parts.append(f"<p>{title}:</p><ul>{items}</ul>")
+    return "\n".join(parts)
+
+
+def paragraphs(texts: Iterable[str]) -> list[str]:
+    """Give each text as a paragraph of HTML."""
+    return [f"<p>{escape.escape(one)}</p>" for one in texts]
+
+
+def of_tables(found: Iterable[Table]) -> list[str]:
+    """Give each table, and its remarks, as HTML."""
+    parts = []
+    for table in found:
         head = "".join(f"<th>{escape.escape(cell)}</th>" for cell in table.heading)
         body = "".join(
             "<tr>" + "".join(f"<td>{escape.escape(cell)}</td>" for cell in row) + "</tr>"
@@ -521,8 +552,5 @@ def html(report: Told) -> str:
             f"<table><caption>{escape.escape(table.title)}</caption>"
             f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         )
-        parts += [f"<p>{escape.escape(one)}</p>" for one in table.remarks]
-    if report.notes:
-        items = "".join(f"<li>{escape.escape(one)}</li>" for one in report.notes)
-        parts.append(f"<p>Not told, and to be kept in mind:</p><ul>{items}</ul>")
-    return "\n".join(parts)
+        parts += paragraphs(table.remarks)
+    return parts

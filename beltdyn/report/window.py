@@ -10,6 +10,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
+from ..accuracy_report import Accuracy
 from ..arcs import Arcs, arcs_of
 from ..averages import mean_over, time_weights
 from ..checks import Array
@@ -22,6 +23,7 @@ from ..histories import (
 )
 from ..params import Params
 from ..route import Route, route_at
+from ..run_warnings import RunWarning
 from ..spectra.sources import Sampled
 
 __all__ = ["OF_ARCS", "Run", "Window", "missing"]
@@ -63,6 +65,14 @@ class Run(Sampled, Protocol):
     @property
     def energy(self) -> EnergyLedger | None:
         """The energy ledger."""
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """What is known of its accuracy."""
+
+    @property
+    def warnings(self) -> tuple[RunWarning, ...]:
+        """What was found that a user may not expect."""
 
     @property
     def span_tension(self) -> Array:

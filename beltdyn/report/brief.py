@@ -1,0 +1,246 @@
+"""The first screen of a report: what a designer asks first."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+
+from . import text
+from .rows import Power, PulleyRow, SpanRow, Told
+from .text import (
+    _NONE,
+    _NOTHING,
+    _OF_KIND,
+    _STILL,
+    _TO_RPM,
+    Table,
+    _direction,
+    _margin,
+    _mean,
+    _number,
+    _percent,
+    _range,
+    _when,
+    _without,
+    columns,
+    opening,
+    paragraphs,
+)
+
+__all__ = ["html", "lines"]
+
+#: The command prints a line above it.
+_WIDTH, _HEIGHT = 100, 39
+#: Rows that a table has in any case.
+_LEAST = 2
+#: Losses told one by one, largest first; smaller parts of what is put in are left out.
+_LOSSES, _SMALL = 3, 1e-3
+
+
+def lines(report: Told) -> list[str]:
+    """Give the lines of the first screen: at most 39, none longer than 100 characters."""
+    above = [one for told in opening(report) for one in _wrapped(told)]
+    below = ["", *(one for told in _closing(report) for one in _wrapped(told))]
+    shown = [(table, _remarks(table)) for table in _tables(report)]
+    room = _HEIGHT - len(above) - len(below)
+    room -= sum(2 + len(remarks) for _, remarks in shown)  # a blank line and the heading
+    most = max((len(table.rows) for table, _ in shown), default=0)
+    while most > _LEAST and sum(_height(table, most) for table, _ in shown) > room:
+        most -= 1
+    for table, remarks in shown:
+        above += ["", *_columns(table, most), *remarks]
+    return [*above, *below]
+
+
+def html(report: Told) -> str:
+    """Give the first screen as HTML, and all of the report behind a word that opens it."""
+    parts = [
+        *paragraphs(opening(report)),
+        *text.of_tables(_tables(report)),
+        *paragraphs(_closing(report)),
+        f"<details><summary>All of it</summary>{text.html(report)}</details>",
+    ]
+    return "\n".join(parts)
+
+
+def _wrapped(told: str) -> list[str]:
+    return textwrap.wrap(told, _WIDTH, subsequent_indent="    ")
+
+
+def _remarks(table: Table) -> list[str]:
+    return [one for remark in table.remarks for one in _wrapped("  " + remark)]
+
+
+def _height(table: Table, most: int) -> int:
+    """Count the lines of so many rows, and the one that says that there are more."""
+    return len(table.rows) if len(table.rows) <= most else most + 1
+
+
+def _columns(table: Table, most: int) -> list[str]:
+    """Print so many rows of a table, its first column as wide as there is room for it."""
+    rows = [table.heading, *table.rows[:most]]
+    wide = len(columns([("", *row[1:]) for row in rows])[0])
+    room = max(_WIDTH - wide, 1)
+    cut = [row[0] if len(row[0]) <= room else row[0][: room - 1] + "…" for row in rows]
+    found = columns([(first, *row[1:]) for first, row in zip(cut, rows, strict=True)])
+    left = len(table.rows) - most
+    return found + ([f"  ... and {left} more"] if left > 0 else [])
+
+
+def _tables(report: Told) -> Iterator[Table]:
+    """Give the tables of pulleys, spans and mounts, without columns that say nothing."""
+    for table in (_pulleys(report), _spans(report), _mounts(report)):
+        kept = [
+            k
+            for k in range(len(table.heading))
+            if k == 0 or any(row[k] != _NONE for row in table.rows)
+        ]
+        if len(kept) > 1:
+            heading, *rows = (tuple(row[k] for k in kept) for row in (table.heading, *table.rows))
+            yield table._replace(heading=heading, rows=rows)
+
+
+def _pulleys(report: Told) -> Table:
+    largest = max((abs(one.power.mean) for one in report.pulleys if one.power), default=0.0)
+    rows = [_pulley(report, row, largest) for row in report.pulleys]
+    heading = (
+        "pulley",
+        "1/min",
+        "lost %",
+        "torque N m",
+        "power W",
+        "hub load N",
+        "most",
+        "to deg",
+        "used %",
+        "margin",
+        "worst",
+    )
+    remarks: tuple[str, ...] = ()
+    if any(row[-2:] != (_NONE, _NONE) for row in rows):
+        remarks = (
+            "margin: factor by which all loads can grow until it slips in full (later: others "
+            "slip first)",
+        )
+    return Table("Pulleys", heading, rows, remarks)
+
+
+def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
+    creep = next((one for one in report.creep if one.name == row.name), None)
+    power = _without(row.power, _NOTHING * largest)
+    return (
+        row.name,
+        _mean(_without(row.speed, _STILL), 4, _TO_RPM),
+        _percent(None if creep is None else creep.slower, 2),
+        _mean(row.torque),
+        _mean(power),
+        _mean(row.hub_load, 3),
+        _NONE if row.hub_load is None else _number(row.hub_load.most, 3),
+        _direction(row.hub_direction),
+        _percent(row.used, 0),
+        _margin(row.margin),
+        _margin(row.least_margin),
+    )
+
+
+def _spans(report: Told) -> Table:
+    rows = []
+    for row in report.spans:
+        ends = (None, None) if row.tension is None else (row.tension.least, row.tension.most)
+        rows.append(
+            (
+                row.name,
+                _number(ends[0], 3),
+                _mean(row.tension),
+                _number(ends[1], 3),
+                *((_NONE, _NONE) if row.of_run is None else _ends(row)),
+                _number(row.frequency, 3),
+                _number(row.lateral, 3),
+            )
+        )
+    heading = (
+        "span: tension N",
+        "least",
+        "mean",
+        "most",
+        "run: least",
+        "most",
+        "line Hz",
+        "string Hz",
+    )
+    told = []
+    if report.rest_tension is not None:
+        told.append(f"mean tension at rest {_number(report.rest_tension)} N")
+    if report.mass_tension is not None:
+        told.append(f"rho v^2 {_number(report.mass_tension, 3)} N")
+    if any(row.link_passing is not False for row in report.spans if row.frequency is not None):
+        told.append("lines may be those of links that pass, of the mesh")
+    return Table("Spans", heading, rows, ("; ".join(told),) if told else ())
+
+
+def _ends(row: SpanRow) -> tuple[str, str]:
+    assert row.of_run is not None
+    return _number(row.of_run.least, 3), _number(row.of_run.most, 3)
+
+
+def _mounts(report: Told) -> Table:
+    rows = []
+    for row in report.mounts:
+        way, _, scale = _OF_KIND[row.kind]
+        rows.append(
+            (
+                f"{row.name}, {way}",
+                _mean(row.travel, 4, scale),
+                _range(row.travel, 4, scale),
+                _mean(row.to_stop, 4, scale),
+                _range(row.to_stop, 4, scale),
+            )
+        )
+    heading = ("mount: travel from its place", "mean", "range", "to the nearer stop", "range")
+    return Table("Mounts", heading, rows)
+
+
+def _closing(report: Told) -> Iterator[str]:
+    """Say in a sentence each: slip, power, errors, warnings, what else there is."""
+    first = report.first_to_slip
+    if first is not None:
+        yield f"Slip: {first.name} slips first, {_when(first)}."
+    if report.powers:
+        yield f"Power: {_power(report)}."
+    yield report.accuracy.sentence()
+    if report.warnings:
+        yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
+    notes = f"{len(report.notes)} notes, " if report.notes else ""
+    yield (
+        f"More ({notes}arcs of slip, creep by its causes, all losses, load cycles): "
+        "report.text(full=True), --full"
+    )
+
+
+def _power(report: Told) -> str:
+    def total(kind: str) -> float:
+        return sum(one.power for one in report.powers if one.kind == kind)
+
+    put_in, lost = total("in"), total("lost")
+    told = f"{_number(put_in)} W put in, {_number(total('out'))} W taken off"
+    told += f", {_number(lost, 3)} W lost"
+    parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
+    shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
+    if shown:
+        told += f" (most: {', '.join(map(_loss, shown))})"
+    if report.efficiency is not None:
+        return f"{told}; efficiency {100.0 * report.efficiency:.2f} %"
+    return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
+
+
+def _loss(one: Power) -> str:
+    return f"{one.name} {_number(one.power, 3)}"
+
+
+def _named(report: Told) -> list[str]:
+    """Name each warning once, with how many pulleys or spans it is of."""
+    codes = [one.code for one in report.warnings]
+    return [
+        f"{code} ({codes.count(code)})" if codes.count(code) > 1 else code
+        for code in dict.fromkeys(codes)
+    ]
