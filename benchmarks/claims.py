@@ -1,6 +1,7 @@
 """Errors of random drives against the errors that the runs claim, each with its own reference.
 
-    python benchmarks/claims.py [--quick] [--seeds A:B] [--short] [--records FILE] [--write]
+    python benchmarks/claims.py [--quick] [--seeds A:B] [--short] [--varied] [--records FILE]
+                                [--write]
 
 `tests/random_drives.py` draws the drives, `tests/judged.py` runs and judges them; every record goes
 to a file of JSON lines as soon as it is made, with all of ``stats``; seeds already in the file are
@@ -49,6 +50,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--short", action="store_true", help="a quarter of the length, as the tests' (half an hour)"
     )
+    parser.add_argument("--varied", action="store_true", help="of any law, mesh and model")
     parser.add_argument("--table", action="store_true", help="only read the records")
     return parser.parse_args()
 
@@ -58,7 +60,7 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else str(value)
 
 
-def study(seeds: Iterable[int], path: Path, short: bool) -> dict[int, Record]:
+def study(seeds: Iterable[int], path: Path, short: bool, varied: bool) -> dict[int, Record]:
     records = common.read_records(path, itemgetter("seed"))
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a") as out:
@@ -67,7 +69,8 @@ def study(seeds: Iterable[int], path: Path, short: bool) -> dict[int, Record]:
                 continue
             begun = time.process_time()
             length = (30_000, 0.25 * judged.random_drives.RADIANS) if short else ()
-            record = judged.judge(seed, "any" if seed % CALM_EVERY else "calm", *length)
+            kind = "varied" if varied else "any" if seed % CALM_EVERY else "calm"
+            record = judged.judge(seed, kind, *length)
             record["cpu"] = time.process_time() - begun
             line = json.dumps(record, default=plain)
             records[seed] = json.loads(line)
@@ -166,6 +169,7 @@ def table(records: list[Record]) -> list[str]:
         ("starts running", lambda d: d["belt_speed"] > 0.0),
         ("stiff friction, above 10", lambda d: d["stiff_friction"] > 10.0),
         ("no friction", lambda d: d["friction"] is None),
+        ("take-up", lambda d: d["mounted"] > 0),
     ]
     groups += [(name, lambda r, test=test: test(r["drawn"])) for name, test in drawn]  # type: ignore[misc]
     lines = [
@@ -184,7 +188,7 @@ def table(records: list[Record]) -> list[str]:
     lines += ["", *estimate_lines(records)]
     outcomes = collections.Counter(r["outcome"] for r in records)
     lines += ["outcomes: " + ", ".join(f"{n} {name}" for name, n in outcomes.most_common())]
-    for kind in ("any", "calm"):
+    for kind in dict.fromkeys(r["kind"] for r in records):
         chosen = [r for r in records if r["kind"] == kind]
         codes = collections.Counter(code for r in chosen for code in set(r["warnings"]))
         symbols = collections.Counter(r["symbol"] for r in chosen if r["symbol"])
@@ -207,7 +211,7 @@ def main() -> None:
     done = (
         common.read_records(given.records, itemgetter("seed"))
         if given.table
-        else study(seeds, given.records, given.short)
+        else study(seeds, given.records, given.short, given.varied)
     )
     records = [done[seed] for seed in seeds if seed in done]
     lines = [

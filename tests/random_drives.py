@@ -1,4 +1,5 @@
-"""Random drives that somebody could mean: any, or calm ones that nobody should be warned about.
+"""Random drives that somebody could mean: any, or calm ones that nobody should be warned about; and
+varied ones, of any law, mesh and model, with a take-up, from a settled speed.
 
 A layout is found by construction, not by trial. Running round a convex loop the belt line leaves
 pulley k along a tangent with normal n_k and unit vector t_k; the centres then differ by
@@ -30,6 +31,7 @@ RPM = math.pi / 30.0
 MESH = 0.02
 #: Radians of the fastest undamped motion in a run: some thousand steps, about 0.1 s of CPU time.
 RADIANS = 2.0e4
+KINDS = ("any", "calm", "varied")
 
 
 def draw(
@@ -37,16 +39,17 @@ def draw(
 ) -> tuple[bd.Params, bd.TorqueLike, float, dict[str, Any]]:
     """Give a drive, its torques, the end of its run, and what was drawn.
 
-    The run begins with :func:`start`. ``kind``: "any", or "calm": a fine mesh, moderate damping,
-    stiffnesses and speeds, no full slip. Fewer ``radians`` make shorter runs.
+    The run begins with :func:`start`. ``kind``: "any"; "calm": a fine mesh, moderate damping,
+    stiffnesses and speeds, no full slip; "varied": as any, but see :func:`_varied`. Fewer
+    ``radians`` make shorter runs.
     """
-    if kind not in ("any", "calm"):
-        raise ValueError(f"kind must be 'any' or 'calm', got {kind!r}")
+    if kind not in KINDS:
+        raise ValueError(f"kind must be one of {KINDS}, got {kind!r}")
     calm = kind == "calm"
     for attempt in itertools.count():
-        rng = np.random.default_rng([seed, int(calm), attempt])
+        rng = np.random.default_rng([seed, KINDS.index(kind), attempt])
         try:
-            params, drawn = _drive(rng, radians, calm=calm)
+            params, drawn = _drive(rng, radians, kind)
             torque, loads = _loads(rng, params, drawn, calm=calm)
         except ValueError:
             continue  # pulleys overlap, links too long for them, not calm enough
@@ -59,8 +62,11 @@ def draw(
 
 def start(params: bd.Params, drawn: dict[str, Any]) -> bd.State:
     """At rest under preload, or at once running at the speed drawn, the belt stiffly with it."""
-    rest = bd.settle(params)
     speed = drawn["belt_speed"]
+    if drawn.get("settled") and speed:
+        way = int(params.info["winding"])
+        return bd.settle(params, speed={0: way * speed / params.pulleys[0].radius})
+    rest = bd.settle(params)
     if speed == 0.0:
         return rest
     way = int(params.info["winding"])
@@ -140,19 +146,79 @@ def _links(rng: np.random.Generator, lay: Layout, strain: float, *, calm: bool) 
     raise ValueError("too small pulleys for a fine mesh")
 
 
-def _drive(
-    rng: np.random.Generator, radians: float, *, calm: bool
-) -> tuple[bd.Params, dict[str, Any]]:
+def _law(rng: np.random.Generator, mu: float, shear: float) -> bd.Friction:
+    """Any law; half of those that take one with a Stribeck curve. shear: sigma [1/m]."""
+    kind = str(rng.choice(["Dahl", "LuGre", "Coulomb", "CreepRate", "Threlfall",
+                           "ElasticPlastic", "MaxwellSlip"]))  # fmt: skip
+    curve = {}
+    if chance(rng, 0.5) or kind == "LuGre":
+        curve = {"mu_s": mu * rng.uniform(1.05, 2.5), "v_stribeck": log_uniform(rng, 3e-3, 0.5)}
+    if kind == "Dahl":
+        return bd.Dahl(mu_k=mu, sigma=shear, **curve)
+    if kind == "LuGre":
+        damping = log_uniform(rng, 1e-3, 1.0) if chance(rng, 0.5) else 0.0
+        return bd.LuGre(mu_k=mu, sigma=shear, damping=damping, **curve)
+    if kind == "Coulomb":
+        return bd.Coulomb(mu=mu, v_reg=log_uniform(rng, 1e-3, 0.1), **curve)
+    if kind == "CreepRate":
+        return bd.CreepRate(mu=mu, v_critical=log_uniform(rng, 1e-3, 0.1))
+    if kind == "Threlfall":
+        return bd.Threlfall(mu=mu, v_reg=log_uniform(rng, 1e-3, 0.1))
+    stiffness = log_uniform(rng, 1e6, 1e10)
+    if kind == "ElasticPlastic":
+        return bd.ElasticPlastic(mu=mu, stiffness=stiffness, damping=1e-5 * stiffness, **curve)
+    parts = rng.uniform(0.2, 1.0, 3)
+    return bd.MaxwellSlip(
+        mu=tuple(mu * parts / parts.sum()),
+        stiffness=tuple(stiffness * np.array([1.0, 0.3, 0.1])),
+        damping=tuple(1e-5 * stiffness * np.array([1.0, 0.3, 0.1])),
+        **curve,
+    )
+
+
+def _varied(rng: np.random.Generator, params: bd.Params) -> tuple[bd.Params, bool]:
+    """Any law and mesh, a belt of hardly any mass or without damping now and then, take-ups on a
+    slider with dry friction; and whether the run starts from a settled speed.
+    """
+    belt, law = params.belt, params.friction
+    changes: dict[str, Any] = {"mesh": "joint"} if chance(rng, 0.6) else {}
+    if belt.bending_stiffness == 0.0 and chance(rng, 0.3):
+        changes |= {"model": "string", "mesh": "joint"}
+    if law is not None:
+        assert isinstance(law, bd.Dahl)
+        law = _law(rng, law.mu_k, law.sigma)
+    pulleys = list(params.pulleys)
+    if len(pulleys) > 2 and chance(rng, 0.25):
+        k = int(rng.integers(1, len(pulleys)))
+        before, after = pulleys[k - 1].center, pulleys[(k + 1) % len(pulleys)].center
+        out = 2.0 * np.array(pulleys[k].center) - before - after
+        tension = float(params.info["strain_tension"])
+        mount = bd.Slider(
+            direction=(float(out[0]), float(out[1])), mass=log_uniform(rng, 0.1, 2.0),
+            stiffness=tension / (0.2 * pulleys[k].radius), preload=tension * rng.uniform(0.5, 1.5),
+            damping=log_uniform(rng, 1.0, 100.0), friction=tension * log_uniform(rng, 0.01, 0.3),
+        )  # fmt: skip
+        pulleys[k] = attrs.evolve(pulleys[k], mount=mount)
+    params = attrs.evolve(params, belt=attrs.evolve(belt, **changes), pulleys=pulleys, friction=law)
+    return params, chance(rng, 0.7)
+
+
+def _drive(rng: np.random.Generator, radians: float, kind: str) -> tuple[bd.Params, dict[str, Any]]:
+    calm, varied = kind == "calm", kind == "varied"
     lay = _layout(rng, calm=calm)
     strain = log_uniform(rng, 0.008, 0.02) if calm else log_uniform(rng, 0.002, 0.02)
     n_bodies = _links(rng, lay, strain, calm=calm)
     stiffness = log_uniform(rng, 2e4, 2e5) if calm else log_uniform(rng, 5e3, 5e5)
     density = log_uniform(rng, 0.03, 0.3)
+    if varied and chance(rng, 0.1):
+        density *= log_uniform(rng, 1e-3, 0.1)  # hardly any mass
     tension, least = stiffness * strain, float(lay.radii.min())
     length = lay.length / (1.0 + strain)
     fastest = 2.0 * n_bodies / length * math.sqrt(stiffness / density)  # of the joints [1/s]
     # shares of critical damping, of that motion and of the belt on its contact
     damping = log_uniform(rng, 0.1, 1.0) if calm else log_uniform(rng, 1e-3, 10.0)
+    if varied and chance(rng, 0.1):
+        damping = 0.0
     of_contact = log_uniform(rng, 0.1, 1.0) if calm else log_uniform(rng, 1e-2, 10.0)
     sunk = log_uniform(rng, 1e-4, 1e-3) if calm else log_uniform(rng, 1e-5, 1e-2)
     linear = tension / (least * sunk * least)
@@ -187,6 +253,9 @@ def _drive(
         friction=friction,
         gravity=(0.0, -9.81) if chance(rng, 0.3) else (0.0, 0.0),
     )  # fmt: skip
+    settled = False
+    if varied:
+        params, settled = _varied(rng, params)
     info = params.info
     share = info["mesh_strain"] / (info["mesh_strain"] + info["strain"])
     if calm and share > MESH:
@@ -201,7 +270,10 @@ def _drive(
         "damping": damping,
         "light_damping": damping < 0.02,
         "contact_damping": of_contact,
-        "friction": None if friction is None else "dahl",
+        "friction": None if params.friction is None else params.friction.law,
+        "settled": settled,
+        "mesh": params.belt_model if params.belt_model == "string" else params.belt.mesh,
+        "mounted": len(params.mounted),
         "stiff_friction": sigma * info["strain"] * info["link_length"],
         "t_end": min(0.2, max(0.02 * radians / RADIANS, radians / fastest)),
         "wraps": lay.wraps,
