@@ -48,13 +48,16 @@ class PulleyRow:
         tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
         slack: The same of the other one [N].
         ratio: ``tight`` over ``slack`` [1].
-        limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1].
+        limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1]. Where
+            friction falls with slip velocity, mu here and below is that of fast slip.
         used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1].
         used_range: The same of the instants, without what links do that pass; infinite where its
             slack span goes slack.
         margin: Factor by which all mean torques can grow before it slips in full [1]; infinite if
             others slip long before, so that it does not; at most 1 if it slips in full in the
             window.
+        sticking_margin: Where friction falls with slip velocity, the same by the most that it has
+            in the window [1]: it is lost as soon as something makes the pulley slip.
         slip_torque: Torque of the belt on it then [N m].
         slip_tensions: Tensions of its tight and slack span then [N].
         least_margin: The same factor at its worst instant, that of the most friction in use [1].
@@ -83,6 +86,7 @@ class PulleyRow:
     used: float | None = None
     used_range: Spread | None = None
     margin: float | None = None
+    sticking_margin: float | None = None
     slip_torque: float | None = None
     slip_tensions: tuple[float, float] | None = None
     least_margin: float | None = None

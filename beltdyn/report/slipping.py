@@ -28,8 +28,6 @@ __all__ = ["friction_limits", "slip_rows"]
 IDLE = 0.01
 #: Part of the friction in use at the worst instant from which on an idler in the mean is none.
 SWINGS = 0.3
-#: A pulley from which on it is as good as in full slip: ratios are right to the mesh.
-FULL = 0.98
 
 
 def less_mass(window: Window, tension: Array, speed: float | Array) -> Array:
@@ -40,10 +38,10 @@ def less_mass(window: Window, tension: Array, speed: float | Array) -> Array:
 
 
 def friction_limits(window: Window, touching: Touching) -> Array:
-    """Give the friction coefficient that each pulley's law can reach (n_p,) [1].
+    """Give the friction coefficient that each pulley's law reaches in this window (n_p,) [1].
 
     Where it depends on the slip velocity (Stribeck), the highest at the slip velocities of the
-    window; else that of full slip.
+    window; else that of full slip. A pulley that begins to slip in full slips faster than these.
     """
     params = window.params
     limits = np.array(params._slip_limits[0], dtype=float)
@@ -96,7 +94,9 @@ class _Slipping:
         self.window, self.touching, self.wraps = window, touching, wraps
         self.params = window.params
         self.driver = driver
-        self.mu = friction_limits(window, touching)
+        # A pulley in full slip gets faster: a law that falls is down to what it has in fast slip.
+        self.mu = np.array(self.params._slip_limits[0], dtype=float)
+        self.reached = friction_limits(window, touching)
         self.radii = np.array([pulley.radius for pulley in self.params.pulleys])
         self.notes: list[str] = []
         width = touching.passing(window)
@@ -115,10 +115,10 @@ class _Slipping:
         self, tension: Array, rows: list[PulleyRow], margins: bool
     ) -> tuple[list[PulleyRow], list[str]]:
         rows = self._ratios(tension, rows)
-        self._curves()
         self._full_slips()
         if margins:
             rows = self._margins(tension, rows)
+        self._curves(rows)
         return rows, self.notes
 
     def _used(self, pull: Array) -> Array:
@@ -165,15 +165,21 @@ class _Slipping:
             found.append(attrs.evolve(row, **changes))
         return found
 
-    def _curves(self) -> None:
-        """Say where the limit is not that of full slip."""
-        kinetic = self.params._slip_limits[0]
-        differ = np.abs(self.mu - kinetic) > 0.01 * kinetic
-        for k in np.flatnonzero(differ):
+    def _falls(self) -> NDArray[np.bool_]:
+        """Tell on which pulleys friction is higher in this window than in fast slip."""
+        return np.asarray(self.reached > 1.01 * self.mu)
+
+    def _curves(self, rows: list[PulleyRow]) -> None:
+        """Say where friction falls once a pulley slips, and what it holds until then."""
+        for k in np.flatnonzero(self._falls()):
+            held = rows[k].sticking_margin
+            until = ""
+            if held is not None and math.isfinite(held):
+                until = f"; with {self.reached[k]:.3g}, while nothing makes it slip, {held:.2f}"
             self.notes.append(
-                f"{self.params.label(int(k))}: friction depends on the slip velocity. Limit and "
-                f"margins are for {self.mu[k]:.3g}, the most it reaches at those of this window; "
-                f"in fast slip it has {kinetic[k]:.3g}"
+                f"{self.params.label(int(k))}: friction falls with slip velocity, from "
+                f"{self.reached[k]:.3g} at those of this window to {self.mu[k]:.3g} in fast slip. "
+                f"Limit, part in use and margin are for {self.mu[k]:.3g}{until}"
             )
 
     def _full_slips(self) -> None:
@@ -232,8 +238,11 @@ class _Slipping:
             driver, speed = int(np.argmax(np.abs(torque))), 0.0
         travels = self.window.mean(self.travels)
         state = self._state(driver, tension, torque, speed, travels)
+        sticking = together = []
         try:
             together = full_slip(state)
+            if self._falls().any():
+                sticking = full_slip(attrs.evolve(state, friction=self.reached))
         except (ValueError, np.linalg.LinAlgError) as error:
             self.notes.append(f"no margin of mean torques: {error}")
             return rows
@@ -249,6 +258,8 @@ class _Slipping:
                 "slip_torque": one.torque if known else None,
                 "slip_tensions": one.tensions if known else None,
             }
+            if sticking and (held := sticking[k]) is not None and self._falls()[k]:
+                changes["sticking_margin"] = held.factor
             alone = one if k == driver else _alone(state, k)
             if alone is not None:
                 changes["own_margin"] = alone.factor
@@ -296,9 +307,9 @@ class _Slipping:
         """Use up the margins of a pulley that slips in full; the least is at most that of means."""
         most = 1.0 if self.slips[k] else math.inf
         changes: dict[str, Any] = {}
-        for name in ("margin", "least_margin", "own_margin"):
+        for name in ("margin", "least_margin", "own_margin", "sticking_margin"):
             value = getattr(row, name)
-            if value is None and self.slips[k] and name != "own_margin":
+            if value is None and self.slips[k] and name in ("margin", "least_margin"):
                 value = 1.0
             if value is not None:
                 changes[name] = min(value, most)

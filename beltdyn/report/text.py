@@ -223,6 +223,8 @@ def _slip(report: Told) -> Table:
 def _when(row: PulleyRow) -> str:
     """Say when the first pulley slips: now, or at which torques."""
     margins = [one for one in (row.margin, row.least_margin) if one is not None]
+    if min(margins) <= 1.02 < (row.sticking_margin or 0.0):
+        return "as soon as something makes it slip: only friction at rest holds it"
     if min(margins) <= 1.02:
         return (
             "now" if row.margin is not None and row.margin <= 1.02 else "now, at the worst instant"

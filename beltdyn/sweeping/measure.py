@@ -51,7 +51,7 @@ _PARTS = {
 }
 #: Quantities of a report that looking for margins to slip gives.
 _MARGINS = ("margin", "least_margin", "own_margin", "slip_torque", "slip_tensions", "worst_time")
-_OF_MARGINS = (*_MARGINS, "own_slip_torque", "first_to_slip")
+_OF_MARGINS = (*_MARGINS, "sticking_margin", "own_slip_torque", "first_to_slip")
 
 Found = tuple[Quantity, Any]
 
