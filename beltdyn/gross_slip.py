@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .arcs import in_slip
 from .checks import Array
+from .friction import TINY
 from .params import Params
 
 __all__ = ["GrossSlip", "durations", "gross_slip"]
@@ -32,7 +33,7 @@ class GrossSlip:
         slips: At which samples a pulley slips in full (n_t, n_p); nowhere on one that moves by no
             more than the travel in which its friction develops.
         way: By how much [m] (n_p,).
-        carried: Largest friction meanwhile [N] (n_p,).
+        carried: Mean friction meanwhile [N] (n_p,); single samples have what landing links add.
         lost: What that dissipates [J] (n_p,).
     """
 
@@ -84,11 +85,12 @@ def gross_slip(
     slips &= way > SLIPPED * developed
     if not slips.any():
         return None
+    during = np.where(slips, lasts, 0.0)
     return GrossSlip(
         slips=slips,
         way=way,
-        carried=np.max(np.where(slips, carried, 0.0), axis=0),
-        lost=np.sum(np.where(slips, lasts * lost, 0.0), axis=0),
+        carried=np.sum(during * carried, axis=0) / np.maximum(np.sum(during, axis=0), TINY),
+        lost=np.sum(during * lost, axis=0),
     )
 
 

@@ -102,15 +102,13 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         first, last, whole = _when(result.t, lasts, slips)
         carried = float(found.carried[k]) * pulley.radius
         given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
-        of_set = (
-            f", the set torque is {given:.3g} N m" if given > carried and k not in moved else ""
-        )
+        of_set = f", of up to {given:.3g} N m set" if given > carried and k not in moved else ""
         yield RunWarning(
             code="full_slip",
             text=f"{params.label(k)} slips over its whole wrap, by {found.way[k]:.2g} m, {whole} "
             f"between t = {first:.4g} and {last:.4g} s, which dissipates {found.lost[k]:.3g} J: "
-            f"friction transmits {carried:.3g} N m at most{of_set}; {_tighter(params)} or lower "
-            "the torque",
+            f"friction transmits {carried:.3g} N m in the mean of that time{of_set}; "
+            f"{_tighter(params)} or lower the torque",
             t=first,
             where=params.label(k),
         )

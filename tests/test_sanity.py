@@ -247,6 +247,22 @@ def test_full_slip_says_where_when_and_how_much() -> None:
     assert listed == "2: full_slip (pulley 0), full_slip (pulley 1)"
 
 
+def test_what_friction_transmits_in_slip_is_what_the_pulley_does_not_gain() -> None:
+    """A mean over the time of slip: set torque less inertia times acceleration. Single samples,
+    with links that land, have a third more.
+    """
+    result = run(drives.reduction(40), bd.PiecewiseLinear([0.0, 0.02], [0.0, -90.0], 0), 0.06)
+    (slips,) = (one for one in found(result, "full_slip") if one.where == "pulley 0")
+    at = [float(one) for one in re.search(r"t = (\S+) and (\S+) s", slips.text).groups()]  # type: ignore[union-attr]
+    first, last = np.searchsorted(result.t, np.array(at) - 1e-5)
+    during, of = slice(first, last + 1), result.pulleys
+    t, omega = result.t[during], of.omega[during, 0]
+    gained = result.params.pulleys[0].inertia * np.ptp(omega) / np.ptp(t)
+    left = abs(np.mean(of.torque[during, 0])) - gained
+    said = float(re.search(r"transmits (\S+) N m", slips.text)[1])  # type: ignore[index]
+    assert said == pytest.approx(left, rel=0.02)
+
+
 def test_just_below_full_slip() -> None:
     """Nine tenths of what Euler-Eytelwein allows are carried without a word; not eleven."""
     params = drive()
