@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from typing import Protocol
 
 import attrs
+import numpy as np
 
 from . import sanity
-from .histories import Stats
+from .averages import LAST, time_weights
+from .checks import Array
+from .histories import EnergyLedger, PulleyHistory, Stats
 from .sanity import Drive
+from .state import State
 
 __all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "known"]
 
@@ -17,6 +23,12 @@ __all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "k
 TIME_FLOOR = 1e-6
 #: The same in space: other meshes are integrated in time to no better than about this.
 SPACE_FLOOR = 1e-4
+
+#: Least friction force by which its errors are measured, as a share of the tension.
+FAINT = 1e-2
+
+#: The quantities whose error in time the integration estimates.
+TENSIONS = ("tension", "span_mean")
 
 #: The quantities in engineers' words.
 WORDS = {
@@ -65,9 +77,11 @@ class Accuracy:
 
     Without ``simulate(..., verify=True)`` this is what costs nothing: of tensions the upper
     estimate of the error in time, ``stats.error``, and the size of the error of the mesh, from the
-    angles of its links (:func:`beltdyn.sanity.mesh_error`); of every quantity what the compliance
-    of the contact changes; the local error, and the energy balance. The errors of speed, creep,
-    friction and power in time and of the mesh are not known then; of creep they can be many times
+    angles of its links, the speed at which they land and the torques
+    (:func:`beltdyn.sanity.mesh_error`); of friction and power that of the mesh, from what the run
+    has lost in the contact (:func:`beltdyn.sanity.mesh_loss`, needs the ledger); of every quantity
+    what the compliance of the contact changes; the local error, and the energy balance. The errors
+    of speed and creep in time and of the mesh are not known then; of creep they can be many times
     those of tension.
 
     Attributes:
@@ -104,7 +118,7 @@ class Accuracy:
     def summary(self) -> list[tuple[str, str]]:
         """Give the whole error of tensions and creep in a few rows of label and text."""
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
-        for name in ("tension", "span_mean", "creep"):
+        for name in ("tension", "span_mean", "creep", "power"):
             one = self[name]
             parts = [
                 ("in time", one.time, self._in_time(one)),
@@ -187,18 +201,37 @@ class Accuracy:
         return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks())])
 
 
-def known(params: Drive, stats: Stats) -> Accuracy:
+class Run(Protocol):
+    """The part of :class:`beltdyn.Result` that is needed here; it imports this module."""
+
+    @property
+    def t(self) -> Array: ...
+    @property
+    def pulleys(self) -> PulleyHistory: ...
+    @property
+    def energy(self) -> EnergyLedger | None: ...
+    @property
+    def stats(self) -> Stats: ...
+    @property
+    def params(self) -> Drive: ...
+    @property
+    def final_state(self) -> State: ...
+    def _has(self, name: str) -> bool: ...
+
+
+def known(run: Run) -> Accuracy:
     """Give what is known of the accuracy of a run without another run.
 
     ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
     """
-    of_contact = params._compliance_error
-    of_mesh = sanity.mesh_error(params)
+    stats, of_contact = run.stats, run.params._compliance_error
+    with np.errstate(all="ignore"):  # a failed run may end with huge numbers
+        of_mesh = {name: value for name, value in _of_mesh(run).items() if math.isfinite(value)}
     return Accuracy(
         errors=tuple(
             QuantityError(
                 quantity=name,
-                time=None if name not in of_mesh or not stats.error else stats.error,
+                time=None if name not in TENSIONS or not stats.error else stats.error,
                 space=max(SPACE_FLOOR, of_mesh[name]) if name in of_mesh else None,
                 compliance=of_contact[name],
             )
@@ -207,6 +240,47 @@ def known(params: Drive, stats: Stats) -> Accuracy:
         local_error=stats.local_error,
         balance=stats.balance,
     )
+
+
+def mean_rim_speed(run: Run, last: float = LAST) -> float:
+    """Give the speed of the fastest rim, root mean square over the last part of a run [m/s].
+
+    The belt has it but for creep. If speeds were not asked for it is that at the end.
+    """
+    t, radii = run.t, np.array([pulley.radius for pulley in run.params.pulleys])
+    if t.size < 2 or not run._has("pulleys.omega"):
+        return float(np.max(np.abs(run.final_state.omega * radii)))
+    rims = np.max(np.abs(run.pulleys.omega * radii), axis=1)
+    return math.sqrt(float(time_weights(t, t[-1] - last * (t[-1] - t[0])) @ rims**2))
+
+
+def _of_mesh(run: Run) -> dict[str, float]:
+    """Estimate the errors of the mesh, from the speeds, torques and losses of a run."""
+    params, t, pull, power = run.params, run.t, 0.0, 0.0
+    sampled = t.size > 1 and t[-1] > t[0] and run._has("pulleys.omega")
+    sampled &= run._has("pulleys.torque")
+    tension = float(params.info["strain_tension"])
+    if sampled:
+        # Means: motions that are prescribed need torques that jump with every link.
+        late = time_weights(t, t[-1] - LAST * (t[-1] - t[0]))
+        radii = np.array([pulley.radius for pulley in params.pulleys])
+        torque = run.pulleys.torque
+        pull = min(2.0 * tension, float(np.max(np.abs(late @ torque) / radii)))  # all it can hold
+        power = float(np.max(np.abs(late @ (torque * run.pulleys.omega))))
+    found = {
+        name: sanity.mesh_error(params, mean_rim_speed(run, last), pull)[name]
+        for name, last in (("tension", 1.0), ("span_mean", LAST))
+    }
+    if not sampled or not run._has("energy") or run.energy is None:
+        return found
+    first = int(np.argmax(late > 0.0))
+    losses = (run.energy.contact_loss, run.energy.friction_loss)
+    lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
+    lost /= float(t[-1] - t[first])
+    carried = mean_rim_speed(run) * max(pull, FAINT * tension)
+    if power > 0.0 and carried > 0.0:
+        found |= {"power": lost / power, "friction": lost / carried}
+    return found
 
 
 def _share(value: float | None, floor: float) -> str:

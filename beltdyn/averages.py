@@ -8,7 +8,10 @@ import numpy as np
 
 from .checks import Array
 
-__all__ = ["mean_over", "time_weights"]
+__all__ = ["LAST", "mean_over", "time_weights"]
+
+#: The part of a run, counted from its end, that means are taken over where nothing else is asked.
+LAST = 0.2
 
 
 def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> Array:

@@ -6,11 +6,14 @@ or changed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import sanity
+from .accuracy_report import mean_rim_speed
 from .checks import Array
 from .gross_slip import durations, gross_slip
 from .naming import span_name
@@ -18,7 +21,6 @@ from .outputs import has, unchecked
 from .params import Params
 from .result import Result
 from .run_warnings import RunWarning
-from .sanity import units
 
 __all__ = ["observe"]
 
@@ -27,7 +29,7 @@ TORQUE = 10.0
 
 
 def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
-    """Give the warnings of a run's samples: no_friction, full_slip, slack_span, units (of torque).
+    """Give the warnings of a run's samples: no_friction, mesh, full_slip, slack_span, units.
 
     Those alone that show in the outputs that the run was asked for (``Result.unchecked``).
 
@@ -40,6 +42,7 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
     with np.errstate(all="ignore"):  # a failed run may end with huge numbers
         found = {
             "no_friction": _no_friction(result),
+            "mesh": _landing(result),
             "units": _torques(result, moved),
             "full_slip": _full_slip(result, moved),
             "slack_span": _slack_spans(result),
@@ -65,6 +68,23 @@ def _no_friction(result: Result) -> Iterator[RunWarning]:
         )
 
 
+def _landing(result: Result) -> Iterator[RunWarning]:
+    """Warn of a mesh that is fine enough at rest, but whose links shake the belt as they land."""
+    params, error = result.params, result.accuracy["span_mean"].space
+    speed = mean_rim_speed(result)
+    shaken, rest = sanity.shaken(params, speed), sanity.mesh_error(params)["span_mean"]
+    if error is None or error < sanity.MESH or shaken < max(rest, 0.5 * error):
+        return
+    links = sanity.links(params.belt.n_bodies * math.sqrt(error / sanity.FINE_MESH))
+    yield RunWarning(
+        code="mesh",
+        text=f"links that land at {speed:.3g} m/s shake the belt: mean tensions may be off by some "
+        f"{sanity.percent(error)}, losses in the contact are of these blows; {links} makes "
+        f"tensions right to about {sanity.percent(sanity.FINE_MESH)}",
+        accuracy=True,
+    )
+
+
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, pulleys = result.params, result.pulleys
     info = params.info
@@ -77,7 +97,7 @@ def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     worst = int(np.argmax(over))
     if over[worst] > TORQUE:
         most = size[:, worst].max()
-        yield units(
+        yield sanity.units(
             f"a torque of {most:.3g} N m acts on {params.label(worst)}, but a belt of "
             f"{tension:.3g} N transmits at most {carried[worst]:.3g} N m: is it in N mm?",
             params.label(worst),

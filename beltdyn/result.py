@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core, exported, labelled, saved
 from .accuracy_report import Accuracy, known
 from .arcs import Arcs, arcs_of
+from .averages import LAST
 from .checks import Array, close_to, flag, real_array
 from .histories import (
     GROUPS,
@@ -31,7 +32,7 @@ from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
 from .places import AlongBelt, along, momentum_flux, routes
-from .report import LAST, Report, creep_of, make_report
+from .report import Report, creep_of, make_report
 from .run_warnings import RunWarning
 from .sanity import bodies
 from .spans import span_tension
@@ -121,7 +122,7 @@ class Result:
 
     @accuracy.default
     def _known(self) -> Accuracy:
-        return known(self.params, self.stats)
+        return known(self)
 
     @classmethod
     def _from_core(

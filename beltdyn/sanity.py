@@ -20,7 +20,17 @@ from .parts import Contact
 from .rules import rules_of
 from .run_warnings import RunWarning
 
-__all__ = ["check", "describe_mesh", "mesh_error", "mesh_share", "units"]
+__all__ = [
+    "check",
+    "describe_mesh",
+    "links",
+    "mesh_error",
+    "mesh_loss",
+    "mesh_share",
+    "percent",
+    "shaken",
+    "units",
+]
 
 # --- accuracy and plausibility of the drive ---
 
@@ -31,8 +41,11 @@ MESH = 0.02
 FINE_MESH = 0.01
 #: Errors of a mesh of joints in histories of span tensions (root mean square) and in their means,
 #: as shares of what straight links would add at rest: the medians of 144 meshes of 24 random drives
-#: (benchmarks/mesh_estimate.py), eight in ten within factors of 2.2 and 3.3 of them.
+#: at speeds that do not matter (below), eight in ten within factors of 2.2 and 3.3 of them.
 JOINT_ERRORS = {"tension": 1.0 / 15.0, "span_mean": 1.0 / 30.0}
+#: How much of what bending takes off the blows of links that land, per EI / (T l0^2): measured, on
+#: the drives of benchmarks/mesh_estimate.py.
+BENDING = 12.0
 #: Reinforced belts are installed at 0.1 to 2 %; from about 3 % on EA is not constant.
 STRAIN = 0.03
 #: Share of the radius by which the contact may shrink the circle on which the belt runs: half the
@@ -109,25 +122,77 @@ def mesh_share(params: Drive) -> float:
     return float(info["mesh_strain"] / info["strain"])
 
 
-def mesh_error(params: Drive) -> dict[str, float]:
+def mesh_error(params: Drive, speed: float = 0.0, pull: float = 0.0) -> dict[str, float]:
     """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
 
-    On the paper's mesh both are :func:`mesh_share`. On a mesh of joints they are what remains
-    although its joints lie where the polygon is as long as the belt line: of links partly on a
-    pulley, and of how the belt was laid. That was measured to be a small part, much the same from
-    drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the strain
-    (MODEL section 6). It is right to a factor of three or so; calm drives and means of
-    steady motion are better.
+    At rest both are, on the paper's mesh, :func:`mesh_share`. On a mesh of joints they are what
+    remains although its joints lie where the polygon is as long as the belt line: of links partly
+    on a pulley, and of how the belt was laid. That was measured to be a small part, much the same
+    from drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the
+    strain (MODEL section 6).
+
+    A belt that runs is shaken by its links as they land, :func:`shaken`, over time as much again;
+    and of the force that pulleys hand on, an end of every arc is only known to half a link, which
+    makes pull l0 / L in the spans. All of it is right to a factor of three or so
+    (benchmarks/mesh_estimate.py).
+
+    Args:
+        params: The drive.
+        speed: Of the belt [m/s].
+        pull: Largest difference of the tensions on two sides of a pulley [N].
     """
-    if params.belt.mesh == "paper":
-        return dict.fromkeys(JOINT_ERRORS, mesh_share(params))
     info = params.info
-    radii = np.array([pulley.radius for pulley in params.pulleys])
-    polygon = (
-        info["link_length"] ** 2 / (12.0 * info["length"]) * np.sum(params.route.wraps / radii)
-    )
-    share = float(polygon / info["strain"])
-    return {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
+    if params.belt.mesh == "paper":
+        found = dict.fromkeys(JOINT_ERRORS, mesh_share(params))
+    else:
+        polygon = (
+            info["link_length"] ** 2
+            / (12.0 * info["length"])
+            * np.sum(params.route.wraps / _radii(params))
+        )
+        share = float(polygon / info["strain"])
+        found = {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
+    shaking = shaken(params, speed)
+    ends = abs(pull) / info["strain_tension"] * info["link_length"] / info["length"]
+    found["tension"] += 2.0 * shaking + ends
+    found["span_mean"] += shaking + ends
+    return found
+
+
+def shaken(params: Drive, speed: float) -> float:
+    """Estimate by how much links that land raise the mean tension, as a share of it [1].
+
+    A link turns by l0 / R at once where it lands. On the way it points up to half of that off the
+    line of the span, evenly spread, so links move across it at v l0 / (sqrt(12) R), root mean
+    square. This is in the lateral waves of the span, whose mean square slope is that of these
+    speeds over T / (rho A), and half of it is the strain that they add. Bending spreads the turn
+    over more links. A resonance of a span may double it; damping takes off a part.
+    """
+    belt, info = params.belt, params.info
+    length, tension = info["link_length"], info["strain_tension"]
+    slope = belt.linear_density * speed**2 / tension
+    slope *= float(np.mean((length / _radii(params)) ** 2)) / 12.0
+    slope /= 1.0 + BENDING * belt.bending_stiffness / (tension * length**2)
+    return float(0.5 * slope * np.sum(params.route.spans) / info["length"] / info["strain"])
+
+
+def mesh_loss(params: Drive, contact: float, friction: float) -> float:
+    """Estimate what the mesh makes of the power that is lost in the contact and to friction [W].
+
+    What dampers of the contact take is nearly all from links that land: each loses the energy
+    m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc.
+
+    Args:
+        params: The drive.
+        contact: Lost in the dampers of the contact [W].
+        friction: Lost to friction [W].
+    """
+    lie = params.route.wraps * _radii(params) / params.info["link_length"]
+    return abs(contact) + abs(friction) / float(lie.min())
+
+
+def _radii(params: Drive) -> Array:
+    return np.array([pulley.radius for pulley in params.pulleys])
 
 
 def bodies(params: Drive) -> str:
@@ -139,23 +204,26 @@ def bodies(params: Drive) -> str:
 def describe_mesh(params: Drive) -> str:
     """Say in one line what the error of the mesh is."""
     belt, error = params.belt, mesh_error(params)
+    # a run knows its speed; here, from which one on landing links are the larger part
+    fast = math.sqrt(error["span_mean"] / max(shaken(params, 1.0), 1e-300))
+    landing = f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed"
     if belt.mesh == "paper":
         strain = float(params.info["mesh_strain"])
         return (
             f"{belt.n_bodies} straight links, longer than their arcs, add {100 * strain:.2g} % of "
-            f"strain, {strain * belt.axial_stiffness:.3g} N ({_percent(error['span_mean'])})"
+            f"strain, {strain * belt.axial_stiffness:.3g} N ({percent(error['span_mean'])}); "
+            f"{landing}"
         )
     return (
-        f"with {bodies(params)} some {_percent(error['span_mean'])} of the mean tension, "
-        f"{_percent(error['tension'])} of its history, several times that of creep; known to a "
-        "factor of three"
+        f"with {bodies(params)} some {percent(error['span_mean'])} of the mean tension, "
+        f"{percent(error['tension'])} of its history, several times that of creep; {landing}; "
+        "known to a factor of three"
     )
 
 
 def _stiff_enough(params: Drive, allowed: Array) -> float:
     """Give the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
-    radii = np.array([pulley.radius for pulley in params.pulleys])
-    info = params.info
+    radii, info = _radii(params), params.info
     pull = info["strain_tension"] * (1.0 + info["strain"])
     low, high = 0.0, float(np.max(pull / (radii * allowed)))
     for _ in range(20):  # to 1e-6
@@ -176,19 +244,19 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
         yield RunWarning(
             code="mesh",
             text=f"{bodies(params)} are few for pulleys as small as these: mean tensions may "
-            f"be off by some {_percent(share)}, creep by several times that; "
-            f"{_links(belt.n_bodies * math.sqrt(share / FINE_MESH))} makes tensions right to about "
-            f"{_percent(FINE_MESH)}",
+            f"be off by some {percent(share)}, creep by several times that; "
+            f"{links(belt.n_bodies * math.sqrt(share / FINE_MESH))} makes tensions right to about "
+            f"{percent(FINE_MESH)}",
             accuracy=True,
         )
     elif share > MESH:
         yield RunWarning(
             code="mesh",
             text=f"{belt.n_bodies} straight links are longer than the arcs they lie on and raise "
-            f"the tension at rest by some {_percent(share)}; "
+            f"the tension at rest by some {percent(share)}; "
             # tan a / a - 1 grows faster than a^2, so this number is enough
-            f"{_links(belt.n_bodies * math.sqrt(share / MESH))} keeps that below "
-            f"{_percent(MESH)}",
+            f"{links(belt.n_bodies * math.sqrt(share / MESH))} keeps that below "
+            f"{percent(MESH)}",
             accuracy=True,
         )
     strain = info["strain"]
@@ -203,15 +271,14 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
         gives = "it would be" if belt.preload is not None else "gives"
         yield RunWarning(
             code="strain",
-            text=f"the belt is stretched by {_percent(strain)} at rest, to "
+            text=f"the belt is stretched by {percent(strain)} at rest, to "
             f"{info['strain_tension']:.3g} N, with EA taken as constant: is {asked} {gives} "
-            f"{_percent(STRAIN)}",
+            f"{percent(STRAIN)}",
         )
 
 
 def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
-    info = params.info
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii, info = _radii(params), params.info
     sunk = compliance.compliance(params)
     depth = sunk.depth[:, 0]
     worst = int(np.argmax(depth / radii))
@@ -221,14 +288,14 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             "which is made up for at rest, but not under load"
             if params.effective_contact.compensate
             else "and runs on a circle smaller by that, which lowers its tension at rest by "
-            f"{_percent(-sunk.relative_tension_change)}"
+            f"{percent(-sunk.relative_tension_change)}"
         )
         yield RunWarning(
             code="compliance",
             text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into "
-            f"{params.label(worst)}, {_percent(depth[worst] / radii[worst])} of its radius, "
+            f"{params.label(worst)}, {percent(depth[worst] / radii[worst])} of its radius, "
             f"{effect}; contact.linear = {_up(needed, 2):.2g} keeps the depth below "
-            f"{_percent(COMPLIANCE)}",
+            f"{percent(COMPLIANCE)}",
             where=params.label(worst),
             accuracy=True,
         )
@@ -240,7 +307,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             f"{params.label(small)}, whose radius is {1e3 * radii[small]:.3g} mm: "
             "the belt may run over it as over a polygon, or hook on it, by more than the "
             "estimated error of the mesh; "
-            f"{_links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
+            f"{links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
             where=params.label(small),
             accuracy=True,
         )
@@ -252,7 +319,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             code="long_links",
             text=f"only {lie[short]:.2g} links lie on {params.label(short)}, whose wrap is "
             f"{np.degrees(params.route.wraps[short]):.3g} deg: now and then none touches it, and a "
-            f"stiff contact chatters; {_links(info['n_bodies'] * FEW_LINKS / lie[short])} or a "
+            f"stiff contact chatters; {links(info['n_bodies'] * FEW_LINKS / lie[short])} or a "
             "longer wrap help, and a softer contact calms it",
             where=params.label(short),
             accuracy=True,
@@ -350,7 +417,8 @@ def units(text: str, where: str, t: float | None = None) -> RunWarning:
     return RunWarning(code="units", text=text, where=where, t=t)
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """Give a share in percent."""
     return f"{100.0 * share:.2g} %" if share < 0.0995 else f"{100.0 * share:.0f} %"
 
 
@@ -360,7 +428,7 @@ def _up(value: float, digits: int) -> float:
     return math.ceil(value / unit) * unit
 
 
-def _links(least: float) -> str:
+def links(least: float) -> str:
     """Suggest a number of links: the next ten."""
     number = 10 * math.ceil(least / 10.0)
     if number > _core.MAX_LINKS:

@@ -163,7 +163,7 @@ class Verification:
         Raises:
             KeyboardInterrupt: Ctrl-C.
         """
-        before = known(result.params, result.stats)
+        before = known(result)
         try:
             observed = observe(result)
         except ValueError as error:

@@ -10,12 +10,11 @@ one screen and in full, and ``flat`` for how it is given as numbers.
 from __future__ import annotations
 
 from .cycles import rainflow
-from .making import LAST, creep_of, make_report
+from .making import creep_of, make_report
 from .report import Report
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, Rows, SpanRow, Spread
 
 __all__ = [
-    "LAST",
     "Creep",
     "Cycle",
     "MountRow",

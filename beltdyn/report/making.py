@@ -7,6 +7,7 @@ import math
 import attrs
 import numpy as np
 
+from ..averages import LAST
 from ..checks import integer, share_of_run
 from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
@@ -20,12 +21,10 @@ from .spans import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import OF_ARCS, Run, Window, missing
 
-__all__ = ["LAST", "creep_of", "make_report"]
+__all__ = ["creep_of", "make_report"]
 
 #: Share of the exponent mu wrap from which on it is said that bending takes it off.
 NOTABLE = 0.01
-#: Part of a run that is reported if none is asked for.
-LAST = 0.2
 #: Turns of a pulley in the window below which it is said how many, and those of one that stands.
 FEW, STANDS = 5.0, 0.01
 #: Power over the largest one of a pulley that only runs along.
