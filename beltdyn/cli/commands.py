@@ -299,7 +299,7 @@ def study_accuracy(
 @click.argument("scene")
 @click.option("--error", type=float, default=1e-2, show_default=True, help="Error asked for.")
 @click.option(
-    "--budget", type=float, default=8.0, show_default=True, help="CPU time for it, about [s]."
+    "--budget", type=float, default=30.0, show_default=True, help="CPU time for it, about [s]."
 )
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")

@@ -1,13 +1,16 @@
 """What each effect is worth: runs with one effect left out at a time.
 
-Advice that follows must hold for other runs of the kind, longer ones too. So the bound that is
-stated for an effect goes out from the largest change in any part of the window, not only over the
-whole of it; if changes are larger late in the window than early, they are taken to go on growing by
+Where all of a run is looked at, an effect is worth what leaving it out changed in it: of the whole
+or of any fifth of it, plus twice the runs' own error, which is measured by the same answers of a
+run at a tenth of the tolerance. Where that takes too long, a part of the run ranks the effects, and
+what may go together is then left out of as long a run as the budget allows.
+
+A bound for other runs of the kind, longer ones too, goes out from the largest change in any part of
+the window; if changes are larger late in the window than early, they are taken to go on growing by
 as much; and that is taken times ``SAFETY``. On nine of the built-in scenes, with a window of 0.4 of
 each, changes over the whole scene came out at up to 4.0 times what these two say, where there was
-nothing to warn of. Added is the runs' own error, which each of two runs that are compared has; it
-is measured by the same answers of a run at a tenth of the tolerance. What is advised to be left out
-together has been left out together, in a run of its own.
+nothing to warn of. What is advised to be left out together has been left out together, in a run of
+its own.
 
 There is no bound where the run without an effect is warned of and that with it is not. With windows
 of a quarter, three effects, all of them damping, changed 1.5, 2.0 and 108 times the bound that they
@@ -33,7 +36,16 @@ from ..scene import Scene
 from .removals import Removal, leave_out, removals_of
 from .window import Timed
 
-__all__ = ["ANSWERS", "Ablation", "Answers", "LeftOut", "ablate", "answers_of", "changes_of"]
+__all__ = [
+    "ANSWERS",
+    "Ablation",
+    "Answers",
+    "LeftOut",
+    "Runs",
+    "ablate",
+    "answers_of",
+    "changes_of",
+]
 
 #: What is compared, in the order of the table.
 ANSWERS = ("tension, mean", "tension, range", "speed, mean", "speed, range")
@@ -54,9 +66,29 @@ MOST_ROUNDS = 3
 
 #: Without an effect a run may take as many times the steps that it takes with all of them.
 MOST_STEPS = 10
+#: Leaving out an effect gains nothing if it takes as much more CPU time, beyond chance.
+NO_GAIN = 0.25
+#: Errors at which sets of effects are looked for, over the error asked for.
+LEVELS = (1.0, 2.0, 5.0)
+#: A run that confirms what a part of it has ranked is at least as many times as long.
+LONGER = 1.5
+#: The run with all effects and that at a tighter tolerance, in runs with all effects.
+BASE_RUNS = 3.0
 
-#: Runs a scene, with its tolerance times a factor, in at most so many steps.
-Runner = Callable[[Scene, float, int | None], Timed]
+
+@attrs.frozen
+class Runs:
+    """How the runs that are compared are made, over a window that begins with the run.
+
+    Attributes:
+        run: Runs a scene, with its tolerance times a factor, in at most so many steps.
+        end: End of the window [s].
+        whole: Whether that is all that was asked for.
+    """
+
+    run: Callable[[Scene, float, int | None], Timed]
+    end: float
+    whole: bool
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -87,10 +119,13 @@ class LeftOut:
         bound: What changes are said to stay below in runs of the kind [1]: four times ``worst``
             times ``growth``, plus twice the runs' own error; infinite where there is something to
             warn of.
+        error: What leaving it out makes of the run that is explained [1]: where the window is all
+            of that, ``worst`` plus twice the runs' own error, else ``bound``.
         cpu_time: CPU time of the run without it over that with all effects, less 1: -0.1 is a tenth
             faster [1].
         exercised: Whether it did anything in the window, beyond rounding.
-        may_be_left_out: Whether it acts in the window and the bound is within the error asked for.
+        may_be_left_out: Whether it acts in the window and ``error`` is within the error asked for.
+        end: End of the window [s].
         warned: Codes of warnings that the run without it has and the run with all effects has not,
             that its results may be less accurate than was asked; see :class:`beltdyn.RunWarning`.
         failed: Why the run without it failed, or was not made, or "".
@@ -102,9 +137,11 @@ class LeftOut:
     worst: float
     growth: float
     bound: float
+    error: float
     cpu_time: float
     exercised: bool
     may_be_left_out: bool
+    end: float
     warned: tuple[str, ...]
     failed: str
 
@@ -121,6 +158,9 @@ class Ablation:
         rounds: How often each was made; of their CPU times the least counts.
         advice: Names of the effects that may be left out together at the error asked for.
         together: All of these left out in one run; None: there are none.
+        sets: What may be left out together at the error asked for, at twice and at five times it:
+            the error, the names and the run without them. Sets that are no larger than the one
+            before are not there.
     """
 
     rows: tuple[LeftOut, ...]
@@ -128,8 +168,16 @@ class Ablation:
     seconds: float
     runs: int
     rounds: int
-    advice: tuple[str, ...]
-    together: LeftOut | None
+    sets: tuple[tuple[float, tuple[str, ...], LeftOut], ...]
+    error: float
+
+    @property
+    def advice(self) -> tuple[str, ...]:  # noqa: D102 - an attribute above
+        return next((names for error, names, _ in self.sets if error == self.error), ())
+
+    @property
+    def together(self) -> LeftOut | None:  # noqa: D102 - an attribute above
+        return next((row for error, _, row in self.sets if error == self.error), None)
 
 
 def answers_of(result: Result) -> Answers:
@@ -175,35 +223,43 @@ def growth_of(changes: dict[str, Array]) -> float:
     return min(MOST_GROWTH, late / early) if early > 0.0 else MOST_GROWTH
 
 
-def removals_that_may_go(rows: Sequence[LeftOut], error: float) -> list[str]:
-    """Name what may be left out together: the least first, while their bounds add up to the error.
+def removals_that_may_go(rows: Sequence[LeftOut], error: float, safety: float = 1.0) -> list[str]:
+    """Name what may be left out together: the least first, while their errors add up to the error.
 
-    To first order changes add up.
+    To first order changes add up. What is warned of, did nothing, or takes more time without stays.
     """
     names, total = [], 0.0
-    for row in sorted(rows, key=lambda row: row.bound):
-        if row.may_be_left_out and total + row.bound <= error:
+    for row in sorted(rows, key=lambda row: row.error):
+        useful = row.exercised and not row.warned and row.cpu_time <= NO_GAIN
+        if useful and total + row.error / safety <= error:
             names.append(row.name)
-            total += row.bound
+            total += row.error / safety
     return names
 
 
-def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], float]) -> Ablation:
-    """Leave out one effect at a time, then all together that may be.
+def ablate(
+    scene: Scene,
+    runs: Runs,
+    error: float,
+    time_left: Callable[[], float],
+    longer: Callable[[float], Runs],
+) -> Ablation:
+    """Leave out one effect at a time, then together what may go.
 
     Args:
         scene: The scene.
-        run: Runs one.
+        runs: How these are made.
         error: The error asked for [1].
         time_left: CPU time that is left [s]. Without any, what has not been left out so far is
             not; while there is enough, runs are repeated for their times.
+        longer: Gives runs that take about the CPU time given [s], to confirm what may go.
 
     Raises:
         SimulationError: The scene with all its effects does not run.
     """
     removals = removals_of(scene)
     without = {removal.name: [removal] for removal in removals}
-    base = _Base(scene, run, error)
+    base = _Base(scene, runs, error)
     base.compare()
     rows = {}
     for name, group in without.items():
@@ -211,28 +267,35 @@ def ablate(scene: Scene, run: Runner, error: float, time_left: Callable[[], floa
         rows[name] = (
             _unknown(name, group, "the budget is spent") if over else base.left_out(name, group)
         )
-    advice = removals_that_may_go(list(rows.values()), error)
-    together = None
-    while advice:
-        group = [removal for removal in removals if removal.name in advice]
-        together = base.left_out(", ".join(one.name for one in group), group)
-        if together.may_be_left_out:
-            without[together.name] = group
-            break
-        advice.pop()  # the one that changes most
-        together = None
     rounds = 1
-    while rounds < MOST_ROUNDS and time_left() > base.round_time:
+    while rounds < MOST_ROUNDS and runs.whole and time_left() > 2.0 * base.round_time:
         base.repeat(without)
         rounds += 1
+    ranked = [base.timed(row) for row in rows.values()]
+    judge, safety = base, 1.0
+    if not runs.whole and removals_that_may_go(ranked, LEVELS[-1] * error, SAFETY):
+        more = longer(max(0.0, time_left()) / (BASE_RUNS + len(LEVELS) + 1.0))
+        if more.end >= LONGER * runs.end:
+            judge, safety = _Base(scene, more, error), SAFETY
+            judge.compare()
+    sets: list[tuple[float, tuple[str, ...], LeftOut]] = []
+    for level in LEVELS:
+        names = removals_that_may_go(ranked, level * error, safety)
+        while names and not (sets and len(names) <= len(sets[-1][1])) and time_left() > 0.0:
+            group = [removal for removal in removals if removal.name in names]
+            row = judge.left_out(", ".join(one.name for one in group), group)
+            if row.error <= level * error:
+                sets.append((level * error, tuple(one.name for one in group), judge.timed(row)))
+                break
+            names.pop()  # the one that changes most
     return Ablation(
-        rows=tuple(base.timed(row) for row in rows.values()),
+        rows=tuple(ranked),
         own_error=base.own_error,
         seconds=base.times[""],
-        runs=base.runs,
+        runs=base.runs + (judge.runs if judge is not base else 0),
         rounds=rounds,
-        advice=tuple(removal.name for removal in removals if removal.name in advice),
-        together=None if together is None else base.timed(together),
+        sets=tuple(sets),
+        error=error,
     )
 
 
@@ -248,9 +311,11 @@ def _unknown(name: str, group: Sequence[Removal], why: str) -> LeftOut:
         worst=math.inf,
         growth=1.0,
         bound=math.inf,
+        error=math.inf,
         cpu_time=math.nan,
         exercised=True,
         may_be_left_out=False,
+        end=0.0,
         warned=(),
         failed=why,
     )
@@ -268,20 +333,19 @@ def _accuracy(result: Result) -> list[str]:
 class _Base:
     """The run with all effects, and those that are compared with it."""
 
-    def __init__(self, scene: Scene, run: Runner, error: float) -> None:
-        self.scene, self.error = scene, error
+    def __init__(self, scene: Scene, runs: Runs, error: float) -> None:
+        self.scene, self.how, self.error = scene, runs, error
         self.own_error, self.runs = math.inf, 0
         self.round_time = 0.0
         self.most_steps: int | None = None
         self.times: dict[str, float] = {}  # the least CPU time, by what is left out
-        self._runner = run
 
     def compare(self) -> None:
         """Run it, and once more at a tighter tolerance."""
         result = self._run("", self.scene)
         self.answers, self.warned = answers_of(result), _accuracy(result)
         self.most_steps = MOST_STEPS * result.stats.steps
-        tight = self._runner(self.scene, TIGHTER, None).result
+        tight = self.how.run(self.scene, TIGHTER, None).result
         self.runs += 1
         self.own_error = _worst(changes_of(answers_of(tight), self.answers))
 
@@ -295,7 +359,9 @@ class _Base:
             return _unknown(name, group, str(failure))
         worst, growth = _worst(changes), growth_of(changes)
         warned = tuple(code for code in _accuracy(result) if code not in self.warned)
-        bound = math.inf if warned else SAFETY * growth * worst + RUNS * self.own_error
+        own = RUNS * self.own_error
+        bound = math.inf if warned else SAFETY * growth * worst + own
+        error = worst + own if self.how.whole and not warned else bound
         return LeftOut(
             name=name,
             how=_how(group),
@@ -303,9 +369,11 @@ class _Base:
             worst=worst,
             growth=growth,
             bound=bound,
+            error=error,
             cpu_time=math.nan,
             exercised=worst > ROUNDING,
-            may_be_left_out=worst > ROUNDING and bound <= self.error,
+            may_be_left_out=worst > ROUNDING and error <= self.error,
+            end=self.how.end,
             warned=warned,
             failed="",
         )
@@ -324,7 +392,7 @@ class _Base:
         return attrs.evolve(row, cpu_time=self.times[row.name] / self.times[""] - 1.0)
 
     def _run(self, name: str, scene: Scene) -> Result:
-        timed = self._runner(scene, 1.0, self.most_steps)
+        timed = self.how.run(scene, 1.0, self.most_steps)
         self.runs += 1
         seconds = timed.result.stats.cpu_time
         if name not in self.times:

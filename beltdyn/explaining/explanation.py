@@ -19,7 +19,7 @@ from ..scene import Scene
 from ..simulation import METHODS
 from ..state import State
 from ..torques import TorqueLike, as_terms
-from .ablation import Ablation, ablate
+from .ablation import Ablation, Runs, ablate
 from .cost import Pass, StateSize, Step, size_of, time_step
 from .effects import Effect, effects_of
 from .removals import Removal, leave_out, removals_of
@@ -30,6 +30,9 @@ __all__ = ["Explanation", "explain"]
 
 #: Part of the budget that the window is planned for, and that may be spent: times vary.
 _PLANNED, _SPENT = 0.8, 0.9
+#: Part of a window, if it is not all of the run, that ranks the effects. The time that is left then
+#: goes into runs as long as possible, without what may go.
+_RANKING = 0.5
 #: CPU time of what is no run: passes and their run [s].
 _MEASURING = 0.4
 #: Runs besides those with one effect left out, in such runs: the window is looked for, the run with
@@ -114,7 +117,7 @@ def explain(
     motion: ByPulley[MotionLike] | None = None,
     *,
     error: float = 1e-2,
-    budget: float = 8.0,
+    budget: float = 30.0,
     method: str = "auto",
     ablation: bool = True,
 ) -> Explanation:
@@ -130,15 +133,19 @@ def explain(
       which may be left out at the error asked for.
 
     Compared are the mean and the range of the tension of each span, over the mean tension, and of
-    the speed of each pulley, over the highest speed. A bound of what leaving out an effect changes
-    is stated for runs like the one that is explained, longer ones too: four times the largest
-    change over the window or a fifth of it, times by how much changes are larger late in the window
-    than early, plus twice the runs' own error, which is measured with a run at a tenth of the
-    tolerance. The effect may be left out if that is within the error asked for. Several may be left
-    out together as far as their bounds add up to the error asked for, and after a run without all
-    of them has confirmed it. There is no bound where the run without an effect has a warning of its
-    accuracy that the run with it has not. An effect that did nothing in the window is named as not
-    exercised: nothing follows for other runs, as with all that begins to act only after the window.
+    the speed of each pulley, over the highest speed, over the window and over each fifth of it.
+    Where the budget is enough for all of the run, the largest change, plus twice the runs' own
+    error, is what leaving out an effect makes of it; the own error is measured with a run at a
+    tenth of the tolerance. If not, a shorter window ranks the effects.
+
+    What may go together, at the error asked for, twice and five times that, is then left out of as
+    much of the run as the budget allows; of what was seen in a part of it, only four times that,
+    times by how much changes are larger late in the part than early, is said of the rest. This is
+    also the bound stated for other runs like the one that is explained, longer ones too. There is
+    none where the run without an effect has a warning of its accuracy that the run with it has
+    not. An effect that did nothing in the window is named as not exercised: nothing follows for
+    other runs, as with all that begins to act only after the window. What would cost more steps is
+    kept.
 
     All runs begin as those of :func:`beltdyn.simulate` do, each of its own drive: at rest under
     preload, or at the speed with which a motion begins. Where the belt's length is found for its
@@ -147,8 +154,8 @@ def explain(
     Args:
         params: The drive.
         torque_fn: The set torques, as :func:`beltdyn.simulate` takes them.
-        t_end: End of the run that is to be explained [s]; None: 1 s. Of it as much is run, from
-            its start, as the budget allows: the window.
+        t_end: End of the run that is to be explained [s]; None: 1 s. Where the budget is not enough
+            for all of it, a window is run, from its start.
         motion: Prescribed motions by pulley, as :func:`beltdyn.simulate` takes them.
         error: The error asked for [1], 0.01: one percent. The runs have a tenth of it, at most
             1e-3, as their ``rtol``.
@@ -177,17 +184,27 @@ def explain(
     runs = _MORE_RUNS + len(removals_of(scene)) if flag("ablation", ablation) else _MORE_RUNS
     with silenced():
         window = find_window(drive, max(0.0, _PLANNED * allowed - _MEASURING) / runs)
+        if window.end < window.asked:
+            window = attrs.evolve(window, end=_RANKING * window.end)
         sim = _start(drive, window.final, drive.method)
         step = time_step(lambda name: _start(drive, window.final, name), drive.method)
         found = None
         if ablation:
-            times = np.linspace(0.0, window.end, _SAMPLES)
 
-            def run(one: Scene, tighter: float, most: int | None) -> Timed:
-                return drive.run(one, window.end, tighter, t_eval=times, max_steps=most)
+            def runs_to(end: float) -> Runs:
+                times = np.linspace(0.0, end, _SAMPLES)
+
+                def run(one: Scene, tighter: float, most: int | None) -> Timed:
+                    return drive.run(one, end, tighter, t_eval=times, max_steps=most)
+
+                return Runs(run, end, end >= scene.t_end)
 
             found = ablate(
-                scene, run, asked, lambda: _SPENT * allowed - (time.thread_time() - begin)
+                scene,
+                runs_to(window.end),
+                asked,
+                lambda: _SPENT * allowed - (time.thread_time() - begin),
+                lambda seconds: runs_to(min(scene.t_end, window.reached_in(seconds))),
             )
     motions = as_motions(motion, params.pulley_names)
     return Explanation(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
+from ..friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
 from ..loads import Harmonics
 from ..motions import CrankMotion
 from ..mounts import Arm, Slider
@@ -150,6 +151,34 @@ def _sprung(params: Params) -> list[int]:
     return [k for k in params.mounted if isinstance(params.pulleys[k].mount, (Arm, Slider))]
 
 
+def _coarser_law(part: Part) -> Friction | None:
+    """Give the law with one state for each link that one with more, or more terms, comes close to.
+
+    Dahl's is LuGre's without the dampers, an elastic/plastic one of all elements at once is
+    Maxwell slip before the first element slips and after the last (MODEL section 4).
+    """
+    law = part.part
+    curve = {name: getattr(law, name, 0.0) for name in _STRIBECK}
+    if isinstance(law, LuGre):
+        return Dahl(mu_k=law.mu_k, sigma=law.sigma, **curve)
+    if isinstance(law, MaxwellSlip):
+        sums = {name: sum(getattr(law, name)) for name in ("mu", "stiffness", "damping")}
+        return ElasticPlastic(**sums, **curve)
+    return None
+
+
+def _has_finer_law(scene: Scene) -> bool:
+    return any(_coarser_law(part) for part in parts_of(scene.params))
+
+
+def _without_finer_law(scene: Scene) -> Scene:
+    params = scene.params
+    for part in list(parts_of(params)):
+        if law := _coarser_law(part):
+            params = _put(params, part, law)
+    return scene._replace(params=params)
+
+
 def _has_mounts(scene: Scene) -> bool:
     return bool(_sprung(scene.params))
 
@@ -198,6 +227,14 @@ _OTHERS: tuple[tuple[Removal, Callable[[Scene], bool]], ...] = (
     (
         Removal("Stribeck curve", "friction.mu_s as the kinetic coefficient", _without_stribeck),
         _has_stribeck,
+    ),
+    (
+        Removal(
+            "finer friction law",
+            "friction = Dahl for LuGre, ElasticPlastic for MaxwellSlip",
+            _without_finer_law,
+        ),
+        _has_finer_law,
     ),
     (
         Removal("harmonics of the crank", "the mean speed as its motion", _without_crank),

@@ -6,9 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-import attrs
-
-from .ablation import ANSWERS, RUNS, SAFETY, Ablation, LeftOut
+from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut
 from .cost import StateSize, Step
 from .effects import Effect
 from .window import Window
@@ -100,11 +98,11 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
         + f", {ablation.runs} runs; all effects: {ablation.seconds:.3g} s of CPU time"
     )
     heading = (name.replace(",", "") if "mean" in name else "range" for name in ANSWERS)
-    rows: list[tuple[str, ...]] = [("left out", *heading, "CPU time", "at most")]
+    whole = window.end >= window.asked
+    rows: list[tuple[str, ...]] = [("left out", *heading, "CPU time", "error", "elsewhere")]
     rows += [_row(row) for row in ablation.rows if not row.failed]
-    if ablation.together is not None and len(ablation.advice) > 1:
-        rows.append(_row(attrs.evolve(ablation.together, name="all that may be")))
-    lines = [*_wrapped(head, 0), *_table(rows, "<" + ">" * (len(ANSWERS) + 2))]
+    shown = len(rows[0]) - (not whole)  # of a part of a run, both are the same
+    lines = _wrapped(head, 0) + _table([row[:shown] for row in rows], "<" + ">" * (shown - 1))
     for row in ablation.rows:
         if row.failed:
             lines += _wrapped(f"{row.name}: no run without it, {row.failed}", 2)
@@ -113,57 +111,59 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
                 f"{row.name}: the run without it is warned of, {', '.join(row.warned)}: it is kept",
                 2,
             )
+        elif row.exercised and row.cpu_time > NO_GAIN:
+            lines += _wrapped(f"{row.name}: the run without it takes more time: it is kept", 2)
+    bound = f"{SAFETY:g} times the largest change over this time or a fifth of it, times by how "
+    bound += "much changes are larger late in it than early"
     lines += _wrapped(
         "Changes of means and ranges over this time, of spans over the mean tension, of pulleys "
-        f'over the highest speed. "at most" is {SAFETY:g} times the largest change in a fifth of '
-        "this time, times by how much changes are larger late in it than early, plus "
-        f"{RUNS:g} times the own error of the runs, {_percent(ablation.own_error)}: for runs like "
-        "this one."
+        'over the highest speed. "error" is '
+        + (
+            'the largest change over the run or a fifth of it, "elsewhere", for other runs like '
+            if whole
+            else "for the whole run, and for others like "
+        )
+        + f"this one, {bound}; plus {RUNS:g} times the own error of the runs, "
+        f"{_percent(ablation.own_error)}."
         + (
             " CPU times are of one run each: small differences are chance." * (ablation.rounds == 1)
         ),
         2,
     )
-    return lines + _advice(ablation, error)
+    return lines + _advice(ablation, window, error)
 
 
 def _row(row: LeftOut) -> tuple[str, ...]:
+    cpu_time = f"{100.0 * row.cpu_time:+.0f} %"
     if not row.exercised:
-        return (
-            row.name,
-            *("-" for _ in ANSWERS),
-            f"{100.0 * row.cpu_time:+.0f} %",
-            "not exercised",
-        )
-    return (
-        row.name,
-        *(_percent(row.change[name]) for name in ANSWERS),
-        f"{100.0 * row.cpu_time:+.0f} %",
-        "no bound" if row.warned else _percent(row.bound),
-    )
+        return row.name, *("-" for _ in ANSWERS), cpu_time, "not exercised", ""
+    changes = [_percent(row.change[name]) for name in ANSWERS]
+    bounds = ("no bound", "") if row.warned else (_percent(row.error), _percent(row.bound))
+    return row.name, *changes, cpu_time, *bounds
 
 
-def _advice(ablation: Ablation, error: float) -> list[str]:
-    singly = [row.name for row in ablation.rows if row.may_be_left_out]
+def _advice(ablation: Ablation, window: Window, error: float) -> list[str]:
     idle = [row.name for row in ablation.rows if not row.exercised]
-    lines: list[str] = []
-    if not singly:
-        lines += _wrapped(f"At an error of {_percent(error)} none may be left out.", 0)
-    elif ablation.together is None:
-        lines += _wrapped(
-            f"At an error of {_percent(error)} one of these may be left out: {', '.join(singly)}.",
-            0,
-        )
+    if not ablation.sets:
+        most = LEVELS[-1] * error
+        lines = _wrapped(f"None may be left out at an error of {_percent(most)} or less.", 0)
     else:
-        how, most = ablation.together.how, max(ablation.together.change.values())
-        lines += _wrapped(
-            f"At an error of {_percent(error)} may be left out, all together: {how}. That changed "
-            f"{_percent(most)}; at most {_percent(ablation.together.bound)}.",
-            0,
-        )
-        others = [name for name in singly if name not in ablation.advice]
-        if others:
-            lines += _wrapped(f"Or, instead, one of: {', '.join(others)}.", 0)
+        end = ablation.sets[0][2].end
+        lines = [f"What may be left out together, tried from 0 to {end:.4g} s"]
+        rows = [("at", "left out", "changed", "error", "CPU time")]
+        rows += [
+            (
+                _percent(level),
+                row.name,
+                _percent(max(row.change.values())),
+                _percent(row.error),
+                f"{100.0 * row.cpu_time:+.0f} %",
+            )
+            for level, _, row in ablation.sets
+        ]
+        lines += _table(rows, "><>>>")
+        if not ablation.advice:
+            lines += _wrapped(f"At {_percent(error)}, which was asked for, none.", 2)
     if idle:
         lines += _wrapped(
             f"Not exercised, they did nothing in this window, of which nothing follows: "

@@ -62,12 +62,18 @@ class Window:
     Attributes:
         end: Its end [s]; it begins with the run.
         asked: End of the run that was to be explained [s].
+        pace: CPU time of a second late in it [1].
         final: A state late in it, or at its end.
     """
 
     end: float
     asked: float
+    pace: float
     final: State = attrs.field(repr=False)
+
+    def reached_in(self, seconds: float) -> float:
+        """Give how far a run comes in some CPU time, at the pace of the window [s]."""
+        return seconds / self.pace if self.pace > 0.0 else self.asked
 
 
 def find_window(drive: Drive, allowance: float) -> Window:
@@ -91,5 +97,5 @@ def find_window(drive: Drive, allowance: float) -> Window:
         left = allowance - spent
         if end >= t_end or left < pace * min(end, t_end - end):
             longer = reached + max(0.0, left) / pace if pace > 0.0 else t_end
-            return Window(end=min(t_end, longer), asked=t_end, final=state)
+            return Window(end=min(t_end, longer), asked=t_end, pace=pace, final=state)
         end = min(2.0 * end, t_end)
