@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import subprocess
 import sys
 import threading
 import types
 from itertools import permutations, product
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -16,7 +18,9 @@ import pytest
 import sweep_runs
 
 import beltdyn as bd
+from beltdyn import _core
 from beltdyn.parameters import numbers
+from beltdyn.sweeping import content
 from beltdyn.sweeping.content import Contents
 from beltdyn.sweeping.identity import NoKeyError, token
 from beltdyn.sweeping.names import changed
@@ -220,3 +224,66 @@ def test_what_does_the_same_has_the_same_token() -> None:
     scene = sweep_runs.plain()._replace(torque_fn=sweep_runs.compiled)
     with pytest.raises(ValueError, match="leave store out"):
         sweep_runs.do(scene, {"t_end": [1e-3]}, store="never made", executor="threads")
+
+
+#: Functions that import `mine`, or `ours.mine`, when they are called.
+IMPORTS = [
+    "def f(t):\n  from mine import g\n  return g(t)",
+    "def f(t):\n  import mine\n  return mine.g(t)",
+    "def f(t):\n  import mine as m\n  return [m.g(one) for one in t]",
+    "def f(t):\n  from ours.mine import g as h\n  return h(t)",
+    "def f(t):\n  import ours.mine\n  return ours.mine.g(t)",
+    "def f(t):\n  from ours import mine\n  return mine.g(t)",
+    "__package__ = 'ours'\ndef f(t):\n  from . import mine\n  return mine.g(t)",
+    "__package__ = 'ours'\ndef f(t):\n  from .mine import g\n  return g(t)",
+    "def h(t):\n  from mine import g\n  return g(t)\ndef f(t): return lambda: h(t)",
+]
+
+
+def test_what_a_function_imports_when_it_is_called_changes_the_token(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also what that uses; whether the module has been imported before makes no difference."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "ours").mkdir()
+
+    def tokens(k: str) -> list[str]:
+        for folder in (tmp_path, tmp_path / "ours"):
+            (folder / "mine.py").write_text(f"def h(t): return {k} * t\ndef g(t): return h(t)\n")
+        found = []
+        for text in IMPORTS:
+            for name in ("mine", "ours.mine", "ours"):
+                sys.modules.pop(name, None)
+            importlib.invalidate_caches()
+            function = of_code(text)
+            found.append(token(function))
+            assert token(function) == found[-1], text
+        return found
+
+    one, other, again = tokens("1.0"), tokens("2.0"), tokens("1.0")
+    assert not set(one) & set(other) and one == again
+    # what is not there, and what cannot be known
+    assert token(of_code("def f(t):\n  import not_there"))
+    (tmp_path / "mine.py").write_text("1 / 0\n")
+    sys.modules.pop("mine", None)
+    for text, said in (
+        (IMPORTS[0], "mine, which f imports, cannot be known: division by zero"),
+        ("import importlib\ndef f(t): return importlib.import_module('mine')", "what f imports"),
+        ("def f(t): return __import__('mine').g(t)", "what f imports cannot be known"),
+    ):
+        with pytest.raises(NoKeyError, match=said):
+            token(of_code(text))
+
+
+def test_another_build_has_other_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same version, whose core differs in one byte."""
+    scene = sweep_runs.plain()
+    before = key(scene)
+    core = bytearray(Path(_core.__file__).read_bytes())
+    core[len(core) // 2] ^= 1
+    (tmp_path / "core").write_bytes(core)
+    for file, same in ((str(tmp_path / "core"), False), (_core.__file__, True)):
+        monkeypatch.setattr(_core, "__file__", file)
+        content._build.cache_clear()
+        assert (key(scene) == before) == same

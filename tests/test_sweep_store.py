@@ -4,6 +4,7 @@ same Dataset; extended sweeps find what is there; parts hold every run once, and
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -21,7 +22,7 @@ from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 
 import beltdyn as bd
 from beltdyn.sweeping import SweepInterrupted, content, store
-from beltdyn.sweeping.rows import Outcome
+from beltdyn.sweeping.rows import Axis, Layout, Outcome, Quantity
 
 N = 60
 
@@ -293,3 +294,80 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
     assert store.Store(tmp_path / "both").find(["cut off"]) == {}
     one.flush()
     assert set(one.find(["cut off"])) == {"cut off"}
+
+
+def test_a_changed_bit_is_found(tmp_path: Path) -> None:
+    """In numbers, states, texts and in what netCDF keeps of them: nothing wrong is given, and the
+    error names the part and what to do.
+    """
+    layout = Layout((Quantity("a", (Axis("pulley", ("x", "y"), 2),), "N", "tension"),))
+    kept = {
+        f"key {k}": Outcome(
+            status="finished",
+            message="as it ended",
+            layout=layout,
+            numbers=np.array([0.1, k + 0.2]),
+            final=np.arange(3.0) + 0.3,
+        )
+        for k in range(3)
+    }
+    one = store.Store(tmp_path)
+    for key, outcome in kept.items():
+        one.add(key, outcome)
+    one.flush()
+    (part,) = tmp_path.glob("part-*.nc")
+    whole = part.read_bytes()
+
+    def fields(outcomes: dict[str, Outcome]) -> dict[str, Any]:
+        return {key: attrs.asdict(each, recurse=False) for key, each in outcomes.items()}
+
+    def change(at: int) -> str:
+        """Change a bit; return what is said, or nothing of what makes no difference."""
+        content = bytearray(whole)
+        content[at] ^= 4
+        part.unlink()  # HDF may have kept the last one open
+        part.write_bytes(content)
+        try:
+            found = one.find(kept)
+        except ValueError as error:
+            return str(error)
+        assert found.keys() <= kept.keys()
+        np.testing.assert_equal(fields(found), fields({key: kept[key] for key in found}))
+        return ""
+
+    for value in (np.array([0.1, 1.2]).tobytes(), np.array([1.3]).tobytes(), b"as it ended"):
+        said = change(whole.index(value) + 1)
+        assert part.name in said and "checksum" in said and "remove it, and its runs" in said
+    # in what HDF keeps of the file: marks of its parts, and what lies between
+    marks = [at for mark in (b"GCOL", b"OHDR", b"FRHP") if (at := whole.find(mark)) >= 0]
+    said = [change(at) for at in (*marks, *range(0, 4000, 89))]
+    assert any("HDF error" in one for one in said)
+    assert all(part.name in one for one in said if one)
+    part.unlink()
+    assert one.find(kept) == {}
+
+
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), RuntimeError("NetCDF: HDF error")]
+)
+def test_a_full_disk_is_named_with_the_file(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the system says it, and as the library of netCDF does. What was kept before is found."""
+    do(plain(), {"torque.scale": [1.0]}, MEASURE, store=tmp_path)
+    before = keys(tmp_path)
+    both = {"torque.scale": [1.0, 0.5]}
+
+    def full(_self: Any, path: Path, **_options: Any) -> None:
+        path.write_bytes(b"half of it")
+        if path.parent == tmp_path:
+            raise error
+
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="make room") as caught:
+        patch.setattr(xarray.Dataset, "to_netcdf", full)
+        do(plain(), both, MEASURE, store=tmp_path)
+    assert caught.value.errno in (errno.ENOSPC, errno.EIO)
+    assert Path(caught.value.filename).parent == tmp_path
+    assert "no file was left there" in str(caught.value) and keys(tmp_path) == before
+    swept = do(plain(), both, MEASURE, store=tmp_path)
+    assert (swept.stored, swept.computed) == (1, 1)

@@ -7,10 +7,12 @@ another sweep has done already is found again.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 import numbers
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -71,7 +73,7 @@ class Contents:
         roots += [_OTHER[root] for root in roots if root in _OTHER]
         #: What no run changes, and what those change that have a value there.
         self._base = _sum(leaf for leaf in leaves if not _within(leaf[0], roots))
-        self._head = f"{_FORMAT} {_core.__version__} {measured} {version!r}"
+        self._head = f"{_FORMAT} {_core.__version__} {_build()} {measured} {version!r}"
         if any(_within(a, [b]) for k, a in enumerate(roots) for b in roots[:k] + roots[k + 1 :]):
             self._head += f" in the order {list(names)}"  # one is put into the other
 
@@ -140,6 +142,15 @@ class Contents:
             at: one.speed if isinstance(one, Motion) and one.speed is not None else one
             for at, one in found.items()
         }
+
+
+@functools.cache
+def _build() -> str:
+    """Return a hash of the files of this package: two builds of a version may differ."""
+    digest = hashlib.sha256()
+    for file in (Path(_core.__file__), *sorted(Path(__file__).parent.parent.rglob("*.py"))):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 #: Of two fields one replaces the other.

@@ -1,8 +1,9 @@
 """Texts that tell Python values and functions apart by their content, in any process.
 
-A function is known by its code, its defaults, what it encloses, and the globals that it uses, of
-the user's modules as deep as they go; of installed packages by name and version. Two functions with
-the same text do the same unless they read files or clocks, or change what they use.
+A function is known by its code, its defaults, what it encloses, and what it uses of its globals and
+of what it imports, of the user's modules as deep as they go; of installed packages by name and
+version. Two functions with the same text do the same unless they read files or clocks, change what
+they use, or look names up by a text (``getattr``).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sys
 import sysconfig
 import types
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,8 @@ __all__ = ["NoKeyError", "token"]
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), range, slice)
 #: Instructions that look up a global name, and those that look up a name in what they found.
 _GLOBALS, _INSIDE = ("LOAD_GLOBAL", "LOAD_NAME"), ("LOAD_ATTR", "LOAD_METHOD", "IMPORT_FROM")
+#: What imports a module by a text, which only a call would tell.
+_BY_TEXT = frozenset(("__import__", "import_module"))
 
 
 class NoKeyError(ValueError):
@@ -140,9 +143,16 @@ class _Walk:
 
     def _used(self, code: types.CodeType, known: dict[str, Any]) -> str:
         """Give the globals that a function uses, and what it uses of the user's modules."""
-        names, inside, imported = _names(code)
+        names, inside, imports = _names(code)
+        if not _BY_TEXT.isdisjoint((*names, *inside)):
+            raise NoKeyError(
+                f"what {code.co_qualname} imports cannot be known: it does so by a text, not by "
+                "an import statement"
+            )
         found = {name: known[name] for name in names if name in known}
-        found |= {name: sys.modules[name] for name in imported if name in sys.modules}
+        found |= {
+            f"import {'.' * one.level}{one.name}": _imported(one, code, known) for one in imports
+        }
         return "; ".join(self._use(name, value, inside) for name, value in sorted(found.items()))
 
     def _use(self, name: str, value: Any, inside: Iterable[str]) -> str:
@@ -220,24 +230,54 @@ def _is_slot(value: Any) -> bool:
     return isinstance(value, (types.MemberDescriptorType, types.GetSetDescriptorType))
 
 
+class _Import(NamedTuple):
+    """An import statement within a function: ``from <level dots><name> import <wanted>``."""
+
+    name: str
+    level: int
+    wanted: tuple[str, ...]
+
+
+def _imported(one: _Import, code: types.CodeType, known: dict[str, Any]) -> Any:
+    """Give the module that a function imports when it is called."""
+    try:
+        module = __import__(one.name, known, None, one.wanted, one.level)
+    except ImportError:
+        return "not there"
+    except Exception as error:
+        raise NoKeyError(
+            f"{one.name}, which {code.co_qualname} imports, cannot be known: {error}"
+        ) from error
+    return module if one.wanted else sys.modules[one.name]
+
+
 @functools.lru_cache(maxsize=1024)
-def _names(code: types.CodeType) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Give the globals, attributes and modules that a function and those within it name."""
+def _names(
+    code: types.CodeType,
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[_Import, ...]]:
+    """Give globals, attributes and imports that a function and those within it name."""
     names: set[str] = set()
     inside: set[str] = set()
-    imported: set[str] = set()
+    imports: set[_Import] = set()
+    level: Any = 0
+    wanted: Any = None  # before an import stand its level and the names it asks for
     for one in dis.get_instructions(code):
+        if one.opname == "EXTENDED_ARG":
+            continue
         if one.opname in _GLOBALS:
             names.add(one.argval)
         elif one.opname in _INSIDE:
             inside.add(one.argval)
         elif one.opname == "IMPORT_NAME":
-            imported.add(one.argval)
+            imports.add(_Import(one.argval, level, wanted or ()))
+        level, wanted = wanted, one.argval
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            for known, more in zip((names, inside, imported), _names(constant), strict=True):
-                known.update(more)
-    return tuple(sorted(names)), tuple(sorted(inside)), tuple(sorted(imported))
+            within = _names(constant)
+            names.update(within[0])
+            inside.update(within[1])
+            imports.update(within[2])
+    return tuple(sorted(names)), tuple(sorted(inside)), tuple(sorted(imports))
 
 
 def _named(kind: type) -> str:
@@ -259,7 +299,9 @@ def _is_users(module: str | None) -> bool:
         return True
     if module.partition(".")[0] in (*sys.stdlib_module_names, __name__.partition(".")[0]):
         return False
-    file = getattr(sys.modules[module], "__file__", None)
+    found = sys.modules[module]
+    folders = iter(getattr(found, "__path__", ()))  # a package without a file of its own has these
+    file = getattr(found, "__file__", None) or next(folders, None)
     return file is not None and not any(
         file.startswith(sysconfig.get_path(place)) for place in ("purelib", "platlib")
     )

@@ -10,11 +10,13 @@ while others write to the same folder. A part holds runs of one layout::
     numbers (run, number)   measured numbers in a row
     final (run, entry)      the states at their ends, if other runs start from these
 
-Its attribute ``layout`` tells, as JSON, which quantities the numbers and texts are of.
+Its attribute ``layout`` tells, as JSON, which quantities the numbers and texts are of; ``checksum``
+is that of all the rest.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import secrets
 import tempfile
@@ -26,19 +28,25 @@ from typing import Any
 import numpy as np
 
 from .. import files
+from ..exported import write_netcdf
 from ..optional import optional_module
 from ..stopping import without_ctrl_c
 from .rows import NOTHING, Axis, Layout, Outcome, Quantity
 
 __all__ = ["Store"]
 
-_FORMAT = 2
+_FORMAT = 3
 _NAME = "part-*.nc"
 #: Between two parts: at least so long [s], this share of the time since the sweep began, at most.
 #: A kill then costs little of what was computed, and long sweeps have some hundred parts.
 _LEAST, _SHARE, _MOST = 2.0, 0.01, 300.0
 #: Runs that did not end by themselves are not kept.
 _KEPT = ("finished", "failed")
+#: Raised by what reads netCDF, and here, of files that are not what was written.
+_DAMAGED = (
+    *(OSError, RuntimeError, ValueError, KeyError, TypeError, IndexError, AttributeError),
+    *(OverflowError, MemoryError),
+)
 _TEXTS = ("status", "message", "warnings", "kernels")
 
 
@@ -89,7 +97,7 @@ class Store:
         for part in sorted(self._path.glob(_NAME)):
             try:
                 found.update(self._read(part, wanted))
-            except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+            except _DAMAGED as error:
                 raise ValueError(
                     f"store {self._path}: {part.name} cannot be read ({error}): remove it, and its "
                     "runs are done again"
@@ -123,8 +131,11 @@ class Store:
             by_layout.setdefault(group, []).append((key, outcome))
         for (layout, _), rows in by_layout.items():
             part = self._path / f"part-{time.time_ns():020d}-{secrets.token_hex(4)}.nc"
-            with files.replacing(part) as temporary:
-                self._dataset(layout, rows).to_netcdf(temporary, engine="netcdf4")
+            try:
+                write_netcdf(self._dataset(layout, rows), part)
+            except OSError as error:
+                what = f"{error.strerror}; make room there: what was written before is kept"
+                raise OSError(error.errno, what, error.filename) from error
         self._waiting.clear()
         self._written = time.monotonic()
 
@@ -146,7 +157,8 @@ class Store:
         plain = [
             [*one[:1], [list(axis) for axis in one.axes], *one[2:]] for one in layout.quantities
         ]
-        return self._xarray.Dataset(data, attrs={"format": _FORMAT, "layout": json.dumps(plain)})
+        dataset = self._xarray.Dataset(data, attrs={"layout": json.dumps(plain)})
+        return dataset.assign_attrs(format=_FORMAT, checksum=_checksum(dataset))
 
     def _read(self, part: Path, wanted: set[str]) -> Iterator[tuple[str, Outcome]]:
         with self._xarray.open_dataset(part, engine="netcdf4", decode_cf=False) as dataset:
@@ -156,6 +168,8 @@ class Store:
             if wanted.isdisjoint(keys):
                 return
             dataset.load()
+        if dataset.attrs["checksum"] != _checksum(dataset):
+            raise ValueError("its checksum does not fit: what it holds has been changed")
         layout = _layout(json.loads(dataset.attrs["layout"]))
         nothing = np.zeros((len(keys), 0))
         numbers, final = (
@@ -176,6 +190,16 @@ class Store:
                         **dict(zip(_TEXTS, said, strict=False)),
                     ),
                 )
+
+
+def _checksum(dataset: Any) -> str:
+    digest = hashlib.sha256(dataset.attrs["layout"].encode())
+    for name in sorted(dataset.variables):
+        values = dataset[name].values
+        texts = values.dtype.kind not in "fiu"
+        digest.update(name.encode())
+        digest.update("\0".join(map(str, values)).encode() if texts else values.tobytes())
+    return digest.hexdigest()
 
 
 def _layout(plain: list[Any]) -> Layout:

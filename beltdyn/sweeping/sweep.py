@@ -129,8 +129,9 @@ def sweep(
             up, with the status "lost".
         store: A folder that keeps all outcomes as the sweep goes (netCDF files). A sweep that was
             killed, or that has got more points, computes only what is missing in it. Runs are known
-            by their content and the version of this package, not by the sweep they are from. Not
-            seen: changes in functions that yours call; give another ``version`` then.
+            by their content and the build of this package, not by the sweep they are from; Python
+            functions by their code and that of yours which they use or import. Not seen: the
+            contents of files that they read; give another ``version`` then. Files have checksums.
         warm: A name that is swept, in a grid: each run starts from the end of the run with the
             value of this name before, at t = 0, and not from rest (unless that one failed). For
             steady states that change slowly along it.
@@ -151,8 +152,9 @@ def sweep(
 
     Raises:
         ImportError: xarray is not installed; or loky, which processes need.
-        TypeError, ValueError: An argument breaks its rule, before anything runs.
-        OSError: The store cannot be written.
+        TypeError, ValueError: An argument breaks its rule, before anything runs; a part of the
+            store is damaged, or a function's content cannot be known: the message says which.
+        OSError: The store cannot be written; what was written before is kept.
         RuntimeError: The executor given takes no more work.
         SweepInterrupted: Ctrl-C; ``.dataset`` holds what was done.
     """
