@@ -16,7 +16,7 @@ from .histories import EnergyLedger, PulleyHistory, Stats
 from .sanity import Drive
 from .state import State
 
-__all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "known"]
+__all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "known", "rounded"]
 
 #: Errors in time below this are not told apart: histories are compared as they are sampled, and a
 #: millionth is beyond what any datum of a belt is known to.
@@ -62,6 +62,13 @@ class QuantityError:
     space: float | None = None
     order: float | None = None
     compliance: float | None = None
+
+    @property
+    def known(self) -> float | None:
+        """Sum of those that are known; None unless that of the mesh is."""
+        if self.space is None:
+            return None
+        return (self.time or 0.0) + self.space + (self.compliance or 0.0)
 
     @property
     def total(self) -> float | None:
@@ -278,9 +285,26 @@ def _of_mesh(run: Run) -> dict[str, float]:
     lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
     lost /= float(t[-1] - t[first])
     carried = mean_rim_speed(run) * max(pull, FAINT * tension)
+    half = 0.5 / params.belt.n_bodies  # a link at the ends of arcs, in the belt's forces and means
     if power > 0.0 and carried > 0.0:
-        found |= {"power": lost / power, "friction": lost / carried}
+        found |= {"power": lost / power + half, "friction": lost / carried + half}
     return found
+
+
+def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
+    """Round a number to the place of the first digit of its error; give it and its digits.
+
+    Args:
+        value: The number.
+        error: Its relative error [1]; None, not known, leaves two digits.
+        digits: The most; the least are two.
+    """
+    left = 2
+    if error is not None and value != 0.0:
+        of_error = math.log10(max(error * abs(value), 1e-300))
+        left = 1 + math.floor(math.log10(abs(value))) - math.floor(of_error)
+    left = min(max(left, 2), digits)
+    return float(f"{value:.{left - 1}e}"), left
 
 
 def _share(value: float | None, floor: float) -> str:

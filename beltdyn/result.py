@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, exported, labelled, saved
-from .accuracy_report import Accuracy, known
+from .accuracy_report import Accuracy, known, rounded
 from .arcs import Arcs, arcs_of
 from .averages import LAST
 from .checks import Array, close_to, flag, real_array
@@ -340,7 +340,8 @@ class Result:
         """List the most important results, and how accurate they are, as pairs of label and value.
 
         Speeds, tensions and creep are means over the last fifth of the run, because links that
-        arrive at a pulley or leave it make them fluctuate from sample to sample.
+        arrive at a pulley or leave it make them fluctuate from sample to sample. They have the
+        digits that their error leaves them, two where it is not known.
 
         Args:
             verbose: Whether to add what the integrator did.
@@ -349,8 +350,8 @@ class Result:
         spans = [span_name(k, names, unnamed="") for k in range(len(names))]
         named = any(spans)
 
-        def listed(values: Array, form: str, of: Sequence[str], unit: str) -> str:
-            texts = ["-" if v != v else f"{v:{form}}" for v in values]
+        def listed(values: Array, error: float | None, of: Sequence[str], unit: str) -> str:
+            texts = ["-" if v != v else f"{rounded(v, error)[0]:.5g}" for v in values]
             return (with_names(texts, of) if named else ", ".join(texts)) + unit
 
         stats = self.stats
@@ -359,14 +360,15 @@ class Result:
             rows.append(("warnings", f"{len(self.warnings)}: {', '.join(_named(self.warnings))}"))
         if self.unchecked:
             rows.append(("  not looked for", f"{', '.join(self.unchecked)}, for want of outputs"))
+        of_tension, of_creep = (self.accuracy[one].known for one in ("span_mean", "creep"))
         if self.t.size:
             late = self.t >= self.t[-1] - LAST * (self.t[-1] - self.t[0])
             rows.append(("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"))
             if self._has("pulleys.omega"):
                 speeds = self.pulleys.omega[late].mean(axis=0)
-                rows.append(("  pulley speeds", listed(speeds, ".5g", names, " rad/s")))
+                rows.append(("  pulley speeds", listed(speeds, 0.0, names, " rad/s")))
             if self._has("span_tension"):
-                tensions = listed(_mean(self.span_tension[late]), ".5g", spans, " N")
+                tensions = listed(_mean(self.span_tension[late]), of_tension, spans, " N")
                 rows.append(("  span tensions", tensions))
             moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
             if self.mounts is not None and moving and self._has("mounts.travel"):
@@ -378,15 +380,17 @@ class Result:
                 of = [one.name for one in lost]
                 parts = np.array([(one.slower, one.as_share * one.creep) for one in lost])
                 percent = 100.0 * parts.T
-                rows.append((f"  speed lost against {driver}", listed(percent[0], ".3g", of, " %")))
+                rows.append(
+                    (f"  speed lost against {driver}", listed(percent[0], of_creep, of, " %"))
+                )
                 # The rest is running radii: report() has all parts.
-                rows.append(("    by creep alone", listed(percent[1], ".3g", of, " %")))
+                rows.append(("    by creep alone", listed(percent[1], of_creep, of, " %")))
             elif self._has("pulleys.omega"):  # no split of it can be told
                 slip = self._slip(speeds[None])[0, 1:]
                 # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
                 if slip.size and (np.abs(slip) <= 1.0).all():
                     against = f"  speed lost against {names[0]}"
-                    rows.append((against, listed(100 * slip, ".3g", names[1:], " %")))
+                    rows.append((against, listed(100 * slip, of_creep, names[1:], " %")))
         rows += self.accuracy.summary()
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]

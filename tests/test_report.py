@@ -10,11 +10,13 @@ import sys
 from typing import Any
 
 import attrs
+import drives
 import numpy as np
 import pandas
 import pytest
 
 import beltdyn as bd
+from beltdyn.accuracy_report import rounded
 from beltdyn.report import Rows
 from beltdyn.report.text import _fitted, tables
 
@@ -105,13 +107,14 @@ def test_numbers_are_those_of_the_run() -> None:
     rows, told = dict(run.summary()), run.report()
     split = told.creep["alternator"]
     slower = 100.0 * (1.0 - split.ratio / split.nominal)
-    assert rows["  speed lost against crank"].startswith(f"alternator: {slower:.3g}")
-    creep = f"alternator: {100.0 * split.creep * split.slower / split.lost:.3g}"
+    # to the two digits that are left of a creep whose error is not known
+    assert rows["  speed lost against crank"].startswith(f"alternator: {slower:.2g}")
+    creep = f"alternator: {100.0 * split.creep * split.slower / split.lost:.2g}"
     assert rows["    by creep alone"].startswith(creep)
-    line = next(one for one in told.text(full=True).splitlines() if f"{split.ratio:.4f}" in one)
+    line = next(one for one in told.text(full=True).splitlines() if f"{split.ratio:.4g}" in one)
     printed = [float(cell) for cell in line.split()[2:]]
-    assert printed[0] == pytest.approx(slower, abs=5e-4)
-    assert sum(printed[1:]) == pytest.approx(printed[0], abs=2.5e-3)
+    assert printed[0] == pytest.approx(slower, abs=5e-3)
+    assert sum(printed[1:]) == pytest.approx(printed[0], abs=2.5e-2)  # five numbers' rounding
 
 
 def test_headings_and_summaries_have_the_units_of_their_numbers() -> None:
@@ -368,3 +371,54 @@ def test_the_command_prints_it() -> None:
         refused = run("--last", bad)
         assert refused.exit_code == 2
         assert "--last must be > 0 and <= 1 (a share of the run)" in refused.stderr
+
+
+def test_efficiency_and_powers_have_the_error_of_their_mesh() -> None:
+    """The README's drive at 20 m/s under 10 N m: a belt that creeps by 0.14 % loses as much, and
+    what 60 links lose beyond are their blows, of m (v l0 / R)^2 / 2 each.
+    """
+    params = attrs.evolve(
+        drives.plain(),
+        belt=bd.Belt(
+            length=1.2, n_bodies=60, linear_density=0.1, axial_stiffness=70e3, axial_damping=1.4
+        ),
+        contact=bd.Contact(),
+        friction=bd.Dahl(mu_k=1.0, sigma=1e4),
+    )
+    motion = {0: bd.PiecewiseLinear([0.0, 1.0], [-200.0, -200.0])}
+    load = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [0.0, 10.0]])
+    run = bd.simulate(params, load, 0.1, motion, rtol=1e-3)
+    told = run.report()
+    creep = 10.0 / 0.1 / 70e3
+    assert told.efficiency is not None and told.efficiency_error is not None
+    short = 1.0 - creep - told.efficiency
+    assert 1.0 / 3.0 < told.efficiency_error / short < 3.0
+    blows = 2.0 * 0.5 * 0.1 * 20.0**3 * (0.02 / 0.1) ** 2
+    assert told.powers["damping in the contact"].power == pytest.approx(blows, rel=0.5)
+    # in the numbers that are printed
+    assert told.power_error is not None and told.power_error > told.efficiency_error
+    assert told.power_error == run.accuracy["power"].space
+    text = str(told)
+    assert "Efficiency 98 %" in text or "Efficiency 99 %" in text
+    assert f"The error is some {100.0 * told.efficiency_error:.1f} %" in " ".join(text.split())
+    assert (
+        f"{1e2 * told.creep[0].slower:.2g} %"
+        in dict(run.summary())["  speed lost against pulley 0"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "expected"),
+    [
+        (2033.9, 0.0168, (2030.0, 3)),
+        (902.24, 0.0086, (902.0, 3)),
+        (0.138, None, (0.14, 2)),
+        (99.861, 3e-6, (99.86, 4)),
+        (-541.7, 3.0, (-540.0, 2)),
+        (0.0, 0.1, (0.0, 2)),
+    ],
+)
+def test_numbers_have_the_digits_that_their_error_leaves(
+    value: float, error: float | None, expected: tuple[float, int]
+) -> None:
+    assert rounded(value, error) == expected

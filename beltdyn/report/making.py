@@ -96,7 +96,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
     if driver is not None and touched is not None and len(run.params.pulleys) > 1:
         creep, said = creep_rows(window, touched, driver)
         notes += said
-    powers, efficiency, said = power_rows(window, touched)
+    powers, efficiency, efficiency_error, said = power_rows(window, touched)
     notes += said
     counted = cycle_rows(window, driver, which)
     notes += counted.notes
@@ -118,6 +118,10 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         creep=Rows(creep),
         powers=Rows(powers),
         efficiency=efficiency,
+        efficiency_error=efficiency_error,
+        power_error=run.accuracy["power"].known,
+        tension_error=run.accuracy["span_mean"].known,
+        creep_error=run.accuracy["creep"].known,
         cycles=tuple(counted.cycles),
         joint=which,
         cycles_begin=counted.begin,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import _core
+from .. import _core, sanity
 from ..mounts import Arm, Slider, friction_stiffness
 from .rows import Power
 from .touching import Touching
@@ -29,8 +29,8 @@ STORED = 0.01
 
 def power_rows(
     window: Window, touching: Touching | None
-) -> tuple[list[Power], float | None, list[str]]:
-    """Give the rows, the efficiency and what is missing.
+) -> tuple[list[Power], float | None, float | None, list[str]]:
+    """Give the rows, the efficiency, its error and what is missing.
 
     Losses and the change of what is stored are differences of the ledger over the window, exact but
     for its residual. Powers of pulleys are means of samples; "error of sampling" is what their sum
@@ -41,15 +41,15 @@ def power_rows(
 
     Returns:
         Rows whose sizes add up: what is put in is the sum of all others. Efficiency: the part that
-        is not lost; None if nothing is put in, or what is stored changes.
+        is not lost; None if nothing is put in, or what is stored changes. Its error.
     """
     run, names = window.run, window.params.pulley_names
     if not run._has("energy"):
-        return [], None, ["no powers: energy not asked for (outputs of simulate)"]
+        return [], None, None, ["no powers: energy not asked for (outputs of simulate)"]
     if run.energy is None:
-        return [], None, ["no powers: the run has no energy ledger (ledger=False)"]
+        return [], None, None, ["no powers: the run has no energy ledger (ledger=False)"]
     if not (run._has("pulleys.omega") and run._has("pulleys.torque")):
-        return [], None, ["no powers: pulleys.omega or pulleys.torque not asked for"]
+        return [], None, None, ["no powers: pulleys.omega or pulleys.torque not asked for"]
     energy, lasts = run.energy, window.lasts
     notes: list[str] = []
 
@@ -92,7 +92,7 @@ def power_rows(
     rows.append(("change of what is stored", "stored", stored))
     rows.append(("error of sampling", "left", float(np.sum(powers)) - rate(energy.drive)))
     rows.append(("not accounted for (residual)", "left", -rate(energy.residual)))
-    efficiency = None
+    efficiency = error = None
     if not put_in > 0.0:
         notes.append("no efficiency: no pulley puts power in, in this window")
     elif abs(stored) > STORED * put_in:
@@ -102,14 +102,25 @@ def power_rows(
         )
     else:
         efficiency = 1.0 - lost / put_in
+        error = _error(window, put_in, rate(energy.contact_loss), rate(energy.friction_loss))
     return (
         [
             Power(name=n, kind=k, power=p, share=p / put_in if put_in > 0.0 else None)
             for n, k, p in rows
         ],
         efficiency,
+        error,
         notes,
     )
+
+
+def _error(window: Window, put_in: float, contact: float, friction: float) -> float:
+    """Give the error of the efficiency, measured or from what is lost in contact and friction."""
+    run, measured = window.run, window.run.accuracy["power"].total
+    lost = sanity.mesh_loss(window.params, contact, friction)
+    if run.accuracy.verified and measured is not None:
+        lost = measured * float(np.max(np.abs(run.pulleys.torque * run.pulleys.omega)))
+    return lost / put_in
 
 
 def _bristles(window: Window) -> np.ndarray | None:

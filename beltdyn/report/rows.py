@@ -286,6 +286,10 @@ class Told:
     creep: Rows[Creep]
     powers: Rows[Power]
     efficiency: float | None
+    efficiency_error: float | None
+    power_error: float | None
+    tension_error: float | None
+    creep_error: float | None
     cycles: tuple[Cycle, ...]
     joint: int
     cycles_begin: float

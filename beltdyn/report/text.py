@@ -9,8 +9,9 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from ..accuracy_report import rounded
 from .cycles import CLASSES
-from .rows import PulleyRow, Spread, Told
+from .rows import Power, PulleyRow, Spread, Told
 
 __all__ = ["Table", "columns", "html", "lines", "of_tables", "opening", "paragraphs", "tables"]
 
@@ -52,6 +53,13 @@ def _number(value: float | None, digits: int = 4) -> str:
         shown = f"{value:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
         return shown
     return f"{value:.{digits - 1}e}"
+
+
+def _within(value: float | None, error: float | None) -> str:
+    """Give a number with the digits that its relative error leaves it."""
+    if value is None or not math.isfinite(value):
+        return _number(value)
+    return _signed(_number(*rounded(value, error)))
 
 
 def _range(value: Spread | None, digits: int = 4, scale: float = 1.0) -> str:
@@ -117,12 +125,20 @@ def _motion(report: Told) -> Table:
                 _range(speed, 4),
                 _mean(row.torque),
                 _range(row.torque, 3),
-                _mean(_without(row.power, least)),
+                _power(report, _without(row.power, least)),
             )
         )
     heading = ("pulley", "1/min", "rad/s", "range", "torque", "range", "power")
     title = "Speed, torque in N m, power in W (counter-clockwise, and put in, positive)"
     return Table(title, heading, rows)
+
+
+def _power(report: Told, value: Spread | None) -> str:
+    if value is None or not value.mean:
+        return _mean(value)
+    largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
+    error = report.power_error
+    return _within(value.mean, error and error * largest / abs(value.mean))
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:
@@ -137,7 +153,7 @@ def _loads(report: Told) -> Table:
     rows = [
         (
             row.name,
-            _mean(row.hub_load),
+            _NONE if row.hub_load is None else _within(row.hub_load.mean, report.tension_error),
             _range(row.hub_load, 3),
             _direction(row.hub_direction),
             _degrees(row.wrap),
@@ -265,7 +281,7 @@ def _spans(report: Told) -> Table:
             (
                 row.name,
                 _NONE if row.length is None else f"{1e3 * row.length:.1f}",
-                _mean(row.tension),
+                _NONE if row.tension is None else _within(row.tension.mean, report.tension_error),
                 _range(row.tension, 3),
                 line,
                 _NONE if row.amplitude is None else f"{_number(row.amplitude, 2)}",
@@ -356,18 +372,15 @@ def _mounts(report: Told) -> Table:
 
 
 def _creep(report: Told) -> Table:
-    rows = [
-        (
-            row.name,
-            _number(row.ratio, 5),
-            _percent(row.slower, 3),
-            _percent(row.as_share * row.stretch, 3),
-            _percent(row.as_share * row.friction, 3),
-            _percent(row.as_share * row.radius, 3),
-            _percent(row.as_share * row.remainder, 3),
-        )
-        for row in report.creep
-    ]
+    # Parts have the decimals of the whole, which has the digits that its error leaves it.
+    most = max((100.0 * abs(row.slower) for row in report.creep), default=0.0)
+    shown = _within(most, report.creep_error)
+    decimals = min(3, len(shown.partition(".")[2]))
+    rows = []
+    for row in report.creep:
+        causes = (row.stretch, row.friction, row.radius, row.remainder)
+        parts = (row.slower, *(row.as_share * one for one in causes))
+        rows.append((row.name, _number(row.ratio, 4), *(_percent(one, decimals) for one in parts)))
     heading = (
         "pulley",
         "ratio",
@@ -397,11 +410,21 @@ def _powers(report: Told) -> Table:
     kinds = {"in": "put in by", "out": "taken off by", "lost": "lost:", "stored": "", "left": ""}
     # Shares of what is put in say nothing where a drive lives on what it has stored.
     shares = all(abs(row.share or 0.0) <= 1.0 + TURNED for row in report.powers)
+
+    largest = max((row.power for row in report.powers if row.kind in ("in", "out")), default=0.0)
+
+    def shown(row: Power, value: float) -> str:
+        """Losses have two digits: what one of them lacks another one may have."""
+        if abs(value) < 0.005:
+            return "0.00"
+        error = None if row.kind not in ("in", "out") else report.power_error
+        return _within(value, error and error * largest / row.power)
+
     rows = [
         (
             f"{kinds[row.kind]} {row.name}".strip(),
-            _number(row.power),
-            _percent(row.share, 2) if shares else _NONE,
+            shown(row, row.power),
+            shown(row, 100.0 * (row.share or 0.0)) if shares else _NONE,
         )
         for row in report.powers
     ]
@@ -409,8 +432,11 @@ def _powers(report: Told) -> Table:
     if not shares:
         remarks = ("No percentages: more is taken off or stored than is put in.",)
     if report.efficiency is not None:
+        error = report.efficiency_error or 0.0
         remarks = (
-            f"Efficiency {100.0 * report.efficiency:.2f} %: what is put in less what is lost.",
+            f"Efficiency {_within(100.0 * report.efficiency, error)} %: what is put in less what "
+            f"is lost. The error is some {_number(100.0 * error, 2)} %: so much may be lost by "
+            "links as they land, in the contact's damping; more links tell.",
         )
     return Table("Power: what is put in is the sum of all below", ("", "W", "%"), rows, remarks)
 
