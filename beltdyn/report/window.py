@@ -51,10 +51,6 @@ class Run(Sampled, Protocol):
     """The part of :class:`beltdyn.Result` that is needed here; it imports this package."""
 
     @property
-    def accuracy(self) -> Accuracy:
-        """What is known of its accuracy."""
-
-    @property
     def joints(self) -> JointHistory:
         """Histories of the joints."""
 
