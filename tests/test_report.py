@@ -139,8 +139,8 @@ def test_headings_and_summaries_have_the_units_of_their_numbers() -> None:
         ("Power", "W"): [one.power for one in told.powers],
     }.items():
         cells = [float(cell) for cell in printed[heading]]
-        # 4 digits, angles to 1 degree; powers of 0 are those of rounding
-        assert cells == pytest.approx(numbers, rel=1e-3, abs=0.51 if "deg" in heading[1] else 1e-6)
+        # two digits at least are left by errors, angles are to 1 degree; 0 is to 0.01 W
+        assert cells == pytest.approx(numbers, rel=5e-2, abs=0.51 if "deg" in heading[1] else 5e-3)
     assert "torque in N m, power in W (" in titles and "Spans: tension in N," in titles
     rows, late = dict(run.summary()), run.t >= 0.8 * run.t[-1]
     for label, values, unit in (
@@ -253,7 +253,7 @@ def test_what_is_asked_first_is_one_screen() -> None:
     line = next(one for one in text.splitlines() if one.split()[0:1] == ["alternator"])
     for value in (
         f"{alternator.speed.mean * 30.0 / math.pi:.4g}",
-        f"{alternator.hub_load.mean:.3g}",
+        f"{rounded(alternator.hub_load.mean, told.tension_error)[0]:.0f}",
         f"{alternator.hub_load.most:.3g}",
         f"{alternator.margin:.2f}",
         f"{alternator.least_margin:.2f}",
@@ -398,8 +398,9 @@ def test_efficiency_and_powers_have_the_error_of_their_mesh() -> None:
     # in the numbers that are printed
     assert told.power_error is not None and told.power_error > told.efficiency_error
     assert told.power_error == run.accuracy["power"].space
-    text = str(told)
-    assert "Efficiency 98 %" in text or "Efficiency 99 %" in text
+    text = told.text(full=True)
+    for one in (text, str(told)):
+        assert re.search("fficiency 9[89] %", " ".join(one.split()))
     assert f"The error is some {100.0 * told.efficiency_error:.1f} %" in " ".join(text.split())
     assert (
         f"{1e2 * told.creep[0].slower:.2g} %"

@@ -19,8 +19,10 @@ from .text import (
     _mean,
     _number,
     _percent,
+    _power,
     _range,
     _when,
+    _within,
     _without,
     columns,
     opening,
@@ -131,10 +133,10 @@ def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
     return (
         row.name,
         _mean(_without(row.speed, _STILL), 4, _TO_RPM),
-        _percent(None if creep is None else creep.slower, 2),
+        _NONE if creep is None else _within(100.0 * creep.slower, report.creep_error),
         _mean(row.torque),
-        _mean(power),
-        _mean(row.hub_load, 3),
+        _power(report, power),
+        _NONE if row.hub_load is None else _within(row.hub_load.mean, report.tension_error),
         _NONE if row.hub_load is None else _number(row.hub_load.most, 3),
         _direction(row.hub_direction),
         _percent(row.used, 0),
@@ -151,7 +153,7 @@ def _spans(report: Told) -> Table:
             (
                 row.name,
                 _number(ends[0], 3),
-                _mean(row.tension),
+                _NONE if row.tension is None else _within(row.tension.mean, report.tension_error),
                 _number(ends[1], 3),
                 *((_NONE, _NONE) if row.of_run is None else _ends(row)),
                 _number(row.frequency, 3),
@@ -206,7 +208,7 @@ def _closing(report: Told) -> Iterator[str]:
     if first is not None:
         yield f"Slip: {first.name} slips first, {_when(first)}."
     if report.powers:
-        yield f"Power: {_power(report)}."
+        yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
     if report.warnings:
         yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
@@ -217,24 +219,26 @@ def _closing(report: Told) -> Iterator[str]:
     )
 
 
-def _power(report: Told) -> str:
+def _balance(report: Told) -> str:
     def total(kind: str) -> float:
         return sum(one.power for one in report.powers if one.kind == kind)
 
     put_in, lost = total("in"), total("lost")
-    told = f"{_number(put_in)} W put in, {_number(total('out'))} W taken off"
-    told += f", {_number(lost, 3)} W lost"
+    ends = [_within(one, report.power_error) for one in (put_in, total("out"))]
+    told = f"{ends[0]} W put in, {ends[1]} W taken off, {_number(lost, 2)} W lost"
     parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
     shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
     if shown:
         told += f" (most: {', '.join(map(_loss, shown))})"
     if report.efficiency is not None:
-        return f"{told}; efficiency {100.0 * report.efficiency:.2f} %"
+        error = report.efficiency_error or 0.0
+        told += f"; efficiency {_within(100.0 * report.efficiency, error)} %"
+        return f"{told}, by the mesh off by some {_number(100.0 * error, 2)} %"
     return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
 
 
 def _loss(one: Power) -> str:
-    return f"{one.name} {_number(one.power, 3)}"
+    return f"{one.name} {_number(one.power, 2)}"
 
 
 def _named(report: Told) -> list[str]:
