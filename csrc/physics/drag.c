@@ -38,11 +38,50 @@ double bd_drag_torque(const bd_model *model, int j, double omega) {
   return bd_resistance(&model->drag[j], omega, bd_turning_speed(model, j)).torque;
 }
 
-double bd_drag_torque_in(const bd_model *model, const double *y, int j) {
+/* Of pulley j at a state, against the arm on which it may stand. */
+static double drag_speed(const bd_model *model, const double *y, int j) {
   const bd_layout *lay = &model->lay;
-  const bd_mounted *arm = bd_arm_of(model, j);
-  const double turning = arm ? y[lay->travel_speed + model->mount_of[j]] : 0.0;
-  return bd_drag_torque(model, j, y[lay->omega + j] - turning);
+  const double turning = bd_arm_of(model, j) ? y[lay->travel_speed + model->mount_of[j]] : 0.0;
+  return y[lay->omega + j] - turning;
+}
+
+double bd_drag_torque_in(const bd_model *model, const double *y, int j) {
+  return bd_drag_torque(model, j, drag_speed(model, y, j));
+}
+
+static void add_off_line(bd_resisting *sum, bd_resisting here, bd_resisting there, double faster) {
+  sum->torque += there.torque - here.torque - here.slope * faster;
+  sum->slope += here.slope;
+}
+
+static bd_resisting load_at(const bd_plan *plan, const bd_torque_term *term, double factor,
+                            const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_load_value load = bd_load_at(&plan->torques, term, y + lay->theta, y + lay->omega);
+  return (bd_resisting){.torque = -factor * load.torque, .slope = -factor * load.by_omega};
+}
+
+bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double *y,
+                                    const double *y_new, int j) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_torque_set *set = &plan->torques;
+  bd_resisting sum = {0.0, 0.0};
+  if (model->drag) {
+    const double before = drag_speed(model, y, j), after = drag_speed(model, y_new, j);
+    const double w0 = bd_turning_speed(model, j);
+    add_off_line(&sum, bd_resistance(&model->drag[j], before, w0),
+                 bd_resistance(&model->drag[j], after, w0), after - before);
+  }
+  for (size_t k = 0; k < set->n_terms; ++k) {
+    const bd_torque_term *term = &set->terms[k];
+    if (term->pulley == j && (term->kind == BD_TORQUE_LOAD || term->kind == BD_TORQUE_TABLE)) {
+      const double factor = bd_load_factor(term, t, plan->t_piece);
+      add_off_line(&sum, load_at(plan, term, factor, y), load_at(plan, term, factor, y_new),
+                   y_new[lay->omega + j] - y[lay->omega + j]);
+    }
+  }
+  return sum;
 }
 
 /* --- the effect ------------------------------------------------------------------------------ */
@@ -75,11 +114,8 @@ int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
 void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
   for (int j = 0; j < model->lay.np; ++j) {
-    const double turning =
-        bd_arm_of(model, j) ? y[model->lay.travel_speed + model->mount_of[j]] : 0.0;
-    const double omega = y[model->lay.omega + j] - turning;
     out->pulley_damping[j] =
-        bd_resistance(&model->drag[j], omega, bd_turning_speed(model, j)).slope;
+        bd_resistance(&model->drag[j], drag_speed(model, y, j), bd_turning_speed(model, j)).slope;
   }
 }
 

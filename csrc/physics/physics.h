@@ -226,6 +226,10 @@ bd_resisting bd_coulomb_drag(double size, double omega, double w0);
  * at which a belt under this tension can run. */
 bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);
 double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension);
+/* Of all that resists pulley j by its own speed, drag and loads: how far the torque at y_new is
+ * from the line through that at y, and the slope of this line. */
+bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double *y,
+                                    const double *y_new, int j);
 /* Torque of the drag on pulley j, in models with drag. */
 double bd_drag_torque(const bd_model *model, int j, double omega);
 int bd_drag_enabled(const bd_model *model, const bd_plan_options *options);

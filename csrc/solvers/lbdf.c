@@ -76,6 +76,7 @@ static int attempt(bd_stepper *stepper, double h, double *error) {
   kernels->combine(lay->size, stepper->y_new, stepper->y, 1.0, 1, &one, &d);
   if (stepper->n_history < order) {
     *error = kernels->error_norm(lay, 0.0, 1, &one, &d, stepper->weights); /* finite or not */
+    *error = fmax(*error, bd_implicit_hidden_error(stepper, h, g, stepper->y_new));
     return BD_OK;
   }
   const double local = order > 1 ? (1.0 + w) * (1.0 + w) / (w * (1.0 + 2.0 * w)) : 1.0;
@@ -85,6 +86,7 @@ static int attempt(bd_stepper *stepper, double h, double *error) {
       lay, local, order + 2, weights,
       (double *[]){stepper->y_new, stepper->y, stepper->history[0], stepper->history[1]},
       stepper->weights);
+  *error = fmax(*error, bd_implicit_hidden_error(stepper, h, g, stepper->y_new));
   return BD_OK;
 }
 

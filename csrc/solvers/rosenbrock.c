@@ -8,6 +8,7 @@
  * The last two stages stand at t + h, Y_s = Y_{s-1} + u_{s-1}, and y_new = Y_s + u_s: the last
  * stage is the error estimate, too.
  */
+#include <math.h>
 #include <string.h>
 
 #include "solvers/solvers.h"
@@ -58,6 +59,7 @@ int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
     double *last = u[m->stages - 1];
     kernels->combine(size, stepper->y_new, stepper->y_mid, 1.0, 1, &one, &last);
     *error = kernels->error_norm(&stepper->model->lay, 1.0, 1, &one, &last, stepper->weights);
+    *error = fmax(*error, bd_implicit_hidden_error(stepper, h, m->gamma * h, stepper->y_mid));
   }
   return code;
 }
