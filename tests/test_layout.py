@@ -70,8 +70,7 @@ def test_random_layouts() -> None:
         except ValueError:
             continue
         assert_is_tight(pulleys, route)
-        if route.turns == 0:
-            continue
+        assert abs(route.turns) == 1
         found += "outside" in sides
         signs = [1 if side == "inside" else -1 for side in sides]
         *_, winding, path = reference.belt_line(centers, radii, route.length, 90, signs)
@@ -80,14 +79,101 @@ def test_random_layouts() -> None:
     assert found >= 15
 
 
+def crosses_itself(route: bd.Route, pulleys: list[bd.Pulley]) -> bool:
+    """Whether two sides of the belt line as a polygon, arcs in 24 parts, cross each other."""
+    along = np.linspace(0.0, 1.0, 24)
+    arcs = []
+    for k, one in enumerate(pulleys):
+        x, y = route.arrive[k] - one.center
+        at = math.atan2(y, x) + route.senses[k] * route.wraps[k] * along
+        arcs.append(one.center + one.radius * np.column_stack([np.cos(at), np.sin(at)]))
+    begin = np.concatenate(arcs)
+    end = np.roll(begin, -1, axis=0)
+
+    def left(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
+        (ax, ay), (bx, by) = np.moveaxis(q - p, -1, 0), np.moveaxis(r - p, -1, 0)
+        return ax * by - ay * bx
+
+    a, b, c, d = begin[:, None], end[:, None], begin[None], end[None]
+    apart = (left(a, b, c) * left(a, b, d) < 0.0) & (left(c, d, a) * left(c, d, b) < 0.0)
+    return bool(apart[np.triu_indices(len(begin), 2)].any())
+
+
+def with_idlers(rng: np.random.Generator) -> list[bd.Pulley] | None:
+    """Three to five pulleys, and up to three idlers on the belt's back, or that just miss it."""
+    n = int(rng.integers(3, 6))
+    angle = np.sort(rng.uniform(0.0, 2.0 * np.pi, n)) * rng.choice([-1.0, 1.0])
+    radii, away = rng.uniform(0.03, 0.08, n), rng.uniform(0.2, 0.4, n)
+    plain = list(map(pulley, *(away * [np.cos(angle), np.sin(angle)]), radii))
+    try:
+        route = bd.route(plain)
+    except ValueError:
+        return None
+    found = []
+    for k, one in enumerate(plain):
+        found.append(one)
+        span = np.roll(route.arrive, -1, axis=0)[k] - route.leave[k]
+        out = route.turns * np.array([span[1], -span[0]]) / np.hypot(*span)
+        for part in (0.3, 0.7):
+            if rng.random() < 0.3 and len(found) < 7:
+                radius, gap = (
+                    rng.uniform(0.015, 0.04),
+                    rng.choice([0.03, 2e-3]) * rng.uniform(-1, 1),
+                )
+                x, y = route.leave[k] + part * span + (radius + gap) * out
+                found.append(pulley(x, y, radius, "outside"))
+    return found if 4 <= len(found) <= 7 and len(found) > n else None
+
+
+def test_no_belt_is_given_a_loop() -> None:
+    """Of random drives with idlers on the back, none that is accepted crosses itself, as by a loop
+    of 355 degrees round an idler that the belt misses by a little (a third did).
+    """
+    rng = np.random.default_rng(11)
+    drawn = [with_idlers(rng) for _ in range(150)]
+    accepted = missed = 0
+    for pulleys in drawn:
+        if pulleys is None:
+            continue
+        try:
+            route = bd.route(pulleys)
+        except ValueError as error:
+            missed += "misses it by" in str(error)
+            continue
+        accepted += 1
+        assert abs(route.turns) == 1 and not crosses_itself(route, pulleys)
+    assert accepted >= 10 and missed >= 10
+
+
+@pytest.mark.parametrize("names", [(None, "pulleys[1]"), ("idler", 'pulley "idler"')])
+def test_an_idler_that_the_belt_misses_is_named(names: tuple[str | None, str]) -> None:
+    """By how much it misses it: moved by that, it just touches. In a drive of three as of four."""
+
+    def layout(y: float, n: int) -> list[bd.Pulley]:
+        idler = bd.Pulley(center=(0.2, y), radius=0.04, inertia=0.01, side="outside", name=names[0])
+        around = [pulley(0.0, 0.0, 0.1), idler, pulley(0.4, 0.0, 0.1), pulley(0.2, -0.25, 0.05)]
+        return around[:n]
+
+    for n in (3, 4):
+        assert 0.0 < bd.route(layout(0.1399, n)).wraps[1] < 0.01
+        for away in (1e-4, 1e-3, 0.02):
+            with pytest.raises(ValueError, match="cannot be reached") as refused:
+                bd.route(layout(0.14 + away, n))
+            assert str(refused.value).startswith(f"{names[1]} cannot be reached by the belt")
+            assert f"the belt misses it by {away:.3g} m: move it towards the belt" in str(
+                refused.value
+            )
+
+
 A, B = pulley(0.0, 0.0, 0.08), pulley(0.30, 0.02, 0.10)
 
 
 def test_routes_that_there_are_not() -> None:
     for pulleys, message in (
         ((pulley(0.0, 0.0, 0.08, "outside"), B), r"pulleys\[0\] must be inside"),
-        ((A, pulley(0.12, 0.30, 0.04, "outside"), B), r"pulleys\[2\] cannot be reached"),
-        ((A, pulley(0.15, 0.30, 0.04, "outside"), B), "other side of the belt"),
+        ((A, pulley(0.12, 0.30, 0.04, "outside"), B), r"pulleys\[1\] cannot be reached"),
+        ((A, pulley(0.15, 0.09, 0.03, "outside"), B, pulley(0.15, 0.0, 0.01)),
+         "other side of the belt"),
         ((A, pulley(0.15, 0.05, 0.02), B), "cannot be reached"),
         ((A, pulley(0.10, 0.02, 0.04, "outside"), B), r"pulleys\[0\] and pulleys\[1\] overlap"),
         ((A, B, pulley(0.15, -0.02, 0.03), pulley(0.16, 0.3, 0.03)), "cannot be reached"),

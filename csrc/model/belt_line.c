@@ -10,8 +10,9 @@
  * centres. The wrap on a pulley is the turn from the normal of arrival to that of departure.
  *
  * Which sides and orders are a drive: on a loop that does not cross itself all turns add up to one
- * (H. Hopf 1935), on a crossed one they may add up to none, as in a figure of eight. No span may
- * pass through a pulley.
+ * (H. Hopf 1935). Two pulleys may be crossed, a figure of eight whose turns add up to none; of
+ * more, that would be what a pulley on the belt's back gets which the belt misses: a loop of its
+ * own. No span may pass through a pulley.
  */
 #include <math.h>
 #include <stdio.h>
@@ -81,15 +82,20 @@ static double lay(bd_route *route) {
   return total;
 }
 
+/* The points of two rims at these angles. */
+static void ends_of(const bd_route *route, int i, double leave, int j, double arrive,
+                    double ends[4]) {
+  ends[0] = route->cx[i] + route->radius[i] * cos(leave);
+  ends[1] = route->cy[i] + route->radius[i] * sin(leave);
+  ends[2] = route->cx[j] + route->radius[j] * cos(arrive);
+  ends[3] = route->cy[j] + route->radius[j] * sin(arrive);
+}
+
 /* Where the belt leaves pulley k, and where it arrives at the next. */
 static void span_ends(const bd_route *route, int k, double ends[4]) {
   const int l = (k + 1) % route->np;
-  const double leave = route->wraps[k].arrive + route->wraps[k].sense * route->wraps[k].wrap,
-               arrive = route->wraps[l].arrive;
-  ends[0] = route->cx[k] + route->radius[k] * cos(leave);
-  ends[1] = route->cy[k] + route->radius[k] * sin(leave);
-  ends[2] = route->cx[l] + route->radius[l] * cos(arrive);
-  ends[3] = route->cy[l] + route->radius[l] * sin(arrive);
+  const bd_wrap *wrap = &route->wraps[k];
+  ends_of(route, k, wrap->arrive + wrap->sense * wrap->wrap, l, route->wraps[l].arrive, ends);
 }
 
 static double distance_to_span(const double e[4], double x, double y) {
@@ -125,17 +131,45 @@ static int passes_through(const bd_route *route, int *span, int *pulley) {
   return 0;
 }
 
-static int crossings(const bd_route *route) {
+/* How often the line crosses itself; *first, *last: of the spans that meet, those with the fewest
+ * pulleys on the way from one to the other. */
+static int crossings(const bd_route *route, int *first, int *last) {
   int found = 0;
   for (int k = 0; k < route->np; ++k) {
     double a[4], b[4];
     span_ends(route, k, a);
     for (int j = 0; j < k; ++j) {
       span_ends(route, j, b);
-      found += cross(a, b);
+      if (cross(a, b) && (found++ == 0 || k - j < *last - *first)) {
+        *first = j;
+        *last = k;
+      }
     }
   }
   return found;
+}
+
+/* A pulley outside the loop that the belt misses, by *gap, so that it could come there in a loop of
+ * its own alone: the line crosses itself before and behind it, and perhaps others; of these the one
+ * nearest to the span that there would be without them. -1: none. */
+static int missed(const bd_route *route, double *gap) {
+  int first, last, nearest = -1;
+  if (crossings(route, &first, &last) == 0 || (last + 1) % route->np == first) {
+    return -1;
+  }
+  const int next = (last + 1) % route->np;
+  double length, ends[4];
+  const double normal = span_normal(route, first, next, &length);
+  const double leave = met_at(route, first, normal), arrive = met_at(route, next, normal);
+  ends_of(route, first, leave, next, arrive, ends);
+  for (int k = first + 1; k <= last; ++k) {
+    const double away = distance_to_span(ends, route->cx[k], route->cy[k]) - route->radius[k];
+    if (route->side[k] < 0 && away > 0.0 && (nearest < 0 || away < *gap)) {
+      nearest = k;
+      *gap = away;
+    }
+  }
+  return nearest;
 }
 
 static int all_inside(const bd_route *route) {
@@ -168,20 +202,26 @@ static int turns_once(const bd_route *route, double total) {
 }
 
 /* Lays the line in the direction in which the centres go round. With pulleys outside the loop the
- * centres may go round the other way: then the shorter line that turns once. */
+ * centres may go round the other way: then the shorter line that turns once and does not cross
+ * itself. If there is none, that which crosses itself less: it says best what is wrong. */
 static double lay_either_way(bd_route *route) {
   double total = lay(route);
   if (all_inside(route) || route->np == 2) {
     return total;
   }
-  const double length = turns_once(route, total) ? route->length : (double)INFINITY;
-  route->direction = -route->direction;
-  total = lay(route);
-  if (turns_once(route, total) && route->length < length) {
-    return total;
+  double length[2];
+  int crossed[2], first, last;
+  for (int k = 0; k < 2; ++k) { /* the other way, and this one again */
+    crossed[k] = crossings(route, &first, &last);
+    length[k] = turns_once(route, total) && crossed[k] == 0 ? route->length : (double)INFINITY;
+    route->direction = -route->direction;
+    total = lay(route);
   }
-  route->direction = -route->direction;
-  return lay(route);
+  if (length[1] < length[0] || (isinf(length[0]) && crossed[1] < crossed[0])) {
+    route->direction = -route->direction;
+    total = lay(route);
+  }
+  return total;
 }
 
 int bd_belt_line_lay(bd_route *route, bd_error *err) {
@@ -233,9 +273,20 @@ int bd_belt_line_lay(bd_route *route, bd_error *err) {
   if (route->wraps[narrowest].wrap < 1e-9) {
     return refuse(err, route, narrowest, "on the sides given, the belt passes it by");
   }
-  const int crossed = crossings(route);
-  if (!(crossed == 0 && route->turns == route->direction) &&
-      !(crossed % 2 == 1 && route->turns == 0)) {
+  double gap = 0.0;
+  const int loop = np > 2 ? missed(route, &gap) : -1;
+  if (loop >= 0) {
+    char why[128];
+    snprintf(why, sizeof why,
+             "the belt misses it by %.3g m: move it towards the belt by more than that, or take it "
+             "out",
+             gap);
+    return refuse(err, route, loop, why);
+  }
+  int first, last;
+  const int crossed = crossings(route, &first, &last);
+  if (np > 2 ? crossed > 0 || route->turns != route->direction
+             : crossed != 1 || route->turns != 0) {
     return refuse(err, route, widest,
                   "on the sides given, the belt winds round it in a loop of its own: is it, or one "
                   "next to it, on the other side of the belt?");
