@@ -309,3 +309,32 @@ def test_a_final_state_goes_on_and_knows_no_angles() -> None:
     for name in ("x", "y", "vx", "phi"):
         assert np.array_equal(getattr(odd.belt, name), getattr(half.belt, name)), name
     assert np.array_equal(odd.joints.force, half.joints.force)
+
+
+def test_rates_know_of_no_numbering() -> None:
+    """Masses thrown off their pulleys, so that dampers take all force off bars which still touch: a
+    mass off the pulley has its share of the bar before it wherever a block of lanes begins. To the
+    bit, for each mass is computed from the same numbers.
+    """
+    params = drives.on_mesh(drives.plain(), "string")
+    state = dict(fields(bd.settle(params)))
+    away = (
+        np.array([[state["x"], state["y"]]])
+        - np.array([p.center for p in params.pulleys])[..., None]
+    )
+    near = np.argmin(np.hypot(away[:, 0], away[:, 1]), axis=0)
+    out = away[near, :, np.arange(near.size)].T
+    out = out / np.hypot(*out)
+    state["vx"], state["vy"] = 5.0 * out + np.array([-out[1], out[0]])
+    around = {"x", "y", "phi", "vx", "vy", "vphi", "mu", "slip"}
+
+    def rates(shift: int) -> dict[str, np.ndarray]:
+        rolled = {k: np.roll(v, -shift) if k in around else v for k, v in state.items()}
+        found = params._model.rate(rolled, np.zeros(2))
+        return {name: np.roll(found[name], shift) for name in ("vx", "vy", "mu", "slip")}
+
+    expected = rates(0)
+    assert np.abs(expected["mu"]).max() > 1e3
+    for k in range(1, 16):  # twice the lanes of the widest level
+        for name, values in rates(k).items():
+            assert np.array_equal(values, expected[name]), (k, name)

@@ -166,7 +166,7 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
       const mask mass = less(lane, splat(n - i));
       /* a mass on the axis has no penetration that is a number, and must show it */
       const mask off = less(here.p, none) & less(after.p, none);
-      if (!any(except(every, off) | less(none, before.right))) {
+      if (!any(except(every, off) | less(none, before.share_right))) {
         before = (pressed_links){none, none, none, none, none, none};
         continue;
       }
