@@ -126,7 +126,8 @@ def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Conta
     if contact.linear is not None and contact.damping is not None:
         return contact
     smallest = min(pulley.radius for pulley in pulleys)
-    linear = belt.axial_stiffness / (YIELD * smallest**2)
+    gives = YIELD * smallest**2
+    linear = belt.axial_stiffness / gives if gives > 0.0 else math.inf  # which is refused
     critical = 2.0 * math.sqrt(linear * belt.linear_density)
     damping = DAMPING * critical if contact.damping is None else contact.damping
     return attrs.evolve(contact, linear=linear, damping=damping)
@@ -149,7 +150,7 @@ def _depth(params: Drive, tension: Array, speed: float) -> Array:
     pull = tension * (1.0 + tension / belt.axial_stiffness) - curve
     pressure = np.maximum(pull, 0.0) / _radii(params)[:, None]
     # The root in the form that is exact for c1' = 0 and for c2' = 0.
-    return np.asarray(2.0 * pressure / (c2 + np.sqrt(c2**2 + 4.0 * c1 * pressure)))
+    return np.asarray(2.0 * pressure / (c2 + np.sqrt(c2 * c2 + 4.0 * c1 * pressure)))
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
@@ -165,12 +166,20 @@ def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0
         Depths, running radii, and what they change against pulleys that do not yield.
 
     Raises:
-        ValueError: Not one tension per pulley, or one that is negative or not finite.
+        ValueError: Not one tension per pulley, or one that is negative or not finite; or the
+            contact is so soft that it leaves no tension at rest.
     """
     belt, info, radii = params.belt, params.info, _radii(params)
     rest = np.full((radii.size, 2), float(info["strain_tension"]))
     if tension is None:
-        pulls = (1.0 - info["contact_strain"] / info["strain"]) * rest
+        left = 1.0 - info["contact_strain"] / info["strain"]
+        if not left > 0.0:
+            raise ValueError(
+                f"contact.linear is too small for belt.axial_stiffness = "
+                f"{belt.axial_stiffness:.4g} N: sinking into the pulleys takes all of the belt's "
+                f"strain of {info['strain']:.4g}"
+            )
+        pulls = left * rest
     else:
         after = np.asarray(tension, dtype=np.float64)
         if after.shape != radii.shape or not np.all(np.isfinite(after) & (after >= 0.0)):

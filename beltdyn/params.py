@@ -165,7 +165,7 @@ class Params:
         length = float(self._model.info["length"])
         try:
             return preload.rest_tension(self._scene, length, self.tensioning)
-        except RuntimeError:
+        except (RuntimeError, ValueError):  # or the scales of the drive are too far apart for it
             return float(self._model.info["mean_tension"])
 
     # What every run asks of its drive, computed once for all runs of the same one.

@@ -323,3 +323,20 @@ def test_implicit_steps_hardly_mind_a_stiff_contact() -> None:
             counted.append(bd.simulate(params, torque, 0.02, method=method, **given).stats.steps)
     assert steps["rodas4"][1] < 4.0 * steps["rodas4"][0], steps
     assert steps["tsit5"][1] > 5.0 * steps["tsit5"][0], steps
+
+
+def test_numbers_out_of_all_proportion() -> None:
+    """A contact that would take all of the strain is refused by name; where squares of its
+    stiffness are no numbers any more it is right; and a radius with no square has no contact chosen
+    for it.
+    """
+    stiff = drive(SOFT, axial_stiffness=1e150)
+    for said in (lambda: stiff.compliance, lambda: str(stiff)):
+        with pytest.raises(ValueError, match=r"contact\.linear is too small for belt\.axial_stiff"):
+            said()
+    stiffest = drive(axial_stiffness=1e300)
+    assert stiffest.compliance.relative_depth.max() < 1e-3
+    assert stiffest.compliance.tension == pytest.approx(stiffest.info["strain_tension"], rel=0.01)
+    assert "belt line" in str(drive(axial_stiffness=1e150))  # too fast to be settled
+    with pytest.raises(ValueError, match=r"contact\.linear must be finite"):
+        assert drive(radii=(1e-170, 0.12)).compliance

@@ -169,3 +169,22 @@ def test_in_python_and_toml() -> None:
     chosen = attrs.evolve(params, contact=bd.Contact(hunt_crossley=0.5)).effective_contact
     assert (chosen.damping, chosen.hunt_crossley, chosen.compensate) == (0.0, 0.5, True)
     assert chosen.linear is not None and chosen.linear > 0.0
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_settling_is_not_held_up_by_it(mesh: str) -> None:
+    """A damper has no say in an equilibrium: however strong, the belt settles in as many steps,
+    give or take what a critical one costs, where it took some ten million; and under the same
+    tension, to what friction makes of another way there.
+    """
+    plain, strong = (scene(mesh, hunt_crossley=d).params for d in (0.0, 1e6))
+    one, other = (
+        _core.Simulation.settle(each._model, None, tolerance=1e-6, friction=True)
+        for each in (plain, strong)
+    )
+    for sim in (one, other):
+        while not sim.advance(0.1):
+            assert sim.stats["steps"] < 100_000
+    assert other.stats["steps"] <= 10 * one.stats["steps"]
+    expected = plain.info["mean_tension"]
+    assert strong.info["mean_tension"] == pytest.approx(expected, rel=1e-3)

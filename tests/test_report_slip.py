@@ -180,6 +180,22 @@ def test_how_far_the_alternator_of_an_engine_is_from_slipping() -> None:
 
 
 @pytest.mark.filterwarnings("ignore:(compliance|long_links)")
+@pytest.mark.filterwarnings("ignore:units")
+@pytest.mark.parametrize("mu", [200.0, 250.0, 1e6])
+def test_a_belt_that_cannot_slip_has_a_report(mu: float) -> None:
+    """Its limit, e^(mu wrap), is no number any more from mu 226 on: unlimited, nothing in use."""
+    params = attrs.evolve(reduction(24), friction=bd.Dahl(mu_k=mu, sigma=1e4))
+    ramp = bd.PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-5.0, 0.0]])
+    report = bd.simulate(params, ramp + bd.Viscous([0.0, 0.5]), 0.02).report()
+    for row in report.pulleys:
+        assert row.limit == pytest.approx(math.exp(min(mu * row.wrap, 709.0))) or (
+            mu * row.wrap > 709.0 and row.limit == math.inf
+        )
+        assert row.used is not None and row.used < 0.05
+    assert "pulley 1" in str(report)
+    assert report.to_dict() is not None
+
+
 def test_wraps_and_limits_are_those_of_the_belt_line_and_of_euler() -> None:
     """Few links count badly: 1.3 on a small pulley; its limit is by the same wrap."""
     small = bd.Pulley(center=(0.17, 0.09), radius=0.01, inertia=1e-5, side="outside")

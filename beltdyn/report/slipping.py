@@ -147,7 +147,8 @@ class _Slipping:
                     "there is no ratio of tensions"
                 )
             if self.mu[k] > 0.0:
-                changes["limit"] = math.exp(self.mu[k] * self.wraps[k])
+                with np.errstate(over="ignore"):  # of a belt that cannot slip: unlimited
+                    changes["limit"] = float(np.exp(self.mu[k] * self.wraps[k]))
                 if slack > 0.0:
                     changes["used"] = float(mean[k])
                 history = self.over_time[:, k]

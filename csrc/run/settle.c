@@ -52,18 +52,37 @@ static double easiest_damping(const bd_model *model) {
   return 0.5 * sqrt(model->info.joint_stiffness * model->info.link_mass / (0.25 * model->shear));
 }
 
-/* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
- * stiffens with penetration: taken is that of PRESSED times the normal force on the belt line, as
- * much as links were seen to be pressed while they come to rest. */
-static double fastest_mode(const bd_model *model, int friction, double flow) {
+/* Times a radius, the most by which a link is pressed: PRESSED times the force on the belt line, as
+ * much as was seen while links come to rest. */
+static double pressed_by(const bd_model *model) {
   const bd_info *info = &model->info;
-  double tightest = model->radius[0], lowest;
+  const double PRESSED = 4.0;
+  return PRESSED * model->belt.axial_stiffness * (info->strain + info->mesh_strain) *
+         info->link_length;
+}
+
+static double tightest_radius(const bd_model *model) {
+  double tightest = model->radius[0];
   for (int j = 1; j < model->lay.np; ++j) {
     tightest = fmin(tightest, model->radius[j]);
   }
-  double tension = model->belt.axial_stiffness * (info->strain + info->mesh_strain);
-  const double PRESSED = 4.0;
-  const double pressed = PRESSED * tension * info->link_length, normal = pressed / tightest;
+  return tightest;
+}
+
+/* Damping by the force has no say in an equilibrium: so much that it is not more than critical. */
+static double easiest_by_force(const bd_model *model) {
+  const double normal = pressed_by(model) / tightest_radius(model);
+  const double contact =
+      bd_contact_stiffness(model->info.contact_quadratic, model->info.contact_linear, normal);
+  return fmin(model->contact.hunt_crossley, 2.0 * sqrt(contact * model->info.link_mass) / normal);
+}
+
+/* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
+ * stiffens with penetration. */
+static double fastest_mode(const bd_model *model, int friction, double flow) {
+  const bd_info *info = &model->info;
+  const double pressed = pressed_by(model), normal = pressed / tightest_radius(model);
+  double lowest;
   bd_friction_stiffness steepest = {0.0, 0.0, 0.0};
   for (int j = 0; friction && j < model->lay.np; ++j) {
     bd_friction_stiffness one = bd_friction_stiffness_of(model, j, pressed / model->radius[j]);
@@ -76,7 +95,7 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
   double k = model->shear * info->joint_stiffness / m +
              4.0 * info->bending_stiffness / info->link_inertia +
              (contact + steepest.stiffness) / m;
-  double d = bd_contact_damping(model, info->contact_damping, normal) / m + steepest.damping / m +
+  double d = (info->contact_damping + easiest_by_force(model) * normal) / m + steepest.damping / m +
              critical_mass_damping(model, flow, &lowest) +
              model->shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;
@@ -293,6 +312,9 @@ static void set_up(bd_settling *settling, double step) {
                                   .flow = settling->flow});
   if (!sim->stepper.method->implicit) {
     sim->stepper.plan.links.damping = easiest_damping(model);
+  }
+  for (int j = 0; j < model->lay.np; ++j) {
+    sim->stepper.plan.contact_pulleys[j].hunt_crossley = easiest_by_force(model);
   }
   /* critical for mounts as well: no inertia has a say in an equilibrium */
   for (int m = 0; m < model->lay.nm; ++m) {
