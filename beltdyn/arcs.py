@@ -10,7 +10,7 @@ from .checks import Array
 from .friction import Friction
 from .histories import BeltHistory, ContactHistory
 from .params import Params
-from .spans import Coordinates, joint_points
+from .spans import coordinates, joint_points
 
 __all__ = ["SLIP_FROM", "Arcs", "arcs_of", "contact_points", "in_slip", "slipping", "turns"]
 
@@ -106,7 +106,7 @@ def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
     The joints on the left of the links where contact acts along these, else their centres, or the
     masses of a string.
     """
-    part = Coordinates(belt.x[rows], belt.y[rows], belt.phi[rows])
+    part = coordinates(params, belt, rows)
     if params.belt.mesh != "joint" or params.belt_model == "string":
         return np.stack([part.x, part.y], axis=-1)
     return joint_points(params, part)

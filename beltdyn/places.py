@@ -16,7 +16,7 @@ from .histories import BeltHistory
 from .naming import span_name
 from .params import Params
 from .route import Route, route_at
-from .spans import Coordinates, joint_points
+from .spans import coordinates, joint_points
 
 __all__ = ["AlongBelt", "along", "line_parts", "momentum_flux", "routes", "where"]
 
@@ -136,7 +136,7 @@ def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array
     """Give where the numbers of a group belong: joints, links, or what contact is reported at."""
     if group == "contact":
         return contact_points(params, belt, rows)
-    part = Coordinates(belt.x[rows], belt.y[rows], belt.phi[rows])
+    part = coordinates(params, belt, rows)
     return np.stack([part.x, part.y], axis=-1) if group == "belt" else joint_points(params, part)
 
 

@@ -11,7 +11,7 @@ from . import _core
 from .checks import Array
 from .params import Params
 
-__all__ = ["Coordinates", "joint_points", "mid_span", "span_tension"]
+__all__ = ["Coordinates", "coordinates", "joint_points", "mid_span", "span_tension"]
 
 
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
@@ -53,6 +53,13 @@ class Coordinates(NamedTuple):
     x: Array
     y: Array
     phi: Array
+
+
+def coordinates(params: Params, belt: Line, rows: slice) -> Coordinates:
+    """Give those of some samples; of a string phi, on which no place depends, is not asked for."""
+    string = params.belt_model == "string"
+    x, y = belt.x[rows], belt.y[rows]
+    return Coordinates(x, y, np.zeros_like(x) if string else belt.phi[rows])
 
 
 def joint_points(params: Params, belt: Line) -> Array:

@@ -104,6 +104,32 @@ def test_a_place_sees_other_links_pass(loaded: bd.Result) -> None:
         np.testing.assert_allclose(middle, loaded.span_tension[:, k], atol=0.01 * middle.mean())
 
 
+@pytest.mark.parametrize("group", ["joints.force", "contact.normal", "belt.x"])
+def test_a_belt_without_bending_has_places(group: str) -> None:
+    """A string knows no angles: its masses and bars have places all the same, and pictures of them.
+    At rest they share the line; tensions are those of its bars.
+    """
+    base = drives.idler_scene().params
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, bending_stiffness=0.0))
+    assert params.belt_model == "string"
+    result, line = at_rest(params), params.route
+    found = result.along_belt(group)
+    assert found.values.shape == (2, found.s.size) and np.isfinite(found.values).all()
+    assert set(found.part) == {*params.pulley_names, "span 0 to 1", "span 1 to 2", "span 2 to 0"}
+    if group == "joints.force":
+        at = found.values[-1]
+        assert result.joints.force.min() <= at.min() and at.max() <= result.joints.force.max()
+        assert bd.plot.tension_along(result, [0.0], ax=(ax := Figure().add_subplot())) is ax
+    elif group == "contact.normal":
+        pressed = np.isin(found.part, params.pulley_names)
+        assert found.values[-1][pressed].mean() > 10.0 * abs(found.values[-1][~pressed]).mean()
+    else:
+        middle = found.s[np.flatnonzero(found.part == "span 0 to 1")]
+        x = np.interp(middle, found.s, found.values[-1])
+        (x0, _), (x1, _) = line.leave[0], line.arrive[1]
+        assert x.min() > min(x0, x1) - 1e-3 and x.max() < max(x0, x1) + 1e-3
+
+
 def test_moving_axes_keep_places_in_their_part() -> None:
     """A take-up that moves by some millimetres: places stand on the line of the time."""
     params = mounted_drives.path(n_bodies=120)
