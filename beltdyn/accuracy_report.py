@@ -122,6 +122,30 @@ class Accuracy:
                 return one
         raise KeyError(quantity)
 
+    def foreseen(self, quantity: str, space: float, time: float) -> Accuracy:
+        """Give the same with errors of a quantity that pilot runs have shown in place of estimates.
+
+        Means of tension are no further off than its history, of which a pilot knows.
+
+        Args:
+            quantity: What they are of.
+            space: Error of the mesh [1]; NaN: the pilot ran on this mesh alone.
+            time: Error in time [1].
+        """
+        names = TENSIONS if quantity in TENSIONS else (quantity,)
+        errors = tuple(
+            attrs.evolve(
+                one,
+                time=max(TIME_FLOOR, time),
+                space=one.space if math.isnan(space) else max(SPACE_FLOOR, space),
+            )
+            if one.quantity in names
+            else one
+            for one in self.errors
+        )
+        note = f"errors of {WORDS[quantity]}: as pilot runs on coarser meshes foresaw them"
+        return attrs.evolve(self, errors=errors, notes=(*self.notes, note))
+
     def summary(self) -> list[tuple[str, str]]:
         """Give the whole error of tensions and creep in a few rows of label and text."""
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]

@@ -163,7 +163,9 @@ def simulate(
             runs go in parallel. Should one of them fail, ``result.accuracy.notes`` says so.
         budget: CPU time to keep to [s], pilot runs and settling included: method, tolerance and,
             unless ``initial`` is given, the number of links are chosen so that span tensions become
-            as accurate as that allows. ``result.params`` has the mesh chosen, ``result.message``
+            as accurate as that allows; less is used where no better setting is known to pay. What
+            the pilot has shown of their error is in ``result.accuracy`` as well.
+            ``result.params`` has the mesh chosen, ``result.message``
             and ``stats.choice`` what was chosen and the error expected. The choice comes from runs
             on coarse meshes, which take up to half of the budget; should all together exceed it
             nevertheless, a warning "budget" says so. Not together with ``method``, ``rtol``,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -18,6 +19,7 @@ from click.testing import CliRunner
 from tiers import ci_if
 
 import beltdyn as bd
+from beltdyn import sanity
 from beltdyn.accuracy import QUANTITIES, budget, studies
 from beltdyn.accuracy.pilot import LADDER, Pilot
 from beltdyn.accuracy.quantities import Observed, differences, observe
@@ -25,6 +27,7 @@ from beltdyn.accuracy.records import Records, key_of
 from beltdyn.accuracy.runs import Done, Reached
 from beltdyn.accuracy.settings import Setting, fewest
 from beltdyn.accuracy.suggestion import chosen
+from beltdyn.accuracy_report import WORDS
 from beltdyn.cli import main
 
 T = np.linspace(0.0, 1.0, 401)
@@ -110,6 +113,13 @@ def test_what_cannot_be_had_is_said() -> None:
     assert not suggestion.met and suggestion.error > 0.03
     text = " ".join(str(suggestion).split())
     assert "cannot be promised" in text and f"{suggestion.error / 1e-2:.2g} times" in text
+    # Meshes that agree, but do not converge, are not believed beyond what any result would say.
+    table = Table(space=0.0, noise=1e-4)
+    pilot = Pilot(table, SCENE.params, "tension", limit=20.0, clock=lambda: table.now)
+    pilot.explore(1e-2)
+    for links, error in zip(pilot.meshes, pilot.space_errors, strict=True):
+        said = sanity.mesh_error(bd.accuracy.with_links(SCENE.params, links))["tension"]
+        assert error >= said / 3.0 > 1e-4
     suggested(table := Table(space=0.5), 1e-6, limit=1.0)
     # The last run may begin just before the limit; it costs no more than it was expected to.
     assert table.now <= 2.0
@@ -213,6 +223,13 @@ def test_a_budget_that_was_exceeded_is_a_warning() -> None:
     run = bd.simulate(plan.params, *SHORT[1:], method=plan.method, rtol=plan.rtol)
     kept, none = plan.judge(run, 0.9)
     assert none == () and str(plan) in kept.message and str(plan) in kept.stats.choice
+    # one estimate: what was expected is what the result says, in the same digits
+    one, said = kept.accuracy["tension"], plan.forecast
+    assert (one.space, one.time) == (said.space, said.time)
+    for words in (f"{100.0 * said.space:.2g} % of the mesh", f"{100.0 * said.time:.2g} %"):
+        assert words in str(plan) and words in dict(kept.summary())[f"  {WORDS['tension']}"]
+    assert kept.accuracy["span_mean"].total == one.total
+    assert kept.accuracy["creep"] == run.accuracy["creep"]
     exceeded, (warning,) = plan.judge(run, 1.5)
     assert warning.code == "budget" and warning in exceeded.warnings
     assert "1.5 s" in warning.text and "1 s" in warning.text
@@ -372,6 +389,9 @@ def test_the_command_run_takes_an_error_or_a_budget(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["run", str(scene_file), "--error", "0.05"])
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("For an error of 5 % of tension")
+    text = " ".join(re.sub("[^ -~]", " ", done.stdout).split())
+    (mesh,) = re.findall(r"expected error \S+ % \((\S+ %) of the mesh", text)
+    assert text.count(f"{mesh} of the mesh") == 3, "foreseen, and of the run's tension and its mean"
     for options in (
         ("--error", "0.1", "--rtol", "1e-3"),
         ("--error", "0.1", "--budget", "1"),

@@ -14,7 +14,7 @@ from ..result import Result
 from ..run_warnings import RunWarning
 from ..scene import Scene
 from ..state import State
-from .pilot import Forecast, Pilot
+from .pilot import Forecast, Pilot, with_forecast
 from .quantities import with_links
 from .runs import Reached, Runs
 
@@ -94,6 +94,7 @@ class Plan:
                     f"{self.forecast.seconds:.3g} s",
                 ),
             )
+        result = with_forecast(result, _QUANTITY, self.forecast.space, self.forecast.time)
         stats = attrs.evolve(result.stats, choice=f"{result.stats.choice}; {self}")
         return (
             attrs.evolve(

@@ -18,13 +18,15 @@ import attrs
 import numpy as np
 
 from .. import sanity
+from ..accuracy_report import TENSIONS
 from ..errors import SimulationError
 from ..params import Params
+from ..result import Result
 from .quantities import Observed, differences, with_links
 from .runs import Done
 from .settings import Setting, fewest
 
-__all__ = ["LADDER", "Forecast", "Pilot"]
+__all__ = ["LADDER", "Forecast", "Pilot", "with_forecast"]
 
 #: The first mesh has twice the fewest links that lie round the smallest pulley: twelve on it.
 _FIRST = 2
@@ -85,7 +87,7 @@ class Forecast:
     Attributes:
         setting: The setting.
         seconds: CPU time of the run, without settling [s].
-        space: Error in space [1].
+        space: Error in space [1]; NaN if the mesh is fixed.
         time: Error in time [1].
     """
 
@@ -96,8 +98,19 @@ class Forecast:
 
     @property
     def error(self) -> float:
-        """Both together, as independent errors add up: the root of the sum of their squares [1]."""
-        return math.hypot(self.space, self.time)
+        """Both together [1], as :attr:`beltdyn.accuracy.QuantityError.total` adds them."""
+        return self.time if math.isnan(self.space) else self.space + self.time
+
+
+def with_forecast(result: Result, quantity: str, space: float, time: float) -> Result:
+    """Give a run whose ``accuracy`` holds the errors that its pilot has shown, and no others.
+
+    A warning that its mesh may be coarse goes where the pilot has seen that it is not.
+    """
+    known = result.accuracy.foreseen(quantity, space, time)
+    fine = quantity in TENSIONS and space < sanity.MESH
+    kept = tuple(one for one in result.warnings if not (fine and one.code == "mesh"))
+    return attrs.evolve(result, accuracy=known, warnings=kept)
 
 
 class Pilot:
@@ -216,8 +229,7 @@ class Pilot:
         seen = [done.seen for _, done in found]
         last = len(seen) - 1
         if last == 0:  # all that is known without a second mesh
-            share = sanity.mesh_error(with_links(self._params, self.meshes[0]))["tension"]
-            self.space_errors, self.order = [share], 2.0
+            self.space_errors, self.order = [self._free(self.meshes[0], seen[0])], 2.0
             return
         steps = [self._difference(a, b) for a, b in itertools.pairwise(seen)]
         self.order = _ASSUMED
@@ -231,6 +243,19 @@ class Pilot:
         errors.append(steps[-1] / (2.0**self.order - 1.0))
         # Where a finer mesh seems to be worse, the coarser one was right by chance.
         self.space_errors = np.maximum.accumulate(errors[::-1])[::-1].tolist()
+        if self._quantity in TENSIONS and (last < 2 or self.order < _TRUSTED):
+            # Meshes that do not converge may agree by chance: what a result would say of its mesh
+            # is right to a factor of three.
+            least = [self._free(n_b, seen[-1]) / 3.0 for n_b in self.meshes]
+            self.space_errors = np.maximum(self.space_errors, least).tolist()
+
+    def _free(self, n_bodies: int, seen: Observed) -> float:
+        """Give the error of a mesh as a result estimates it, at the speed and load of a run [1]."""
+        radii = np.array([pulley.radius for pulley in self._params.pulleys])
+        speed = float(np.sqrt(np.mean(np.max(np.abs(seen.speed * radii), axis=1) ** 2)))
+        pull = float(np.max(np.abs(seen.friction), initial=0.0))
+        found = sanity.mesh_error(with_links(self._params, n_bodies), speed, pull)
+        return found.get(self._quantity, found["tension"])
 
     def _near(self, error: float) -> bool:
         """Whether the mesh looked for is among those tried, or not far beyond them."""
@@ -358,7 +383,7 @@ class Pilot:
         return Forecast(
             setting=setting,
             seconds=self.seconds(setting),
-            space=0.0 if self._fixed else self.space_error(setting.n_bodies),
+            space=math.nan if self._fixed else self.space_error(setting.n_bodies),
             time=self.time_errors[setting.method, setting.rtol],
         )
 
@@ -367,7 +392,7 @@ class Pilot:
         found = []
         for (method, rtol), off in self.time_errors.items():
             if off < error:
-                n_b = self.links_for(math.sqrt(error**2 - off**2))
+                n_b = self.links_for(error - off)
                 if n_b <= self.most:
                     found.append(self.forecast(Setting(n_b, method, rtol)))
         return min(found, key=lambda one: one.seconds, default=None)

@@ -10,9 +10,10 @@ import attrs
 from ..checks import positive
 from ..compliance import compliance_error
 from ..params import Params
+from ..result import Result
 from ..scene import Scene
 from ..simulation import settle, simulate
-from .pilot import Forecast, Pilot
+from .pilot import Forecast, Pilot, with_forecast
 from .quantities import with_links
 from .rows import quantity_of
 from .runs import Runs, whole_scene
@@ -35,7 +36,7 @@ class Suggestion:
         seconds: CPU time of the run, without settling [s].
         asked: The error asked for [1].
         quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
-        error: The error expected [1], the root of the sum of the squares of the next two.
+        error: The error expected [1], the sum of the next two.
         error_space: That of the mesh [1].
         error_time: That of the integration in time [1].
         error_contact: What contact that yields changes against rigid pulleys [1], the same with any
@@ -79,6 +80,10 @@ class Suggestion:
         """Number of links, method and tolerance together."""
         return Setting(self.n_bodies, self.method, self.rtol)
 
+    def judge(self, result: Result) -> Result:
+        """Give a run at this setting, whose ``accuracy`` holds the errors expected here."""
+        return with_forecast(result, self.quantity, self.error_space, self.error_time)
+
     def __str__(self) -> str:
         text = (
             f"For an error of {_percent(self.asked)} of {self.quantity.replace('_', ' ')}: method "
@@ -97,7 +102,8 @@ class Suggestion:
             )
         if self.error_contact > 0.5 * self.asked:
             text += (
-                f"Not counted: contact that yields changes {_percent(self.error_contact)} against "
+                "Not counted, but in the sum that a result tells: contact that yields changes "
+                f"{_percent(self.error_contact)} against "
                 "rigid pulleys, whatever the setting; stiffer contact or compensate=True takes "
                 "that away. "
             )

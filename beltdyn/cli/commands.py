@@ -195,6 +195,8 @@ def run(
                 outputs=names,
                 **options,
             )
+    if suggestion is not None and not verify:
+        result = suggestion.judge(result)
     written = write(written_to, result, checkpoint)
     if not quiet:
         if suggestion is not None:
@@ -266,8 +268,8 @@ def study_accuracy(
 ) -> None:
     """Measure what accuracy costs: SCENE by method, tolerance and number of links.
 
-    SCENE is a name from `beltdyn scenes` or a TOML file. Takes some minutes on two processors, with
-    --quick less than one.
+    SCENE is a name from `beltdyn scenes` or a TOML file. The paper's case 1 takes some minutes on
+    two processors, with --quick 20 s of CPU time; finer and longer scenes take more.
     """
     outputs = Outputs(out, plot, None, quiet, endings=(".csv",))
     outputs.check()
