@@ -100,7 +100,7 @@ class Accuracy:
             control keeps, not the error of the result.
         balance: Largest residual of the energy balance over the energy transmitted.
         runs: The runs that verified this one, in words.
-        notes: What was not verified, and why.
+        notes: What was not verified, and why; what was noticed and has no consequence.
     """
 
     verified: bool = False

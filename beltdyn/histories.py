@@ -314,7 +314,8 @@ class Stats:
             less than the error of such a mesh, of which it is a part. The error of the mesh is not
             included, ``result.accuracy`` has it. None where no estimate holds:
             fixed steps, belts almost without damping, histories that diverge exponentially, links
-            that chatter, torque functions that change faster than the steps, slack spans.
+            that chatter while nothing shows that differences do not grow, torque functions that
+            change faster than the steps, slack spans.
         local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
             errors are controlled. With fixed steps, their error: from 0.5 on there is a warning,
             and it is at least 1 if some had to be repeated with shorter ones. None if none was

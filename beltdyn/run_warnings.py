@@ -58,8 +58,9 @@ class RunWarning:
                       more tension, or more links
         growth *      small differences grow exponentially: from this time on no tolerance makes
                       single forces and positions right, averages may be; more damping helps
-        chatter *     links make and lose contact many times as often as the belt's motion explains:
-                      small differences may grow; more damping helps
+        chatter *     links make and lose contact many times as often as the belt's motion explains,
+                      and it could not be seen that small differences do not grow: the error in
+                      time is unknown; more damping helps (else a note, ``accuracy.notes``)
         undamped *    vibrations along the belt decay so slowly that errors of implicit steps
                       accumulate unseen: compare with "tsit5", a tighter ``rtol``, more
                       ``axial_damping``; or links vibrate on their contact, hardly damped, which

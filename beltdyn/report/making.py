@@ -98,6 +98,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         notes += said
     powers, efficiency, efficiency_error, said = power_rows(window, touched)
     notes += said
+    notes += run.accuracy.notes
     counted = cycle_rows(window, driver, which)
     notes += counted.notes
     names = run.params.pulley_names

@@ -511,7 +511,8 @@ static double estimated_error(const bd_sim *sim) {
   const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_undamped, BD_WARN_torque,
                          BD_WARN_rough_torque};
   for (size_t k = 0; k < sizeof unknown / sizeof unknown[0]; ++k) {
-    if (sim->stepper.report.warned[unknown[k]].message[0]) {
+    const int excused = unknown[k] == BD_WARN_chatter && sim->twin.excused;
+    if (sim->stepper.report.warned[unknown[k]].message[0] && !excused) {
       return 0.0;
     }
   }

@@ -146,8 +146,8 @@ static void watch_contacts(bd_sim *sim) {
     bd_warn(
         &sim->stepper.report, BD_WARN_chatter, twin->t_chatter, -1, -1,
         "links lose and regain contact with the pulleys %.0f times more often than the belt's "
-        "travel explains, from t = %.6g s on: small differences may grow, and what single links "
-        "do is not to be relied on; more damping of contact or joints calms them",
+        "travel explains, from t = %.6g s on: small differences may grow, so the error in time is "
+        "not known; more damping of contact or joints calms them",
         changed / expected, twin->t_chatter);
   }
   twin->events = sim->stepper.plan.contacts_changed;
@@ -265,6 +265,7 @@ static void follow(bd_sim *sim) {
   }
   int calm =
       !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
+  t->excused |= t->times_chattered > 0 && rounds > USUAL && growth <= t->grown;
   int dear = rounds > USUAL && (double)t->steps > ENOUGH * (double)sim->stats.steps;
   if (growth > t->grown || rounds > MOST || calm || dear) {
     t->active = 0;

@@ -201,6 +201,7 @@ static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice)
   ONE(v, twin->times_chattered);
   ONE(v, twin->suspected);
   ONE(v, twin->last);
+  ONE(v, twin->excused);
   ONE(v, twin->next_begin);
   ONE(v, twin->t_begin);
   ONE(v, twin->next_look);

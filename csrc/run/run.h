@@ -50,6 +50,7 @@ typedef struct bd_twin {
   int chatters, times_chattered; /* links chatter; counts that found so */
   int stiff, light;              /* stiff friction; light damping of the belt */
   int suspected, last;           /* this period is for one of these; the last has begun */
+  int excused;                   /* links chattered over a whole period, and nothing grew */
   double next_begin;             /* of the next period, in rounds of a wave since the start */
   double t_begin, next_look;     /* start of this one; its next comparison */
   double apart, grown, most;     /* first difference; growth to warn of; largest seen */
