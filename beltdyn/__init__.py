@@ -58,8 +58,8 @@ from .identification import (
     Target,
     identify,
 )
-from .loads import Harmonics, Load, Ramp, SpeedTable, Step
-from .motions import CrankMotion, Motion
+from .loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
+from .motions import AngleTable, CrankMotion, Motion
 from .mounts import Arm, Path, Slider
 from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
@@ -85,6 +85,7 @@ __all__ = [
     "Accuracy",
     "AccuracyWarning",
     "AlongBelt",
+    "AngleTable",
     "Arcs",
     "Arm",
     "Belt",
@@ -112,6 +113,7 @@ __all__ = [
     "MaxwellSlip",
     "Modes",
     "Motion",
+    "Motor",
     "Params",
     "Path",
     "PiecewiseLinear",

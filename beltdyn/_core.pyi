@@ -50,7 +50,8 @@ def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
 #: | ("call", callable) | ("load", pulley, (coulomb, viscous, quadratic), factor)
 #: | ("table", pulley, omega, torque, factor)
-#: | ("harmonics", pulley, of, orders, amplitudes, phases, factor); factor: None or (t, factors)
+#: | ("harmonics", pulley, of, orders, amplitudes, phases, factor)
+#: | ("curve", pulley, omega, torque, factor); factor: None or (t, factors)
 TorqueTerm = tuple[Any, ...]
 #: (pulley, "piecewise", t, values) | (pulley, "speed", callable) | (pulley, "angle", callable)
 #: | (pulley, "crank", t, values, orders, amplitudes, phases, (fade_begin, fade_end))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import attrs
 import numpy as np
 
 from .mounts import Arm, Mount, Slider, axis_direction
@@ -9,7 +12,7 @@ from .naming import label, names_of
 from .parts import Pulley
 from .route import route
 
-__all__ = ["tension_held"]
+__all__ = ["preloaded", "tension_held"]
 
 #: Standard gravity on a hung weight [N/kg], as in ``csrc/model/mount.c``.
 _GRAVITY = 9.80665
@@ -49,21 +52,10 @@ def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> f
         ValueError: A mount pushes its pulley away from the belt, or several ask for different
             tensions; as :func:`route`.
     """
-    way = route(pulleys)
     names = names_of(pulley.name for pulley in pulleys)
     held: dict[int, float] = {}
-    for k, pulley in enumerate(pulleys):
-        mount = pulley.mount
-        if not isinstance(mount, (Arm, Slider)):
-            continue
-        along = axis_direction(mount, np.array(pulley.center))
-        spans = np.array(
-            [way.arrive[(k + 1) % len(pulleys)] - way.leave[k], way.leave[k - 1] - way.arrive[k]]
-        )
-        pull = np.sum(spans / np.linalg.norm(spans, axis=1)[:, None], axis=0)
-        hung = _GRAVITY * mount.weight if isinstance(mount, Slider) else 0.0
-        force = mount.spring_force + hung + mount.mass * float(along @ np.array(gravity))
-        resisted = -float(along @ pull)
+    for k, mount, weights, resisted in _balances(pulleys, gravity):
+        force = mount.spring_force + weights
         if not resisted * force > 0.0:
             raise ValueError(_holds_none(label(k, names), mount, force, resisted))
         held[k] = force / resisted
@@ -77,3 +69,49 @@ def tension_held(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> f
             "and they find a balance"
         )
     return sum(held.values()) / len(held)
+
+
+def _balances(
+    pulleys: tuple[Pulley, ...], gravity: tuple[float, float]
+) -> Iterator[tuple[int, Arm | Slider, float, float]]:
+    """Give each arm and slider with its pulley, its weights, and what of a tension pulls at it.
+
+    Weights, hung and its own, are forces (torques) in the sense of the travel; what the belt pulls
+    with against that sense is the last number times the tension.
+    """
+    way = route(pulleys)
+    for k, pulley in enumerate(pulleys):
+        mount = pulley.mount
+        if not isinstance(mount, (Arm, Slider)):
+            continue
+        along = axis_direction(mount, np.array(pulley.center))
+        spans = np.array(
+            [way.arrive[(k + 1) % len(pulleys)] - way.leave[k], way.leave[k - 1] - way.arrive[k]]
+        )
+        pull = np.sum(spans / np.linalg.norm(spans, axis=1)[:, None], axis=0)
+        hung = _GRAVITY * mount.weight if isinstance(mount, Slider) else 0.0
+        yield k, mount, hung + mount.mass * float(along @ np.array(gravity)), -float(along @ pull)
+
+
+def preloaded(pulleys: tuple[Pulley, ...], gravity: tuple[float, float]) -> tuple[Pulley, ...]:
+    """Give the pulleys with a preload for each mount that has a ``tension`` in its place.
+
+    Args:
+        pulleys: The pulleys of a drive.
+        gravity: Acceleration (x, y) [m/s^2].
+
+    Raises:
+        ValueError: The belt cannot pull at such a mount; as :func:`route`.
+    """
+    if all(getattr(pulley.mount, "tension", None) is None for pulley in pulleys):
+        return pulleys
+    found = list(pulleys)
+    for k, mount, weights, resisted in _balances(pulleys, gravity):
+        if mount.tension is None:
+            continue
+        if resisted == 0.0:
+            name = label(k, names_of(pulley.name for pulley in pulleys))
+            raise ValueError(_holds_none(name, mount, 0.0, resisted))
+        spring = mount.tension * resisted - weights
+        found[k] = attrs.evolve(found[k], mount=attrs.evolve(mount, tension=None, preload=spring))
+    return tuple(found)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from .checks import Array, real, real_array, shown
+from .checks import Array, pair, real, real_array, shown
 from .naming import PulleyLike, as_pulley, index_of, label
 from .torques import PiecewiseLinear, Torque, index_alone, on_pulley
 
@@ -23,6 +23,7 @@ __all__ = [
     "EQUAL",
     "Harmonics",
     "Load",
+    "Motor",
     "Ramp",
     "SpeedTable",
     "Step",
@@ -85,6 +86,24 @@ def _check_factor(owner: object, field: attrs.Attribute[Any], value: object) -> 
         raise ValueError(f"{name} must have one value per time and name no pulley")
 
 
+def _check_resisting_factor(owner: object, field: attrs.Attribute[Any], value: object) -> None:
+    _check_factor(owner, field, value)
+    if isinstance(value, PiecewiseLinear) and (value.values < 0.0).any():
+        raise ValueError(
+            f"{type(owner).__name__}.factor must be >= 0: a load turned round drives a pulley that "
+            "turns and does nothing to one at rest, which so never starts; what drives is a Motor"
+        )
+
+
+def _ramp(value: float | Sequence[float] | None, name: str = "ramp") -> tuple[float, float] | None:
+    if value is None:
+        return None
+    begin, end = pair(name, value, "s") if np.ndim(value) else (0.0, real(name, value, "s"))
+    if not end > begin:
+        raise ValueError(f"{name} must end after it begins, got {begin:g} s and {end:g} s")
+    return begin, end
+
+
 def harmonic_fields(owner: Any) -> None:
     """Check orders, amplitudes and phases; no phases are zeros.
 
@@ -107,6 +126,20 @@ def harmonic_fields(owner: Any) -> None:
             )
 
 
+def _check_points(owner: SpeedTable | Motor) -> None:
+    name, omega, torque = type(owner).__name__, owner.omega, owner.torque
+    if torque.size != omega.size:
+        raise ValueError(
+            f"{name}.torque must have one value for each of the {omega.size} speed(s), "
+            f"got {torque.size}"
+        )
+    if (np.diff(omega) <= 0.0).any():
+        k = int(np.argmax(np.diff(omega) <= 0.0))
+        raise ValueError(
+            f"{name}.omega must be increasing, got {omega[k]:g} rad/s before {omega[k + 1]:g}"
+        )
+
+
 class _OnOnePulley(Torque):
     """What the torques of this module share: the pulley, the printed form, a factor over time."""
 
@@ -126,8 +159,12 @@ class _OnOnePulley(Torque):
         name = f"{type(self).__name__}.{field}"
         return index_alone(name, getattr(self, field), n_pulleys)
 
+    def _over_time(self) -> PiecewiseLinear | None:
+        return self.factor
+
     def _core_factor(self) -> tuple[Array, Array] | None:
-        return None if self.factor is None else (self.factor.t, self.factor.values[:, 0])
+        factor = self._over_time()
+        return None if factor is None else (factor.t, factor.values[:, 0])
 
     def _at(self, theta: Array, omega: Array, index: int) -> float:
         """Torque for angles and speeds, without the factor."""
@@ -137,7 +174,8 @@ class _OnOnePulley(Torque):
         """Give the torques (n_p,) [N m]; against a rotation of 0 they are 0."""
         angles, speeds = np.asarray(theta, dtype=float), np.asarray(omega, dtype=float)
         index = self._index_alone(speeds.size)
-        factor = 1.0 if self.factor is None else float(self.factor.at(t)[0])
+        over_time = self._over_time()
+        factor = 1.0 if over_time is None else float(over_time.at(t)[0])
         return on_pulley(index, factor * self._at(angles, speeds, index), speeds.size)
 
     def _fields(self) -> dict[str, Any]:
@@ -157,9 +195,10 @@ class _OnOnePulley(Torque):
         return f"{type(self).__name__}({given})"
 
     def _with_factor(self, text: str) -> str:
-        if self.factor is None:
+        factor = self._over_time()
+        if factor is None:
             return text
-        t, values = self.factor.t, self.factor.values
+        t, values = factor.t, factor.values
         return f"{text}, times {values.min():g} to {values.max():g} from {t[0]:g} to {t[-1]:g} s"
 
 
@@ -181,8 +220,8 @@ class Load(_OnOnePulley):
         coulomb: Part that does not depend on speed [N m], >= 0.
         viscous: Part in proportion to speed [N m s/rad], >= 0.
         quadratic: Part in proportion to speed squared [N m s^2/rad^2], >= 0.
-        factor: Factor over time, a :class:`PiecewiseLinear` of one value per time, to switch the
-            load: ``PiecewiseLinear([0.2, 0.25], [0, 1])``; None: 1.
+        factor: Factor over time, >= 0, a :class:`PiecewiseLinear` of one value per time, to switch
+            the load: ``PiecewiseLinear([0.2, 0.25], [0, 1])``; None: 1.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -194,7 +233,7 @@ class Load(_OnOnePulley):
     viscous: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     quadratic: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     factor: PiecewiseLinear | None = attrs.field(
-        default=None, validator=_check_factor, kw_only=True
+        default=None, validator=_check_resisting_factor, kw_only=True
     )
 
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
@@ -225,7 +264,8 @@ class SpeedTable(_OnOnePulley):
     At the speed omega its torque is ``-s M(|omega|)``: it resists the rotation in either direction,
     with the smooth sign s of :class:`Load`. M is linear between the points of the table, and
     constant below the first and above the last. A pulley that turns more than a hundredth faster
-    than the last point is a warning of the run (``beyond_table``).
+    than the last point is a warning of the run (``beyond_table``). What drives, and starts a pulley
+    from rest, is a :class:`Motor`.
 
     Attributes:
         pulley: Index or name of the pulley.
@@ -242,17 +282,12 @@ class SpeedTable(_OnOnePulley):
     omega: Array = attrs.field(converter=as_row, eq=EQUAL)
     torque: Array = attrs.field(converter=as_row, eq=EQUAL)
     factor: PiecewiseLinear | None = attrs.field(
-        default=None, validator=_check_factor, kw_only=True
+        default=None, validator=_check_resisting_factor, kw_only=True
     )
 
     def __attrs_post_init__(self) -> None:
         if self.omega.size == 0:
             raise ValueError("SpeedTable.omega must hold at least one speed")
-        if self.torque.size != self.omega.size:
-            raise ValueError(
-                f"SpeedTable.torque must have one value for each of the {self.omega.size} "
-                f"speed(s), got {self.torque.size}"
-            )
         for name, values in (("omega", self.omega), ("torque", self.torque)):
             if (values < 0.0).any():
                 k = int(np.argmax(values < 0.0))
@@ -260,12 +295,7 @@ class SpeedTable(_OnOnePulley):
                     f"SpeedTable.{name} must be >= 0, for the table holds magnitudes of torques "
                     f"against the rotation, got {values[k]:g} at [{k}]"
                 )
-        if (np.diff(self.omega) <= 0.0).any():
-            k = int(np.argmax(np.diff(self.omega) <= 0.0))
-            raise ValueError(
-                f"SpeedTable.omega must be increasing, got {self.omega[k]:g} rad/s before "
-                f"{self.omega[k + 1]:g}"
-            )
+        _check_points(self)
 
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         index = self._index(pulleys, path)
@@ -278,6 +308,67 @@ class SpeedTable(_OnOnePulley):
     def __str__(self) -> str:
         return self._with_factor(
             f"load on {label(self.pulley, ())} over its speed, {self.omega.size} point(s) from "
+            f"{self.omega[0]:g} to {self.omega[-1]:g} rad/s, {self.torque.min():g} to "
+            f"{self.torque.max():g} N m"
+        )
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class Motor(_OnOnePulley):
+    """The torque of a motor over the speed of its pulley, from a table; at rest too, so it starts.
+
+    Speeds and torques are counter-clockwise positive, each of either sign: torque with the speed
+    drives, torque against it brakes. Linear between the points of the table, constant below the
+    first and above the last, beyond which the run warns (``beyond_table``). An induction motor of
+    1500 1/min that turns clockwise, with starting, breakdown and rated torque, none at 157 rad/s
+    and braking beyond it, switched on within 0.2 s::
+
+        bd.Motor("crank", [-165, -157, -150, -120, 0], [12, 0, -10, -25, -18], ramp=0.2)
+
+    Attributes:
+        pulley: Index or name of the pulley.
+        omega: Speeds (n,) [rad/s], n >= 2, increasing, of either sign.
+        torque: Torque at these speeds (n,) [N m], of either sign.
+        ramp: Time from 0 on in which the torque rises from nothing to that of the table [s], or
+            (begin, end) of the rise; None: it is there from the beginning.
+        factor: Factor over time, as in :class:`Load` but of either sign, in place of ``ramp``.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("torque",)
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    omega: Array = attrs.field(converter=as_row, eq=EQUAL)
+    torque: Array = attrs.field(converter=as_row, eq=EQUAL)
+    ramp: tuple[float, float] | None = attrs.field(default=None, converter=_ramp, kw_only=True)
+    factor: PiecewiseLinear | None = attrs.field(
+        default=None, validator=_check_factor, kw_only=True
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.omega.size < 2:
+            raise ValueError(
+                f"Motor.omega must hold at least two speeds, got {self.omega.size}: a torque "
+                "that does not depend on speed is a Ramp or a Step"
+            )
+        _check_points(self)
+        if self.ramp is not None and self.factor is not None:
+            raise ValueError("Motor.ramp and Motor.factor are both given: put the rise in factor")
+
+    def _over_time(self) -> PiecewiseLinear | None:
+        return self.factor if self.ramp is None else PiecewiseLinear(self.ramp, [0.0, 1.0])
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        index = self._index(pulleys, path)
+        return [("curve", index, self.omega, self.torque, self._core_factor())]
+
+    def _at(self, theta: Array, omega: Array, index: int) -> float:
+        return float(np.interp(omega[index], self.omega, self.torque))
+
+    def __str__(self) -> str:
+        return self._with_factor(
+            f"motor on {label(self.pulley, ())} over its speed, {self.omega.size} points from "
             f"{self.omega[0]:g} to {self.omega[-1]:g} rad/s, {self.torque.min():g} to "
             f"{self.torque.max():g} N m"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -9,12 +10,14 @@ import attrs
 import numpy as np
 
 from . import _core
-from .checks import Array, pair, real, shown
+from .checks import Array, pair, positive, real, shown
 from .loads import EQUAL, as_row, as_row_or_none, harmonic_fields, named
 from .naming import ByPulley, by_index, key, label
+from .optional import scipy_module
 from .torques import PiecewiseLinear, Torque
 
 __all__ = [
+    "AngleTable",
     "CrankMotion",
     "Motion",
     "MotionLike",
@@ -26,11 +29,143 @@ __all__ = [
 ]
 
 #: A motion; a :class:`PiecewiseLinear` with one value per time or a function is a speed.
-MotionLike: TypeAlias = "Motion | CrankMotion | PiecewiseLinear | Callable[[float], float]"
+MotionLike: TypeAlias = (
+    "Motion | CrankMotion | AngleTable | PiecewiseLinear | Callable[[float], float]"
+)
 
 #: Weights of values one step apart in the derivative at the first: order 6, as in the core.
 _FORWARD = np.array([-147.0, 360.0, -450.0, 400.0, -225.0, 72.0, -10.0]) / 60.0
 _STEP = 5e-5
+#: Change of the speed at a sample that those beside it do not explain, over the largest speed, from
+#: which on it is a jump (a run-up of 17 samples begins with less); share of such samples that is
+#: noise.
+_KINK, _NOISY = 0.03, 0.1
+#: Knots of the speed in a period of the cutoff: chords are 0.4 % off a sine then.
+_KNOTS = 20
+#: Order of Butterworth's filter, which runs forth and back, and so has twice that and no delay.
+_ORDER = 4
+
+
+def _cutoff(value: float | None, name: str = "cutoff") -> float | None:
+    return None if value is None else positive(name, value, "Hz")
+
+
+def _listed(values: Array) -> str:
+    return repr(values.tolist())
+
+
+@attrs.frozen(field_transformer=named)
+class AngleTable:
+    """A motion by angles that were measured: the angle of a pulley at given times.
+
+    The speed that follows is linear between the times. Without ``cutoff`` it is the slope of the
+    cubic spline through the angles, so that its angle is theirs but for h^2/12 times the change of
+    the acceleration, with the interval h of the samples. Noise and kinks are refused then, by name:
+    differentiated twice, as torques need it, they would be most of the motion. With ``cutoff``
+    what is faster is filtered out, without delay (Butterworth of fourth order, forth and back, over
+    even samples; a kink is rounded within about 1 / cutoff), and the speed has 20 knots in its
+    period. Before the first time and after the last the speed stays. Needs SciPy.
+
+    ``motion={"crank": bd.AngleTable(t, angle, cutoff=200.0)}``
+
+    Attributes:
+        t: Times (n,) [s], n >= 4, increasing.
+        angle: Angles at these times (n,), counter-clockwise and without turns taken off [rad]; only
+            their changes count.
+        cutoff: Frequency from which on motion is taken for noise [Hz], below half the sampling
+            rate; None: the angles are exact.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule; without ``cutoff``, the angles have kinks or
+            noise.
+        ImportError: SciPy is not installed.
+    """
+
+    t: Array = attrs.field(converter=as_row, eq=EQUAL, repr=_listed)
+    angle: Array = attrs.field(converter=as_row, eq=EQUAL, repr=_listed)
+    cutoff: float | None = attrs.field(default=None, converter=_cutoff, kw_only=True)
+    #: The speed that follows [rad/s].
+    speed: PiecewiseLinear = attrs.field(init=False, repr=False, eq=False)
+
+    def __attrs_post_init__(self) -> None:
+        t, n = self.t, self.t.size
+        if n < 4 or not (np.diff(t) > 0.0).all():
+            raise ValueError("AngleTable.t must hold at least four times that increase (s)")
+        if self.angle.size != n:
+            raise ValueError(
+                f"AngleTable.angle must have one value for each of the {n} times, "
+                f"got {self.angle.size}"
+            )
+        if self.cutoff is None:
+            _refuse_kinks(t, self.angle)
+            speeds = scipy_module("interpolate", "angle tables").CubicSpline(t, self.angle)(t, 1)
+        else:
+            t, speeds = self._filtered(self.cutoff)
+        object.__setattr__(self, "speed", PiecewiseLinear(t, speeds))
+
+    def _filtered(self, cutoff: float) -> tuple[Array, Array]:
+        """Give times and speeds of the angles without what is faster than the cutoff."""
+        signal = scipy_module("signal", "angle tables")
+        lasts = float(self.t[-1] - self.t[0])
+        n = 1 + round(lasts / float(np.median(np.diff(self.t))))
+        rate = (n - 1) / lasts
+        if not 1.0 / lasts < cutoff < 0.5 * rate:
+            raise ValueError(
+                f"AngleTable.cutoff must be between {1.0 / lasts:.4g} Hz, of which the table "
+                f"holds a period, and {0.5 * rate:.4g} Hz, half its sampling rate, got {cutoff:g}"
+            )
+        even = np.linspace(self.t[0], self.t[-1], n)
+        angles = np.interp(even, self.t, self.angle)
+        line = np.interp(even, even[[0, -1]], angles[[0, -1]])
+        low = signal.butter(_ORDER, cutoff, fs=rate, output="sos")
+        # as many samples beyond each end as the filter remembers, if there are so many
+        beyond = min(n - 1, round(rate / cutoff) * _ORDER)
+        smooth = line + signal.sosfiltfilt(low, angles - line, padlen=beyond)
+        spline = scipy_module("interpolate", "angle tables").CubicSpline(even, smooth)
+        knots = np.linspace(even[0], even[-1], 1 + min(n - 1, math.ceil(_KNOTS * cutoff * lasts)))
+        return knots, spline(knots, 1)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _angle_table, (self.t, self.angle, self.cutoff)
+
+    def __str__(self) -> str:
+        of = "" if self.cutoff is None else f", filtered at {self.cutoff:g} Hz"
+        speeds = self.speed.values
+        return (
+            f"angles at {self.t.size} times from {self.t[0]:g} to {self.t[-1]:g} s{of}, "
+            f"speeds {speeds.min():g} to {speeds.max():g} rad/s"
+        )
+
+
+def _angle_table(t: Array, angle: Array, cutoff: float | None) -> AngleTable:
+    return AngleTable(t, angle, cutoff=cutoff)
+
+
+def _refuse_kinks(t: Array, angle: Array) -> None:
+    """Raise ValueError where the speed between samples jumps, or is noise."""
+    slopes = np.diff(angle) / np.diff(t)
+    changes = np.concatenate([[0.0], np.diff(slopes), [0.0]])  # at the samples but the ends
+    changes[[0, -1]] = changes[[1, -2]]
+    unexplained = np.abs(changes[1:-1] - 0.5 * (changes[:-2] + changes[2:]))
+    beyond = unexplained > _KINK * np.max(np.abs(slopes), initial=0.0)
+    highest = np.array([unexplained[max(0, k - 1) : k + 2].max() for k in range(unexplained.size)])
+    found = np.flatnonzero(beyond & (unexplained == highest))  # not those beside a kink as well
+    if found.size == 0:
+        return
+    most = np.max(np.abs(changes[1 + found]))
+    if np.count_nonzero(beyond) > max(3.0, _NOISY * t.size):
+        raise ValueError(
+            f"AngleTable.angle is noisy: from sample to sample the speed changes by up to "
+            f"{most:.3g} rad/s, its largest is {np.max(np.abs(slopes)):.3g}; give cutoff, the "
+            "frequency up to which it is motion, or more samples"
+        )
+    worst = found[np.argmax(unexplained[found])] + 1
+    times = ", ".join(f"{one:.6g}" for one in t[1 + found][:5])
+    raise ValueError(
+        f"AngleTable.angle has kinks at t = {times}{', ...' if found.size > 5 else ''} s: the "
+        f"speed jumps by up to {most:.3g} rad/s (at {t[worst]:.6g} s), which a pulley's cannot; "
+        "give cutoff, which rounds them, or more samples where it changes"
+    )
 
 
 def _check_speed(name: str, value: object) -> None:
@@ -66,8 +201,8 @@ class Motion:
     Attributes:
         speed: Angular velocity, counter-clockwise [rad/s]: a :class:`PiecewiseLinear` with one
             value per time, without jumps, or a function of time [s].
-        angle: Angle [rad] as a function of time [s], of which the changes count: the pulley begins
-            at the angle that it has.
+        angle: Angle [rad] as a function of time [s], or measured, an :class:`AngleTable`; its
+            changes count: the pulley begins at the angle that it has.
 
     Raises:
         TypeError: Neither or both are given, or one of the wrong kind.
@@ -75,7 +210,7 @@ class Motion:
     """
 
     speed: PiecewiseLinear | Callable[[float], float] | None = None
-    angle: Callable[[float], float] | None = None
+    angle: Callable[[float], float] | AngleTable | None = None
 
     def __attrs_post_init__(self) -> None:
         if (self.speed is None) == (self.angle is None):
@@ -85,10 +220,14 @@ class Motion:
         elif isinstance(self.angle, PiecewiseLinear):
             raise ValueError(
                 "Motion.angle must not be a PiecewiseLinear, for the speed would jump at its times"
-                ": give the speed, or a smooth function of time"
+                ": give the speed, a smooth function of time, or measured angles, an AngleTable"
             )
+        elif isinstance(self.angle, AngleTable):
+            pass
         elif isinstance(self.angle, Torque) or not callable(self.angle):
-            raise TypeError(f"Motion.angle must be a function f(t), got {shown(self.angle)}")
+            raise TypeError(
+                f"Motion.angle must be a function f(t) or an AngleTable, got {shown(self.angle)}"
+            )
 
 
 def _mean_speed(value: float | PiecewiseLinear, name: str = "speed") -> PiecewiseLinear:
@@ -101,10 +240,6 @@ def _mean_speed(value: float | PiecewiseLinear, name: str = "speed") -> Piecewis
             "angle of the whole motion as a function, Motion(angle=...)"
         )
     return PiecewiseLinear([0.0], [real(name, value, "rad/s")])
-
-
-def _listed(values: Array) -> str:
-    return repr(values.tolist())
 
 
 def _fade(value: Sequence[float] | None, name: str = "fade") -> tuple[float, float] | None:
@@ -184,14 +319,18 @@ class CrankMotion:
 
 def described(motion: MotionLike) -> str:
     """Say in words what motion this is."""
+    if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
+        return str(motion.angle)
     speed = motion.speed if isinstance(motion, Motion) else motion
     return speed.described("", "rad/s") if isinstance(speed, PiecewiseLinear) else str(motion)
 
 
 def in_core(motion: object) -> bool:
     """Whether the core evaluates a motion by itself."""
+    if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
+        return True
     speed = motion.speed if isinstance(motion, Motion) else motion
-    return isinstance(speed, (PiecewiseLinear, CrankMotion))
+    return isinstance(speed, (PiecewiseLinear, CrankMotion, AngleTable))
 
 
 def as_motions(
@@ -212,7 +351,9 @@ def as_motions(
             f"got {shown(motion)}"
         )
     found: dict[int, Motion | CrankMotion] = {}
-    for index, value in by_index("motion", motion, names).items():
+    for index, given in by_index("motion", motion, names).items():
+        angle = given.angle if isinstance(given, Motion) else given
+        value: Any = angle.speed if isinstance(angle, AngleTable) else given
         if isinstance(value, (Motion, CrankMotion)):
             found[index] = value
             continue

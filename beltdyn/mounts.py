@@ -42,6 +42,7 @@ def _pair(group: str, name: str, unit: str, text: str) -> Rule:
 
 
 _UNLOADED = "travel at which the spring is unloaded"
+_HELD = "tension of the belt that it holds in the place of the drive"
 _STOPS = "lowest and highest travel"
 _PIVOT = _pair("arm", "pivot", "m", "about which it turns")
 _DIRECTION = _pair("slider", "direction", "1", "of its travel")
@@ -86,6 +87,13 @@ class _Sprung(Printable):
 
     def _check(self, group: str, unloaded: str) -> None:
         mount: Any = self
+        if mount.tension is not None:
+            for name in ("preload", unloaded):
+                if getattr(mount, name) is not None:
+                    raise ValueError(
+                        f"{group}.tension and {group}.{name} are both given: the preload follows "
+                        "from the tension"
+                    )
         if mount.preload is not None and self._unloaded_at is not None:
             raise ValueError(
                 f"{group}.preload and {group}.{unloaded} are both given: one follows from the "
@@ -97,7 +105,8 @@ class _Sprung(Printable):
     def _rows(self) -> list[tuple[str, str, str]]:
         """Leave out what does not apply: of preload and unloaded place one, stops that are none."""
         mount: Any = self
-        left_out = {name for name in ("preload", "stops") if getattr(mount, name) is None}
+        given = ("preload", "tension", "stops")
+        left_out = {name for name in given if getattr(mount, name) is None}
         if self._unloaded_at is None:
             left_out |= {"free_angle", "free_travel"}
         if mount.friction == 0.0:
@@ -108,8 +117,19 @@ class _Sprung(Printable):
 
     @property
     def spring_force(self) -> float:
-        """Torque (force) of the spring in the place of the drive, S_0 without a hung weight."""
+        """Torque (force) of the spring in the place of the drive, S_0 without a hung weight.
+
+        Of a mount with a ``tension`` ``params.effective_pulleys`` knows it.
+
+        Raises:
+            ValueError: It is given by ``tension``.
+        """
         mount: Any = self
+        if mount.tension is not None:
+            raise ValueError(
+                "the spring's force follows from mount.tension and the places of the pulleys: "
+                "params.effective_pulleys has it"
+            )
         if self._unloaded_at is not None:
             return float(mount.stiffness * self._unloaded_at)
         return float(mount.preload or 0.0)
@@ -125,7 +145,10 @@ class _Sprung(Printable):
         )
 
 
-@attrs.frozen(kw_only=True, field_transformer=from_table("arm", _PIVOT))
+_OF_ARM = Rule("arm", "tension", "POSITIVE", "N", _HELD)
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("arm", _PIVOT, _OF_ARM))
 class Arm(_Sprung):
     """An arm that turns about a pivot: a belt tensioner.
 
@@ -141,6 +164,8 @@ class Arm(_Sprung):
         preload: Torque of the spring on the arm in the place of the drive [N m], counter-clockwise
             positive; None: 0, or by ``free_angle``.
         free_angle: Angle from there at which the spring is unloaded [rad], in place of ``preload``.
+        tension: Tension of the belt at rest that the arm is to hold in the place of the drive [N],
+            > 0, in place of ``preload``, which is found from it (``params.effective_pulleys``).
         damping: Of a damper beside the spring [N m s/rad], >= 0.
         friction: Torque of Dahl friction in the pivot, in full sliding [N m], >= 0.
         friction_stiffness: Of that friction before it slides [N m/rad], >= 0; None or 0: so that it
@@ -165,6 +190,7 @@ class Arm(_Sprung):
         converter=_free_angle,
         metadata={"rule": Rule("arm", "free_angle", "FINITE", "rad", _UNLOADED)},
     )
+    tension: float | None = None
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
@@ -194,7 +220,10 @@ def _direction(value: Sequence[float]) -> tuple[float, float]:
     return x, y
 
 
-@attrs.frozen(kw_only=True, field_transformer=from_table("slider"))
+_OF_SLIDER = Rule("slider", "tension", "POSITIVE", "N", _HELD)
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("slider", _OF_SLIDER))
 class Slider(_Sprung):
     """A carriage that moves along a line: a take-up, with a spring, a screw or a weight.
 
@@ -207,6 +236,9 @@ class Slider(_Sprung):
         preload: Force of the spring on the carriage in the place of the drive [N]; None: 0, or by
             ``free_travel``.
         free_travel: Travel from there at which the spring is unloaded [m], in place of ``preload``.
+        tension: Tension of the belt at rest that the carriage is to hold in the place of the drive
+            [N], > 0, in place of ``preload``, which is found from it (``params.effective_pulleys``)
+            so that spring and hung weight hold it together.
         damping: Of a damper beside the spring [N s/m], >= 0.
         friction: Force of Dahl friction in the guide, in full sliding [N], >= 0.
         friction_stiffness: Of that friction before it slides [N/m], >= 0; None or 0: so that it
@@ -233,6 +265,7 @@ class Slider(_Sprung):
         converter=_free_travel,
         metadata={"rule": Rule("slider", "free_travel", "FINITE", "m", _UNLOADED)},
     )
+    tension: float | None = None
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None

@@ -95,7 +95,8 @@ class Params:
             tuple(pulley.side == "outside" for pulley in self.pulleys),
             tuple(pulley.name for pulley in self.pulleys),
             tuple(
-                None if pulley.mount is None else pulley.mount._to_core() for pulley in self.pulleys
+                None if pulley.mount is None else pulley.mount._to_core()
+                for pulley in self.effective_pulleys
             )
             if self.mounted
             else None,
@@ -129,7 +130,7 @@ class Params:
     @functools.cached_property
     def _preload(self) -> float:
         """The preload given, or the tension that the mounts hold in their places [N]."""
-        held = balance.tension_held(self.pulleys, self.gravity)
+        held = balance.tension_held(self.effective_pulleys, self.gravity)
         if held is None:
             if self.belt.preload is None:
                 raise ValueError(
@@ -219,6 +220,11 @@ class Params:
     def effective_contact(self) -> Contact:
         """The contact with all its numbers: those given, and those that were left open, chosen."""
         return sinking.complete(self.contact, self.belt, self.pulleys)
+
+    @functools.cached_property
+    def effective_pulleys(self) -> tuple[Pulley, ...]:
+        """The pulleys with the preload of each arm and slider: given, or found for its tension."""
+        return balance.preloaded(self.pulleys, self.gravity)
 
     @property
     def compliance(self) -> sinking.Compliance:

@@ -75,8 +75,9 @@ class RunWarning:
         budget        pilot, settling and run took more CPU time than the ``budget`` given
         checkpoint    the file of ``checkpoint`` could not be written: is the disk full?
         torque_ignored  a torque is set on a pulley whose motion is prescribed: it has no effect
-        beyond_table  a pulley turns faster, by more than 1 %, than the :class:`SpeedTable` of its
-                      load reaches, which stays constant there: give the table up to this speed
+        beyond_table  a pulley turns faster, by more than 1 %, than the table of its torque
+                      reaches (:class:`SpeedTable`, :class:`Motor`), which is constant there: give
+                      it up to this speed
 
     Attributes:
         code: Its name, such as "mesh" or "full_slip"; ``str()`` begins with it.

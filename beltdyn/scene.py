@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from . import toml
 from .checks import positive, shown
-from .motions import CrankMotion, Motion, MotionLike, as_motions, described
+from .motions import AngleTable, CrankMotion, Motion, MotionLike, as_motions, described
 from .naming import ByPulley, as_pulley, label
 from .params import Params
 from .torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, as_terms
@@ -50,14 +50,16 @@ class Scene(NamedTuple):
 
         A complete one; ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a
         row for each time and a torque for each pulley in it; with ``pulley``, a number for each
-        time. The other kinds of torque, "speed_table", "load", "harmonics", "step" and "ramp", have
+        time. The other kinds of torque, "motor", "speed_table", "load", "harmonics", "step" and
+        "ramp", have
         the fields of their classes, and a factor over time is a table: ``{ kind = "load", pulley =
         1, quadratic = 2e-4, factor = { t = [0.2, 0.25], values = [0, 1] } }``. ``motion = [{ pulley
         = 0, kind = "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a
-        speed, kind "crank" the motion of a :class:`CrankMotion`. A pulley may have a
-        ``name``, ``side = "outside"``, ``friction`` and ``drag`` tables of its own, and a mount:
-        ``mount = { kind = "arm", pivot = [0.1, -0.05], inertia = 2e-3, preload = 15.0, stiffness =
-        20.0 }``, or kind "slider" or "path". In all these and in ``offset`` a
+        speed, kind "crank" the motion of a :class:`CrankMotion`, "angle_table" an
+        :class:`AngleTable`. A pulley may have a ``name``, ``side = "outside"``, ``friction`` and
+        ``drag`` tables of its own, and a mount: ``mount = { kind = "arm", pivot = [0.1, -0.05],
+        inertia = 2e-3, preload = 15.0, stiffness = 20.0 }``, with ``tension = 400.0`` in place of
+        ``preload``, or kind "slider" or "path". In all these and in ``offset`` a
         pulley that has a ``name`` may be called by it::
 
             t_end = 1.0
@@ -96,7 +98,8 @@ class Scene(NamedTuple):
 
         Raises:
             TypeError: The torque or a motion is a function; only torque objects can be written, and
-                motions that are :class:`CrankMotion` or have a :class:`PiecewiseLinear` speed.
+                motions that are a :class:`CrankMotion`, an :class:`AngleTable` or a
+                :class:`PiecewiseLinear` speed.
             ValueError: The torque is for another number of pulleys, or ``t_end`` is not > 0.
             OSError: The file cannot be written; a file that was there before is unchanged.
         """
@@ -142,10 +145,12 @@ class Scene(NamedTuple):
 
 def _motion_table(pulley: int | str, motion: MotionLike) -> dict[str, Any]:
     speed = motion.speed if isinstance(motion, Motion) else motion
-    if not isinstance(speed, (PiecewiseLinear, CrankMotion)):
+    if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
+        speed = motion.angle
+    if not isinstance(speed, (PiecewiseLinear, CrankMotion, AngleTable)):
         raise TypeError(
-            f"motion[{pulley!r}] must be a speed that is a PiecewiseLinear, or a CrankMotion, "
-            f"to be written as TOML, got {motion!r}"
+            f"motion[{pulley!r}] must be a speed that is a PiecewiseLinear, a CrankMotion or an "
+            f"AngleTable, to be written as TOML, got {motion!r}"
         )
     return {"pulley": pulley, **toml.unstructure(speed)}
 

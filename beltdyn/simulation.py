@@ -98,8 +98,8 @@ def simulate(
         torque_fn: The set torques M_d of (2.12), one per pulley [N m], counter-clockwise positive:
             a Python callable ``f(t, theta, omega)`` that returns n_p values, torque objects
             (:class:`PiecewiseLinear` and :class:`Viscous` for all pulleys; for single ones
-            :class:`SpeedTable`, :class:`Load`, :class:`Harmonics`, :class:`Step`, :class:`Ramp`;
-            their sums), or a compiled function
+            :class:`Motor`, :class:`SpeedTable`, :class:`Load`, :class:`Harmonics`, :class:`Step`,
+            :class:`Ramp`; their sums), or a compiled function
             ``void f(double t, const double *theta, const double *omega, double *torque, void *)``
             from Numba's ``cfunc``, ctypes, cffi or SciPy's ``LowLevelCallable``. A Python function
             makes a run take twice as long if it computes with plain floats, six times as long if
@@ -108,8 +108,8 @@ def simulate(
         motion: Prescribed motions by pulley, its index or name, ``{0: PiecewiseLinear(t, omega)}``:
             a :class:`PiecewiseLinear` of one value per time, or a function of time, gives the speed
             [rad/s], a :class:`beltdyn.Motion` the speed or the angle, a :class:`CrankMotion` a
-            mean speed with harmonics. Speeds must not jump. The
-            torque that a motion needs is in ``result.pulleys.torque``, its work in
+            mean speed with harmonics, an :class:`AngleTable` measured angles. Speeds must not
+            jump. The torque that a motion needs is in ``result.pulleys.torque``, its work in
             ``energy.drive``; torques set on such a pulley have no effect. While a motion is given
             by a function, steps are no longer than ``torque_interval``.
         t_eval: Times of the samples (n_t,) [s], non-decreasing, within the run; None: 1001
@@ -395,7 +395,7 @@ def _simulate(
             unchecked=unchecked(outputs, params.has_friction),
             final_state=State._from_core(sim.state()),
         )
-        of_core = (RunWarning(**one) for one in sim.warnings)
+        of_core = [RunWarning(**one) for one in sim.warnings]
         of_samples = observed.observe(seen, motions)
         if any(one.code == "slack_span" for one in of_samples):
             seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))

@@ -21,8 +21,8 @@ import numpy as np
 from . import files
 from .checks import Array, close_to, shown
 from .friction import LAWS, Friction, Frictionless
-from .loads import Harmonics, Load, Ramp, SpeedTable, Step
-from .motions import CrankMotion
+from .loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
+from .motions import AngleTable, CrankMotion
 from .mounts import Arm, Mount, Slider, Stops
 from .mounts import Path as AxisPath
 from .naming import PulleyLike
@@ -39,17 +39,22 @@ _TORQUES: dict[str, type] = {
     "viscous": Viscous,
     "load": Load,
     "speed_table": SpeedTable,
+    "motor": Motor,
     "harmonics": Harmonics,
     "step": Step,
     "ramp": Ramp,
 }
-_MOTIONS: dict[str, type] = {"piecewise_linear": PiecewiseLinear, "crank": CrankMotion}
+_MOTIONS: dict[str, type] = {
+    "piecewise_linear": PiecewiseLinear,
+    "crank": CrankMotion,
+    "angle_table": AngleTable,
+}
 _MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
 _KIND_OF = {
     cls: kind for kinds in (_FRICTION, _TORQUES, _MOTIONS, _MOUNTS) for kind, cls in kinds.items()
 }
 #: What a motion can be in a file.
-FileMotion: TypeAlias = PiecewiseLinear | CrankMotion
+FileMotion: TypeAlias = PiecewiseLinear | CrankMotion | AngleTable
 #: Fields of a scene besides the tables of its drive.
 SCENE_ONLY = ("t_end", "torque")
 

@@ -287,7 +287,8 @@ enum {
   BD_TORQUE_CALL,
   BD_TORQUE_LOAD,
   BD_TORQUE_TABLE,
-  BD_TORQUE_HARMONICS
+  BD_TORQUE_HARMONICS,
+  BD_TORQUE_CURVE
 };
 
 /* One term; terms add up. PIECEWISE: linear between the times t (n_t, non-decreasing; a time given
@@ -297,7 +298,8 @@ enum {
  * The others are torques on one pulley, times a factor over time, `values` (n_t) at t as above, or
  * 1 if n_t is 0. LOAD: `against` its rotation. TABLE: against its rotation too, `torque` over the
  * magnitude `omega` of its speed (n_points, increasing, >= 0), linear between its points, constant
- * outside. HARMONICS: over the angle of pulley `of`. Signs of speeds are smooth (MODEL section 5).
+ * outside. HARMONICS: over the angle of pulley `of`. CURVE: `torque` over its speed `omega`, both
+ * counter-clockwise positive. Signs of speeds are smooth (MODEL section 5).
  *
  * Arrays are copied when the simulation is made. */
 typedef struct bd_torque_term {
@@ -311,7 +313,7 @@ typedef struct bd_torque_term {
   int pulley, of;
   bd_drag against;
   size_t n_points;
-  const double *omega, *torque; /* [rad/s], [N m], both >= 0 */
+  const double *omega, *torque; /* [rad/s], [N m], of TABLE both >= 0 */
   bd_harmonics harmonics;       /* amplitudes [N m] */
 } bd_torque_term;
 

@@ -227,7 +227,7 @@
   X(fallback, 1, "steps that only the first order could make erred by more than was asked")        \
   X(fixed_step, 1, "the fixed step is too long")                                                   \
   X(torque_ignored, 0, "a torque is set on a pulley whose motion is prescribed")                   \
-  X(beyond_table, 0, "a pulley turns faster than the table of its load reaches")
+  X(beyond_table, 0, "a pulley turns faster than the table of its torque reaches")
 
 /* Errors: X(symbol, kind, text). Kinds: VALUE (a bad argument), MEMORY, USE (called wrongly),
  * CALL (a callback asked to stop), RUN (a run that cannot go on). */

@@ -69,7 +69,9 @@ def mounts_of(params: bd.Params) -> dict[int, reference_mounts.Mount]:
         mount = getattr(pulley, "mount", None)
         if mount is None:
             continue
+        mount = params.effective_pulleys[j].mount
         given = attrs.asdict(mount, recurse=False)
+        given.pop("tension", None)
         unloaded = given.pop("free_angle", None), given.pop("free_travel", None)
         for at in unloaded:
             if at is not None:

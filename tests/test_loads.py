@@ -25,6 +25,8 @@ NOTHING = bd.Viscous([0.0, 0.0])
 SPEEDS = (-7.0, 5.0)
 TABLE = bd.SpeedTable(1, [2.0, 4.0, 8.0], [1.0, 3.0, 2.0])
 ORDERS, AMPLITUDES, PHASES = np.array([0.5, 2.0, 3.7]), np.array([2.0, 1.0, 0.3]), [0.2, -1.0, 2.0]
+#: Drives, brakes, and is not 0 at rest; of either sign of the speed.
+MOTOR = bd.Motor(1, [-6.5, -2.0, 4.0], [3.0, -1.0, 2.0])
 HARMONICS = bd.Harmonics(0, ORDERS, AMPLITUDES, PHASES)
 
 
@@ -64,6 +66,10 @@ def table_law(theta: Any, omega: Any, w0: float) -> Any:
     return -sign(w, w0) * np.interp(np.abs(w), TABLE.omega, TABLE.torque)
 
 
+def motor_law(theta: Any, omega: Any, w0: float) -> Any:
+    return np.interp(omega[:, 1], MOTOR.omega, MOTOR.torque)
+
+
 def harmonic_law(of: int) -> Any:
     def law(theta: Any, omega: Any, w0: float) -> Any:
         return np.cos(np.multiply.outer(theta[:, of], ORDERS) + PHASES) @ AMPLITUDES
@@ -74,6 +80,7 @@ def harmonic_law(of: int) -> Any:
 LAWS: dict[str, tuple[bd.Torque, int, Any]] = {
     "load": (bd.Load(1, coulomb=0.4, viscous=0.02, quadratic=3e-3), 1, load_law),
     "table": (TABLE, 1, table_law),
+    "motor": (MOTOR, 1, motor_law),
     "harmonics": (HARMONICS, 0, harmonic_law(0)),
     "harmonics of another": (attrs.evolve(HARMONICS, of=1), 0, harmonic_law(1)),
 }
@@ -83,10 +90,11 @@ LAWS: dict[str, tuple[bd.Torque, int, Any]] = {
 @pytest.mark.parametrize("kind", LAWS)
 def test_values(kind: str, free: bd.Params, rest: bd.State) -> None:
     """Of every sample of a run through rest and through the table's points, with a factor over time
-    that jumps: by the formulas of MODEL section 5, to rounding.
+    that jumps, below 0 where it may: by the formulas of MODEL section 5, to rounding.
     """
     load, on, law = LAWS[kind]
-    factor = bd.PiecewiseLinear([0.01, 0.02, 0.02, 0.03], [1.0, 0.5, -2.0, 0.0])
+    after = 2.0 if isinstance(load, (bd.Load, bd.SpeedTable)) else -2.0
+    factor = bd.PiecewiseLinear([0.01, 0.02, 0.02, 0.03], [1.0, 0.5, after, 0.0])
     push = bd.Ramp(1, 0.0, 0.001, -6.0)
     for scale in (None, factor):
         scaled = attrs.evolve(load, factor=scale)  # type: ignore[misc]
@@ -101,7 +109,7 @@ def test_values(kind: str, free: bd.Params, rest: bd.State) -> None:
             expected = expected * np.where(
                 before,
                 np.interp(result.t, [0.01, 0.02], [1.0, 0.5]),
-                np.interp(result.t, [0.02, 0.03], [-2.0, 0.0]),
+                np.interp(result.t, [0.02, 0.03], [after, 0.0]),
             )
         torque = result.pulleys.torque.copy()
         torque[:, 1] += 6.0 * np.minimum(result.t / 0.001, 1.0)
@@ -129,6 +137,10 @@ def slopes(load: bd.Torque, theta: Any, omega: Any, w0: float) -> tuple[Any, Any
         k = min(max(int(np.searchsorted(load.omega, abs(w))), 1), load.omega.size - 1)
         slope = inside * np.diff(load.torque)[k - 1] / np.diff(load.omega)[k - 1]
         by_omega[1, 1] = -(rise * at + abs(sign(w, w0)) * slope)
+    elif isinstance(load, bd.Motor):
+        inside = load.omega[0] < w < load.omega[-1]
+        k = min(max(int(np.searchsorted(load.omega, w)), 1), load.omega.size - 1)
+        by_omega[1, 1] = inside * np.diff(load.torque)[k - 1] / np.diff(load.omega)[k - 1]
     elif isinstance(load, bd.Harmonics):
         of = 0 if load.of is None else int(load.of)
         angles = load.orders * theta[of] + load.phases
@@ -148,7 +160,9 @@ def test_slopes(kind: str, free: bd.Params, rest: bd.State) -> None:
     for speed in (-9.0, -3.0, -0.5, 0.0, 0.5, 3.0, 6.0):
         h, factor = 1e-4, 40.0
         omega, theta = np.array([2.0, speed if speed else 0.5 * w0]), np.array([0.7, 1.9])
-        if not speed and not isinstance(load, bd.Harmonics):  # steep: 0.4 N m over 2 omega_0
+        if not speed and isinstance(
+            load, (bd.Load, bd.SpeedTable)
+        ):  # steep: 0.4 N m over 2 omega_0
             h, factor = 1e-6, 1.0
         constant = bd.PiecewiseLinear([0.0], [factor])
         scaled = attrs.evolve(load, factor=constant)  # type: ignore[misc]
@@ -164,6 +178,7 @@ def test_slopes(kind: str, free: bd.Params, rest: bd.State) -> None:
         moved = result.final_state.omega - omega
         assert moved == pytest.approx(step[2:], rel=1e-9, abs=1e-12), speed
         flat = kind == "table" and speed in (-9.0, -0.5, 0.5)
+        flat |= kind == "motor" and speed in (-9.0, 6.0)
         still = kind == "harmonics of another" and not speed
         if not (flat or still):  # the derivatives are seen
             assert np.max(np.abs(step - explicit)[2:]) > 1e-5 * np.max(np.abs(explicit[2:])), speed
@@ -219,6 +234,7 @@ LOADS = (
     bd.Harmonics(1, [3.0], [2.0], of=0),
     bd.Step(1, 0.035, 5.0),
 )
+RAMPED = bd.Motor(1, [-3.0, 0.0, 5.0], [1.0, 2.0, -1.0], ramp=(0.01, 0.02))
 
 
 def test_a_drive_answers_a_harmonic_torque_as_one_mass() -> None:
@@ -255,6 +271,7 @@ def test_the_fixed_step_follows_steep_loads(free: bd.Params, rest: bd.State) -> 
         bd.Load(0, coulomb=10 * steep * w0, factor=tenth),
         bd.SpeedTable(0, [1.0], [steep * w0]),
         bd.SpeedTable(0, [0.0, 1.0], [0.0, steep]),
+        bd.Motor(0, [-1.0, 1.0], [steep, -steep]),
         bd.Harmonics(0, [1.0], [1e12 * 0.01], [math.pi / 2]),
     ):
         state = turning(rest, 0.3 * w0, 0.0, theta=(1e-9, 0.0))
@@ -294,7 +311,9 @@ def test_beyond_the_table(free: bd.Params, rest: bd.State) -> None:
     """
     table = bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0])
     off = attrs.evolve(table, factor=bd.PiecewiseLinear([0.0], [0.0]))
+    motor = bd.Motor(0, [-8.0, 2.0], [0.0, 0.0])
     for speed, load, is_beyond in (
+        (-9.0, motor, True), (-8.05, motor, False), (1.0, motor, False),
         (9.0, table, True), (-9.0, table, True), (8.05, table, False), (0.5, table, False),
         (9.0, off, False),
     ):  # fmt: skip
@@ -305,7 +324,36 @@ def test_beyond_the_table(free: bd.Params, rest: bd.State) -> None:
         assert len(texts) == is_beyond
         for text in texts:
             assert text.startswith(f"beyond_table: pulley 0 turns at {speed:g} rad/s at t = ")
-            assert "faster than the table of its load reaches, 8 rad/s" in text
+            end = "-8" if load is motor else "8"
+            assert f"faster than the table of its torque reaches, {end} rad/s" in text
+
+
+def test_a_motor_starts_from_rest(free: bd.Params, rest: bd.State) -> None:
+    """M = M_0 (1 - w / W) on a free pulley: w = W (1 - exp(-M_0 t / (W I))); with the torque rising
+    within T, t^2 / 2T in place of t up to T, and t - T/2 after it. Clockwise the same.
+    """
+    m, top, inertia, rise = 5.0, 40.0, 0.01, 0.05
+    for way, ramp in ((1.0, None), (-1.0, rise), (1.0, (0.0, rise))):
+        speeds, torques = [-10.0, 50.0], [m * (1.0 + 10.0 / top), m * (1.0 - 50.0 / top)]
+        if way < 0.0:
+            speeds, torques = [-50.0, 10.0], [-torques[1], -torques[0]]
+        motor = bd.Motor(0, speeds, torques, ramp=ramp)
+        result = bd.simulate(free, motor, 0.2, initial=rest, rtol=1e-7)
+        t = result.t
+        time = t if ramp is None else np.where(t < rise, t**2 / (2 * rise), t - 0.5 * rise)
+        expected = way * top * -np.expm1(-m * time / (top * inertia))
+        assert np.max(np.abs(result.pulleys.omega[:, 0] - expected)) <= 1e-5 * top
+
+
+@pytest.mark.parametrize("load", [bd.Load(0, coulomb=2.0), bd.SpeedTable(0, [0, 9], [2, 3])])
+def test_a_load_turned_round_is_no_motor(load: Any) -> None:
+    """It would never start: refused, with what is meant."""
+    for values in ([-1.0], [1.0, -1e-3]):
+        factor = bd.PiecewiseLinear(np.arange(float(len(values))), values)
+        with pytest.raises(ValueError, match=r"factor must be >= 0: .* never starts; .* Motor"):
+            attrs.evolve(load, factor=factor)
+    with pytest.raises(ValueError, match=r"must be >= 0"):
+        -1.0 * load
 
 
 CRANK_SPEED = bd.PiecewiseLinear([0.01, 0.03, 0.06], [0.0, -30.0, -50.0])
@@ -425,6 +473,14 @@ def test_bad_files(table: str, message: str) -> None:
          r"SpeedTable\.omega must be increasing, got 2 rad/s before 1"),
         (lambda: bd.SpeedTable(0, [1, 2], [1, -2]), ValueError,
          r"SpeedTable\.torque must be >= 0, for the table holds magnitudes"),
+        (lambda: bd.Motor(0, [1], [1]), ValueError, r"Motor\.omega must hold at least two speeds"),
+        (lambda: bd.Motor(0, [1, 1], [1, 2]), ValueError, r"Motor\.omega must be increasing"),
+        (lambda: bd.Motor(0, [1, 2], [1, 2, 3]), ValueError,
+         r"Motor\.torque must have one value for each of the 2 speed\(s\), got 3"),
+        (lambda: bd.Motor(0, [1, 2], [1, 2], ramp=0.0), ValueError,
+         r"Motor\.ramp must end after it begins, got 0 s and 0 s"),
+        (lambda: bd.Motor(0, [1, 2], [1, 2], ramp=1.0, factor=bd.PiecewiseLinear([0], [1])),
+         ValueError, r"Motor\.ramp and Motor\.factor are both given"),
         (lambda: bd.Harmonics(0, [], []), ValueError, r"Harmonics\.orders must hold at least one"),
         (lambda: bd.Harmonics(0, [0], [1]), ValueError,
          r"Harmonics\.orders must be > 0, got 0 at \[0\]"),
@@ -460,9 +516,13 @@ def test_names_of_pulleys(free: bd.Params, rest: bd.State) -> None:
     """
     pulleys = [attrs.evolve(p, name=n) for p, n in zip(free.pulleys, ("crank", "fan"), strict=True)]
     named = attrs.evolve(free, pulleys=pulleys)
-    by_index = bd.Load(1, viscous=0.1) + bd.Harmonics(1, [1.0], [2.0], of=0) + bd.Step(1, 0.0, 1.0)
+    motor = attrs.evolve(RAMPED, ramp=(0.0, 0.005))
+    by_index = (
+        motor + bd.Load(1, viscous=0.1) + bd.Harmonics(1, [1.0], [2.0], of=0) + bd.Step(1, 0.0, 1.0)
+    )
     by_name = (
-        bd.Load("fan", viscous=0.1)
+        attrs.evolve(motor, pulley="fan")
+        + bd.Load("fan", viscous=0.1)
         + bd.Harmonics("fan", [1.0], [2.0], of="crank")
         + bd.PiecewiseLinear([0.0, 0.0], [0.0, 1.0], pulley="fan")
     )
@@ -498,7 +558,7 @@ def test_names_of_pulleys(free: bd.Params, rest: bd.State) -> None:
 def test_objects_are_values_that_the_core_reads() -> None:
     """A torque or a motion of these is data, not a function that is called."""
     whole = LOADS[0] + LOADS[1] + LOADS[2] + LOADS[3] + LOADS[4]
-    for one in (*LOADS, CRANK, whole, bd.Load("fan"), attrs.evolve(TABLE, pulley="pump")):
+    for one in (*LOADS, RAMPED, CRANK, whole, bd.Load("fan"), attrs.evolve(TABLE, pulley="pump")):
         assert pickle.loads(pickle.dumps(one)) == one
         assert eval(repr(one), vars(bd)) == one
         assert str(one)

@@ -339,8 +339,8 @@ def end_of(model, rest, torque):
         ((), T, f" {BEGINS} ()"),
         (["viscous", [0, 0]], T, f" {BEGINS} ['viscous', [0, 0]]"),
         (("spline", [0, 0]), V,
-         " must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', 'table' or "
-         "'harmonics', got 'spline'"),
+         " must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', 'table', "
+         "'harmonics' or 'curve', got 'spline'"),
         (("load", 1, [0, 0]), V, " of kind 'load' must have 3 arguments, got 2"),
         (("load", 2, [0, 0, 0], None), V, "0: pulley must be one of 0 to 1, got 2"),
         (("load", -1, [0, 0, 0], None), V, "0: pulley must be one of 0 to 1, got -1"),

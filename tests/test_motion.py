@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,7 @@ from module_common import INF, TORQUE, make_model, refused, same_bits
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn.motions import in_core
 
 T_END = 0.02
 TIMES = np.linspace(0.0, T_END, 41)
@@ -328,7 +330,7 @@ REFUSED = [
     ("motion", {}, TypeError, "Motion takes either speed or angle"),
     ("motion", {"speed": wave, "angle": wave}, TypeError, "Motion takes either speed or angle"),
     ("motion", {"angle": RAMP}, ValueError, "Motion.angle must not be a PiecewiseLinear, for the"),
-    ("motion", {"angle": 1.0}, TypeError, r"Motion.angle must be a function f\(t\), got 1.0"),
+    ("motion", {"angle": 1.0}, TypeError, r"Motion.angle must be a function f\(t\) or an Angle"),
     ("motion", {"speed": LOAD}, ValueError, "Motion.speed must have one value per time"),
     ("motion", {"speed": "fast"}, TypeError, "Motion.speed must be a PiecewiseLinear"),
     ("state", [1.0, 1.0], TypeError, "omega must be a mapping from pulleys to speeds"),
@@ -473,6 +475,87 @@ def test_a_twin_follows_the_motion() -> None:
 
 def scene_with(motion: Any) -> bd.Scene:
     return bd.Scene(params_with(), LOAD, 0.002, motion)
+
+
+#: Angles of a speed that swings by a tenth at 12 Hz, 33 samples a period.
+ANGLE_TIMES = np.linspace(0.0, 1.0, 401)
+SWING = 2.0 * math.pi * 12.0
+ANGLES = 40.0 * ANGLE_TIMES + 4.0 / SWING * np.sin(SWING * ANGLE_TIMES)
+
+
+def test_measured_angles() -> None:
+    """Their speed is that of the motion: of exact angles to the spline's h^3 w^4 / 24 of the swing,
+    and their angle to h^2 w^2 / 12 of it. Noise of 1e-3 rad, 2 rad/s from sample to sample, is
+    filtered out: of white noise below the cutoff f the speed keeps a root mean square of
+    sigma 2 pi f sqrt(2 f h / 3), here 0.02 rad/s; at most five times that away from the ends.
+    """
+    t, h = ANGLE_TIMES, ANGLE_TIMES[1]
+    exact = bd.AngleTable(t, ANGLES)
+    speeds = exact.speed.values[:, 0]
+    amplitude = 4.0 / SWING
+    inner = slice(5, -5)
+    truth = 40.0 + 4.0 * np.cos(SWING * t)
+    assert np.abs(speeds - truth)[inner].max() <= amplitude * SWING**5 * h**4 / 100
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * h * (speeds[1:] + speeds[:-1]))])
+    assert np.abs(angle - ANGLES).max() <= 1.1 * amplitude * (SWING * h) ** 2 / 12
+    noisy = ANGLES + 1e-3 * np.random.default_rng(1).standard_normal(t.size)
+    filtered = bd.AngleTable(t, noisy, cutoff=30.0)
+    kept = 1e-3 * 2.0 * math.pi * 30.0 * math.sqrt(2.0 * 30.0 * h / 3.0)
+    at = filtered.speed.t
+    off = np.abs(filtered.speed.values[:, 0] - 40.0 - 4.0 * np.cos(SWING * at))
+    assert off[(at > 0.05) & (at < 0.95)].max() <= 5.0 * kept
+    assert bd.AngleTable(t, noisy, cutoff=3.0).speed.t.size == 1 + 60  # 20 knots a period
+    # more slowly than that, uneven samples are as good
+    uneven = t + 0.3 * h * np.sin(np.arange(t.size))
+    assert np.all(np.diff(uneven) > 0.0)
+    of_uneven = 40.0 * uneven + amplitude * np.sin(SWING * uneven)
+    one = bd.AngleTable(uneven, of_uneven).speed
+    assert np.abs(one.values[:, 0] - 40.0 - 4.0 * np.cos(SWING * one.t))[inner].max() < 0.01
+
+
+def test_a_run_follows_measured_angles() -> None:
+    """As it follows the speed that they give; also through a file, and as Motion.angle."""
+    table = bd.AngleTable(ANGLE_TIMES, ANGLES, cutoff=100.0)
+    runs = [
+        bd.simulate(params_with(), LOAD, 0.02, {0: motion})
+        for motion in (table, bd.Motion(angle=table), table.speed)
+    ]
+    for run in runs:
+        assert np.array_equal(run.pulleys.omega, runs[0].pulleys.omega)
+        expected = [table.speed.at(t)[0] for t in run.t]
+        np.testing.assert_allclose(run.pulleys.omega[:, 0], expected, rtol=1e-12)
+    for motion in (table, bd.Motion(angle=table)):
+        scene = scene_with({0: motion})
+        assert 'kind = "angle_table"' in scene.to_toml()
+        assert bd.Scene.from_toml(scene.to_toml()).motion == {0: table}
+        assert "motion of pulley 0: angles at 401 times from 0 to 1 s, filtered at" in str(scene)
+        assert in_core(motion)
+    assert pickle.loads(pickle.dumps(table)) == table == eval(repr(table), vars(bd))
+
+
+def test_kinks_and_noise_of_measured_angles_are_refused() -> None:
+    """By name and time; a run-up of 20 samples is neither."""
+    t, rng = ANGLE_TIMES, np.random.default_rng(2)
+    kinked = np.where(t < 0.5, 40.0 * t, 20.0 + 10.0 * (t - 0.5))
+    with pytest.raises(ValueError, match=r"kinks at t = 0\.5 s: the speed jumps by up to 30 rad/s"):
+        bd.AngleTable(t, kinked)
+    with pytest.raises(ValueError, match=r"is noisy: .* give cutoff"):
+        bd.AngleTable(t, ANGLES + 1e-3 * rng.standard_normal(t.size))
+    rounded = bd.AngleTable(t, kinked, cutoff=40.0).speed
+    assert rounded.at(0.4)[0] == pytest.approx(40.0, abs=0.01)
+    assert rounded.at(0.6)[0] == pytest.approx(10.0, abs=0.01)
+    bd.AngleTable(
+        t[:60], 500.0 * np.minimum(t[:60], 0.05) ** 2 + 50.0 * np.maximum(t[:60] - 0.05, 0)
+    )
+    for changes, message in (
+        ({"t": [0.0, 1.0, 2.0]}, r"AngleTable\.t must hold at least four times"),
+        ({"t": [0.0, 1.0, 1.0, 2.0]}, r"AngleTable\.t must hold at least four times that increase"),
+        ({"angle": [0.0, 1.0]}, r"AngleTable\.angle must have one value for each of the 401 times"),
+        ({"cutoff": 300.0}, r"AngleTable\.cutoff must be between 1 Hz, .* and 200 Hz"),
+        ({"cutoff": 0.0}, r"AngleTable\.cutoff must be > 0"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            bd.AngleTable(**({"t": t, "angle": ANGLES} | changes))
 
 
 def test_scenes_in_files() -> None:

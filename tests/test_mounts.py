@@ -22,6 +22,7 @@ from mounted_drives import METHODS
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn.balance import tension_held
 from beltdyn.mounts import friction_stiffness, stop_stiffness
 from beltdyn.route import Route
 
@@ -124,6 +125,37 @@ def test_a_free_travel_is_a_preload() -> None:
     states = [bd.settle(params) for params in (one, other)]
     assert states[0].travel == pytest.approx(states[1].travel, rel=1e-12)
     assert states[0].x == pytest.approx(states[1].x, abs=1e-14)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0), (3.0, -9.81)])
+def test_a_tension_is_the_preload_that_holds_it(gravity: tuple[float, float]) -> None:
+    """Of an arm, and of a carriage beside whose spring a weight hangs: the preload found is that
+    with which the same drive holds this tension, and the settled belt has it, to 0.5 % with these
+    links.
+    """
+    of_arm = drives.arm(preload=None, tension=150.0, friction=0.0)
+    of_slider = drives.slider(weight=10.0, stiffness=5e3, tension=150.0)
+    for make, mount in ((drives.tensioner, of_arm), (drives.take_up, of_slider)):
+        options = {"n_bodies": 150, "belt_changes": {"bending_stiffness": 0.0}, "gravity": gravity}
+        drawn = make(mount, **options)
+        params = attrs.evolve(drawn, belt=attrs.evolve(drawn.belt, length=None))
+        (k,) = params.mounted
+        found = params.effective_pulleys[k].mount
+        assert found.tension is None and params.pulleys[k].mount == mount
+        held = tension_held(params.effective_pulleys, gravity)
+        assert held == pytest.approx(150.0, rel=1e-12)
+        given = make(found, **options)
+        assert bd.settle(given).travel == pytest.approx(bd.settle(drawn).travel, rel=1e-12)
+        state = bd.settle(params)
+        assert state.tension(params).spans == pytest.approx(150.0, rel=5e-3)
+        assert abs(state.travel[0]) < 1e-3
+        # it follows the drive, and is kept in files
+        other = attrs.evolve(params, gravity=(5.0, 20.0))
+        assert other.effective_pulleys[k].mount.preload != found.preload
+        assert bd.Params.from_toml(params.to_toml()) == params
+        assert "tension of the belt that it holds" in str(params)
+    (spring,) = drives.take_up(of_slider).effective_pulleys[1:]
+    assert spring.mount.preload == pytest.approx(2 * 150.0 - 10.0 * 9.80665, rel=1e-12)
 
 
 def test_stiffnesses_that_are_chosen_are_those_of_the_core() -> None:

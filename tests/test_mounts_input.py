@@ -23,6 +23,8 @@ BAD: dict[type[Any], tuple[dict[str, Any], list[tuple[dict[str, Any], str]]]] = 
     bd.Arm: ({"pivot": (0.215, 0.105), "inertia": 0.0025, "stiffness": 10.0, "preload": 6.0}, [
         ({"friction": 0.1, "friction_stiffness": -1.0}, "friction_stiffness"),
         ({"free_angle": 0.1}, "preload.*free_angle"),
+        ({"tension": 100.0}, r"arm\.tension and arm\.preload are both given"),
+        ({"preload": None, "tension": -1.0}, r"arm\.tension must be > 0"),
         ({"stops": (0.1, -0.1)}, "stops|lowest|highest"),
         ({"stops": (-0.1, 0.1), "stop_stiffness": -1.0}, "stop_stiffness"),
         ({"stops": (-0.1, 0.1), "stop_damping": -1.0}, "stop_damping"),
@@ -37,6 +39,8 @@ BAD: dict[type[Any], tuple[dict[str, Any], list[tuple[dict[str, Any], str]]]] = 
         ({"direction": (0.0, 0.0)}, "direction"),
         ({"weight": -1.0}, "weight"),
         ({"preload": 1.0, "free_travel": 0.1, "stiffness": 10.0}, "preload.*free_travel"),
+        ({"tension": 9.0, "free_travel": 0.1, "stiffness": 10.0}, "slider.tension.*free_travel"),
+        ({"tension": 9.0, "direction": (0.0, 1.0), "weight": 0.0}, "holds no tension in its place"),
         ({"stops": (0.1, 0.1)}, "stops|lowest|highest"),
         ({"direction": (-1.0, 0.0)}, HOLDS_NO_TENSION),
     ]),

@@ -180,7 +180,7 @@ class _Theory:
         centers = self.centers(travels)
         for travel, m in zip(travels, self.free, strict=True):
             k = self.params.mounted[m]
-            mount = self.params.pulleys[k].mount
+            mount = self.params.effective_pulleys[k].mount
             assert isinstance(mount, (Arm, Slider))
             along = axis_direction(mount, centers[k])
             held = float(along @ (pull[k] * ends[k] - pull[k - 1] * ends[k - 1]))

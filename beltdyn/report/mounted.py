@@ -48,7 +48,7 @@ def mount_rows(
         notes.append(f"mounts: {names} not asked for (outputs of simulate)")
     rows = []
     for m, k in enumerate(params.mounted):
-        mount, name = params.pulleys[k].mount, params.pulley_names[k]
+        mount, name = params.effective_pulleys[k].mount, params.pulley_names[k]
         assert mount is not None
         kind = "arm" if isinstance(mount, Arm) else "path" if isinstance(mount, Path) else "slider"
         row: dict[str, Any] = {"name": name, "kind": kind}

@@ -386,6 +386,7 @@ static int read_term(reader *in) {
       {"load", BD_TORQUE_LOAD, 3, read_load},
       {"table", BD_TORQUE_TABLE, 4, read_table},
       {"harmonics", BD_TORQUE_HARMONICS, 6, read_harmonic_torque},
+      {"curve", BD_TORQUE_CURVE, 4, read_table},
   };
   if (!PyTuple_Check(in->tuple) || !PyTuple_GET_SIZE(in->tuple) ||
       !PyUnicode_Check(PyTuple_GET_ITEM(in->tuple, 0))) {
@@ -410,7 +411,7 @@ static int read_term(reader *in) {
   }
   PyErr_Format(PyExc_ValueError,
                "torque[%zd] must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', "
-               "'table' or 'harmonics', got %R",
+               "'table', 'harmonics' or 'curve', got %R",
                in->index, kind);
   return -1;
 }

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
  * Torques on single pulleys (MODEL section 5), each times a factor over time: against the rotation,
- * by coefficients or from a table over speed, and harmonics over an angle. Their derivatives are
- * those of the formulas; on a kink of a table, of the piece above it.
+ * by coefficients or from a table over speed, harmonics over an angle, and the curve of a motor
+ * over speed. Their derivatives are those of the formulas; on a kink of a table, of the piece above
+ * it.
  *
  * Against the rotation is with the smooth sign of bearing drag, bd_coulomb_drag, so a load has a
  * slope at rest. Guarded by tests/test_loads.py.
  */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -14,11 +16,15 @@
 
 int bd_is_load(const bd_torque_term *term) {
   return term->kind == BD_TORQUE_LOAD || term->kind == BD_TORQUE_TABLE ||
-         term->kind == BD_TORQUE_HARMONICS;
+         term->kind == BD_TORQUE_HARMONICS || term->kind == BD_TORQUE_CURVE;
+}
+
+static int has_points(const bd_torque_term *term) {
+  return term->kind == BD_TORQUE_TABLE || term->kind == BD_TORQUE_CURVE;
 }
 
 void bd_load_carve(bd_carver *carver, bd_torque_term *copy, const bd_torque_term *given) {
-  const size_t n_t = given->n_t, n = given->kind == BD_TORQUE_TABLE ? given->n_points : 0;
+  const size_t n_t = given->n_t, n = has_points(given) ? given->n_points : 0;
   const bd_harmonics none = {0};
   double *times, *points;
   BD_CARVE(carver, times, 2 * n_t);
@@ -65,18 +71,19 @@ static int check_table(const bd_torque_term *term, size_t k, bd_error *err) {
     return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
                    "torque term %zu: the table must have at least one point", k);
   }
+  const double least = term->kind == BD_TORQUE_TABLE ? 0.0 : -DBL_MAX;
   for (size_t i = 0; i < term->n_points; ++i) {
-    if (!isfinite(term->omega[i]) || term->omega[i] < 0.0 ||
+    if (!isfinite(term->omega[i]) || term->omega[i] < least ||
         (i > 0 && term->omega[i] <= term->omega[i - 1])) {
       return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: omega must be finite, >= 0 and increasing; omega[%zu] is %g",
-                     k, i, term->omega[i]);
+                     "torque term %zu: omega must be finite, %sincreasing; omega[%zu] is %g", k,
+                     least < 0.0 ? "" : ">= 0 and ", i, term->omega[i]);
     }
-    if (!isfinite(term->torque[i]) || term->torque[i] < 0.0) {
+    if (!isfinite(term->torque[i]) || term->torque[i] < least) {
       return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: torque must be finite and >= 0, for it acts against the "
-                     "rotation; torque[%zu] is %g",
-                     k, i, term->torque[i]);
+                     "torque term %zu: torque must be finite%s; torque[%zu] is %g", k,
+                     least < 0.0 ? "" : " and >= 0, for it acts against the rotation", i,
+                     term->torque[i]);
     }
   }
   return BD_OK;
@@ -96,8 +103,8 @@ int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err) {
                      term->values[i]);
     }
   }
-  return term->kind == BD_TORQUE_LOAD    ? check_against(&term->against, k, err)
-         : term->kind == BD_TORQUE_TABLE ? check_table(term, k, err)
+  return term->kind == BD_TORQUE_LOAD ? check_against(&term->against, k, err)
+         : has_points(term)           ? check_table(term, k, err)
          : term->harmonics.n > 0
              ? bd_harmonics_check(&term->harmonics, "torque", "torque term", k, err)
              : bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
@@ -106,7 +113,7 @@ int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err) {
 
 /* --- values ---------------------------------------------------------------------------------- */
 
-/* Torque of the table at a speed >= 0, and its slope; constant outside. */
+/* Torque of the points at a speed, and its slope; constant outside. */
 static void look_up(const bd_torque_term *term, double speed, double *torque, double *slope) {
   const size_t n = term->n_points, above = bd_first_above(term->omega, n, speed);
   *slope = 0.0;
@@ -130,7 +137,12 @@ bd_load_value bd_load_at(const bd_torque_set *set, const bd_torque_term *term, c
     const bd_resisting at = bd_resistance(&term->against, speed, w0);
     return (bd_load_value){.torque = -at.torque, .by_omega = -at.slope};
   }
-  double torque, slope; /* the slope over |omega|: over omega it is that times the sign */
+  double torque, slope;
+  if (term->kind == BD_TORQUE_CURVE) {
+    look_up(term, speed, &torque, &slope);
+    return (bd_load_value){.torque = torque, .by_omega = slope};
+  }
+  /* the slope over |omega|: over omega it is that times the sign */
   look_up(term, fabs(speed), &torque, &slope);
   const bd_resisting at = bd_coulomb_drag(torque, speed, w0);
   return (bd_load_value){.torque = -at.torque,
@@ -149,12 +161,16 @@ double bd_load_factor(const bd_torque_term *term, double t, double t_piece) {
 /* --- bounds ---------------------------------------------------------------------------------- */
 
 /* A table is nowhere above M(0) + L omega, with its steepest slope L, and steepest with it below
- * M(0) / omega_0 + 1.09 L: omega s(omega) is steepest where omega = sqrt(2) omega_0. */
+ * M(0) / omega_0 + 1.09 L: omega s(omega) is steepest where omega = sqrt(2) omega_0. A curve has no
+ * sign of the speed in it. */
 static double steepest_of_table(const bd_torque_term *term, const bd_model *model) {
   double slope = 0.0;
   for (size_t i = 1; i < term->n_points; ++i) {
     slope = fmax(slope, fabs((term->torque[i] - term->torque[i - 1]) /
                              (term->omega[i] - term->omega[i - 1])));
+  }
+  if (term->kind == BD_TORQUE_CURVE) {
+    return slope;
   }
   return term->torque[0] / bd_turning_speed(model, term->pulley) + 1.09 * slope;
 }
@@ -167,7 +183,7 @@ void bd_load_steepest(const bd_torque_term *term, const bd_model *model, double 
   }
   if (term->kind == BD_TORQUE_LOAD) {
     *damping += most * bd_steepest_resistance(&term->against, model, term->pulley, tension);
-  } else if (term->kind == BD_TORQUE_TABLE) {
+  } else if (has_points(term)) {
     *damping += most * steepest_of_table(term, model);
   } else {
     for (size_t i = 0; i < term->harmonics.n; ++i) {
@@ -178,12 +194,17 @@ void bd_load_steepest(const bd_torque_term *term, const bd_model *model, double 
 
 const bd_torque_term *bd_load_beyond_table(const bd_torque_set *set, double t, double t_piece,
                                            const double *omega) {
-  const double MARGIN = 1.01; /* torques over speed are not known better */
+  const double MARGIN = 0.01; /* torques over speed are not known better */
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
-    if (term->kind == BD_TORQUE_TABLE && !bd_is_moved(set, term->pulley) &&
-        fabs(omega[term->pulley]) > MARGIN * term->omega[term->n_points - 1] &&
-        bd_load_factor(term, t, t_piece) != 0.0) {
+    if (!has_points(term) || bd_is_moved(set, term->pulley)) {
+      continue;
+    }
+    const double first = term->omega[0], last = term->omega[term->n_points - 1];
+    const double w = omega[term->pulley], excess = MARGIN * fmax(fabs(first), fabs(last));
+    const int beyond = term->kind == BD_TORQUE_TABLE ? fabs(w) > last + excess
+                                                     : w > last + excess || w < first - excess;
+    if (beyond && bd_load_factor(term, t, t_piece) != 0.0) {
       return term;
     }
   }

@@ -99,7 +99,7 @@ bd_load_value bd_load_at(const bd_torque_set *set, const bd_torque_term *term, c
 double bd_load_factor(const bd_torque_term *term, double t, double t_piece);
 void bd_load_steepest(const bd_torque_term *term, const bd_model *model, double tension,
                       double *stiffness, double *damping);
-/* A term whose table ends below the speed of its pulley, by more than a hundredth, while its factor
+/* A term whose table the speed of its pulley is beyond, by more than a hundredth, while its factor
  * is not 0; NULL: none. */
 const bd_torque_term *bd_load_beyond_table(const bd_torque_set *set, double t, double t_piece,
                                            const double *omega);

@@ -102,6 +102,7 @@ static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *er
   case BD_TORQUE_LOAD:
   case BD_TORQUE_TABLE:
   case BD_TORQUE_HARMONICS:
+  case BD_TORQUE_CURVE:
     return bd_load_check(term, k, np, err) == BD_OK ? check_times(term, k, err)
                                                     : BD_ERR_TORQUE_DATA;
   default:
@@ -220,6 +221,7 @@ int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const doubl
     case BD_TORQUE_LOAD:
     case BD_TORQUE_TABLE:
     case BD_TORQUE_HARMONICS:
+    case BD_TORQUE_CURVE:
       torque[term->pulley] +=
           bd_load_factor(term, t, t_piece) * bd_load_at(set, term, theta, omega).torque;
       continue;

@@ -66,12 +66,15 @@ static void warn_of_table(bd_stepper *stepper, double t) {
   const bd_torque_term *term =
       bd_load_beyond_table(&stepper->plan.torques, t, stepper->plan.t_piece, omega);
   if (term) {
+    const double speed = omega[term->pulley];
+    const size_t end =
+        speed < term->omega[0] && term->kind == BD_TORQUE_CURVE ? 0 : term->n_points - 1;
     bd_warn(&stepper->report, BD_WARN_beyond_table, t, -1, term->pulley,
-            "%s turns at %.6g rad/s at t = %.6g s, faster than the table of its load "
+            "%s turns at %.6g rad/s at t = %.6g s, faster than the table of its torque "
             "reaches, %.6g rad/s: beyond it the torque stays %.4g N m; give the table up to this "
             "speed",
-            bd_pulley_label(stepper->model, term->pulley).text, omega[term->pulley], t,
-            term->omega[term->n_points - 1], term->torque[term->n_points - 1]);
+            bd_pulley_label(stepper->model, term->pulley).text, speed, t, term->omega[end],
+            term->torque[end]);
   }
 }
 
