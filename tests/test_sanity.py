@@ -333,7 +333,7 @@ def test_the_command_line_in_colour_or_quiet(tmp_path: Path) -> None:
     arguments = ("run", "kubas-case-1", "--t-end", "0.002")
     lines, table = call(*arguments)
     assert [line.split(":")[:3] for line in lines] == [["beltdyn", " warning", " mesh"]]
-    assert "\x1b" not in lines[0] and "1: mesh" in " ".join(table.split())
+    assert "\x1b" not in lines[0] and "Warnings: mesh (" in " ".join(table.split())
     lines, _ = call(*arguments, FORCE_COLOR="1")
     assert lines[-1].endswith("\x1b[0m") and "\x1b[33mbeltdyn: warning: mesh: " in lines[-1]
     lines, _ = call(*arguments, FORCE_COLOR="1", NO_COLOR="1")
