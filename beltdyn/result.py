@@ -34,7 +34,7 @@ from .params import Params
 from .places import AlongBelt, along, momentum_flux, routes
 from .report import Report, creep_of, make_report
 from .run_warnings import RunWarning
-from .sanity import bodies
+from .sanity import PAPERS_MESH, bodies
 from .spans import span_tension
 from .state import State
 
@@ -392,6 +392,8 @@ class Result:
                     against = f"  speed lost against {names[0]}"
                     rows.append((against, listed(100 * slip, of_creep, names[1:], " %")))
         rows += self.accuracy.summary()
+        if self.params.belt.mesh == "paper":
+            rows.append(("  mesh", PAPERS_MESH))
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
             share = f"{abs(residual) / passed:.2g} of {passed:.3g} J" if passed > 0 else "nothing"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -55,6 +56,7 @@ def test_run_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.exit_code == 0, result.output
     for word in ("1/min", "span: tension N", "creep", "Errors, estimated", "CPU time"):
         assert word in result.stdout
+    assert "The mesh is the paper's, kept to reproduce it" in " ".join(result.stdout.split())
     assert len(result.stdout.splitlines()) <= 40
     assert f"written: {out}, {plot}, {film}" in result.stdout
     assert animate.call_args == overview.call_args

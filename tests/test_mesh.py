@@ -10,6 +10,7 @@ import functools
 import math
 import re
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -26,6 +27,7 @@ from tiers import first
 import beltdyn as bd
 from beltdyn import _core, sanity
 
+README = Path(__file__).resolve().parent.parent / "README.md"
 V, TORQUES = ValueError, drives.plain_scene().torque_fn
 
 LAWS = {name: oracle_law(law) for name, law in EXAMPLES.items()}
@@ -293,6 +295,20 @@ def test_the_estimate_is_of_the_size_of_the_error(kind: str, n_bodies: int) -> N
     said = sanity.mesh_error(scene.params)
     assert 1.0 / 3.0 < said["tension"] / error["tension"] < (3.0 if kind == "U" else 6.0)
     assert error["span_mean"] < said["span_mean"]
+
+
+@pytest.mark.filterwarnings("ignore:full_slip:UserWarning")
+def test_the_papers_drive_has_its_own_numbers_on_the_default_mesh() -> None:
+    """Those of the README, from 60 links already, of a mesh that raises nothing."""
+    params, *rest = bd.scenes.kubas_case_1()
+    for mesh, expected in (("paper", (122.0, 1118.0)), ("joint", (69.0, 1069.0))):
+        drive = attrs.evolve(params, belt=attrs.evolve(params.belt, mesh=mesh))
+        run = bd.simulate(drive, *rest[:2], rtol=1e-3)
+        late = run.span_tension[run.t >= 0.8].mean(axis=0)
+        assert late == pytest.approx(expected, abs=1.0)  # rounded
+        for text in (bd.scenes.kubas_case_1.__doc__, README.read_text()):
+            assert "{:.0f} and {:.0f} N".format(*expected) in " ".join(str(text).split())
+        assert ("  mesh" in dict(run.summary())) is (mesh == "paper")
 
 
 def landing(n_bodies: int, speed: float) -> bd.Result:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
+from ..sanity import PAPERS_MESH
 from . import text
 from .rows import Power, PulleyRow, SpanRow, Told
 from .text import (
@@ -210,6 +211,8 @@ def _closing(report: Told) -> Iterator[str]:
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
+    if any(PAPERS_MESH in one.message for one in report.warnings):
+        yield f"{PAPERS_MESH}."
     if report.warnings:
         yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
     notes = f"{len(report.notes)} notes, " if report.notes else ""
