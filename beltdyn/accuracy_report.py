@@ -320,12 +320,12 @@ def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, 
 
     Args:
         value: The number.
-        error: Its relative error [1]; None, not known, leaves two digits.
+        error: Its error, in its unit; None, not known, leaves two digits.
         digits: The most; the least are two.
     """
     left = 2
     if error is not None and value != 0.0:
-        of_error = math.log10(max(error * abs(value), 1e-300))
+        of_error = math.log10(max(error, 1e-300))
         left = 1 + math.floor(math.log10(abs(value))) - math.floor(of_error)
     left = min(max(left, 2), digits)
     return float(f"{value:.{left - 1}e}"), left

@@ -368,7 +368,9 @@ class Result:
                 speeds = self.pulleys.omega[late].mean(axis=0)
                 rows.append(("  pulley speeds", listed(speeds, 0.0, names, " rad/s")))
             if self._has("span_tension"):
-                tensions = listed(_mean(self.span_tension[late]), of_tension, spans, " N")
+                means = _mean(self.span_tension[late])
+                error = of_tension and of_tension * abs(float(np.nanmean(means)))
+                tensions = listed(means, error, spans, " N")
                 rows.append(("  span tensions", tensions))
             moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
             if self.mounts is not None and moving and self._has("mounts.travel"):
@@ -380,17 +382,16 @@ class Result:
                 of = [one.name for one in lost]
                 parts = np.array([(one.slower, one.as_share * one.creep) for one in lost])
                 percent = 100.0 * parts.T
-                rows.append(
-                    (f"  speed lost against {driver}", listed(percent[0], of_creep, of, " %"))
-                )
+                error = of_creep and of_creep * float(np.max(np.abs(percent)))
+                rows.append((f"  speed lost against {driver}", listed(percent[0], error, of, " %")))
                 # The rest is running radii: report() has all parts.
-                rows.append(("    by creep alone", listed(percent[1], of_creep, of, " %")))
+                rows.append(("    by creep alone", listed(percent[1], error, of, " %")))
             elif self._has("pulleys.omega"):  # no split of it can be told
                 slip = self._slip(speeds[None])[0, 1:]
                 # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
                 if slip.size and (np.abs(slip) <= 1.0).all():
                     against = f"  speed lost against {names[0]}"
-                    rows.append((against, listed(100 * slip, of_creep, names[1:], " %")))
+                    rows.append((against, listed(100 * slip, None, names[1:], " %")))
         rows += self.accuracy.summary()
         if self.params.belt.mesh == "paper":
             rows.append(("  mesh", PAPERS_MESH))

@@ -56,10 +56,20 @@ def _number(value: float | None, digits: int = 4) -> str:
 
 
 def _within(value: float | None, error: float | None) -> str:
-    """Give a number with the digits that its relative error leaves it."""
+    """Give a number with the digits that its error leaves it."""
     if value is None or not math.isfinite(value):
         return _number(value)
     return _signed(_number(*rounded(value, error)))
+
+
+def _of_tension(report: Told, value: Spread | None, spans: float = 1.0) -> str:
+    """Give a mean of so many spans' tensions, whose error is a share of the mean tension."""
+    if value is None:
+        return _NONE
+    means = [row.tension.mean for row in report.spans if row.tension is not None]
+    if not means or report.tension_error is None:
+        return _mean(value)
+    return _within(value.mean, spans * report.tension_error * abs(sum(means) / len(means)))
 
 
 def _range(value: Spread | None, digits: int = 4, scale: float = 1.0) -> str:
@@ -138,7 +148,7 @@ def _power(report: Told, value: Spread | None) -> str:
         return _mean(value)
     largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
     error = report.power_error
-    return _within(value.mean, error and error * largest / abs(value.mean))
+    return _within(value.mean, error and error * largest)
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:
@@ -153,7 +163,7 @@ def _loads(report: Told) -> Table:
     rows = [
         (
             row.name,
-            _NONE if row.hub_load is None else _within(row.hub_load.mean, report.tension_error),
+            _of_tension(report, row.hub_load, 2.0),
             _range(row.hub_load, 3),
             _direction(row.hub_direction),
             _degrees(row.wrap),
@@ -281,7 +291,7 @@ def _spans(report: Told) -> Table:
             (
                 row.name,
                 _NONE if row.length is None else f"{1e3 * row.length:.1f}",
-                _NONE if row.tension is None else _within(row.tension.mean, report.tension_error),
+                _of_tension(report, row.tension),
                 _range(row.tension, 3),
                 line,
                 _NONE if row.amplitude is None else f"{_number(row.amplitude, 2)}",
@@ -374,7 +384,7 @@ def _mounts(report: Told) -> Table:
 def _creep(report: Told) -> Table:
     # Parts have the decimals of the whole, which has the digits that its error leaves it.
     most = max((100.0 * abs(row.slower) for row in report.creep), default=0.0)
-    shown = _within(most, report.creep_error)
+    shown = _within(most, report.creep_error and report.creep_error * most)
     decimals = min(3, len(shown.partition(".")[2]))
     rows = []
     for row in report.creep:
@@ -418,7 +428,7 @@ def _powers(report: Told) -> Table:
         if abs(value) < 0.005:
             return "0.00"
         error = None if row.kind not in ("in", "out") else report.power_error
-        return _within(value, error and error * largest / row.power)
+        return _within(value, error and error * largest * abs(value / row.power))
 
     rows = [
         (
@@ -434,9 +444,9 @@ def _powers(report: Told) -> Table:
     if report.efficiency is not None:
         error = report.efficiency_error or 0.0
         remarks = (
-            f"Efficiency {_within(100.0 * report.efficiency, error)} %: what is put in less what "
-            f"is lost. The error is some {_number(100.0 * error, 2)} %: so much may be lost by "
-            "links as they land, in the contact's damping; more links tell.",
+            f"Efficiency {_within(100.0 * report.efficiency, 100.0 * error)} %: what is put in "
+            f"less what is lost. The error is some {_number(100.0 * error, 2)} %: so much may be "
+            "lost by links as they land, in the contact's damping; more links tell.",
         )
     return Table("Power: what is put in is the sum of all below", ("", "W", "%"), rows, remarks)
 
