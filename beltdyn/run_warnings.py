@@ -61,8 +61,8 @@ class RunWarning:
         chatter *     links make and lose contact many times as often as the belt's motion explains,
                       and it could not be seen that small differences do not grow: the error in
                       time is unknown; more damping helps (else a note, ``accuracy.notes``)
-        undamped *    vibrations along the belt decay so slowly that errors of implicit steps
-                      accumulate unseen: compare with "tsit5", a tighter ``rtol``, more
+        undamped *    vibrations along the belt decay so slowly that errors of steps add up to more
+                      than twenty times ``rtol``, as ``stats.error`` says: a tighter ``rtol``, more
                       ``axial_damping``; or links vibrate on their contact, hardly damped, which
                       long implicit steps do not follow: more ``contact.damping``
         torque *      the torque function changes faster than the steps follow: ``breakpoints``, a

@@ -275,24 +275,30 @@ static void check_steps(bd_sim *sim) {
   }
 }
 
-/* In a belt whose vibrations hardly die down, errors of implicit steps add up that neither a step
- * nor the balance of energy shows: off by 100 times on a drive whose lowest stretch wave lived for
- * 170 rounds, by less than one at 100 and below. Explicit steps follow the vibration. */
+/* By how much local errors add up. A vibration that steps follow, of about a radian in each, keeps
+ * them for 2 EA h / d steps of h under the axial damping d, in which they make a random walk. Not
+ * all of them go into it: a third bounds what came out on the plain drive of the tests without
+ * damping, 1 to 85 times the local error in 1400 to 46 000 steps, as it ran up or was shaken. */
+double bd_guard_adds_up(const bd_sim *sim) {
+  const double SHARE = 1.0 / 3.0, steps = (double)sim->stats.steps;
+  const bd_belt *belt = &sim->stepper.model->belt;
+  const double step = (sim->stepper.t - sim->t0) / fmax(1.0, steps);
+  const double kept = belt->axial_damping > 0.0
+                          ? 2.0 * belt->axial_stiffness * step / belt->axial_damping
+                          : (double)INFINITY;
+  return SHARE * sqrt(fmin(steps, kept));
+}
+
+/* Said where claims are of another order than what was asked. */
 static void check_damping(bd_sim *sim) {
-  enum { ROUNDS = 120 };
-  const double round = bd_round_time(sim->stepper.model), lives = bd_wave_life(sim->stepper.model);
-  if (!sim->stepper.method->implicit || lives <= ROUNDS * round ||
-      sim->stepper.t - sim->t0 <= 20.0 * round) {
+  const double MANY = 20.0, adds_up = bd_guard_adds_up(sim);
+  if (sim->stepper.fixed || adds_up <= MANY) {
     return;
   }
-  char for_long[48] = "do not decay without damping";
-  if (isfinite(lives)) {
-    snprintf(for_long, sizeof for_long, "decay in %.3g s only", lives);
-  }
   bd_warn(&sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
-          "vibrations along the belt %s, so errors of %s accumulate without being detected: "
-          "compare with method=\"tsit5\", or take a tighter rtol, or more axial_damping",
-          for_long, sim->stepper.method->name);
+          "vibrations along the belt hardly decay, so that errors of steps add up, to some %.0f "
+          "times what was asked (stats.error): take a tighter rtol, or more axial_damping",
+          adds_up);
 }
 
 /* Links ring on their contact where they land, at sqrt(c / rho A). Long implicit steps damp that
@@ -301,6 +307,7 @@ static void check_damping(bd_sim *sim) {
  * The kinks of contact of the links' centres do not let steps become so long. */
 static void check_contact_damping(bd_sim *sim) {
   const double LEAST = 0.15, ALLOWED = 1.0; /* of critical damping; step times frequency */
+  enum { LANDED = 3 };                      /* links, on each pulley: fewer change no tension */
   const bd_model *model = sim->stepper.model;
   const bd_contact *contact = &model->contact;
   double smallest = model->radius[0];
@@ -311,10 +318,13 @@ static void check_contact_damping(bd_sim *sim) {
   const double stiffness = bd_contact_stiffness(contact->quadratic, contact->linear, pressure);
   const double damping = bd_contact_damping(model, contact->damping, pressure);
   const double density = model->belt.linear_density, critical = 2.0 * sqrt(stiffness * density);
-  if (!model->along_links || !sim->stepper.method->implicit || damping >= LEAST * critical ||
+  if (!model->along_links || !sim->stepper.method->implicit ||
+      sim->stepper.plan.contacts_changed < 2 * LANDED * (long)model->lay.np ||
+      damping >= LEAST * critical ||
       sim->stats.largest_step * sqrt(stiffness / density) < ALLOWED) {
     return;
   }
+  sim->guard.rings = 1;
   bd_warn(
       &sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
       "links that come to a pulley vibrate on its contact with %.2g of critical damping, which "

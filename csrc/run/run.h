@@ -41,6 +41,7 @@ typedef struct bd_guard {
   long steps_look, tries_window;
   double fed, drive, passed; /* energy: fed in by the set torques, their work, what passed */
   double *touched;           /* per pulley: when a link was last seen on it */
+  int rings;                 /* links ring on their contact, which steps are too long for */
 } bd_guard;
 
 /* A second simulation beside the run, for short periods (growth.c). */
@@ -89,6 +90,8 @@ void bd_guard_begin(bd_sim *sim);
 /* After a step; now: whether or not it is time to look. */
 int bd_guard_look(bd_sim *sim, int now);
 int bd_guard_progress(bd_sim *sim);
+/* By which factor local errors add up over a run. */
+double bd_guard_adds_up(const bd_sim *sim);
 
 /* --- growth.c ----------------------------------------------------------------------------------
  */
