@@ -72,21 +72,27 @@ int bd_friction_most_states(const bd_model *model) {
   return most;
 }
 
-/* A static coefficient and the slip velocity over which friction falls from it make a Stribeck
- * curve together. */
-static int check_stribeck(const bd_friction *friction, const char *label, bd_error *err) {
-  double mu_s = 0.0, v_stribeck = 0.0;
+/* Of a law without a Stribeck curve 0. */
+static void stribeck_of(const bd_friction *friction, double *mu_s, double *v_stribeck) {
+  *mu_s = *v_stribeck = 0.0;
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     const bd_parameter *row = &bd_parameters[k];
     if (strcmp(row->group, laws[friction->law].name) == 0) {
-      double *const value = strcmp(row->name, "mu_s") == 0         ? &mu_s
-                            : strcmp(row->name, "v_stribeck") == 0 ? &v_stribeck
+      double *const value = strcmp(row->name, "mu_s") == 0         ? mu_s
+                            : strcmp(row->name, "v_stribeck") == 0 ? v_stribeck
                                                                    : NULL;
       if (value) {
         bd_parameter_values(row, &friction->dahl, value);
       }
     }
   }
+}
+
+/* A static coefficient and the slip velocity over which friction falls from it make a Stribeck
+ * curve together. */
+static int check_stribeck(const bd_friction *friction, const char *label, bd_error *err) {
+  double mu_s, v_stribeck;
+  stribeck_of(friction, &mu_s, &v_stribeck);
   if ((mu_s > 0.0) == (v_stribeck > 0.0)) {
     return BD_OK;
   }
@@ -168,6 +174,17 @@ double bd_friction_kinetic(const bd_model *model, int j) {
     kinetic += kinetic_of(model, j, e);
   }
   return kinetic;
+}
+
+int bd_friction_falls(const bd_model *model) {
+  for (int j = 0; j < model->lay.np; ++j) {
+    double mu_s, v_stribeck;
+    stribeck_of(&model->friction[j], &mu_s, &v_stribeck);
+    if (mu_s > bd_friction_kinetic(model, j)) {
+      return 1;
+    }
+  }
+  return 0;
 }
 
 /* Of a function of the slip velocity: its largest slope, which with a Stribeck curve need not be at

@@ -107,6 +107,8 @@ void bd_friction_at(const bd_model *model, int j, int element, double z, double 
  * in full slip. */
 double bd_friction_bound(const bd_model *model, int j, int element);
 double bd_friction_kinetic(const bd_model *model, int j);
+/* Whether friction is above the kinetic on any pulley while slip is slow: a Stribeck curve. */
+int bd_friction_falls(const bd_model *model);
 /* As seen by a link that sticks under a normal force: stiffness [N/m] and damping [N s/m]; and the
  * rate at which the state of a general law adapts in full slip, at 1 m/s [1/s]. */
 typedef struct bd_friction_stiffness {

@@ -10,10 +10,13 @@
  * error asks for them), so that nothing but the displacement makes a difference. In a calm drive
  * the difference decays or stays, to within a few times, since links reach and leave the pulleys at
  * slightly different times; in one that chatters it has grown a thousandfold within ten rounds of a
- * stretch wave. Every run has a few such periods, ever further apart, and one at its end. Where
- * links come and go many times as often as the belt's travel brings them, or friction is so stiff
- * that each reversal is a jump, or the belt's vibrations last for long, periods are longer, and
- * one begins as soon as twins have made less than a fifth of the steps.
+ * stretch wave. Most of the displacement decays before what grows has overtaken it, so growth
+ * counts from the least difference seen. Every run has a few such periods, ever further apart, and
+ * one at its end; in a short run one is all of it. Where links come and go many times as often as
+ * the belt's travel brings them, or friction is so stiff that each reversal is a jump, or the
+ * belt's vibrations last for long, periods are longer, and one begins as soon as twins have made
+ * less than a fifth of the steps. Friction that falls with slip velocity makes differences grow now
+ * here, now there, and only while it slips: there they make half of the steps.
  *
  * Prescribed motions are functions of time alone, and are called again. A torque function is not to
  * be called twice: where there is one, two twins run, one of them not
@@ -35,12 +38,14 @@ static const double LEAST = 4.0;  /* shortest comparison period, if growth is be
 static const double USUAL = 10.0; /* usual one, if growth is below CALM */
 static const double MOST = 60.0;  /* longest one: growth first has to overtake what decays */
 static const double QUIET = 2.0, CALM = 5.0;
-static const double FIRST = 25.0; /* when the first begins */
-static const double LATER = 4.0;  /* each other begins at so many times the time of the last */
-static const double LAST = 6.5;   /* and the last one so long before the end */
+static const double DECAYED = 0.1; /* least difference that growth is counted from */
+static const double SHORT = 20.0;  /* a run that is looked at as a whole */
+static const double FIRST = 25.0;  /* when the first begins */
+static const double LATER = 4.0;   /* each other begins at so many times the time of the last */
+static const double LAST = 6.5;    /* and the last one so long before the end */
 /* Where growth is suspected: share of all steps, made by twins, below which the next period begins
- * at once, and above which one ends. */
-static const double SUSPECTED = 0.2, ENOUGH = 0.5;
+ * at once, and above which one ends; the same where friction falls. */
+static const double SUSPECTED = 0.2, ENOUGH = 0.5, FALLING = 0.5, ENOUGH_FALLING = 1.0;
 /* Growth is suspected: contacts gained or lost over those that the belt's travel makes; stretch of
  * a joint over the slip in which friction saturates; rounds in which the lowest wave decays by e.
  */
@@ -73,8 +78,10 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   const bd_model *model = sim->stepper.model;
   t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * bd_least_slip(model);
   t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
+  t->falls = bd_friction_falls(model);
   double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
-  t->next_begin = fmin(FIRST, rounds / 3.0);
+  t->whole = rounds <= SHORT;
+  t->next_begin = t->whole ? 0.0 : fmin(FIRST, rounds / 3.0);
   if (sim->stepper.plan.torques.smooth) {
     t->sim = make(sim, torque);
     return t->sim ? BD_OK : BD_ERR_MEMORY;
@@ -195,6 +202,7 @@ static void begin(bd_sim *sim) {
   }
   displace(sim);
   t->active = 1;
+  t->least = t->before = 1.0;
   t->t_begin = sim->stepper.t;
   t->next_look = LOOK;
 }
@@ -254,20 +262,25 @@ static void follow(bd_sim *sim) {
     return;
   }
   double rounds = (sim->stepper.t - t->t_begin) / bd_round_time(sim->stepper.model);
-  if (rounds < t->next_look) {
+  if (rounds < t->next_look && sim->stepper.t < sim->t_end) {
     return;
   }
   t->next_look = rounds + LOOK;
-  double growth = apart(still, t->sim) / t->apart;
-  t->most = fmax(t->most, growth);
-  if (growth > t->grown) {
-    conclude(sim, growth);
+  const double difference = apart(still, t->sim) / t->apart;
+  t->least = fmin(t->least, fmax(DECAYED, difference));
+  const double growth = difference / t->least;
+  const int rises = growth > CALM && difference > t->before;
+  t->before = difference;
+  t->most = fmax(t->most, t->whole ? growth : difference);
+  if (difference > t->grown) {
+    conclude(sim, difference);
   }
   int calm =
       !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
-  t->excused |= t->times_chattered > 0 && rounds > USUAL && growth <= t->grown;
-  int dear = rounds > USUAL && (double)t->steps > ENOUGH * (double)sim->stats.steps;
-  if (growth > t->grown || rounds > MOST || calm || dear) {
+  t->excused |= t->times_chattered > 0 && rounds > USUAL && difference <= t->grown;
+  int dear = rounds > USUAL && !rises && !t->whole &&
+             (double)t->steps > (t->falls ? ENOUGH_FALLING : ENOUGH) * (double)sim->stats.steps;
+  if (difference > t->grown || rounds > MOST || calm || dear) {
     t->active = 0;
   }
 }
@@ -277,18 +290,20 @@ void bd_twin_follow(bd_sim *sim) {
   if (t->grows) {
     return;
   }
+  if (!t->active || t->whole) {
+    watch_contacts(sim);
+  }
   if (t->active) {
     follow(sim);
     return;
   }
-  watch_contacts(sim);
   double rounds = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model);
-  int due = (t->times_chattered > 0 || t->stiff || t->light) && rounds > LEAST &&
-            (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
+  int due = (t->times_chattered > 0 || t->stiff || t->light || t->falls) && rounds > LEAST &&
+            (double)t->steps <= (t->falls ? FALLING : SUSPECTED) * (double)sim->stats.steps;
   int last = !t->last && sim->t_end - sim->stepper.t < LAST * bd_round_time(sim->stepper.model) &&
              rounds > LAST;
   if (rounds > t->next_begin || due || last) {
-    t->suspected = due;
+    t->suspected = due || t->whole;
     t->last |= last;
     t->next_begin = rounds > t->next_begin ? LATER * rounds : t->next_begin;
     begin(sim);

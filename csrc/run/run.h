@@ -49,12 +49,14 @@ typedef struct bd_twin {
   bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
   int active, grows;             /* a period is on; growth has been seen */
   int chatters, times_chattered; /* links chatter; counts that found so */
-  int stiff, light;              /* stiff friction; light damping of the belt */
+  int stiff, light, falls;       /* stiff, falling friction; light damping of the belt */
+  int whole;                     /* the run is so short that one period is all of it */
   int suspected, last;           /* this period is for one of these; the last has begun */
   int excused;                   /* links chattered over a whole period, and nothing grew */
   double next_begin;             /* of the next period, in rounds of a wave since the start */
   double t_begin, next_look;     /* start of this one; its next comparison */
   double apart, grown, most;     /* first difference; growth to warn of; largest seen */
+  double least, before;          /* differences of this period over the first: least, last */
   long steps, events;            /* made by twins; contacts changed at the last count */
   double t_events, t_chatter;    /* time of the last count; since when links chatter */
   uint64_t random;
