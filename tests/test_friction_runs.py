@@ -298,6 +298,20 @@ def test_settling_with_friction(pair: str, method: str) -> None:
     assert moved <= 1e-6 * params.info["strain_tension"] or method == "held"
 
 
+def test_links_break_loose_from_friction_that_falls_when_they_should() -> None:
+    """Steps with the tangent of a steep law creep on along it, unseen: off by 8 times the claim."""
+    law = bd.Coulomb(mu=0.5, v_reg=1e-3, mu_s=1.2, v_stribeck=0.01)
+    params = attrs.evolve(drives.plain(), friction=law)
+    torque = bd.PiecewiseLinear([0.0, 0.05], [0.0, -60.0], 0) + bd.Viscous([0.0, 0.5])
+    start, times = bd.settle(params, speed={0: -50.0}), np.linspace(0.0, 0.02, 201)
+    given: dict[str, Any] = {"initial": start, "t_eval": times, "method": "rodas4"}
+    run = bd.simulate(params, torque, 0.02, rtol=1e-3, **given)
+    exact = bd.simulate(params, torque, 0.02, rtol=1e-4, max_step=1e-5, **given)
+    error = np.sqrt(np.mean((run.joints.force - exact.joints.force) ** 2))
+    assert run.stats.error is not None
+    assert error <= 3.0 * run.stats.error * np.mean(exact.joints.force)
+
+
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_full_slip_is_seen_with_every_law(name: str) -> None:

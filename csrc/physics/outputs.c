@@ -397,6 +397,50 @@ static void outputs_of_loads(const bd_plan *plan, const double *y, double *row) 
   }
 }
 
+/* Newton's matrix divides what a link's friction is off the line from the begin of a step by how
+ * steep that line is, so that a link that sticks, creeping up a steep law, goes on along the line
+ * when it should break loose, and no error shows it. */
+double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new, double h) {
+  const bd_model *model = plan->model;
+  const double mass = model->belt.linear_density * model->info.link_length;
+  double most = 0.0;
+  for (int j = 0; j < model->lay.np; ++j) {
+    const bd_contact_pulley *d = &plan->contact_pulleys[j];
+    if (d->law == BD_LAW_NONE || d->states > 0) {
+      continue;
+    }
+    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    double off = 0.0;
+    for (int end = 0; end < 2; ++end) {
+      const double *at = end ? y_new : y;
+      if (model->along_links) {
+        bd_link_contact_see(plan, at);
+        bd_link_contact_press(plan, at, j);
+      }
+      for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+        for (int i = runs[r].begin; i < runs[r].end && i < model->lay.n; ++i) {
+          touch c = {0};
+          if (!touching(plan, at, i, j, &c)) {
+            c.normal = 0.0;
+          }
+          if (!end) {
+            plan->best[i] = c.normal > 0.0 ? c.velocity : (double)NAN;
+          } else if (c.normal > 0.0 && isfinite(plan->best[i])) {
+            bd_law_point begin, now;
+            bd_friction_at(model, j, 0, 0.0, plan->best[i], c.normal, &begin);
+            bd_friction_at(model, j, 0, 0.0, c.velocity, c.normal, &now);
+            const double stiff = h * fmax(begin.by_slip, 0.0) / mass;
+            const double line = begin.force + begin.by_slip * (c.velocity - plan->best[i]);
+            off += fabs(now.force - line) * stiff / (1.0 + stiff);
+          }
+        }
+      }
+    }
+    most = fmax(most, off);
+  }
+  return most / (model->belt.axial_stiffness * model->info.strain);
+}
+
 /* Of a link on two pulleys, those of the larger normal force. What the law of friction gives is
  * evaluated only where it is asked for. */
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k) {

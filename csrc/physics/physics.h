@@ -375,6 +375,9 @@ double bd_joint_force(const bd_plan *plan, const double *y, int i);
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+/* By how much friction without a state, all of a pulley's, leaves the line from the begin of a step
+ * where it is too steep for an implicit step to see it, over the tension at rest. */
+double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new, double h);
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
