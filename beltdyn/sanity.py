@@ -135,9 +135,9 @@ def mesh_error(params: Drive, speed: float = 0.0, pull: float = 0.0) -> dict[str
     strain (MODEL section 6).
 
     A belt that runs is shaken by its links as they land, :func:`shaken`, over time as much again;
-    and the arcs that hand on a force end anywhere in a link, l0 / sqrt(12) from its middle in root
-    mean square, which makes pull l0 / (sqrt(12) L) in the spans. All of it is right to a factor of
-    three or so (benchmarks/mesh_estimate.py).
+    and the arcs that hand on a force end anywhere in a link, up to l0 / 2 from its middle, which
+    makes pull l0 / (2 L) in the spans. All of it is right to a factor of three or so, often
+    better on slow drives with much load (benchmarks/mesh_estimate.py).
 
     Args:
         params: The drive.
@@ -156,8 +156,7 @@ def mesh_error(params: Drive, speed: float = 0.0, pull: float = 0.0) -> dict[str
         share = float(polygon / info["strain"])
         found = {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
     shaking = shaken(params, speed)
-    ends = abs(pull) / info["strain_tension"] * info["link_length"] / info["length"]
-    ends /= math.sqrt(12.0)
+    ends = 0.5 * abs(pull) / info["strain_tension"] * info["link_length"] / info["length"]
     found["tension"] += 2.0 * shaking + ends
     found["span_mean"] += shaking + ends
     return found
