@@ -320,11 +320,11 @@ def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, 
 
     Args:
         value: The number.
-        error: Its error, in its unit; None, not known, leaves two digits.
+        error: Its error, in its unit; None or NaN, not known, leaves two digits.
         digits: The most; the least are two.
     """
     left = 2
-    if error is not None and value != 0.0:
+    if error is not None and math.isfinite(error) and math.isfinite(value) and value != 0.0:
         of_error = math.log10(max(error, 1e-300))
         left = 1 + math.floor(math.log10(abs(value))) - math.floor(of_error)
     left = min(max(left, 2), digits)

@@ -417,6 +417,7 @@ def test_efficiency_and_powers_have_the_error_of_their_mesh() -> None:
         (99.861, 3e-4, (99.86, 4)),
         (-541.7, 1600.0, (-540.0, 2)),
         (0.0, 0.1, (0.0, 2)),
+        (226.9, math.nan, (230.0, 2)),
     ],
 )
 def test_numbers_have_the_digits_that_their_error_leaves(

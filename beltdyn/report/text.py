@@ -67,6 +67,7 @@ def _of_tension(report: Told, value: Spread | None, spans: float = 1.0) -> str:
     if value is None:
         return _NONE
     means = [row.tension.mean for row in report.spans if row.tension is not None]
+    means = [one for one in means if math.isfinite(one)]  # of a span that is there
     if not means or report.tension_error is None:
         return _mean(value)
     return _within(value.mean, spans * report.tension_error * abs(sum(means) / len(means)))
