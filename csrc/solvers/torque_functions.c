@@ -9,6 +9,10 @@
  * its middle), within the local error allowed; otherwise the step is made again, up to where the
  * function first leaves that parabola.
  *
+ * A jump within a shorter step shows in implicit methods, whose estimates look at the solution or
+ * at stages all along the step; of explicit ones the torque in the middle of a step is compared
+ * with those at its ends, where these differ by what would matter.
+ *
  * Derivatives. Implicit methods take them as differences over 1e-7, which turns noise, a jump or a
  * staircase into a very large damping. A derivative large enough to matter within a step is
  * therefore checked: it has to be the same over a difference a hundred thousand times as wide, on
@@ -232,6 +236,29 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
   return code;
 }
 
+/* Whether the torque jumps within a step of an explicit method by more than the tolerance allows.
+ * Its estimate has next to no weight on what changes between 0.16 and 0.9 of the step, where the
+ * step itself is off by up to MISSED of it; in the middle a jump is half of it off the mean of both
+ * ends, what is smooth is off by its curvature alone. */
+static int jumps_within(bd_stepper *stepper, double h, double tolerance, int *jumps) {
+  const double MISSED = 0.3;
+  const int np = stepper->model->lay.np;
+  bd_torque_functions *functions = &stepper->functions;
+  const double *begin = functions->now, *end = stepper->plan.torque;
+  int matters = 0, code = BD_OK;
+  for (int j = 0; j < np; ++j) {
+    matters |= speed_error(stepper, j, MISSED * (end[j] - begin[j]), h) > tolerance;
+  }
+  if (matters) {
+    code = torque_along(stepper, h, 0.5, functions->look);
+  }
+  for (int j = 0; matters && code == BD_OK && j < np; ++j) {
+    const double off = 2.0 * functions->look[j] - (begin[j] + end[j]);
+    *jumps |= speed_error(stepper, j, MISSED * off, h) > tolerance;
+  }
+  return code;
+}
+
 /* --- roughness ------------------------------------------------------------------------------- */
 
 /* OWED: short steps in excess from which a torque counts as one that jumps all the time; PAID:
@@ -348,6 +375,10 @@ int bd_torque_functions_check_step(bd_stepper *stepper, double h, double t_new, 
   }
   if (stepper->now->implicit) {
     code = contradicted(stepper, h, t_new, fmin(tolerance, 1.0), &wrong);
+  } else if (!stepper->fixed && h > 1.1 * bd_torque_functions_shortest_step(stepper)) {
+    int jumps = 0;
+    code = jumps_within(stepper, h, fmin(tolerance, 1.0), &jumps);
+    *shrink = jumps ? 0.5 : 1.0;
   }
   if (wrong) {
     functions->next_left_out = functions->next_left_out ? 2 * functions->next_left_out : FIRST;
@@ -355,7 +386,7 @@ int bd_torque_functions_check_step(bd_stepper *stepper, double h, double t_new, 
     functions->left_out = functions->next_left_out;
     stepper->jacobian_known = 0;
     *shrink = 0.5;
-  } else if (code == BD_OK && h > functions->interval) {
+  } else if (code == BD_OK && *shrink == 1.0 && h > functions->interval) {
     code = look_along(stepper, h, fmin(tolerance, 1.0), shrink);
   }
   return code;
