@@ -88,7 +88,7 @@ def test_targets_are_the_table_in_two_runs(
 
 @pytest.mark.ci(guard="test_search.py::test_targets_are_the_table_in_two_runs")
 def test_identification_has_the_cost_of_a_trial(published: search.Trial) -> None:
-    options = {"max_nfev": 1, "diff_step": 0.01}
+    options = {"max_nfev": 1, "diff_step": 0.01, "mesh": False}
     targets = search.targets(LINKS)
     at = bd.identify(published.params, search.UNKNOWNS[:1], targets, **options)
     computed = dict(zip(at.labels, at.computed, strict=True))
@@ -155,7 +155,7 @@ def test_a_trade_off_is_the_step_of_the_weighted_least_squares(
 )
 def test_a_trade_off_pulls_its_quantity_towards_the_paper(published: search.Trial) -> None:
     targets = search.targets(LINKS, within_demands=False)
-    options = {"jac": "2-point", "diff_step": 0.03, "max_nfev": 1}
+    options = {"jac": "2-point", "diff_step": 0.03, "max_nfev": 1, "mesh": False}
     at = bd.identify(published.params, search.UNKNOWNS, targets, **options)
     here, pulled = search.trade_off(at, LINKS, "minimum", weights=(4.0,))
     assert here.values == published.values

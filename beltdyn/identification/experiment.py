@@ -13,10 +13,12 @@ from numpy.typing import ArrayLike
 
 from ..checks import Array, close_to, positive, real_array, refuse_masked, sample_times
 from ..histories import GROUPS, EnergyLedger
+from ..motions import MotionLike
+from ..naming import ByPulley
 from ..parameters import assign, parse, path_in
 from ..params import Params
 from ..result import Result
-from ..simulation import settle, simulate
+from ..simulation import settle, simulate, speeds_at_start
 from ..state import State
 from ..torques import TorqueLike
 
@@ -70,7 +72,7 @@ def _t_end(value: object) -> float:
 
 @attrs.frozen(eq=False)
 class Experiment:
-    """One run on the test rig: its loads, its duration, its initial state.
+    """One run on the test rig: its loads and motions, its duration, its initial state.
 
     Measurements are added with :meth:`curve` and :meth:`number`; all of them are compared with one
     and the same simulation.
@@ -81,6 +83,9 @@ class Experiment:
         t_end: End of the run [s].
         settling: Arguments of :func:`beltdyn.settle` that override ``params.tensioning``, such as
             ``{"friction": True, "tolerance": 1e-5}``.
+        motion: Prescribed motions of pulleys, {pulley: motion}, as :func:`beltdyn.simulate` takes
+            them, such as the measured speed of the driving motor; the belt begins at the speeds
+            that they begin with. None: the torques alone move the drive.
         changes: Parameters that differ in this run, by name; they replace the values in ``params``
             and those searched for: ``{"friction.sigma": 5e3}``,
             ``{"pulleys[1].center": (0.3, 0.0)}``.
@@ -98,6 +103,7 @@ class Experiment:
     settling: dict[str, Any] = attrs.field(
         default=None, converter=_dict, validator=_mapping(_SETTLING), kw_only=True
     )
+    motion: ByPulley[MotionLike] | None = attrs.field(default=None, kw_only=True)
     changes: dict[str, Any] = attrs.field(
         default=None, converter=_dict, validator=_mapping(None), kw_only=True
     )
@@ -145,7 +151,9 @@ class Experiment:
             SimulationError: The belt did not come to rest.
         """
         if self.initial is None:
-            return settle(drive, **self.settling)
+            kinks = self.options.get("breakpoints", ())
+            speeds = speeds_at_start(drive, self.motion, self.t_end, kinks)
+            return settle(drive, **{"speed": speeds, **self.settling})
         if isinstance(self.initial, State):
             return self.initial
         return self.initial(drive)

@@ -22,6 +22,11 @@ from .linear import Combination
 __all__ = ["Identification", "IdentificationInterrupted", "Sensitivity", "confidence_of"]
 
 
+#: Of the test of residuals: least samples, least rms in standard deviations, and probability below
+#: which they are not those of noise.
+_SAMPLES, _MATTERS, _CHANCE = 20, 0.5, 1e-3
+
+
 def confidence_of(value: object) -> float:
     """Check a confidence: between 0 and 1."""
     confidence = real("confidence", value)
@@ -91,6 +96,13 @@ class Identification:
         runs: Total number of simulations.
         success: Whether the search converged.
         message: How it ended, in words.
+        mesh: How far each parameter would move on an infinitely fine mesh, by name and in the unit
+            of :attr:`std`, from a run with twice the links; None: not known.
+        mesh_message: Why not.
+        ends: Coordinates of where each search ended (n_searches, n_free), the best first.
+        tried: Coordinates of all points simulated (n_tried, n_free).
+        excess: By how much twice the negative logarithm of their likelihood exceeds that of the
+            fit (n_tried,).
         results: Run of every experiment with the fitted parameters, by name.
         at_limit: Parameters that ended on a limit: "lower" or "upper" by name.
     """
@@ -113,6 +125,11 @@ class Identification:
     runs: int
     success: bool
     message: str
+    mesh: Mapping[str, float] | None
+    mesh_message: str
+    ends: Array
+    tried: Array
+    excess: Array
     results: Mapping[str, Result]
     at_limit: Mapping[str, str]
     _parameters: tuple[Parameter, ...]
@@ -166,9 +183,11 @@ class Identification:
         """Give confidence intervals, (low, high) by name in the parameters' units.
 
         Linearised, from Student's t with :attr:`dof` degrees of freedom, which is the normal
-        distribution if every sigma was given. For logarithms low and high are the value divided by
-        and multiplied by one factor. Intervals end at the limits of their parameter, so one at a
-        limit has a one-sided interval. Without any information it reaches from limit to limit.
+        distribution if every sigma was given, and wider by :attr:`mesh`. For logarithms low and
+        high are the value divided by and multiplied by one factor. Points tried that fit as well as
+        the ends should (likelihood ratio) are within, wherever they lie. Intervals end at the
+        limits of their parameter, so one at a limit has a one-sided interval. Without any
+        information it reaches from limit to limit.
 
         Args:
             confidence: Between 0 and 1; None: :attr:`confidence`.
@@ -182,11 +201,16 @@ class Identification:
         tail = (1.0 - level) / (2.0 * shared)
         if math.isinf(self.dof):
             width = -NormalDist().inv_cdf(tail)
+            most = width**2
         else:
             width = -float(import_module("scipy.special").stdtrit(self.dof, tail))
+            count = sum(self.residuals[name].size for name in self.estimated)
+            most = count * math.log1p(width**2 / self.dof)
         found = {}
-        for part, std in zip(self._parameters, self.std.values(), strict=True):
-            value, half = self.values[part.name], width * std
+        as_good = self.tried[self.excess <= most]
+        for k, (part, std) in enumerate(zip(self._parameters, self.std.values(), strict=True)):
+            moved = 0.0 if self.mesh is None else abs(self.mesh[part.name])
+            value, half = self.values[part.name], width * std + (moved if moved == moved else 0.0)
             if math.isnan(std):
                 found[part.name] = (math.nan, math.nan)
                 continue
@@ -195,7 +219,43 @@ class Identification:
                 low, high = (value / factor, value * factor) if half < 700.0 else (0.0, math.inf)
             else:
                 low, high = value - half, value + half
+            others = [part.value(float(u)) for u in as_good[:, k]]
+            low, high = min([low, *others]), max([high, *others])
             found[part.name] = (max(low, part.low), min(high, part.high))
+        return found
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether another search ended within all intervals; of one search alone True."""
+        intervals = self.intervals
+        held = np.ones(len(self.ends), dtype=bool)
+        for part, us in zip(self._parameters, self.ends.T, strict=False):
+            low, high = intervals[part.name]
+            held &= [low <= part.value(float(u)) <= high for u in us]
+        return len(self.ends) < 2 or bool(held[1:].any())
+
+    @cached_property
+    def structured(self) -> dict[str, float]:
+        """Curves whose residuals are not independent from sample to sample, by name.
+
+        The probability of such residuals if they were, after Ljung and Box (Biometrika 65, 1978),
+        where it is below 0.001. Of at least 20 samples, whose residuals are no small part of sigma.
+        """
+        found = {}
+        for name, residuals in self.residuals.items():
+            rows = residuals.reshape(residuals.shape[0], -1)
+            n = rows.shape[0]
+            lags = np.arange(1, min(10, n // 5) + 1)
+            off = rows - rows.mean(axis=0)
+            power = np.sum(off**2, axis=0)
+            small = float(np.mean(rows**2)) < _MATTERS**2
+            if name not in self._curves or n < _SAMPLES or small or (power == 0.0).any():
+                continue
+            shares = [np.sum((np.sum(off[k:] * off[:-k], axis=0) / power) ** 2) for k in lags]
+            total = n * (n + 2.0) * float(np.sum(shares / (n - lags)))
+            chance = float(import_module("scipy.special").chdtrc(lags.size * rows.shape[1], total))
+            if chance < _CHANCE:
+                found[name] = chance
         return found
 
     @property
@@ -264,6 +324,8 @@ class Identification:
 
     def __repr__(self) -> str:
         how = "converged" if self.success else "not converged"
+        how += ", residuals with structure" if self.structured else ""
+        how += "" if self.confirmed else ", in a place that no other search found"
         return (
             f"Identification({how}: {len(self.values)} parameter(s) from {len(self.labels)} "
             f"number(s) of {len(self.residuals)} target(s), {self.nfev} points tried, "
@@ -273,7 +335,7 @@ class Identification:
     def __str__(self) -> str:
         percent = f"{100 * self.confidence:.4g} %"
         std = self.std
-        rows = [["parameter", "value", "", f"{percent} interval", "one std", ""]]
+        rows = [["parameter", "value", "", f"{percent} interval", "one std", "mesh", ""]]
         for part in self._parameters:
             low, high = self.intervals[part.name]
             rows.append(
@@ -283,6 +345,7 @@ class Identification:
                     part.unit,
                     f"{low:.5g} to {high:.5g}",
                     _spread(part, std[part.name]),
+                    "-" if self.mesh is None else _spread(part, abs(self.mesh[part.name])),
                     self._remark(part.name),
                 ]
             )
@@ -290,6 +353,18 @@ class Identification:
         if not self.success:
             lines.append(f"  not finished, values and intervals so far: {self.message}")
         lines += _table(rows, "  ")
+        if self.mesh is None:
+            lines.append(f"  the intervals are without the error of the mesh: {self.mesh_message}")
+        if not self.confirmed:
+            lines.append(
+                f"  {len(self.ends) - 1} other searches ended elsewhere: there may be better fits "
+                "still, the intervals are not to be trusted; give more starts"
+            )
+        for name, chance in self.structured.items():
+            lines.append(
+                f"  the residuals of {name} have structure (Ljung and Box: p = {chance:.1g}): the "
+                "model, the data or this minimum is wrong, the intervals are not to be trusted"
+            )
         if len(self.labels) < len(self.values):
             lines.append(f"  {len(self.labels)} numbers cannot fix {len(self.values)} parameters")
         if self.indistinguishable:

@@ -8,6 +8,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..accuracy.quantities import with_links
 from ..checks import Array
 from ..errors import SimulationError
 from ..histories import GROUPS
@@ -103,6 +104,7 @@ class Rig:
         points: Sequence[Array],
         *,
         keep: bool = False,
+        refine: int = 1,
         after: Callable[[], None] | None = None,
     ) -> list[Trial]:
         """Simulate all experiments at several points, in parallel.
@@ -110,12 +112,13 @@ class Rig:
         Args:
             points: The points.
             keep: Whether the trials keep their results.
+            refine: Factor on the number of links.
             after: Called when they are done.
 
         Raises:
             Exception: What a torque function or a reader raises, unchanged.
         """
-        drives = [self._drives(u) for u in points]
+        drives = [self._drives(u, refine) for u in points]
         starts: dict[tuple[int, int], Any] = {}
         for k, of_runs in enumerate(drives):
             for run, drive in zip(self._runs, of_runs, strict=True):
@@ -133,9 +136,10 @@ class Rig:
         width = len(self._runs)
         return [self._trial(u, done[k * width : (k + 1) * width]) for k, u in enumerate(points)]
 
-    def _drives(self, u: Array) -> list[Params | Exception]:
+    def _drives(self, u: Array, refine: int) -> list[Params | Exception]:
         try:
             drive = place(self._params, self._parameters, u)
+            drive = with_links(drive, refine * drive.belt.n_bodies) if refine > 1 else drive
         except ValueError as error:
             return [error] * len(self._runs)
         return [_drive_of(run.experiment, drive) for run in self._runs]
@@ -177,7 +181,10 @@ def _arrange(params: Params, targets: Sequence[Target]) -> list[_Run]:
         name = experiment.name or ("run" if len(experiments) == 1 else f"run {k + 1}")
         if name in [run.name for run in runs]:
             raise ValueError(f"two experiments are called {name!r}: tell them apart by name=")
-        begins = (repr(experiment.changes), repr(experiment.settling), id(experiment.initial))
+        begins = (
+            *(repr(experiment.changes), repr(experiment.settling), id(experiment.initial)),
+            *(id(experiment.motion), experiment.motion and experiment.t_end),
+        )
         if begins not in starts:
             starts.append(begins)
         own = [target for target in targets if target.experiment is experiment]
@@ -227,6 +234,7 @@ def _simulate(
                 drive,
                 experiment.torque_fn,
                 experiment.t_end,
+                motion=experiment.motion,
                 t_eval=run.t,
                 initial=start,
                 **options,
