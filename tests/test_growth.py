@@ -115,7 +115,7 @@ def harmless(rtol: float = 1e-4, method: str = "auto") -> bd.Result:
     )
     motion = {0: bd.PiecewiseLinear([0.0, 0.05], [0.0, 150.0])}
     times = np.linspace(0.0, 0.15, 61)
-    load = bd.Load(1, coulomb=9.0)
+    load = bd.Load(1, coulomb=12.0)
     return bd.simulate(params, load, 0.15, motion, t_eval=times, rtol=rtol, method=method)
 
 

@@ -196,6 +196,7 @@ def test_a_belt_that_cannot_slip_has_a_report(mu: float) -> None:
     assert report.to_dict() is not None
 
 
+@pytest.mark.filterwarnings("ignore:(compliance|long_links)")
 def test_wraps_and_limits_are_those_of_the_belt_line_and_of_euler() -> None:
     """Few links count badly: 1.3 on a small pulley; its limit is by the same wrap."""
     small = bd.Pulley(center=(0.17, 0.09), radius=0.01, inertia=1e-5, side="outside")

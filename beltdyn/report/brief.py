@@ -19,6 +19,7 @@ from .text import (
     _margin,
     _mean,
     _number,
+    _of_tension,
     _percent,
     _power,
     _range,
@@ -134,16 +135,22 @@ def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
     return (
         row.name,
         _mean(_without(row.speed, _STILL), 4, _TO_RPM),
-        _NONE if creep is None else _within(100.0 * creep.slower, report.creep_error),
+        _NONE if creep is None else _within(100.0 * creep.slower, _of_creep(report)),
         _mean(row.torque),
         _power(report, power),
-        _NONE if row.hub_load is None else _within(row.hub_load.mean, report.tension_error),
+        _of_tension(report, row.hub_load, 2.0),
         _NONE if row.hub_load is None else _number(row.hub_load.most, 3),
         _direction(row.hub_direction),
         _percent(row.used, 0),
         _margin(row.margin),
         _margin(row.least_margin),
     )
+
+
+def _of_creep(report: Told) -> float | None:
+    """Give the error of the speeds lost, which is relative to the largest [%]."""
+    largest = max((abs(one.slower) for one in report.creep), default=0.0)
+    return report.creep_error and 100.0 * largest * report.creep_error
 
 
 def _spans(report: Told) -> Table:
@@ -154,7 +161,7 @@ def _spans(report: Told) -> Table:
             (
                 row.name,
                 _number(ends[0], 3),
-                _NONE if row.tension is None else _within(row.tension.mean, report.tension_error),
+                _of_tension(report, row.tension),
                 _number(ends[1], 3),
                 *((_NONE, _NONE) if row.of_run is None else _ends(row)),
                 _number(row.frequency, 3),
@@ -211,7 +218,7 @@ def _closing(report: Told) -> Iterator[str]:
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
-    if any(PAPERS_MESH in one.message for one in report.warnings):
+    if any(PAPERS_MESH in one.text for one in report.warnings):
         yield f"{PAPERS_MESH}."
     if report.warnings:
         yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
@@ -227,16 +234,17 @@ def _balance(report: Told) -> str:
         return sum(one.power for one in report.powers if one.kind == kind)
 
     put_in, lost = total("in"), total("lost")
-    ends = [_within(one, report.power_error) for one in (put_in, total("out"))]
+    error = report.power_error
+    ends = [_within(one, error and error * put_in) for one in (put_in, total("out"))]
     told = f"{ends[0]} W put in, {ends[1]} W taken off, {_number(lost, 2)} W lost"
     parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
     shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
     if shown:
         told += f" (most: {', '.join(map(_loss, shown))})"
     if report.efficiency is not None:
-        error = report.efficiency_error or 0.0
-        told += f"; efficiency {_within(100.0 * report.efficiency, error)} %"
-        return f"{told}, by the mesh off by some {_number(100.0 * error, 2)} %"
+        percent = 100.0 * (report.efficiency_error or 0.0)
+        told += f"; efficiency {_within(100.0 * report.efficiency, percent)} %"
+        return f"{told}, by the mesh off by some {_number(percent, 2)} %"
     return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
 
 

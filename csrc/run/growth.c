@@ -290,9 +290,7 @@ void bd_twin_follow(bd_sim *sim) {
   if (t->grows) {
     return;
   }
-  if (!t->active || t->whole) {
-    watch_contacts(sim);
-  }
+  watch_contacts(sim);
   if (t->active) {
     follow(sim);
     return;
