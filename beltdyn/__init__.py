@@ -3,6 +3,24 @@
 The belt is a ring of rigid links joined by springs and dampers, in compliant contact with pulleys,
 with Dahl friction: K. Kubas, "A model for the dynamic analysis of a belt transmission using the
 Dahl friction model". SI units throughout; angles in rad, counter-clockwise positive.
+
+::
+
+    a drive     Params of a Belt, Pulleys, Contact, friction (Dahl, LuGre, Coulomb, ...), Drag;
+                Arm, Slider, Path as mounts; route, Tensioning; a Scene has loads as well
+    its loads   Motor, Load, SpeedTable, Harmonics, Step, Ramp, PiecewiseLinear, Viscous, and sums
+    motions     Motion, CrankMotion, AngleTable, PiecewiseLinear
+    runs        simulate, settle, resume, Checkpoint -> Result (.report(), .accuracy, .save())
+    many runs   sweep, sample, sensitivity, identify
+    vibration   modes, frequency_response, spectra
+    what for    explain
+
+    bd.plot     figures and films                   bd.accuracy  what accuracy costs
+    bd.scenes   drives that are built in            bd.friction  the laws, compared
+    bd.spectra  spectra in numbers
+
+``dir(bd)`` lists what one writes; classes that are only returned (``bd.Stats``, ``bd.Modes``) and
+modules of the package are there as well.
 """
 
 from __future__ import annotations
@@ -35,6 +53,7 @@ from . import accuracy, scenes, spectra
 from .accuracy_report import Accuracy, QuantityError
 from .arcs import Arcs
 from .checkpoints import Checkpoint
+from .described import describe as _describe
 from .errors import Interrupted, SimulationError
 from .explaining import Explanation, explain
 from .friction import LAWS as _LAWS
@@ -49,6 +68,7 @@ from .friction import (
     MaxwellSlip,
     Threlfall,
 )
+from .histories import GROUPS as _GROUPS
 from .histories import Stats
 from .identification import (
     Experiment,
@@ -65,6 +85,7 @@ from .params import Params
 from .parts import Belt, Contact, Drag, Pulley
 from .places import AlongBelt
 from .report import Report
+from .report import rows as _rows
 from .result import Result
 from .resuming import resume
 from .route import Route, route
@@ -158,7 +179,40 @@ __all__ = [
     "sweep",
 ]
 
+#: Public too, but one does not write them: what functions return, and bases of classes.
+_RETURNED = {
+    "Accuracy",
+    "AlongBelt",
+    "Arcs",
+    "Explanation",
+    "FrequencyResponse",
+    "Friction",
+    "Identification",
+    "IdentificationInterrupted",
+    "Interrupted",
+    "Modes",
+    "QuantityError",
+    "Report",
+    "Route",
+    "RunWarning",
+    "Samples",
+    "Sensitivity",
+    "Stats",
+    "SweepInterrupted",
+    "Tensions",
+    "Torque",
+    "TorqueSum",
+}
+
+for _cls in (*map(globals().__getitem__, __all__), *vars(_rows).values(), *_GROUPS.values()):
+    if isinstance(_cls, type):
+        _describe(_cls)
+
 globals().update({_law.__name__: _law for _law in _LAWS.values()})  # those without a class, too
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, "friction", "plot"} - _RETURNED)
 
 
 def __getattr__(name: str) -> Any:

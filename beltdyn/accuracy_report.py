@@ -9,7 +9,7 @@ from typing import Protocol
 import attrs
 import numpy as np
 
-from . import sanity
+from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
 from .histories import EnergyLedger, PulleyHistory, Stats
@@ -218,6 +218,10 @@ class Accuracy:
         yield f"energy balance closed to {abs(self.balance):.2g} of the energy transmitted"
         yield from (f"verified by {run}" for run in self.runs)
         yield from self.notes
+
+    def _repr_html_(self) -> str:
+        heading, *rows = self.table()
+        return "\n".join([html.table_of(heading, rows), *html.paragraphs(self.remarks())])
 
     def __str__(self) -> str:
         rows = self.table()

@@ -299,23 +299,28 @@ class Stats:
         growth: Exponential growth rate of a small difference between two runs [1/s]; 0: none was
             seen. Slow growth may go undetected, because it is measured over short intervals only.
         twin_steps: Steps repeated from a slightly displaced state to measure this growth.
-        error: Upper estimate of the error in time of the joint forces over the mean tension (root
-            mean square over joints and time): the larger of ``local_error`` (twice that with
-            contact along the links; five times as much where a joint's stretch is more than three
-            times the slip mu_k / sigma) and, with the ledger, five times ``balance`` (a tenth of it
-            with contact along the links), multiplied by the growth of small differences where some
-            was seen. Errors of "lbdf2" and "lie" accumulate: theirs is also multiplied by sqrt(k),
-            where the run is k > 1 times as long as 780 round trips of a stretch wave along the
-            belt, a second of the paper's drive. On the paper's mesh within a factor of five of the
-            true error, mostly above it, in 98 of 100 random drives; with contact along the links
-            up to forty times as large, where few steps have the largest local errors. Not in it is
-            what vibrations do to friction that links excite as they land, and that long implicit
-            steps damp out: 0.3 % of the tension of the paper's drive near its limit with 60 links,
-            less than the error of such a mesh, of which it is a part. The error of the mesh is not
-            included, ``result.accuracy`` has it. None where no estimate holds:
-            fixed steps, belts almost without damping, histories that diverge exponentially, links
-            that chatter while nothing shows that differences do not grow, torque functions that
-            change faster than the steps, slack spans.
+        error: Estimate of the error in time of the joint forces: the root mean square over joints
+            and time, over the mean tension. Not the error of the mesh, mostly the larger one, which
+            ``result.accuracy`` has. None: not known.
+
+            How good: on the paper's mesh within a factor of five of the true error, mostly above
+            it, in 98 of 100 random drives; else up to forty times too large, where a few steps have
+            the largest local errors.
+
+            From what: the larger of ``local_error`` and of ``balance``, each times a factor that
+            was measured. ``local_error``: times 1 on the paper's mesh, else 2, and times 5 where a
+            joint's stretch is more than three times the slip mu_k / sigma. ``balance``, with the
+            ledger: times 5 on the paper's mesh, else 0.1. Then times the growth of differences, if
+            they grew; and of "lbdf2" and "lie", whose errors add up, times sqrt(k), where the run
+            lasts k > 1 times 780 rounds of a stretch wave, a second of the paper's drive.
+
+            None for: fixed steps, belts almost without damping, histories that diverge, links that
+            chatter while nothing shows that differences do not grow, torque functions that change
+            faster than the steps, slack spans.
+
+            Not in it: what links do as they land and make vibrations that change friction, which
+            long implicit steps damp out: 0.3 % of the tension of the paper's drive near its limit
+            with 60 links, part of the error of such a mesh.
         local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
             errors are controlled. With fixed steps, their error: from 0.5 on there is a warning,
             and it is at least 1 if some had to be repeated with shorter ones. None if none was

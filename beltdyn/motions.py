@@ -74,6 +74,7 @@ class AngleTable:
             their changes count.
         cutoff: Frequency from which on motion is taken for noise [Hz], below half the sampling
             rate; None: the angles are exact.
+        speed: The speed that follows [rad/s].
 
     Raises:
         TypeError, ValueError: A field breaks its rule; without ``cutoff``, the angles have kinks or
@@ -84,7 +85,6 @@ class AngleTable:
     t: Array = attrs.field(converter=as_row, eq=EQUAL, repr=_listed)
     angle: Array = attrs.field(converter=as_row, eq=EQUAL, repr=_listed)
     cutoff: float | None = attrs.field(default=None, converter=_cutoff, kw_only=True)
-    #: The speed that follows [rad/s].
     speed: PiecewiseLinear = attrs.field(init=False, repr=False, eq=False)
 
     def __attrs_post_init__(self) -> None:

@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core, balance, naming, preload, sanity, toml
+from . import _core, balance, html, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
@@ -298,6 +298,17 @@ class Params:
         return np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
 
     def __str__(self) -> str:
+        head, *remarks = self._remarks()
+        return "\n".join(
+            [head, *lines(self._rows(), indent="  "), *(f"  {one}" for one in remarks)]
+        )
+
+    def _repr_html_(self) -> str:
+        head, *remarks = html.paragraphs(self._remarks())
+        return "\n".join([head, html.table_of(("", "value", "meaning"), self._rows()), *remarks])
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """Name, quantity and meaning of every number of the drive."""
         parts: list[tuple[str, Printable]] = [
             *((f"pulleys[{k}]", pulley) for k, pulley in enumerate(self.pulleys)),
             ("contact", self.effective_contact),
@@ -315,24 +326,25 @@ class Params:
         if not self.has_friction:
             rows.append(("friction", "none", ""))
         rows.append(("gravity", _GRAVITY.quantity(self.gravity), _GRAVITY.text))
+        return rows
+
+    def _remarks(self) -> list[str]:
+        """Say what the drive is, and what follows from its numbers, a line each."""
         info, asked = self.info, self.belt.preload
-        found = f"  preload {asked:g} N: length {info['length']:.6g} m" if asked else ""
-        return "\n".join(
-            [
-                f"Belt drive, {sanity.bodies(self)} on {len(self.pulleys)} pulley(s)",
-                *lines(rows, indent="  "),
-                *([found] if found else []),
-                f"  tensioned {self.tensioning.describe(self.pulley_names)}",
-                *self._mounts_at_rest(),
-                f"  belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
-                f"tension at rest {info['mean_tension']:.4g} N",
-                f"  error of the mesh: {sanity.describe_mesh(self)}",
-                f"  error of the contact: {sinking.describe(self)}",
-                "  error in time: as rtol asks of a run; simulate(..., verify=True) measures all "
-                "three, of creep too",
-                *(f"  note  {warning}" for warning in sanity.check(self)),
-            ]
-        )
+        found = f"preload {asked:g} N: length {info['length']:.6g} m" if asked else ""
+        return [
+            f"Belt drive, {sanity.bodies(self)} on {len(self.pulleys)} pulley(s)",
+            *([found] if found else []),
+            f"tensioned {self.tensioning.describe(self.pulley_names)}",
+            *self._mounts_at_rest(),
+            f"belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
+            f"tension at rest {info['mean_tension']:.4g} N",
+            f"error of the mesh: {sanity.describe_mesh(self)}",
+            f"error of the contact: {sinking.describe(self)}",
+            "error in time: as rtol asks of a run; simulate(..., verify=True) measures all "
+            "three, of creep too",
+            *(f"note  {warning}" for warning in sanity.check(self)),
+        ]
 
     def _rows_of_belt(self) -> list[tuple[str, str, str]]:
         """Name, quantity and meaning of its fields, with what "auto" has chosen."""
@@ -349,7 +361,7 @@ class Params:
             for k, q in zip(self.mounted, self._model.rest, strict=True)
             if (mount := self.pulleys[k].mount) is not None and not isinstance(mount, Path)
         ]
-        return [f"  mounts rest at {', '.join(rest)} from their places"] if rest else []
+        return [f"mounts rest at {', '.join(rest)} from their places"] if rest else []
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> Params:

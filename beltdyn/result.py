@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, exported, labelled, saved
+from . import _core, exported, html, labelled, saved
 from .accuracy_report import Accuracy, known, rounded
 from .arcs import Arcs, arcs_of
 from .averages import LAST
@@ -334,6 +334,13 @@ class Result:
         width = max(len(label) for label, _ in rows)
         return "\n".join(
             [repr(self), *(f"  {label:<{width}}  {value}".rstrip() for label, value in rows)]
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [(label.replace("  ", "\u2003"), value) for label, value in self.summary()]
+        parts = html.paragraphs([repr(self)])
+        return "\n".join(
+            [*parts, html.table_of((), rows), *html.paragraphs(map(str, self.warnings))]
         )
 
     def summary(self, verbose: bool = False) -> list[tuple[str, str]]:

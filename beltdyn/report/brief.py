@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
+from ..html import paragraphs
 from ..sanity import PAPERS_MESH
 from . import text
 from .rows import Power, PulleyRow, SpanRow, Told
@@ -28,7 +29,6 @@ from .text import (
     _without,
     columns,
     opening,
-    paragraphs,
 )
 
 __all__ = ["html", "lines"]

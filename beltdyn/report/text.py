@@ -10,10 +10,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from ..accuracy_report import rounded
+from ..html import paragraphs, table_of
 from .cycles import CLASSES
 from .rows import Power, PulleyRow, Spread, Told
 
-__all__ = ["Table", "columns", "html", "lines", "of_tables", "opening", "paragraphs", "tables"]
+__all__ = ["Table", "columns", "html", "lines", "of_tables", "opening", "tables"]
 
 _WIDTH = 80
 _TO_RPM = 30.0 / math.pi
@@ -573,23 +574,10 @@ def html(report: Told) -> str:
     return "\n".join(parts)
 
 
-def paragraphs(texts: Iterable[str]) -> list[str]:
-    """Give each text as a paragraph of HTML."""
-    return [f"<p>{escape.escape(one)}</p>" for one in texts]
-
-
 def of_tables(found: Iterable[Table]) -> list[str]:
     """Give each table, and its remarks, as HTML."""
     parts = []
-    for table in found:
-        head = "".join(f"<th>{escape.escape(cell)}</th>" for cell in table.heading)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape.escape(cell)}</td>" for cell in row) + "</tr>"
-            for row in table.rows
-        )
-        parts.append(
-            f"<table><caption>{escape.escape(table.title)}</caption>"
-            f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-        )
-        parts += paragraphs(table.remarks)
+    for one in found:
+        parts.append(table_of(one.heading, one.rows, one.title))
+        parts += paragraphs(one.remarks)
     return parts

@@ -7,6 +7,7 @@ import textwrap
 import attrs
 import numpy as np
 
+from .. import html
 from ..checks import Array
 from ..params import Params
 from ..state import State
@@ -103,18 +104,36 @@ class Modes:
         return self.frequency.size
 
     def __str__(self) -> str:
+        above, modes, below = self._told()
+        rows = [*above, "   k  frequency  damping  what moves"]
+        for k, (frequency, damping, name) in enumerate(modes):
+            rows.append(f"  {k:2d}  {frequency:>6} Hz  {damping:>5} %  {name}")
+        return "\n".join(
+            line
+            for row in [*rows, *below]
+            for line in textwrap.wrap(row, 80, subsequent_indent=" " * 6, drop_whitespace=True)
+        )
+
+    def _repr_html_(self) -> str:
+        above, modes, below = self._told()
+        rows = [(str(k), *cells) for k, cells in enumerate(modes)]
+        shown = html.table_of(("k", "frequency Hz", "damping %", "what moves"), rows)
+        return "\n".join([*html.paragraphs(above), shown, *html.paragraphs(below)])
+
+    def _told(self) -> tuple[list[str], list[tuple[str, str, str]], list[str]]:
+        """Give the lines above the modes; of each frequency, damping, name; the lines below."""
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
         held = ", ".join(self.prescribed) or "none"
-        rows = [f"Modes of the drive, {running}; pulleys of prescribed motion: {held}"]
+        above = [f"Modes of the drive, {running}; pulleys of prescribed motion: {held}"]
         for value, name in zip(self.grows, self.grow_names, strict=True):
-            rows.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
-        rows.append("   k  frequency  damping  what moves")
+            above.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
+        modes = []
         for k, name in enumerate(self.names):
-            frequency, damping = self.frequency[k], 100.0 * self.damping[k]
-            rows.append(f"  {k:2d}  {frequency:6.4g} Hz  {damping:5.2f} %  {name}")
             if self.by_phase.size:
                 low, high = self.by_phase[:, k].min(), self.by_phase[:, k].max()
-                rows[-1] += f"; {low:.4g} to {high:.4g} Hz over the mesh"
+                name += f"; {low:.4g} to {high:.4g} Hz over the mesh"
+            modes.append((f"{self.frequency[k]:.4g}", f"{100.0 * self.damping[k]:.2f}", name))
+        rows: list[str] = []
         if (self.damping < -1e-6).any():
             grow = ", ".join(str(k) for k in np.flatnonzero(self.damping < -1e-6))
             rows.append(f"  negative damping: mode(s) {grow} grow")
@@ -137,8 +156,4 @@ class Modes:
         if self.left_out:
             rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
         rows.append(f"  searched from {self.band[0]:.3g} Hz on")
-        return "\n".join(
-            line
-            for row in rows
-            for line in textwrap.wrap(row, 80, subsequent_indent=" " * 6, drop_whitespace=True)
-        )
+        return above, modes, rows

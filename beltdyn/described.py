@@ -1,0 +1,63 @@
+"""What ``help`` shows of classes with fields: the type of each argument, the meaning of each field.
+
+attrs takes the types of arguments from converters, which take any object, and gives fields no text.
+Types and texts stand once, in the class and in the section "Attributes" of its docstring.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any
+
+import attrs
+
+__all__ = ["describe"]
+
+_FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
+
+
+def describe(cls: Any) -> None:
+    """Give the arguments of a class their types, and its fields the texts of its docstring."""
+    if attrs.has(cls):
+        fields = attrs.fields(cls)
+        types = {one.alias: one.type for one in fields if one.init and one.type is not None}
+        cls.__init__.__annotations__ = {**types, "return": None}
+        _give_texts(cls, [one.name for one in fields])
+    elif hasattr(cls, "_fields"):  # a NamedTuple
+        types = {
+            name: getattr(kind, "__forward_arg__", kind)
+            for name, kind in cls.__annotations__.items()
+        }
+        cls.__new__.__annotations__ = types
+        texts = _texts(cls)
+        for name in cls._fields:
+            getattr(cls, name).__doc__ = texts.get(name)
+
+
+def _give_texts(cls: Any, names: list[str]) -> None:
+    """Set ``__slots__`` of a class and its bases to a mapping, in which ``inspect`` finds texts."""
+    texts = _texts(cls)
+    for owner in cls.__mro__:
+        slots = vars(owner).get("__slots__", ())
+        if any(name in texts and name in names for name in slots):
+            old = slots if isinstance(slots, dict) else {}
+            owner.__slots__ = {name: texts.get(name, old.get(name)) for name in slots}
+
+
+def _texts(cls: Any) -> dict[str, str]:
+    """Read the texts of the fields in a docstring; none if Python was told to drop docstrings."""
+    _, *sections = re.split(r"\n(?:Attributes|Args):\n", inspect.cleandoc(cls.__doc__ or ""))
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in "\n".join(sections[:1]).splitlines():
+        if line and not line.startswith(" "):  # the next section
+            break
+        field = _FIELD.fullmatch(line)
+        if field:
+            names = field[1].split(", ")
+            found |= dict.fromkeys(names, field[2])
+        else:
+            for name in names:
+                found[name] = f"{found[name]}\n{line.strip()}".strip()
+    return found
