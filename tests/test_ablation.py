@@ -43,7 +43,7 @@ def rich() -> bd.Scene:
         gravity=(0.0, -9.81),
     )
     torque = bd.Viscous([0.0, 1.0]) + bd.Harmonics(1, [2.0], [0.5])
-    crank = bd.CrankMotion(-20.0, [2.0], [0.005], fade=(0.5, 1.0))
+    crank = bd.CrankMotion(-80.0, [2.0], [0.005], fade=(0.5, 1.0))
     return bd.Scene(params, torque, 0.04, {0: crank})
 
 

@@ -166,7 +166,8 @@ def belted(loaded: bool) -> bd.Params:
         bd.Pulley(center=(x, 0.0), radius=radius, inertia=2e-4, drag=drag)
         for x, radius, drag in zip((0.0, 0.3), (0.05, 0.045), drags, strict=True)
     ]
-    belt = {"linear_density": 0.1, "axial_stiffness": 5e4, "bending_stiffness": 0.02}
+    belt = {"linear_density": 0.1, "axial_stiffness": 5e4, "axial_damping": 2.0}
+    belt["bending_stiffness"] = 0.02
     return bd.Params(
         belt=bd.Belt(length=bd.route(pulleys).length / 1.006, n_bodies=24, **belt),
         pulleys=pulleys,

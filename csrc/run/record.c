@@ -16,7 +16,7 @@
 
 #include "run/run.h"
 
-enum { FORMAT = 1 };
+enum { FORMAT = 2 };
 
 typedef struct head {
   char magic[8];
@@ -189,6 +189,7 @@ static void visit_guard(visitor *v, bd_guard *guard, int np) {
   ONE(v, guard->drive);
   ONE(v, guard->passed);
   MANY(v, guard->touched, np);
+  ONE(v, guard->rings);
 }
 
 static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice);
@@ -208,6 +209,8 @@ static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice)
   ONE(v, twin->apart);
   ONE(v, twin->grown);
   ONE(v, twin->most);
+  ONE(v, twin->least);
+  ONE(v, twin->before);
   ONE(v, twin->steps);
   ONE(v, twin->events);
   ONE(v, twin->t_events);

@@ -229,7 +229,9 @@ def test_runs_may_begin_alike_differ_and_be_done_anywhere() -> None:
     data = [run.curve("pulleys.omega[1]", [0.01, 0.02], [1.0, 2.0], sigma=0.01) for run in runs]
     found = bd.identify(free_pulley(0.02), ["pulleys[1].inertia"], data, workers=2)
     assert found.values["pulleys[1].inertia"] == pytest.approx(0.03, rel=1e-4)
-    assert found.runs == 2 * len(begun)
+    # a start of 20 links is none of the finer mesh, of which these runs then tell nothing
+    assert found.runs == 2 * (len(begun) - 1)
+    assert "without the error of the mesh: initial.x must have shape (40,)" in str(found)
     assert list(found.residuals) == [f"run {k}: pulleys.omega[1]" for k in (1, 2)]
     other = {"pulleys[0].inertia": 0.5}
     runs = [
