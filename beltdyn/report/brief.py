@@ -234,7 +234,7 @@ def _balance(report: Told) -> str:
         return sum(one.power for one in report.powers if one.kind == kind)
 
     put_in, lost = total("in"), total("lost")
-    error = report.power_error
+    error, of_losses = report.power_error, report.efficiency_error or 0.0
     ends = [_within(one, error and error * put_in) for one in (put_in, total("out"))]
     told = f"{ends[0]} W put in, {ends[1]} W taken off, {_number(lost, 2)} W lost"
     parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
@@ -242,9 +242,11 @@ def _balance(report: Told) -> str:
     if shown:
         told += f" (most: {', '.join(map(_loss, shown))})"
     if report.efficiency is not None:
-        percent = 100.0 * (report.efficiency_error or 0.0)
+        percent = 100.0 * of_losses
         told += f"; efficiency {_within(100.0 * report.efficiency, percent)} %"
         return f"{told}, by the mesh off by some {_number(percent, 2)} %"
+    if of_losses:
+        told += f"; losses by the mesh off by some {_number(of_losses * put_in, 2)} W"
     return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
 
 

@@ -41,7 +41,8 @@ def power_rows(
 
     Returns:
         Rows whose sizes add up: what is put in is the sum of all others. Efficiency: the part that
-        is not lost; None if nothing is put in, or what is stored changes. Its error.
+        is not lost; None if nothing is put in, or what is stored changes. The error of what is
+        lost over what is put in; None if nothing is.
     """
     run, names = window.run, window.params.pulley_names
     if not run._has("energy"):
@@ -102,6 +103,7 @@ def power_rows(
         )
     else:
         efficiency = 1.0 - lost / put_in
+    if put_in > 0.0:
         error = _error(window, put_in, rate(energy.contact_loss), rate(energy.friction_loss))
     return (
         [

@@ -57,8 +57,9 @@ class Report(Told):
         creep: A row for each pulley but the driving one.
         powers: Where power comes from and goes to; what is put in is the sum of all others.
         efficiency: Part of the power put in that is not lost [1].
-        efficiency_error: Its error [1]: that of the powers if the run was verified; else what the
-            mesh adds to the losses, nearly all of the contact's damping, of links that land.
+        efficiency_error: Its error, or where it is None that of what is lost over what is put in
+            [1]: that of the powers if the run was verified; else what the mesh adds to the losses,
+            nearly all of the contact's damping, of links that land.
         power_error: Error of the powers, relative to the largest of a pulley in the run [1], as
             ``result.accuracy`` has it.
         tension_error: Error of the spans' mean tensions [1], as ``result.accuracy`` has it.
