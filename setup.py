@@ -104,7 +104,7 @@ setup(
         Extension(
             "beltdyn._core",
             sources=[str(p) for p in SOURCES if X86 or p not in LEVELS],
-            depends=["setup.py", *sorted(str(p) for p in CORE.rglob("*.[ch]"))],
+            depends=["setup.py", *sorted(str(p) for p in CORE.rglob("*.h"))],
             include_dirs=[str(CORE), numpy.get_include()],
             define_macros=[
                 ("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION"),

@@ -199,7 +199,7 @@ def test_times_that_rounding_would_blur_are_refused(rest: bd.State) -> None:
         ({"max_step": 1e-17}, "max_step must be at least"),
         ({"method": "lbdf2", "step": 1e-300}, "step must be at least"),
         ({"method": "rk4", "step": 1e-18}, "step must be at least"),
-        ({"t_end": 1e300}, "t_end must be within"),
+        ({"t_end": 1e300}, "t_end must be within.* sqrt.EA/rho. = 837 m/s"),
         ({"torque_interval": 0.0}, "torque_interval must be > 0"),
         ({"torque_fn": lambda *_: [0, 0], "torque_interval": 1e-12}, "interval must be at least"),
     ):

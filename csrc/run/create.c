@@ -110,8 +110,8 @@ int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_erro
   return bd_fail(
       err, BD_ERR_OPTION, name,
       "%s must be within +-%.3g s, beyond which double precision cannot tell times apart "
-      "in which a wave runs along a link, got %g s",
-      name, most, t);
+      "in which a wave runs along a link, at sqrt(EA/rho) = %.3g m/s, got %g s",
+      name, most, model->info.link_length / wave, t);
 }
 
 static int check_times(const bd_model *model, double t, double t_end, const bd_options *options,
