@@ -308,15 +308,17 @@ class Stats:
             the largest local errors.
 
             From what: the larger of ``local_error`` and of ``balance``, each times a factor that
-            was measured. ``local_error``: times 1 on the paper's mesh, else 2, and times 5 where a
-            joint's stretch is more than three times the slip mu_k / sigma. ``balance``, with the
-            ledger: times 5 on the paper's mesh, else 0.1. Then times the growth of differences, if
+            was measured. ``local_error``: times 1 on the paper's mesh, else 2, or where that is
+            more a third of the root of the steps in which axial damping makes a vibration of a
+            radian a step decay by e; and times 5 where a joint's stretch is more than three times
+            the slip mu_k / sigma. ``balance``, with the ledger: times 5 on the paper's mesh, else
+            0.1. Then times the growth of differences, if
             they grew; and of "lbdf2" and "lie", whose errors add up, times sqrt(k), where the run
             lasts k > 1 times 780 rounds of a stretch wave, a second of the paper's drive.
 
-            None for: fixed steps, belts almost without damping, histories that diverge, links that
-            chatter while nothing shows that differences do not grow, torque functions that change
-            faster than the steps, slack spans.
+            None for: fixed steps, histories that diverge, links that vibrate on their contact
+            hardly damped or chatter while nothing shows that differences do not grow, torque
+            functions that change faster than the steps, slack spans.
 
             Not in it: what links do as they land and make vibrations that change friction, which
             long implicit steps damp out: 0.3 % of the tension of the paper's drive near its limit
