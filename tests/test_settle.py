@@ -147,6 +147,19 @@ def test_an_arm_settles_in_stiff_contact() -> None:
     assert bd.settle(params).residual <= 1e-9
 
 
+def test_shorter_steps_where_a_blow_up_throws_an_arm_first() -> None:
+    """Links as long as the least radius: steps estimated too long throw the arm among the pulleys,
+    at every other of these lengths, before any other guard sees it. It follows the length.
+    """
+    params = bd.scenes.serpentine(60).params
+    travels = []
+    for length in np.linspace(1.7714, 1.7721, 8):
+        belt = attrs.evolve(params.belt, length=float(length))
+        travels.append(bd.settle(attrs.evolve(params, belt=belt)).travel[0])
+    steps = np.diff(travels)
+    assert np.allclose(steps, np.mean(steps), rtol=0.05)  # the lever changes by 3 %
+
+
 def test_says_when_it_does_not_come_to_rest(rest: bd.State) -> None:
     """A longer time is advised where it is that which ended it."""
     for options in ({"max_time": 1e-3}, {"max_time": 1e6, "tolerance": 1e-17}):

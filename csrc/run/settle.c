@@ -484,12 +484,15 @@ static int check_rest(bd_settling *settling) {
   return BD_OK;
 }
 
-/* Starts over with half the step, a few times: the bound on the contact is an estimate. */
+/* Starts over with half the step, a few times: the bound on the contact is an estimate. Mounts
+ * begin in balance and are damped critically: one that comes upon another pulley was thrown. */
 static int retry(bd_settling *settling) {
   enum { MOST = 8 };
   bd_sim *sim = settling->sim;
   const int code = settling->failure.code;
-  if (settling->tries >= MOST || (code != BD_ERR_NOT_FINITE && code != BD_ERR_PASSED_THROUGH)) {
+  const int thrown = code == BD_ERR_OFF_PULLEY && strcmp(settling->failure.field, "mount") == 0;
+  if (settling->tries >= MOST ||
+      !(thrown || code == BD_ERR_NOT_FINITE || code == BD_ERR_PASSED_THROUGH)) {
     return 0;
   }
   ++settling->tries;
