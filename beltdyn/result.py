@@ -169,7 +169,9 @@ class Result:
         """Mean joint force of the free span that follows each pulley (n_t, n_p) [N].
 
         Span k runs from pulley k on to the next pulley in the numbering of the links. Only joints
-        between two links that touch nothing count; NaN where a span has none.
+        between two links that touch nothing count; NaN where a span has none. It is a mean over all
+        of these, also where a belt with bending stiffness runs off its pulleys: there the force is
+        up to EI / (2 r^2) less than in the middle of the span.
         """
         return self._span_tension(slice(None))
 

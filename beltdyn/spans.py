@@ -18,7 +18,8 @@ def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Ar
     """Give the mean joint force of the free span that follows each pulley (n_t, n_p) [N].
 
     Only joints between two links that touch nothing count, and not where links have lifted off
-    within a wrap.
+    within a wrap. Those where a belt with bending stiffness runs off a pulley, EI / (2 r^2) below
+    the middle of the span at most, are among them; :func:`mid_span` gives the middle.
 
     Args:
         touched: The pulley that each link touches, or -1 (n_t, n_b).

@@ -196,13 +196,13 @@ class Reference:
 
     def _line_at(self, places: Array, radii: Array) -> tuple[float, Array]:
         """Tension at rest of the belt line round pulleys at these places, and its spans."""
-        path, wraps, spans = spans_away(places, radii, self.sides)
+        path, _, spans = spans_away(places, radii, self.sides)
         strain = path / self.length - 1.0
         stiffness = self.axial_stiffness, self.bending_stiffness
         tension = self.axial_stiffness * strain
         if strain > 0.0:
             tension = tension_at_rest(
-                strain, self.length, radii, wraps, stiffness, self.contact, self.compensate
+                places, radii, self.sides, self.length, stiffness, self.contact, self.compensate
             )
         return tension, spans
 

@@ -60,16 +60,19 @@ def depth(pressure: float, contact: tuple[float, float, float]) -> float:
 
 
 def tension_at_rest(
-    strain: float,
-    length: float,
+    centers: Array,
     radii: Array,
-    wraps: Array,
+    sides: npt.ArrayLike | None,
+    length: float,
     stiffness: tuple[float, float],
     contact: tuple[float, float, float],
     compensate: bool,
 ) -> float:
-    """Mean tension of a settled belt whose line has this strain, section 6; of EA and EI."""
+    """Mean tension of a settled belt of this stress-free length, section 6; of EA and EI."""
     axial, bending = stiffness
+    side = np.ones(len(centers)) if sides is None else np.asarray(sides, dtype=float)
+    _, spans, _, wraps, _ = _tight(centers, radii, side)
+    strain = float(np.sum(spans + radii * wraps)) / length - 1.0
 
     def end(pull: float, r: float, p: float) -> float:
         if bending == 0.0:
@@ -91,6 +94,12 @@ def tension_at_rest(
             p = depth(pull / r, contact)
             p_0 = depth(preload * (1.0 + strain) / r, contact) if compensate else 0.0
             shorter += wrap * (p - p_0) + 2.0 * end(pull, float(r), p)
+        room = np.minimum(bending / pull, (0.5 * wraps * radii) ** 2)
+        lifted = [
+            np.minimum(np.roll(room, -k), (0.25 * spans) ** 2) * np.roll(side / (2.0 * radii), -k)
+            for k in (0, 1)
+        ]
+        shorter += float(np.sum((lifted[0] - lifted[1]) ** 2 / (2.0 * spans)))
         return tension - axial * (strain - shorter / length)
 
     return float(scipy.optimize.brentq(left, 1e-3 * preload, 2.0 * preload, xtol=1e-13, rtol=1e-15))

@@ -68,6 +68,26 @@ double bd_running_radius(const bd_model *model, int j, double tension, double sp
   return model->radius[j] - (sunk - raised);
 }
 
+/* What the wrap on pulley j has of the bending stiffness: both its ends must find room on it, bends
+ * of a stiffer belt are not described. */
+static double bending_on(const bd_model *model, int j, double pull) {
+  const double half = 0.5 * model->wraps[j].wrap * model->radius[j];
+  return fmin(model->belt.bending_stiffness, pull * half * half);
+}
+
+/* By how much the path is shorter between pulleys j and k because bending lifts the span's ends off
+ * its belt line by EI / (2 r H) each, away from the axes: where that turns the span by an angle,
+ * the wraps, which stay on their circles, give less than the span loses. EI counts up to where both
+ * bends, sqrt(EI / H) long, take half the span: it is then shorter by less than the bends make it
+ * longer, 2 (EI / H)^(3/2) / 12 r^2. */
+static double shorter_in_span(const bd_model *model, int j, int k, double pull) {
+  const double span = model->wraps[j].span, most = pull * span * span / 16.0;
+  const double off = model->side[j] * fmin(bending_on(model, j, pull), most) / model->radius[j] -
+                     model->side[k] * fmin(bending_on(model, k, pull), most) / model->radius[k];
+  const double tilt = off / (2.0 * pull);
+  return j == k ? 0.0 : 0.5 * tilt * tilt / span;
+}
+
 /* How much shorter than the belt line the path is under a tension at a speed. */
 static double shorter(const bd_model *model, double tension, double speed) {
   const double pull = pull_of(model, tension, speed);
@@ -77,10 +97,8 @@ static double shorter(const bd_model *model, double tension, double speed) {
     const double depth = depth_of(model, j, pull);
     sum += wrap * (radius - bd_running_radius(model, j, tension, speed));
     if (depth > 0.0) {
-      /* both ends of a wrap must find room on it: bends of a stiffer belt are not described */
-      const double half = 0.5 * wrap * radius;
-      const double bending = fmin(model->belt.bending_stiffness, pull * half * half);
-      sum += 2.0 * shorter_at_end(pull, bending, radius, depth);
+      sum += 2.0 * shorter_at_end(pull, bending_on(model, j, pull), radius, depth) +
+             shorter_in_span(model, j, (j + 1) % model->lay.np, pull);
     }
   }
   return sum;
