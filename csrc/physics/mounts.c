@@ -200,6 +200,23 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
   }
 }
 
+double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m,
+                        double g) {
+  const bd_mounted *mount = &plan->model->mounts[m];
+  const int travel = plan->model->lay.travel + m, speed = plan->model->lay.travel_speed + m;
+  double lost = 0.0;
+  if (!mount->has_stops) {
+    return 0.0;
+  }
+  const double before = bd_mount_stop(mount, y[travel], y[speed], &lost);
+  const double after = bd_mount_stop(mount, y_new[travel], y_new[speed], &lost);
+  const double line = mount->stop_stiffness * (y_new[travel] - y[travel]) +
+                      mount->stop_damping * (y_new[speed] - y[speed]);
+  const double off = after - before + (before != 0.0 ? line : 0.0);
+  const double stiff = g * (g * mount->stop_stiffness + mount->stop_damping);
+  return g * off / (plan->mount_inertia[m] + (after != 0.0 ? stiff : 0.0));
+}
+
 /* --- after a step ----------------------------------------------------------------------------- */
 
 /* Contact of two pulleys is told apart by room that the scene has (model.c); a pulley that moves

@@ -247,6 +247,9 @@ double bd_drag_torque_in(const bd_model *model, const double *y, int j);
 void bd_mounts_put(const bd_plan *plan, const double *y);
 /* Of mount m at y, in the sense of its travel: of the belt. */
 double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
+/* What a linear system with g leaves out of the speed of mount m [rad/s or m/s], whose stop at
+ * y_new is off the line from y: where it has come to the stop, or away. */
+double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m, double g);
 /* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
 int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err);
 /* Of all mounts; of arms and sliders; of paths. */

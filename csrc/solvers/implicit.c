@@ -83,7 +83,8 @@ void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double
  * the torque at y_new differs from the line through that at y, in the solution and in the estimate,
  * and a pulley that breaks loose creeps on along the line. Of that difference, its effect on the
  * speed as a free pulley has it, by the share that is hidden; on a slope that falls the system may
- * turn its sign. It is an error that comes once, so it is what was asked for that limits it. */
+ * turn its sign. A mount that meets a stop, or leaves it, goes on as if it had not. These are
+ * errors that come once, so it is what was asked for that limits them. */
 double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g,
                                 const double *y_new) {
   const bd_model *model = stepper->model;
@@ -97,6 +98,10 @@ double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g,
       const double hidden = fabs(stiff) / fmax(1.0, fabs(1.0 + stiff));
       most = fmax(most, weight * h * fabs(off.torque) / model->inertia[j] * hidden);
     }
+  }
+  for (int m = 0; m < model->lay.nm; ++m) {
+    const double faster = bd_stop_off_line(&stepper->plan, stepper->y, y_new, m, g);
+    most = fmax(most, stepper->weights[model->lay.travel_speed + m] * fabs(faster));
   }
   return stepper->fixed
              ? most

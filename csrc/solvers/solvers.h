@@ -233,7 +233,7 @@ void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double
  * back. */
 int bd_implicit_prescribe(bd_stepper *stepper, double h, double g, double *c);
 /* What a linear system with g hides from the error estimate of a step of length h: y_new, at its
- * end or of its last stage, is off the line along which drag and loads were linearised. */
+ * end or of its last stage, is off the line along which drag, loads and stops were linearised. */
 double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g, const double *y_new);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
 int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
