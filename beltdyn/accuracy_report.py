@@ -12,7 +12,7 @@ import numpy as np
 from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
-from .histories import EnergyLedger, PulleyHistory, Stats
+from .histories import BeltHistory, ContactHistory, EnergyLedger, PulleyHistory, Stats
 from .sanity import Drive
 from .state import State
 
@@ -23,6 +23,9 @@ __all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "k
 TIME_FLOOR = 1e-6
 #: The same in space: other meshes are integrated in time to no better than about this.
 SPACE_FLOOR = 1e-4
+
+#: Samples at which the velocities of links are looked at, which a thousand more change by 1 %.
+LOOKS = 500
 
 #: Least friction force by which its errors are measured, as a share of the tension.
 FAINT = 1e-2
@@ -84,7 +87,7 @@ class Accuracy:
 
     Without ``simulate(..., verify=True)`` this is what costs nothing: of tensions the upper
     estimate of the error in time, ``stats.error``, and the size of the error of the mesh, from the
-    angles of its links, the speed at which they land and the torques
+    angles of its links, how they shake the belt as they land, and the torques
     (:func:`beltdyn.sanity.mesh_error`); of friction and power that of the mesh, from what the run
     has lost in the contact (:func:`beltdyn.sanity.mesh_loss`, needs the ledger); of every quantity
     what the compliance of the contact changes; the local error, and the energy balance. The errors
@@ -242,6 +245,10 @@ class Run(Protocol):
     @property
     def t(self) -> Array: ...
     @property
+    def belt(self) -> BeltHistory: ...
+    @property
+    def contact(self) -> ContactHistory: ...
+    @property
     def pulleys(self) -> PulleyHistory: ...
     @property
     def energy(self) -> EnergyLedger | None: ...
@@ -289,6 +296,25 @@ def mean_rim_speed(run: Run, last: float = LAST) -> float:
     return math.sqrt(float(time_weights(t, t[-1] - last * (t[-1] - t[0])) @ rims**2))
 
 
+def shaking(run: Run, last: float = LAST) -> float:
+    """Give by how much links that land raise the mean tension, over the last part of a run [1].
+
+    As the velocities of links in the spans show it; by the speed alone where these were not kept.
+    """
+    t, speed = run.t, mean_rim_speed(run, last)
+    needed = ("belt.vx", "belt.vy", "belt.phi", "contact.pulley")
+    if t.size < 2 or not all(run._has(name) for name in needed):
+        return sanity.shaken(run.params, speed)
+    rows = np.flatnonzero(t >= t[-1] - last * (t[-1] - t[0]))
+    rows = rows[:: 1 + rows.size // LOOKS]
+    belt, phi = run.belt, run.belt.phi[rows]
+    across = belt.vy[rows] * np.cos(phi) - belt.vx[rows] * np.sin(phi)
+    free = run.contact.pulley[rows] < 0
+    return sanity.shaking_seen(
+        run.params, speed, float(np.mean(np.where(free, across, 0.0) ** 2)), float(t[-1] - t[0])
+    )
+
+
 def _of_mesh(run: Run) -> dict[str, float]:
     """Estimate the errors of the mesh, from the speeds, torques and losses of a run."""
     params, t, pull, power = run.params, run.t, 0.0, 0.0
@@ -303,7 +329,7 @@ def _of_mesh(run: Run) -> dict[str, float]:
         pull = min(2.0 * tension, float(np.max(np.abs(late @ torque) / radii)))  # all it can hold
         power = float(np.max(np.abs(late @ (torque * run.pulleys.omega))))
     found = {
-        name: sanity.mesh_error(params, mean_rim_speed(run, last), pull)[name]
+        name: sanity.mesh_error(params, shaking(run, last), pull)[name]
         for name, last in (("tension", 1.0), ("span_mean", LAST))
     }
     if not sampled or not run._has("energy") or run.energy is None:

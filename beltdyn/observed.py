@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import sanity
-from .accuracy_report import mean_rim_speed
+from .accuracy_report import mean_rim_speed, shaking
 from .checks import Array
 from .gross_slip import durations, gross_slip
 from .naming import span_name
@@ -72,7 +72,7 @@ def _landing(result: Result) -> Iterator[RunWarning]:
     """Warn of a mesh that is fine enough at rest, but whose links shake the belt as they land."""
     params, error = result.params, result.accuracy["span_mean"].space
     speed = mean_rim_speed(result)
-    shaken, rest = sanity.shaken(params, speed), sanity.mesh_error(params)["span_mean"]
+    shaken, rest = shaking(result), sanity.mesh_error(params)["span_mean"]
     if error is None or error < sanity.MESH or shaken < max(rest, 0.5 * error):
         return
     links = sanity.links(params.belt.n_bodies * math.sqrt(error / sanity.FINE_MESH))

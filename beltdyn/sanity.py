@@ -30,6 +30,7 @@ __all__ = [
     "mesh_share",
     "percent",
     "shaken",
+    "shaking_seen",
     "units",
 ]
 
@@ -125,7 +126,7 @@ def mesh_share(params: Drive) -> float:
     return float(info["mesh_strain"] / info["strain"])
 
 
-def mesh_error(params: Drive, speed: float = 0.0, pull: float = 0.0) -> dict[str, float]:
+def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[str, float]:
     """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
 
     At rest both are, on the paper's mesh, :func:`mesh_share`. On a mesh of joints they are what
@@ -134,14 +135,15 @@ def mesh_error(params: Drive, speed: float = 0.0, pull: float = 0.0) -> dict[str
     from drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the
     strain (MODEL section 6).
 
-    A belt that runs is shaken by its links as they land, :func:`shaken`, over time as much again;
-    and the arcs that hand on a force end anywhere in a link, up to l0 / 2 from its middle, which
-    makes pull l0 / (2 L) in the spans. All of it is right to a factor of three or so, often
-    better on slow drives with much load (benchmarks/mesh_estimate.py).
+    A belt that runs is shaken by its links as they land, :func:`shaken` or, of a run,
+    :func:`shaking_seen`, over time as much again; and the arcs that hand on a force end anywhere
+    in a link, up to l0 / 2 from its middle, which makes pull l0 / (2 L) in the spans. All of it is
+    right to a factor of three or so, often better on slow drives with much load
+    (benchmarks/mesh_estimate.py).
 
     Args:
         params: The drive.
-        speed: Of the belt [m/s].
+        shaking: By how much links that land raise the mean tension, as a share of it [1].
         pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     info = params.info
@@ -155,7 +157,6 @@ def mesh_error(params: Drive, speed: float = 0.0, pull: float = 0.0) -> dict[str
         )
         share = float(polygon / info["strain"])
         found = {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
-    shaking = shaken(params, speed)
     ends = 0.5 * abs(pull) / info["strain_tension"] * info["link_length"] / info["length"]
     found["tension"] += 2.0 * shaking + ends
     found["span_mean"] += shaking + ends
@@ -169,7 +170,8 @@ def shaken(params: Drive, speed: float) -> float:
     line of the span, evenly spread, so links move across it at v l0 / (sqrt(12) R), root mean
     square. This is in the lateral waves of the span, whose mean square slope is that of these
     speeds over T / (rho A), and half of it is the strain that they add. Bending spreads the turn
-    over more links. A resonance of a span may double it; damping takes off a part.
+    over more links. Damping takes off a part; waves that find their span in resonance, undamped,
+    add up to many times as much, which a run knows (:func:`shaking_seen`).
     """
     belt, info = params.belt, params.info
     length, tension = info["link_length"], info["strain_tension"]
@@ -177,6 +179,29 @@ def shaken(params: Drive, speed: float) -> float:
     slope *= float(np.mean((length / _radii(params)) ** 2)) / 12.0
     slope /= 1.0 + BENDING * belt.bending_stiffness / (tension * length**2)
     return float(0.5 * slope * np.sum(params.route.spans) / info["length"] / info["strain"])
+
+
+def shaking_seen(params: Drive, speed: float, across: float, time: float) -> float:
+    """Tell from a run by how much links that land raise the mean tension, as a share of it [1].
+
+    A belt that runs steadily moves along itself: where a link in a span has a velocity across its
+    own direction, a wave passes, whose slope is that velocity over sqrt(T / (rho A)) plus or minus
+    the belt's speed. Half of its mean square is strain. Of lateral vibration with other causes no
+    more is taken for the mesh's than the energy m (v l0 / R)^2 / 2 that each landing link brings.
+
+    Args:
+        params: The drive.
+        speed: Of the belt [m/s].
+        across: Square of the velocity across the links in the spans, a mean over time, the sum over
+            the number of all links [m^2/s^2].
+        time: How long the belt has run [s].
+    """
+    belt, info = params.belt, params.info
+    tension, density = info["strain_tension"], belt.linear_density
+    strain = 0.5 * across / (tension / density + speed**2)
+    landed = 0.5 * density * abs(speed) ** 3 * time
+    landed *= float(np.sum((info["link_length"] / _radii(params)) ** 2))
+    return float(min(strain, 0.5 * landed / (tension * info["length"])) / info["strain"])
 
 
 def mesh_loss(params: Drive, contact: float, friction: float) -> float:

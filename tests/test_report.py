@@ -251,9 +251,10 @@ def test_what_is_asked_first_is_one_screen() -> None:
     text, alternator = str(told), told.pulleys["alternator"]
     assert text == told.text() and len(text.splitlines()) < 30
     line = next(one for one in text.splitlines() if one.split()[0:1] == ["alternator"])
+    of_spans = told.tension_error * np.mean([one.tension.mean for one in told.spans])
     for value in (
         f"{alternator.speed.mean * 30.0 / math.pi:.4g}",
-        f"{alternator.hub_load.mean:.0f}",
+        f"{rounded(alternator.hub_load.mean, 2.0 * of_spans)[0]:.0f}",
         f"{alternator.hub_load.most:.3g}",
         f"{alternator.margin:.2f}",
         f"{alternator.least_margin:.2f}",
@@ -268,7 +269,8 @@ def test_what_is_asked_first_is_one_screen() -> None:
     shown, digits = rounded(100.0 * told.efficiency, 100.0 * told.efficiency_error)
     assert f"efficiency {shown:.{digits - 2}f} %" in words
     assert "alternator slips first" in words and "Errors, estimated: tension" in words
-    assert "Warnings:" not in text
+    assert "Warnings: mesh" in words  # its links shake it by 2 %, which four times as many bear out
+    assert "Warnings:" not in str(attrs.evolve(told, warnings=()))
     warned = [
         bd.RunWarning(code="full_slip", text="a"),
         bd.RunWarning(code="full_slip", text="b"),

@@ -254,7 +254,8 @@ class Pilot:
         radii = np.array([pulley.radius for pulley in self._params.pulleys])
         speed = float(np.sqrt(np.mean(np.max(np.abs(seen.speed * radii), axis=1) ** 2)))
         pull = float(np.max(np.abs(seen.friction), initial=0.0))
-        found = sanity.mesh_error(with_links(self._params, n_bodies), speed, pull)
+        params = with_links(self._params, n_bodies)
+        found = sanity.mesh_error(params, sanity.shaken(params, speed), pull)
         return found.get(self._quantity, found["tension"])
 
     def _near(self, error: float) -> bool:
