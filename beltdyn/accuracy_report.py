@@ -8,12 +8,14 @@ from typing import Protocol
 
 import attrs
 import numpy as np
+from numpy.typing import NDArray
 
 from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
-from .histories import BeltHistory, ContactHistory, EnergyLedger, PulleyHistory, Stats
+from .histories import BeltHistory, ContactHistory, EnergyLedger, JointHistory, PulleyHistory, Stats
 from .sanity import Drive
+from .spans import span_tension
 from .state import State
 
 __all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "known", "rounded"]
@@ -249,6 +251,8 @@ class Run(Protocol):
     @property
     def contact(self) -> ContactHistory: ...
     @property
+    def joints(self) -> JointHistory: ...
+    @property
     def pulleys(self) -> PulleyHistory: ...
     @property
     def energy(self) -> EnergyLedger | None: ...
@@ -305,14 +309,30 @@ def shaking(run: Run, last: float = LAST) -> float:
     needed = ("belt.vx", "belt.vy", "belt.phi", "contact.pulley")
     if t.size < 2 or not all(run._has(name) for name in needed):
         return sanity.shaken(run.params, speed)
-    rows = np.flatnonzero(t >= t[-1] - last * (t[-1] - t[0]))
-    rows = rows[:: 1 + rows.size // LOOKS]
+    rows = _looks(run, last)
     belt, phi = run.belt, run.belt.phi[rows]
     across = belt.vy[rows] * np.cos(phi) - belt.vx[rows] * np.sin(phi)
     free = run.contact.pulley[rows] < 0
     return sanity.shaking_seen(
         run.params, speed, float(np.mean(np.where(free, across, 0.0) ** 2)), float(t[-1] - t[0])
     )
+
+
+def _looks(run: Run, last: float) -> NDArray[np.intp]:
+    """Give :data:`LOOKS` samples at most of the last part of a run."""
+    rows = np.flatnonzero(run.t >= run.t[-1] - last * (run.t[-1] - run.t[0]))
+    return rows[:: 1 + rows.size // LOOKS]
+
+
+def _vibration(run: Run) -> float:
+    """Give how much the tensions of spans vibrate in the end, root mean square [N].
+
+    Where small differences grow exponentially, other meshes vibrate as much at other phases.
+    """
+    rows, n_p = _looks(run, LAST), len(run.params.pulleys)
+    tension = span_tension(run.contact.pulley[rows], run.joints.force[rows], n_p)
+    tension = tension[:, np.isfinite(tension).all(axis=0)]
+    return math.sqrt(float(np.mean(np.var(tension, axis=0)))) if tension.size else 0.0
 
 
 def _of_mesh(run: Run) -> dict[str, float]:
@@ -332,6 +352,8 @@ def _of_mesh(run: Run) -> dict[str, float]:
         name: sanity.mesh_error(params, shaking(run, last), pull)[name]
         for name, last in (("tension", 1.0), ("span_mean", LAST))
     }
+    if run.stats.growth > 0.0 and run._has("joints.force") and run._has("contact.pulley"):
+        found["tension"] = max(found["tension"], _vibration(run) / tension)
     if not sampled or not run._has("energy") or run.energy is None:
         return found
     first = int(np.argmax(late > 0.0))

@@ -72,6 +72,21 @@ def test_from_when_on_and_no_later() -> None:
     assert np.all(apart[times < 0.5 * growth.t] < 1e-4)
 
 
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+def test_other_meshes_vibrate_at_other_phases() -> None:
+    """So the mesh's error of a history is its vibration, nine times what landing links tell."""
+    params, _ = drive(contact_damping=100.0)
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, mesh="joint"))
+    times = np.linspace(0.0, 0.35, 701)
+    run, other = (
+        bd.simulate(bd.accuracy.with_links(params, n), RAMP, 0.35, rtol=1e-3, t_eval=times)
+        for n in (60, 80)
+    )
+    error = bd.accuracy.differences(*map(bd.accuracy.observe, (run, other)))["tension"]
+    said = run.accuracy["tension"].space
+    assert said is not None and 0.5 < said / error < 2.0
+
+
 #: With axial damping / 10 differences grow a thousandfold in 0.3 s, then no more. At 6000 rpm links
 #: come and go at 8 kHz, which adds errors up, and chattering is none of it.
 FAST = bd.PiecewiseLinear([0.0, 0.1], [[0.0, 0.0], [-60.0, 0.0]]) + bd.Viscous([0.0, 0.019])
