@@ -99,10 +99,7 @@ double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g,
       most = fmax(most, weight * h * fabs(off.torque) / model->inertia[j] * hidden);
     }
   }
-  for (int m = 0; m < model->lay.nm; ++m) {
-    const double faster = bd_stop_off_line(&stepper->plan, stepper->y, y_new, m, g);
-    most = fmax(most, stepper->weights[model->lay.travel_speed + m] * fabs(faster));
-  }
+  most = fmax(most, bd_stepper_error_of_stops(stepper, y_new, g));
   return stepper->fixed
              ? most
              : most / stepper->rtol * bd_method_tolerance(stepper->now, model, stepper->rtol);

@@ -210,6 +210,9 @@ void bd_stepper_weigh_friction(bd_stepper *stepper);
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */
 int bd_stepper_ensure_rate(bd_stepper *stepper);
+/* What mounts that meet a stop or leave it within a step do at its end, with g = h, or as far as a
+ * linear system with g leaves it out: as an error. */
+double bd_stepper_error_of_stops(const bd_stepper *stepper, const double *y_new, double g);
 /* Longest step that the method in use is allowed to make, h at most. */
 double bd_stepper_longest(const bd_stepper *stepper, double h);
 /* Goes on from the finished step of length h: y_new becomes y, y the first state of the history,
