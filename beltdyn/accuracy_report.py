@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 import attrs
@@ -14,11 +14,21 @@ from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
 from .histories import BeltHistory, ContactHistory, EnergyLedger, JointHistory, PulleyHistory, Stats
+from .run_warnings import RunWarning
 from .sanity import Drive
 from .spans import span_tension
 from .state import State
 
-__all__ = ["SPACE_FLOOR", "TIME_FLOOR", "WORDS", "Accuracy", "QuantityError", "known", "rounded"]
+__all__ = [
+    "SPACE_FLOOR",
+    "TIME_FLOOR",
+    "WORDS",
+    "Accuracy",
+    "Expected",
+    "QuantityError",
+    "known",
+    "rounded",
+]
 
 #: Errors in time below this are not told apart: histories are compared as they are sampled, and a
 #: millionth is beyond what any datum of a belt is known to.
@@ -127,16 +137,12 @@ class Accuracy:
                 return one
         raise KeyError(quantity)
 
-    def foreseen(self, quantity: str, space: float, time: float) -> Accuracy:
-        """Give the same with errors of a quantity that pilot runs have shown in place of estimates.
+    def foreseen(self, expected: Expected) -> Accuracy:
+        """Give the same with the errors that pilot runs have shown in place of estimates.
 
         Means of tension are no further off than its history, of which a pilot knows.
-
-        Args:
-            quantity: What they are of.
-            space: Error of the mesh [1]; NaN: the pilot ran on this mesh alone.
-            time: Error in time [1].
         """
+        quantity, space, time = attrs.astuple(expected)
         names = TENSIONS if quantity in TENSIONS else (quantity,)
         errors = tuple(
             attrs.evolve(
@@ -239,6 +245,26 @@ class Accuracy:
             for row in rows
         ]
         return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks())])
+
+
+@attrs.frozen(kw_only=True)
+class Expected:
+    """Errors of a run that pilot runs on other meshes have shown, for ``simulate(expected=...)``.
+
+    Attributes:
+        quantity: What they are errors of, one of ``beltdyn.accuracy.QUANTITIES``.
+        space: Error of the mesh [1]; NaN: the pilot ran on this mesh alone.
+        time: Error in time [1].
+    """
+
+    quantity: str
+    space: float
+    time: float
+
+    def without_mesh(self, warnings: Iterable[RunWarning]) -> tuple[RunWarning, ...]:
+        """Leave out the warning that the mesh may be coarse, if it has been seen not to be."""
+        fine = self.quantity in TENSIONS and self.space < sanity.MESH
+        return tuple(one for one in warnings if not (fine and one.code == "mesh"))
 
 
 class Run(Protocol):

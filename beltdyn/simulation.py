@@ -17,6 +17,7 @@ from .accuracy import budget as budgets
 from .accuracy.quantities import OBSERVED
 from .accuracy.runs import Reached
 from .accuracy.verification import Verification
+from .accuracy_report import Expected
 from .checkpoints import Checkpoint, Fresh, Recorder, Spent
 from .checks import Array, flag, integer, one_of, positive, real, real_array, sample_times
 from .errors import Interrupted, SimulationError, annotate
@@ -67,6 +68,7 @@ def simulate(
     torque_interval: float = 5e-4,
     verify: bool = False,
     budget: float | None = None,
+    expected: Expected | None = None,
     checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
 ) -> Result:
     """Integrate the equations of motion (2.11), (2.12) under given torques and motions.
@@ -163,13 +165,17 @@ def simulate(
             runs go in parallel. Should one of them fail, ``result.accuracy.notes`` says so.
         budget: CPU time to keep to [s], pilot runs and settling included: method, tolerance and,
             unless ``initial`` is given, the number of links are chosen so that span tensions become
-            as accurate as that allows; less is used where no better setting is known to pay. What
-            the pilot has shown of their error is in ``result.accuracy`` as well.
-            ``result.params`` has the mesh chosen, ``result.message``
-            and ``stats.choice`` what was chosen and the error expected. The choice comes from runs
-            on coarse meshes, which take up to half of the budget; should all together exceed it
-            nevertheless, a warning "budget" says so. Not together with ``method``, ``rtol``,
-            ``step`` or ``verify``.
+            as accurate as that allows; less is used where no better setting is known.
+            ``result.params`` has the mesh chosen, ``result.message`` and ``stats.choice`` what was
+            chosen, the error expected, which is that in ``result.accuracy``, and whether better
+            settings would take too long or are not known. The choice comes from runs on coarse
+            meshes, which take up to half of the budget; should all together exceed it nevertheless,
+            a warning "budget" says so. Not together with ``method``, ``rtol``, ``step``,
+            ``expected`` or ``verify``.
+        expected: Errors that pilot runs have shown, as ``options`` of
+            :func:`beltdyn.accuracy.suggest` have them: ``result.accuracy`` then has them in place
+            of estimates, and a warning that the mesh may be coarse goes where they show that it is
+            not. Errors that ``verify`` measures come before them.
         checkpoint: A file to write the run to as it goes, every 30 s of wall time or as
             ``Checkpoint(path, every=...)`` says, on Ctrl-C, where it fails and when it ends;
             there must be none yet. Should the process be killed at any time, :func:`resume`
@@ -205,20 +211,24 @@ def simulate(
     }
     kept = chosen(outputs, flag("ledger", ledger))
     own: dict[str, Any] = {"ledger": ledger, "progress": progress, "initial": initial, **options}
+    if expected is not None:
+        own["expected"] = _expected(expected)
     if checkpoint is not None and (budget is not None or flag("verify", verify)):
         raise ValueError(
             "checkpoint is of one run: give it without verify and budget, which make several"
         )
     if budget is not None:
-        if (method, rtol, step, flag("verify", verify)) != ("auto", _DEFAULT_RTOL, None, False):
+        given = (method, rtol, step, expected, flag("verify", verify))
+        if given != ("auto", _DEFAULT_RTOL, None, None, False):
             raise ValueError(
-                "budget chooses method and rtol: give it without them, step and verify"
+                "budget chooses method and rtol: give it without them, step, expected and verify"
             )
         begun = time.thread_time()
         plan = _plan(
             positive("budget", budget, "s"), Scene(params, torque_fn, t_end, motion), initial, own
         )
         own |= {"initial": plan.initial, "method": plan.method, "rtol": plan.rtol}
+        own["expected"] = plan.expected
         result = _simulate(plan.params, torque_fn, t_end, motion, outputs=kept, **own)[0]
         result, noticed = plan.judge(result, time.thread_time() - begun)
         issue(noticed, stacklevel=2)
@@ -284,6 +294,7 @@ def _simulate(
     ledger: bool,
     torque_interval: float,
     outputs: tuple[str, ...] | None = None,
+    expected: Expected | None = None,
     watch: Callable[[Reached], None] | None = None,
     recorder: Recorder | None = None,
 ) -> tuple[Result, State]:
@@ -323,6 +334,8 @@ def _simulate(
 
     # Before settling, which may take long, and may fail for the very reason they name.
     of_drive = params._noticed
+    if expected is not None:
+        of_drive = expected.without_mesh(of_drive)
     issue(of_drive, stacklevel=3)
     settle_start = time.perf_counter()
     state = initial
@@ -403,6 +416,9 @@ def _simulate(
             notes = tuple(_excused(one, stats.error) for one in of_core if one.code == "chatter")
             seen = attrs.evolve(seen, accuracy=attrs.evolve(seen.accuracy, notes=notes))
             of_core = [one for one in of_core if one.code != "chatter"]
+        if expected is not None:
+            of_samples = expected.without_mesh(of_samples)
+            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(expected))
         of_file = () if recorder is None else recorder.warnings
         return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples, *of_file))
 
@@ -538,6 +554,12 @@ def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
     if t_eval is None:
         return np.linspace(start, end, _DEFAULT_SAMPLES)
     return sample_times("t_eval", t_eval, start, end)
+
+
+def _expected(expected: object) -> Expected:
+    if not isinstance(expected, Expected):
+        raise TypeError(f"expected must be a bd.accuracy.Expected, got {type(expected).__name__}")
+    return expected
 
 
 def _rtol(rtol: object) -> float:

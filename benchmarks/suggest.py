@@ -73,7 +73,9 @@ def measure(name: str, scene: bd.Scene, quick: bool) -> list[Outcome]:
     outcomes = []
     for asked in ERRORS[:2] if quick else ERRORS:
         suggestion = bd.accuracy.suggest(scene, asked, QUANTITY)
-        runs = [bd.simulate(*suggestion.scene, **suggestion.options) for _ in range(REPEATS)]
+        runs = [
+            bd.simulate(*suggestion.scene, **suggestion.setting.options) for _ in range(REPEATS)
+        ]
         outcomes.append(
             Outcome(
                 name,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ..accuracy_report import Accuracy, QuantityError
+from ..accuracy_report import Accuracy, Expected, QuantityError
 from .quantities import QUANTITIES, Observed, differences, observe, with_links
 from .settings import quick
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "QUANTITIES",
     "Accuracy",
+    "Expected",
     "Observed",
     "QuantityError",
     "Row",

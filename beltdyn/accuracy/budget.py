@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import attrs
 
+from ..accuracy_report import Expected
 from ..checks import Array
 from ..params import Params
 from ..result import Result
 from ..run_warnings import RunWarning
+from ..sanity import percent
 from ..scene import Scene
 from ..state import State
-from .pilot import Forecast, Pilot, with_forecast
+from .pilot import Forecast, Pilot
 from .quantities import with_links
 from .runs import Reached, Runs
 
@@ -24,8 +27,12 @@ __all__ = ["Plan", "plan"]
 _QUANTITY = "tension"
 #: Share of the budget after which no pilot run begins, and after which one is ended.
 _PILOT, _PATIENCE = 0.45, 0.6
+#: Up to this share pilots go on where nothing better is known though an error was not reached.
+_EARLY = 0.2
 #: A run is expected to take this share of what is left at most: forecasts err by less.
 _SAFE = 0.75
+#: Growth of the CPU time of settling with the number of links.
+_SETTLING = 2.0
 #: Errors that pilots are made for, one after the other as far as the budget allows.
 _ERRORS = (1e-2, 2e-3, 4e-4, 1e-4, 1e-5)
 #: With fewer samples than this, pilots have the default number, for the sake of means.
@@ -53,6 +60,7 @@ class Plan:
         spent: What the pilot took of it [s].
         forecast: What to expect.
         fixed: Whether the mesh was not to be changed.
+        limited: Whether a better setting is known that takes longer.
     """
 
     params: Params
@@ -63,18 +71,25 @@ class Plan:
     spent: float
     forecast: Forecast
     fixed: bool
+    limited: bool
+
+    @property
+    def expected(self) -> Expected:
+        """What the result will say of its errors."""
+        return Expected(quantity=_QUANTITY, space=self.forecast.space, time=self.forecast.time)
 
     def __str__(self) -> str:
         expected = (
-            f"{_percent(self.forecast.time)} in time; the mesh is that of initial"
+            f"{percent(self.forecast.time)} in time; the mesh is that of initial"
             if self.fixed
-            else f"{_percent(self.forecast.error)}, {_percent(self.forecast.space)} of the mesh, "
-            f"{_percent(self.forecast.time)} of time"
+            else f"{percent(self.forecast.error)}, {percent(self.forecast.space)} of the mesh, "
+            f"{percent(self.forecast.time)} of time"
         )
         return (
             f"chosen for {self.budget:.3g} s: {self.forecast.setting}, about "
             f"{self.forecast.seconds:.2g} s after {self.spent:.2g} s of pilot runs; expected error "
-            f"of {_QUANTITY} {expected}"
+            f"of {_QUANTITY} {expected}; "
+            + ("better ones would take too long" if self.limited else "none better is known")
         )
 
     def judge(self, result: Result, taken: float) -> tuple[Result, tuple[RunWarning, ...]]:
@@ -94,7 +109,6 @@ class Plan:
                     f"{self.forecast.seconds:.3g} s",
                 ),
             )
-        result = with_forecast(result, _QUANTITY, self.forecast.space, self.forecast.time)
         stats = attrs.evolve(result.stats, choice=f"{result.stats.choice}; {self}")
         return (
             attrs.evolve(
@@ -164,7 +178,7 @@ def plan(
         known = runs.settling
         if n_bodies in known or not known:
             return 0.0
-        return max(known.values()) * max(1.0, n_bodies / max(known))
+        return known[max(known)] * math.pow(max(1.0, n_bodies / max(known)), _SETTLING)
 
     def fits(one: Forecast, share: float = _SAFE) -> bool:
         left = budget - (clock() - begun)
@@ -174,18 +188,20 @@ def plan(
     try:
         for error in _ERRORS:
             pilot.explore(error)
-            known = [one for one in (best, pilot.best(fits)) if one is not None and fits(one)]
-            # Without a margin, what fitted before a pilot that took long is the best there is.
-            if not known and best is not None and fits(best, 1.0):
+            best = pilot.best(fits)
+            if best is None or pilot.spent > _PILOT * budget:
                 break
-            best = min(known, key=lambda one: one.error, default=None)
-            if best is None or best.error > error or pilot.spent > _PILOT * budget:
+            limited = best != pilot.best()  # by the time that is left
+            if best.error > error and (limited or pilot.spent > _EARLY * budget):
                 break
     except _TooLong as ended:
-        if best is None:
+        if not pilot.time_errors:
             spent = clock() - begun
             share = max((ended.t - start) / (scene.t_end - start), 1e-6)
             raise _too_small(budget, max(spent / share / _PATIENCE, 2.0 * budget)) from None
+        best = pilot.best(fits)
+    if best is None:  # what fits without a margin
+        best = pilot.best(lambda one: fits(one, 1.0))
     if best is None:
         least = min(map(pilot.seconds, pilot.settings()), default=0.0)
         raise _too_small(budget, (clock() - begun) + least / _SAFE)
@@ -199,6 +215,7 @@ def plan(
         spent=clock() - begun,
         forecast=best,
         fixed=initial is not None,
+        limited=pilot.best() != best,
     )
 
 
@@ -207,7 +224,3 @@ def _too_small(budget: float, needed: float) -> ValueError:
         f"budget is too small: pilot runs and the coarsest run take about {needed:.2g} s of CPU "
         f"time, got {budget:.3g} s"
     )
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %"

@@ -9,6 +9,7 @@ is known without a run.
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 import time
@@ -17,16 +18,14 @@ from collections.abc import Callable, Iterable
 import attrs
 import numpy as np
 
-from .. import sanity
-from ..accuracy_report import TENSIONS
+from ..accuracy_report import SPACE_FLOOR, TENSIONS, TIME_FLOOR
 from ..errors import SimulationError
 from ..params import Params
-from ..result import Result
 from .quantities import Observed, differences, with_links
 from .runs import Done
 from .settings import Setting, fewest
 
-__all__ = ["LADDER", "Forecast", "Pilot", "with_forecast"]
+__all__ = ["LADDER", "Forecast", "Pilot"]
 
 #: The first mesh has twice the fewest links that lie round the smallest pulley: twelve on it.
 _FIRST = 2
@@ -62,6 +61,10 @@ LADDER = (
     ("rodas4", 1e-5),
     ("rodas4", 1e-6),
 )
+#: By method, the tolerances that a forecast goes beyond the tightest tried, and how the CPU time
+#: then grows, as a power of the tolerance: in the scenes of the library that of "rodas4" by 0.2 to
+#: 0.4, of "lbdf2" by 0.4 to 1. Errors fall with it at least as its square root.
+_UNTRIED, _SLOWER = 100.0, {"lbdf2": 1.0, "rodas4": 0.45}
 #: How many times the cheap runs they take, at most.
 _TIGHT_COST = 8.0
 #: An error in time below this share of the error asked for is as good as none.
@@ -100,17 +103,6 @@ class Forecast:
     def error(self) -> float:
         """Both together [1], as :attr:`beltdyn.accuracy.QuantityError.total` adds them."""
         return self.time if math.isnan(self.space) else self.space + self.time
-
-
-def with_forecast(result: Result, quantity: str, space: float, time: float) -> Result:
-    """Give a run whose ``accuracy`` holds the errors that its pilot has shown, and no others.
-
-    A warning that its mesh may be coarse goes where the pilot has seen that it is not.
-    """
-    known = result.accuracy.foreseen(quantity, space, time)
-    fine = quantity in TENSIONS and space < sanity.MESH
-    kept = tuple(one for one in result.warnings if not (fine and one.code == "mesh"))
-    return attrs.evolve(result, accuracy=known, warnings=kept)
 
 
 class Pilot:
@@ -206,7 +198,7 @@ class Pilot:
     # --- space ---
 
     def _explore_space(self, error: float) -> None:
-        tight = [("rodas4", max(error, 1e-6)), *_PROBES] if error < 3e-3 else _PROBES
+        tight = (("rodas4", max(error, 1e-6)), *_PROBES) if error < 3e-3 else _PROBES
         n_b, found, last = _FIRST * fewest(self._params), list[tuple[int, Done]](), 0.0
         while n_b <= _FINEST and (not found or self._affords(_DOUBLED * last)):
             begun = self.spent
@@ -215,6 +207,7 @@ class Pilot:
             if done is not None:
                 found.append((n_b, done))
                 if len(found) >= len(self.meshes):  # else what is known of finer meshes is better
+                    self._probes = tight
                     self._fit(found)
                 if len(found) > 2 and self._near(error):
                     break
@@ -227,9 +220,10 @@ class Pilot:
         self.meshes = [n_b for n_b, _ in found]
         self._probed = [done.cpu for _, done in found]
         seen = [done.seen for _, done in found]
+        self._finest = seen[-1]
         last = len(seen) - 1
         if last == 0:  # all that is known without a second mesh
-            self.space_errors, self.order = [self._free(self.meshes[0], seen[0])], 2.0
+            self.space_errors, self.order = [self._free(found[0][1])], 2.0
             return
         steps = [self._difference(a, b) for a, b in itertools.pairwise(seen)]
         self.order = _ASSUMED
@@ -246,17 +240,13 @@ class Pilot:
         if self._quantity in TENSIONS and (last < 2 or self.order < _TRUSTED):
             # Meshes that do not converge may agree by chance: what a result would say of its mesh
             # is right to a factor of three.
-            least = [self._free(n_b, seen[-1]) / 3.0 for n_b in self.meshes]
+            least = [self._free(done) / 3.0 for _, done in found]
             self.space_errors = np.maximum(self.space_errors, least).tolist()
 
-    def _free(self, n_bodies: int, seen: Observed) -> float:
-        """Give the error of a mesh as a result estimates it, at the speed and load of a run [1]."""
-        radii = np.array([pulley.radius for pulley in self._params.pulleys])
-        speed = float(np.sqrt(np.mean(np.max(np.abs(seen.speed * radii), axis=1) ** 2)))
-        pull = float(np.max(np.abs(seen.friction), initial=0.0))
-        params = with_links(self._params, n_bodies)
-        found = sanity.mesh_error(params, sanity.shaken(params, speed), pull)
-        return found.get(self._quantity, found["tension"])
+    def _free(self, done: Done) -> float:
+        """Give the error of the mesh of a run as its result tells it, of tension if of no other."""
+        known = (done.told[name].space for name in (self._quantity, "tension"))
+        return next((space for space in known if space is not None), math.inf)
 
     def _near(self, error: float) -> bool:
         """Whether the mesh looked for is among those tried, or not far beyond them."""
@@ -267,8 +257,8 @@ class Pilot:
         """The most links that forecasts go to."""
         if self._fixed:
             return self.meshes[-1]
-        trusted = len(self.meshes) != 2 and self.order >= _TRUSTED
-        return min(_FINEST, math.floor(self.meshes[-1] * (_BEYOND if trusted else 1.0)))
+        beyond = _BEYOND if self.order >= _TRUSTED else 1.0
+        return min(_FINEST, math.floor(self.meshes[-1] * beyond))
 
     def space_error(self, n_bodies: float) -> float:
         """Give the error in space on a mesh [1], NaN if it is fixed."""
@@ -293,16 +283,34 @@ class Pilot:
     def _explore_time(self, error: float) -> None:
         wanted = self.links_for(_SPACE * error)
         coarser = [n for n in self.meshes if n <= wanted] or self.meshes[:1]
-        for n_b in reversed(coarser):
-            self.time_mesh, probe = n_b, self._probe(n_b)
-            if probe is None or self._affords(_TIGHT_COST * self._done[probe].cpu):
-                break
-        else:
-            assert probe is not None
-            self.time_errors = {(probe.method, probe.rtol): probe.rtol}  # what was asked for
-            return
+        before = self.time_mesh, self.time_errors
         self.time_errors = {}
-        if self._loose(error):
+        try:
+            for n_b in reversed(coarser):
+                self.time_mesh, probe = n_b, self._probe(n_b)
+                if probe is None or self._affords(_TIGHT_COST * self._done[probe].cpu):
+                    self._measure_time(error, wanted)
+                    break
+            else:
+                if not before[1]:
+                    self._estimate_time(coarser)
+        finally:
+            if not self.time_errors:
+                self.time_mesh, self.time_errors = before
+
+    def _estimate_time(self, meshes: list[int]) -> None:
+        """Find errors in time where tight runs take too long: by one loose run, or none."""
+        probes = (one for n_b in reversed(meshes) if (one := self._probe(n_b)) is not None)
+        for probe in probes:
+            self.time_mesh, claim = probe.n_bodies, self._done[probe].told["tension"].time
+            error = probe.rtol if claim is None else claim
+            self.time_errors = {(probe.method, probe.rtol): error}
+            if not self._affords(0.0) or self._loose(probe, math.inf):
+                return
+
+    def _measure_time(self, error: float, wanted: int) -> None:
+        probe = Setting(self.time_mesh, *_PROBES[0])
+        if probe in self._done and self._loose(probe, _LOOSE * error):
             return
         rtol = float(np.clip(_TIGHT * error, *_TIGHT_RANGE))
         exact = self._first(Setting(self.time_mesh, name, rtol) for name in ("rodas4", "auto"))
@@ -317,14 +325,13 @@ class Pilot:
             if self.time_errors.get((method, tolerance), math.inf) <= _NONE * error:
                 break
 
-    def _loose(self, error: float) -> bool:
-        """Whether the loosest setting is right enough, as its difference to the probe tells."""
-        probe = Setting(self.time_mesh, *_PROBES[0])
-        loose = Setting(self.time_mesh, *LADDER[0])
-        if probe not in self._done or (done := self._try(loose)) is None:
+    def _loose(self, probe: Setting, limit: float) -> bool:
+        """Whether the loosest setting of a method differs from the probe by less than a limit."""
+        pair = next((one for one in LADDER if one[0] == probe.method), None)
+        if pair is None or (done := self._try(loose := Setting(probe.n_bodies, *pair))) is None:
             return False
         apart = self._difference(done.seen, self._done[probe].seen)
-        if apart > _LOOSE * error:
+        if apart > limit:
             return False
         for one, share in zip((loose, probe), _OF_DIFFERENCE, strict=True):
             self.time_errors[one.method, one.rtol] = share * apart
@@ -359,10 +366,24 @@ class Pilot:
 
     # --- forecasts ---
 
+    def _there(self, method: str, rtol: float) -> tuple[float, float]:
+        """Give the error in time [1] and the CPU time [s] on ``time_mesh``.
+
+        Of a tolerance that was not tried, from the tightest that was.
+        """
+        if (method, rtol) in self.time_errors:
+            done = self._done[Setting(self.time_mesh, method, rtol)]
+            return self.time_errors[method, rtol], done.cpu
+        tried = self._tightest(method)
+        error, cpu = self._there(method, tried)
+        return error * math.sqrt(rtol / tried), cpu * math.pow(tried / rtol, _SLOWER[method])
+
+    def _tightest(self, method: str) -> float:
+        return min((rtol for name, rtol in self.time_errors if name == method), default=0.0)
+
     def seconds(self, setting: Setting) -> float:
-        """Give the CPU time of a run at a setting that was tried on ``time_mesh`` [s]."""
-        there = Setting(self.time_mesh, setting.method, setting.rtol)
-        cpu = self._done[there].cpu
+        """Give the CPU time of a run at a setting of :meth:`settings` [s]."""
+        cpu = self._there(setting.method, setting.rtol)[1]
         if setting.method == "tsit5":
             a, b = _EXPLICIT_COST
             steps = self._bound(setting.n_bodies) / self._bound(self.time_mesh)
@@ -380,30 +401,64 @@ class Pilot:
         return float(cost[-1] * (n_bodies / meshes[-1]) ** float(np.clip(growth, *_GROWTH)))
 
     def forecast(self, setting: Setting) -> Forecast:
-        """Give what to expect of a setting that was tried on ``time_mesh``."""
+        """Give what to expect of a setting of :meth:`settings`."""
         return Forecast(
             setting=setting,
             seconds=self.seconds(setting),
-            space=math.nan if self._fixed else self.space_error(setting.n_bodies),
-            time=self.time_errors[setting.method, setting.rtol],
+            # results tell errors no better
+            space=math.nan if self._fixed else max(SPACE_FLOOR, self.space_error(setting.n_bodies)),
+            time=max(TIME_FLOOR, self._there(setting.method, setting.rtol)[0]),
         )
 
     def cheapest(self, error: float) -> Forecast | None:
-        """Give the cheapest setting for an error, None if none is known to reach it."""
+        """Give the cheapest setting for an error, None if none is known to reach it.
+
+        A mesh between those tried is tried as well: there the error may jump.
+        """
+        while (one := self._cheapest(error)) is not None and self._worse(one.setting.n_bodies):
+            pass
+        return one
+
+    def _worse(self, n_bodies: int) -> bool:
+        """Try a mesh between others, if affordable; tell whether it is worse than thought."""
+        if n_bodies in self.meshes or not self.meshes[0] < n_bodies < self.meshes[-1]:
+            return False
+        if not self._affords(_DOUBLED * self._probe_cost(n_bodies)):
+            return False
+        done = self._first(Setting(n_bodies, *pair) for pair in self._probes)
+        if done is None:
+            return False
+        thought = self.space_error(n_bodies)
+        error = self._difference(done.seen, self._finest) + self.space_errors[-1]
+        k = bisect.bisect(self.meshes, n_bodies)
+        self.meshes.insert(k, n_bodies)
+        self._probed.insert(k, done.cpu)
+        self.space_errors.insert(k, max(error, thought))
+        self.space_errors = np.maximum.accumulate(self.space_errors[::-1])[::-1].tolist()
+        return error > _AS_GOOD * thought
+
+    def _cheapest(self, error: float) -> Forecast | None:
         found = []
         for (method, rtol), off in self.time_errors.items():
-            if off < error:
+            if off + (0.0 if self._fixed else SPACE_FLOOR) < error:
                 n_b = self.links_for(error - off)
                 if n_b <= self.most:
                     found.append(self.forecast(Setting(n_b, method, rtol)))
         return min(found, key=lambda one: one.seconds, default=None)
 
     def settings(self) -> list[Setting]:
-        """List settings of which forecasts can be made."""
+        """List settings of which forecasts can be made, with tighter tolerances than were tried."""
         between = np.rint(np.geomspace(self.meshes[0], self.most, 40)).astype(int)
         tried = [n_b for n_b in self.meshes if n_b <= self.most]  # which are settled already
         meshes = np.union1d(between, tried)
-        return [Setting(n_b, *pair) for pair in self.time_errors for n_b in meshes.tolist()]
+        untried = [
+            (method, rtol)
+            for method, rtol in LADDER
+            if self._tightest(method) / _UNTRIED <= rtol < self._tightest(method)
+        ]
+        return [
+            Setting(n_b, *pair) for pair in (*self.time_errors, *untried) for n_b in meshes.tolist()
+        ]
 
     def best(self, affordable: Callable[[Forecast], bool] = lambda _one: True) -> Forecast | None:
         """Give the most accurate of all settings that are affordable, None if none is."""

@@ -10,6 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..accuracy_report import Accuracy
 from ..checks import Array
 from ..result import Result
 from ..run_warnings import silenced
@@ -63,11 +64,13 @@ class Done:
         cpu: CPU time without settling [s].
         steps: Steps, rejected ones included.
         seen: What is read off it.
+        told: What its result tells of its accuracy.
     """
 
     cpu: float
     steps: int
     seen: Observed
+    told: Accuracy
 
 
 class Runs:
@@ -131,6 +134,7 @@ class Runs:
             cpu=result.stats.cpu_time,
             steps=result.stats.steps + result.stats.rejected,
             seen=observe(result, self._last),
+            told=result.accuracy,
         )
 
     def start(self, n_bodies: int) -> State | None:

@@ -7,13 +7,14 @@ from typing import Any
 
 import attrs
 
+from ..accuracy_report import Expected
 from ..checks import positive
 from ..compliance import compliance_error
 from ..params import Params
-from ..result import Result
+from ..sanity import percent
 from ..scene import Scene
 from ..simulation import settle, simulate
-from .pilot import Forecast, Pilot, with_forecast
+from .pilot import Forecast, Pilot
 from .quantities import with_links
 from .rows import quantity_of
 from .runs import Runs, whole_scene
@@ -72,30 +73,31 @@ class Suggestion:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Keywords for :func:`beltdyn.simulate`: ``method`` and ``rtol``."""
-        return self.setting.options
+        """Keywords for :func:`beltdyn.simulate`: ``method``, ``rtol`` and ``expected``.
+
+        With the last ``result.accuracy`` has the errors expected here. Of other drives, as in a
+        sweep, they are not: ``setting.options`` is without.
+        """
+        expected = Expected(quantity=self.quantity, space=self.error_space, time=self.error_time)
+        return {**self.setting.options, "expected": expected}
 
     @property
     def setting(self) -> Setting:
         """Number of links, method and tolerance together."""
         return Setting(self.n_bodies, self.method, self.rtol)
 
-    def judge(self, result: Result) -> Result:
-        """Give a run at this setting, whose ``accuracy`` holds the errors expected here."""
-        return with_forecast(result, self.quantity, self.error_space, self.error_time)
-
     def __str__(self) -> str:
         text = (
-            f"For an error of {_percent(self.asked)} of {self.quantity.replace('_', ' ')}: method "
+            f"For an error of {percent(self.asked)} of {self.quantity.replace('_', ' ')}: method "
             f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
-            f"{self.seconds:.2g} s of CPU time, expected error {_percent(self.error)} "
-            f"({_percent(self.error_space)} of the mesh, {_percent(self.error_time)} of time). "
+            f"{self.seconds:.2g} s of CPU time, expected error {percent(self.error)} "
+            f"({percent(self.error_space)} of the mesh, {percent(self.error_time)} of time). "
         )
         if not self.met:
             text = (
-                f"An error of {_percent(self.asked)} of {self.quantity.replace('_', ' ')} cannot "
-                f"be promised: the best found is {_percent(self.error)} "
-                f"({_percent(self.error_space)} of the mesh, {_percent(self.error_time)} of time), "
+                f"An error of {percent(self.asked)} of {self.quantity.replace('_', ' ')} cannot "
+                f"be promised: the best found is {percent(self.error)} "
+                f"({percent(self.error_space)} of the mesh, {percent(self.error_time)} of time), "
                 f"{self.error / self.asked:.2g} times as much, with method "
                 f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
                 f"{self.seconds:.2g} s of CPU time. "
@@ -103,7 +105,7 @@ class Suggestion:
         if self.error_contact > 0.5 * self.asked:
             text += (
                 "Not counted, but in the sum that a result tells: contact that yields changes "
-                f"{_percent(self.error_contact)} against "
+                f"{percent(self.error_contact)} against "
                 "rigid pulleys, whatever the setting; stiffer contact or compensate=True takes "
                 "that away. "
             )
@@ -115,7 +117,7 @@ class Suggestion:
 
 
 def suggest(
-    scene: Scene, error: float = 1e-2, quantity: str = "tension", *, limit: float = 10.0
+    scene: Scene, error: float = 1e-2, quantity: str = "tension", *, limit: float = 30.0
 ) -> Suggestion:
     """Find the cheapest method, tolerance and number of links for an error.
 
@@ -176,7 +178,3 @@ def _suggestion(
         pilot_seconds=pilot.spent,
         pilot_runs=pilot.runs,
     )
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %"

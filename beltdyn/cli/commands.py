@@ -195,8 +195,6 @@ def run(
                 outputs=names,
                 **options,
             )
-    if suggestion is not None and not verify:
-        result = suggestion.judge(result)
     written = write(written_to, result, checkpoint)
     if not quiet:
         if suggestion is not None:
