@@ -64,7 +64,7 @@ def scenes(quick: bool) -> list[tuple[str, bd.Scene]]:
 
 def measure(name: str, scene: bd.Scene, quick: bool) -> list[Outcome]:
     STORE.mkdir(parents=True, exist_ok=True)
-    options = bd.accuracy.quick(scene.params) if quick else {}
+    scene, options = bd.accuracy.quick(scene) if quick else (scene, {})
     study = bd.accuracy.study(
         scene, store=STORE / f"{name}{'-quick' if quick else ''}.jsonl", progress=True, **options
     )

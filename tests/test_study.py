@@ -342,6 +342,26 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[bd.accuracy.Study, P
     return bd.accuracy.study(SHORT, store=store, **QUICK), store
 
 
+def test_a_quick_study_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a run that takes long it has one mesh and the beginning alone."""
+    seconds = {}
+
+    def runs(scene: bd.Scene, *_: Any) -> Callable[[Setting], Done]:
+        return lambda one: Done(
+            cpu=seconds[one.n_bodies], steps=1, seen=mock.Mock(), told=mock.Mock()
+        )
+
+    monkeypatch.setattr(studies, "Runs", runs)
+    whole = {}
+    for cost in (0.05, 0.2, 4.0):
+        seconds[30] = cost
+        scene, options = bd.accuracy.quick(SCENE)
+        whole[cost] = (options["n_bodies"], scene.t_end)
+    assert whole[0.05] == ([30, 60], SCENE.t_end)
+    assert whole[0.2] == ([30], SCENE.t_end)
+    assert whole[4.0][0] == [30] and whole[4.0][1] <= 0.1 * SCENE.t_end
+
+
 def test_errors_of_a_study(made: tuple[bd.accuracy.Study, Path]) -> None:
     """They fall with mesh and tolerance, and add up: by the triangle, with the references' floor.
 
@@ -366,8 +386,11 @@ def test_errors_of_a_study(made: tuple[bd.accuracy.Study, Path]) -> None:
         assert row.error["tension"] <= 1.001 * parts
         assert study.believed(row, "tension") >= study.space[n_b]["tension"]
     for line in study.references:
-        first, second = line.partition(": ")[2].split(" and ")
+        links, _, pair = line.partition(" links: ")
+        first, second = pair.split(" and ")
         assert first.split()[0] != second.split()[0]
+        # as tight as what is compared asks for, no tighter
+        assert 1e-5 <= float(first.split()[-1]) <= (1e-4 if int(links) < study.finest else 1e-3)
     for floor, of_space in zip(study.time_floor.values(), study.space.values(), strict=True):
         assert floor["tension"] < of_space["tension"]
     front = study.front("tension")
@@ -407,7 +430,7 @@ def test_another_scene_is_not_taken_for_the_same(
     store = made[1]
     identity = studies._identity(SHORT, 0.2)
     other = studies._identity(SHORT._replace(t_end=0.021), 0.2)
-    key = ("reference", [192, "rodas4", 1e-4])
+    key = ("reference", [192, "rodas4", 1e-3])
     reference = ("observed",)
     assert Records(store).get(key_of(identity, *key), reference) is not None
     assert Records(store).get(key_of(identity, *key), ("seconds",)) is None  # lacks a field

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..accuracy_report import Accuracy, Expected, QuantityError
 from .quantities import QUANTITIES, Observed, differences, observe, with_links
-from .settings import quick
 
 if TYPE_CHECKING:
     from .rows import Row as Row
+    from .studies import quick as quick
     from .studies import study as study
     from .suggestion import Suggestion as Suggestion
     from .suggestion import suggest as suggest
@@ -44,6 +44,7 @@ _LATE = {
     "Row": "rows",
     "Study": "table",
     "Suggestion": "suggestion",
+    "quick": "studies",
     "study": "studies",
     "suggest": "suggestion",
 }

@@ -10,7 +10,7 @@ import attrs
 from .. import _core
 from ..params import Params
 
-__all__ = ["METHODS", "RTOLS", "Setting", "fewest", "meshes", "quick"]
+__all__ = ["METHODS", "RTOLS", "Setting", "fewest", "meshes"]
 
 #: Methods that control their error and are worth a choice ("lie" and "rk4" are for comparison).
 METHODS = tuple(name for name in _core.METHODS if name in ("auto", "tsit5", "rodas4", "lbdf2"))
@@ -55,17 +55,3 @@ def meshes(params: Params) -> tuple[int, ...]:
     """Give numbers of links about those of a drive, each twice the one before."""
     n_b, least = params.belt.n_bodies, fewest(params)
     return tuple(n for n in (round(share * n_b) for share in _SHARES) if n >= least)
-
-
-def quick(params: Params) -> dict[str, Any]:
-    """Give keywords for :func:`beltdyn.accuracy.study` that make it short: an impression, no more.
-
-    Half the links of the scene and all of them, tolerances from 0.1 to 0.001: the cost of a study
-    goes with the square of its finest mesh, which is twice as fine as the last one.
-    """
-    n_b, least = params.belt.n_bodies, fewest(params)
-    return {
-        "n_bodies": [n for n in (n_b // 2, n_b) if n >= least],
-        "rtols": RTOLS[:4],
-        "limit": 0.5,
-    }

@@ -24,23 +24,27 @@ from .quantities import QUANTITIES, Observed, differences, with_links
 from .records import Records, key_of
 from .rows import Row
 from .runs import Runs, whole_scene
-from .settings import METHODS, RTOLS, Setting, meshes
+from .settings import METHODS, RTOLS, Setting, fewest, meshes
 from .table import Study
 
-__all__ = ["study"]
+__all__ = ["quick", "study"]
 
 Show = Callable[[int, int, str], None]
 
-#: References in time, of unrelated families: explicit one-step, implicit one-step, multistep. Of
-#: those that are affordable on a mesh the first two count.
-_TIGHT = (("tsit5", 1e-8), ("rodas4", 1e-6), ("lbdf2", 1e-3))
-#: References in space, on the finest mesh; what they leave is far below the errors of the meshes.
-_FINE = (("rodas4", 1e-4), ("lbdf2", 1e-3))
-#: Repeats of a run, as long as all take no more CPU time than this together [s].
-_REPEATS, _REPEATED = 3, 0.6
+#: References in time, of unrelated families, explicit one-step, implicit one-step and multistep:
+#: tolerances over the tightest compared, and the tightest. Of those that are affordable on a mesh
+#: the first two count.
+_TIGHT = (("tsit5", 1e-2, 1e-8), ("rodas4", 0.1, 1e-6), ("lbdf2", 1.0, 1e-3))
+#: The same in space, on the finest mesh; what they leave is far below the errors of the meshes.
+_FINE = (("rodas4", 1.0, 1e-4), ("lbdf2", 3.0, 1e-3))
+#: Repeats of a run, as long as all take no more CPU time than this together [limits of a run].
+_REPEATS, _REPEATED = 3, 0.3
 #: Steps of "tsit5" over 1/(spectral bound), CPU time of one per link [s], and the longest that a
-#: reference by it may take [s]. Rough numbers, for a choice of references alone.
-_EXPLICIT_STEP, _EXPLICIT_COST, _LONGEST = 2.5, 8e-8, 15.0
+#: reference by it may take [limits of a run]. Rough numbers, for a choice of references alone.
+_EXPLICIT_STEP, _EXPLICIT_COST, _LONGEST = 2.5, 8e-8, 7.5
+#: CPU time of a quick study [s], and limit of its runs [s]; what it takes over a run on the coarser
+#: mesh, with the finer one and without.
+_QUICK, _QUICK_LIMIT, _BOTH, _ONE = 15.0, 0.2, 100.0, 40.0
 #: The order of the meshes, to estimate what is left of the error in space on the finest.
 _ORDER = 2.0
 #: What is measured of a row.
@@ -111,6 +115,27 @@ def study(
         return job.study(pool, show)
 
 
+def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
+    """Give a scene and keywords for a :func:`study` that is short: an impression, no more.
+
+    Half the links of the scene and, unless that takes long, all of them, tolerances from 0.1 to
+    0.001, and of a run that takes long the beginning, so that all takes some 15 s of CPU time. One
+    run tells what runs cost.
+
+    Raises:
+        TypeError, ValueError: It is no scene that can be run.
+        SimulationError: It cannot be run with half the links.
+    """
+    scene = whole_scene(scene)
+    n_b = scene.params.belt.n_bodies
+    few = min(n_b, max(n_b // 2, fewest(scene.params)))
+    cost = Runs(scene, simulate, settle)(Setting(few, "auto", 1e-2)).cpu
+    numbers = [few, n_b] if cost * _BOTH <= _QUICK and few < n_b else [few]
+    share = min(1.0, _QUICK / (_ONE * cost))
+    options = {"n_bodies": numbers, "rtols": RTOLS[:4], "limit": _QUICK_LIMIT}
+    return scene._replace(t_end=share * scene.t_end), options
+
+
 def _in_core(scene: Scene) -> bool:
     """Whether torques and motions are objects, which the core evaluates by itself."""
     motions = (scene.motion or {}).values()
@@ -169,7 +194,7 @@ class _Job:
                 show(self._count, total, str(text))
 
         # The longest first, so that no thread is left with them at the end.
-        wanted = [Setting(self.finest, *pair) for pair in _FINE]
+        wanted = [Setting(self.finest, *pair) for pair in self._references(_FINE)]
         for n_b in reversed(self.meshes):
             wanted += [Setting(n_b, *pair) for pair in self._tight(n_b)]
         seen = dict(
@@ -183,10 +208,14 @@ class _Job:
 
     # --- references ---
 
+    def _references(self, pairs: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]:
+        least = min(self.rtols)
+        return [(name, max(share * least, floor)) for name, share, floor in pairs]
+
     def _tight(self, n_b: int) -> list[tuple[str, float]]:
         bound = with_links(self.scene.params, n_b).info["spectral_bound"]
         explicit = self.scene.t_end * bound / _EXPLICIT_STEP * _EXPLICIT_COST * n_b
-        return list(_TIGHT[:2] if explicit <= _LONGEST else _TIGHT[1:])
+        return self._references(_TIGHT[:2] if explicit <= _LONGEST * self.limit else _TIGHT[1:])
 
     def _reference(self, setting: Setting, report: Callable[[int, object], None]) -> Observed:
         key = key_of(self.identity, "reference", attrs.astuple(setting))
@@ -240,7 +269,7 @@ class _Job:
         times: list[float] = []
         try:
             while not times or (
-                len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED
+                len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED * self.limit
             ):
                 done = self.runs(setting)
                 times.append(done.cpu)

@@ -252,7 +252,9 @@ def _check_checkpoint(
     type=click.Path(path_type=Path),
     help="Keep runs here (JSON lines); those there are not repeated.",
 )
-@click.option("--quick", is_flag=True, help="Fewer and coarser meshes, fewer tolerances.")
+@click.option(
+    "--quick", is_flag=True, help="Fewer meshes and tolerances, the beginning of long runs."
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def study_accuracy(
     scene: str,
@@ -267,17 +269,22 @@ def study_accuracy(
     """Measure what accuracy costs: SCENE by method, tolerance and number of links.
 
     SCENE is a name from `beltdyn scenes` or a TOML file. The paper's case 1 takes some minutes on
-    two processors, with --quick 20 s of CPU time; finer and longer scenes take more.
+    two processors, finer and longer scenes more; with --quick any takes 10 to 30 s of CPU time.
     """
     outputs = Outputs(out, plot, None, quiet, endings=(".csv",))
     outputs.check()
     kept = "" if store is None else f"; finished runs are in {store}"
     with reported("read or write", kept):
         found = scenes.find(scene)
-        options = accuracy.quick(found.params) if quick else {}
+        options: dict[str, Any] = {}
         with interruptible(), silenced():
+            if quick:
+                whole = found.t_end
+                found, options = accuracy.quick(found)
             study = accuracy.study(found, store=store, progress=not quiet, **options)
         text = f"{study}\n\n{study.table(quantity)}"
+        if quick and found.t_end < whole:
+            text = f"Of the first {found.t_end:.3g} of {whole:.3g} s only.\n{text}"
         figure = None if plot is None else study.plot(quantity, error=error)
     written = []
     try:
