@@ -258,8 +258,8 @@ class Expected:
     """
 
     quantity: str
-    space: float
-    time: float
+    space: float = attrs.field(converter=float)
+    time: float = attrs.field(converter=float)
 
     def without_mesh(self, warnings: Iterable[RunWarning]) -> tuple[RunWarning, ...]:
         """Leave out the warning that the mesh may be coarse, if it has been seen not to be."""

@@ -366,7 +366,7 @@ def _simulate(
                         initial=state,
                         t_eval=times,
                         outputs=outputs,
-                        options=options,
+                        options={**options, "expected": expected},
                         settle_time=settle_time,
                     ),
                 )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core, npz
+from .accuracy_report import WORDS, Expected
 from .checks import Array
 from .motions import MotionLike
 from .naming import ByPulley
@@ -35,6 +36,7 @@ _KIND: dict[str, tuple[type, ...]] = {
     "max_steps": (int, type(None)),
     "ledger": (bool,),
     "torque_interval": (float,),
+    "expected": (list, type(None)),
     "outputs": (list, type(None)),
     "settle_time": (float,),
     "every": (float,),
@@ -89,6 +91,7 @@ def pack(start: Start, every: float) -> bytes:
         "t_end": float(start.scene.t_end),
         **{name: start.options[name] for name in _OPTIONS},
         **{name: start.options[name] or None for name in _OR_NONE},
+        "expected": start.options["expected"] and attrs.astuple(start.options["expected"]),
         "outputs": start.outputs,
         "settle_time": start.settle_time,
         "every": every,
@@ -131,7 +134,11 @@ def unpack(content: bytes) -> tuple[Start, float]:
         initial=_initial(arrays, meta, scene.params),
         t_eval=numbers["t_eval"],
         outputs=chosen(meta["outputs"], meta["ledger"]),
-        options={**{name: meta[name] for name in _OPTIONS}, "breakpoints": numbers["breakpoints"]},
+        options={
+            **{name: meta[name] for name in _OPTIONS},
+            "expected": _expected(meta["expected"]),
+            "breakpoints": numbers["breakpoints"],
+        },
         settle_time=meta["settle_time"],
         kernels=meta["kernels"],
         has_motion=meta["motion"] is not None,
@@ -178,6 +185,14 @@ def _meta(content: str) -> dict[str, Any]:
         if type(table[name]) not in kinds:
             raise ValueError(f"meta.json: {name} is of another kind than it should be")
     return table
+
+
+def _expected(values: list[Any] | None) -> Expected | None:
+    if values is None:
+        return None
+    if [type(one) for one in values] != [str, float, float] or values[0] not in WORDS:
+        raise ValueError("meta.json: expected is of another kind than it should be")
+    return Expected(quantity=values[0], space=values[1], time=values[2])
 
 
 def _initial(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any], params: Params) -> State:

@@ -57,7 +57,7 @@ def same(one: bd.Result, other: bd.Result) -> bool:
             if held := getattr(result, group):
                 arrays |= {f"{group}.{name}": array for name, array in held.arrays().items()}
         times = dict.fromkeys(("cpu_time", "wall_time", "settle_time"), 0.0)
-        fields = "params status success message warnings effects outputs unchecked".split()  # noqa: SIM905
+        fields = "params status success message warnings effects outputs unchecked accuracy".split()  # noqa: SIM905
         return [
             {name: pickle.dumps(array) for name, array in arrays.items()},
             attrs.evolve(result.stats, **times),
@@ -135,11 +135,13 @@ MAXWELL = bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3)
 LOAD = bd.Viscous([0.0, 1.0])
 CRANK = bd.CrankMotion(bd.PiecewiseLinear([0.0], [-20.0]), orders=[2.0], amplitudes=[0.05])
 STEP = bd.PiecewiseLinear([0.0, 0.01], [0.0, -3.0])
+EXPECTED = bd.accuracy.Expected(quantity="tension", space=1e-3, time=2e-3)
 STEPS = {"step": 1e-7, "max_steps": 10**6, "torque_interval": 1e-4}
 TWICE = [0.0, 0.0, 0.013, 0.013, 0.02]
 CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
     "no ledger, steps": (small, {"ledger": False, **STEPS}),
     "string": (lambda: small(mesh="string"), {}),
+    "errors expected": (small, {"expected": EXPECTED}),
     "outputs": (small, {"outputs": ("span_tension", "pulleys.omega", "contact.pulley")}),
     "outputs with the ledger": (small, {"outputs": ("energy", "joints.force")}),
     "samples twice, and late": (small, {"t_eval": TWICE, "breakpoints": [7e-3, 3e-3]}),
@@ -486,6 +488,7 @@ def test_forged_files_are_refused_by_name(half: Path) -> None:
         (b"head", option('"t_end": 0.02', '"t_end": -5.0'), "t_end"),
         (b"head", option('"every": 0.0', '"every": -1.0'), "every"),
         (b"head", option('"settle_time"', '"settle_tima"'), "does not hold"),
+        (b"head", option('"expected": null', '"expected": ["creep"]'), "expected is of another"),
         (b"head", option('"outputs": null', '"outputs": ["x"]'), "outputs"),
     ]
     with opened(half) as file:
