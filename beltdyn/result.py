@@ -426,7 +426,6 @@ class Result:
             ("method", stats.choice or stats.method),
             ("steps", f"{stats.steps} accepted, {stats.rejected} rejected"),
             ("  shortest, longest", f"{stats.smallest_step:.3g} s, {stats.largest_step:.3g} s"),
-            ("estimated error in time", "unknown" if not stats.error else f"{stats.error:.2g}"),
             ("local error", "-" if stats.local_error is None else f"{stats.local_error:.2g}"),
             ("rates evaluated", f"{stats.nfev}"),
             ("Jacobians, factorisations", f"{stats.njev}, {stats.nlu}"),

@@ -315,6 +315,7 @@ def test_a_budget_that_was_exceeded_is_a_warning() -> None:
     for words in (f"{100.0 * said.space:.2g} % of the mesh", f"{100.0 * said.time:.2g} %"):
         assert words in str(plan) and words in dict(kept.summary())[f"  {WORDS['tension']}"]
     assert kept.accuracy["span_mean"].total == one.total
+    assert f"{run.stats.error:.2g}" not in dict(kept.summary(verbose=True)).values()
     assert kept.accuracy["creep"] == plain.accuracy["creep"]
     exceeded, (warning,) = plan.judge(run, 1.5)
     assert warning.code == "budget" and warning in exceeded.warnings
