@@ -312,9 +312,10 @@ class Stats:
             more a third of the root of the steps in which axial damping makes a vibration of a
             radian a step decay by e; and times 5 where a joint's stretch is more than three times
             the slip mu_k / sigma. ``balance``, with the ledger: times 5 on the paper's mesh, else
-            0.1. Then times the growth of differences, if
-            they grew; and of "lbdf2" and "lie", whose errors add up, times sqrt(k), where the run
-            lasts k > 1 times 780 rounds of a stretch wave, a second of the paper's drive.
+            0.1. Then times the growth of differences, if they grew; times 1 + n/10 for n bounces
+            of mounts on stops of less than a fifth of critical damping; and of "lbdf2" and "lie",
+            whose errors add up, times sqrt(k), where the run lasts k > 1 times 780 rounds of a
+            stretch wave, a second of the paper's drive.
 
             None for: fixed steps, histories that diverge, links that vibrate on their contact
             hardly damped or chatter while nothing shows that differences do not grow, torque

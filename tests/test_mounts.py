@@ -279,6 +279,44 @@ def test_an_explicit_step_sees_a_stop_within_it() -> None:
     assert np.sqrt(np.mean((force - exact) ** 2)) <= 1e-4 * exact.mean()
 
 
+def test_errors_of_a_take_up_that_bounces_are_in_the_claim() -> None:
+    """A carriage shaken between stops without damping, each bounce with the error of the last and
+    more: off by ten claims that do not count them.
+    """
+    pulleys = [
+        bd.Pulley(center=(0.0, 0.0), radius=0.0401, inertia=2.69e-4),
+        bd.Pulley(center=(0.0912, 0.208), radius=0.0453, inertia=2.58e-3),
+        bd.Pulley(center=(0.182, 0.0), radius=0.0312, inertia=3.09e-4),
+    ]
+    belt = bd.Belt(length=0.8783, n_bodies=21, linear_density=0.03, axial_stiffness=1e5,
+                   axial_damping=1.41, mesh="joint", model="string")  # fmt: skip
+
+    data: dict[str, Any] = {"contact": bd.Contact(linear=1.52e9, damping=3180.0)}
+    data |= {"belt": belt, "friction": bd.Dahl(mu_k=0.8, sigma=1500.0)}
+    carriage: dict[str, Any] = {"direction": (0.0, 1.0), "mass": 0.856, "stiffness": 8e4}
+    carriage |= {"preload": 995.0, "damping": 9.0}
+
+    def drive(**stops: Any) -> bd.Params:
+        mounted = attrs.evolve(pulleys[1], mount=bd.Slider(**carriage, **stops))
+        return bd.Params(pulleys=[pulleys[0], mounted, pulleys[2]], **data)
+
+    start = bd.settle(drive(), speed={0: -37.4})
+    stops = (start.travel[0] - 5e-5, start.travel[0] + 5e-5)
+    params, times = drive(stops=stops, stop_stiffness=7e8), np.linspace(0.0, 0.04, 61)
+    torque = bd.Viscous([0.0, 0.0, 0.05]) + bd.PiecewiseLinear(
+        times, np.outer(np.sin(2 * np.pi * times / 0.03), [20.0, 0.0, 0.0])
+    )
+    given: dict[str, Any] = {"initial": attrs.evolve(start, travel_speed=[0.1]), "t_eval": times}
+    exact = bd.simulate(params, torque, 0.04, method="rodas4", rtol=1e-6, **given).joints.force
+    off = claims = 0.0
+    for method in ("tsit5", "rodas4"):
+        run = bd.simulate(params, torque, 0.04, method=method, rtol=1e-4, **given)
+        assert run.stats.error is not None
+        claims += run.stats.error
+        off += np.sqrt(np.mean((run.joints.force - exact) ** 2)) / exact.mean()
+    assert off <= 5.0 * claims
+
+
 def test_a_chosen_stop_is_as_stiff_as_stated() -> None:
     """Held by the stop, the arm is in by the torque left over 50 times 4 EA a^2 / L."""
     mount = drives.arm(stops=(-0.2, -0.05), friction=0.0)

@@ -217,6 +217,21 @@ double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_ne
   return g * off / (plan->mount_inertia[m] + (after != 0.0 ? stiff : 0.0));
 }
 
+long bd_bounces(const bd_plan *plan, const double *y, const double *y_new) {
+  const double LEAST = 0.2; /* of critical damping; below, half of the speed is left */
+  const bd_layout *lay = &plan->model->lay;
+  double lost = 0.0;
+  long bounces = 0;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mounted *mount = &plan->model->mounts[m];
+    const int q = lay->travel + m, v = lay->travel_speed + m;
+    bounces += mount->stop_damping < 2.0 * LEAST * sqrt(mount->stop_stiffness * mount->inertia) &&
+               bd_mount_stop(mount, y_new[q], y_new[v], &lost) != 0.0 &&
+               bd_mount_stop(mount, y[q], y[v], &lost) == 0.0;
+  }
+  return bounces;
+}
+
 /* --- after a step ----------------------------------------------------------------------------- */
 
 /* Contact of two pulleys is told apart by room that the scene has (model.c); a pulley that moves

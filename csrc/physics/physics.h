@@ -250,6 +250,8 @@ double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
 /* What a linear system with g leaves out of the speed of mount m [rad/s or m/s], whose stop at
  * y_new is off the line from y: where it has come to the stop, or away. */
 double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m, double g);
+/* Mounts that have come from y to y_new to a stop which throws them back. */
+long bd_bounces(const bd_plan *plan, const double *y, const double *y_new);
 /* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
 int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err);
 /* Of all mounts; of arms and sliders; of paths. */

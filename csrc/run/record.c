@@ -190,6 +190,7 @@ static void visit_guard(visitor *v, bd_guard *guard, int np) {
   ONE(v, guard->passed);
   MANY(v, guard->touched, np);
   ONE(v, guard->rings);
+  ONE(v, guard->bounces);
 }
 
 static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice);

@@ -42,6 +42,7 @@ typedef struct bd_guard {
   double fed, drive, passed; /* energy: fed in by the set torques, their work, what passed */
   double *touched;           /* per pulley: when a link was last seen on it */
   int rings;                 /* links ring on their contact, which steps are too long for */
+  long bounces;              /* of mounts on their stops */
 } bd_guard;
 
 /* A second simulation beside the run, for short periods (growth.c). */
