@@ -208,7 +208,8 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
     """Estimate what the mesh makes of the power that is lost in the contact and to friction [W].
 
     What dampers of the contact take is nearly all from links that land: each loses the energy
-    m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc.
+    m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc; on
+    the paper's mesh by that of the tension as well, which straight links raise.
 
     Args:
         params: The drive.
@@ -216,7 +217,8 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
         friction: Lost to friction [W].
     """
     lie = params.route.wraps * _radii(params) / params.info["link_length"]
-    return abs(contact) + abs(friction) / float(lie.min())
+    raised = mesh_share(params) if params.belt.mesh == "paper" else 0.0
+    return abs(contact) + abs(friction) * (1.0 / float(lie.min()) + raised)
 
 
 def _radii(params: Drive) -> Array:

@@ -427,3 +427,17 @@ def test_numbers_have_the_digits_that_their_error_leaves(
     value: float, error: float | None, expected: tuple[float, int]
 ) -> None:
     assert rounded(value, error) == expected
+
+
+@pytest.mark.filterwarnings("ignore:mesh:UserWarning")
+def test_a_mean_is_not_beyond_its_least_and_most() -> None:
+    """As printed, however little the mesh leaves of it: 1100 N stood between 1114 and 1127."""
+    told = bd.simulate(*bd.scenes.kubas_case_1()).report()
+    rows = [line.split() for line in str(told).splitlines() if re.match(r"  pulley \d", line)]
+    assert len(rows) == 4
+    for cells in rows:
+        if cells[2] == "to":
+            least, mean, most = map(float, cells[5:8])
+            assert least <= mean <= most, cells
+        else:
+            assert float(cells[-6]) <= float(cells[-5]), cells  # hub load, and the most of it

@@ -67,7 +67,7 @@ MOST_ROUNDS = 3
 #: Without an effect a run may take as many times the steps that it takes with all of them.
 MOST_STEPS = 10
 #: Leaving out an effect gains nothing if it takes as much more CPU time, beyond chance.
-NO_GAIN = 0.25
+NO_GAIN = 0.1
 #: Errors at which sets of effects are looked for, over the error asked for.
 LEVELS = (1.0, 2.0, 5.0)
 #: A run that confirms what a part of it has ranked is at least as many times as long.

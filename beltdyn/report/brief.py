@@ -132,14 +132,15 @@ def _pulleys(report: Told) -> Table:
 def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
     creep = next((one for one in report.creep if one.name == row.name), None)
     power = _without(row.power, _NOTHING * largest)
+    load, _, most = _of_tension(report, row.hub_load, 2.0)
     return (
         row.name,
         _mean(_without(row.speed, _STILL), 4, _TO_RPM),
         _NONE if creep is None else _within(100.0 * creep.slower, _of_creep(report)),
         _mean(row.torque),
         _power(report, power),
-        _of_tension(report, row.hub_load, 2.0),
-        _NONE if row.hub_load is None else _number(row.hub_load.most, 3),
+        load,
+        most,
         _direction(row.hub_direction),
         _percent(row.used, 0),
         _margin(row.margin),
@@ -156,14 +157,14 @@ def _of_creep(report: Told) -> float | None:
 def _spans(report: Told) -> Table:
     rows = []
     for row in report.spans:
-        ends = (None, None) if row.tension is None else (row.tension.least, row.tension.most)
+        mean, least, most = _of_tension(report, row.tension)
         rows.append(
             (
                 row.name,
-                _number(ends[0], 3),
-                _of_tension(report, row.tension),
-                _number(ends[1], 3),
-                *((_NONE, _NONE) if row.of_run is None else _ends(row)),
+                least,
+                mean,
+                most,
+                *_of_run(report, row),
                 _number(row.frequency, 3),
                 _number(row.lateral, 3),
             )
@@ -188,9 +189,12 @@ def _spans(report: Told) -> Table:
     return Table("Spans", heading, rows, ("; ".join(told),) if told else ())
 
 
-def _ends(row: SpanRow) -> tuple[str, str]:
-    assert row.of_run is not None
-    return _number(row.of_run.least, 3), _number(row.of_run.most, 3)
+def _of_run(report: Told, row: SpanRow) -> tuple[str, str]:
+    return (
+        (_NONE, _NONE)
+        if row.of_run is None
+        else _of_tension(report, row.tension, ends=row.of_run)[1:]
+    )
 
 
 def _mounts(report: Told) -> Table:

@@ -63,15 +63,32 @@ def _within(value: float | None, error: float | None) -> str:
     return _signed(_number(*rounded(value, error)))
 
 
-def _of_tension(report: Told, value: Spread | None, spans: float = 1.0) -> str:
-    """Give a mean of so many spans' tensions, whose error is a share of the mean tension."""
+def _of_tension(
+    report: Told, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
+) -> tuple[str, str, str]:
+    """Give mean, least and most of so many spans' tensions.
+
+    The error of the mean is a share of the mean tension; all have the place that it leaves the
+    mean, so that this is not beyond its own least and most. ``ends`` are others than its own.
+    """
     if value is None:
-        return _NONE
+        return (_NONE,) * 3
+    ends = ends or value
     means = [row.tension.mean for row in report.spans if row.tension is not None]
     means = [one for one in means if math.isfinite(one)]  # of a span that is there
-    if not means or report.tension_error is None:
-        return _mean(value)
-    return _within(value.mean, spans * report.tension_error * abs(sum(means) / len(means)))
+    if not means or report.tension_error is None or not 1e-3 <= abs(value.mean) < 1e6:
+        return _mean(value), _number(ends.least, 3), _number(ends.most, 3)
+    _, digits = rounded(value.mean, spans * report.tension_error * abs(sum(means) / len(means)))
+    place = digits - 1 - math.floor(math.log10(abs(value.mean)))
+    mean, least, most = (
+        _signed(f"{round(one, place):.{max(0, place)}f}") if math.isfinite(one) else _number(one)
+        for one in (value.mean, ends.least, ends.most)
+    )
+    return mean, least, most
+
+
+def _between(ends: Sequence[str]) -> str:
+    return _NONE if _NONE in ends else " to ".join(ends)
 
 
 def _range(value: Spread | None, digits: int = 4, scale: float = 1.0) -> str:
@@ -165,8 +182,8 @@ def _loads(report: Told) -> Table:
     rows = [
         (
             row.name,
-            _of_tension(report, row.hub_load, 2.0),
-            _range(row.hub_load, 3),
+            (load := _of_tension(report, row.hub_load, 2.0))[0],
+            _between(load[1:]),
             _direction(row.hub_direction),
             _degrees(row.wrap),
             _degrees(row.slip_arc),
@@ -293,8 +310,8 @@ def _spans(report: Told) -> Table:
             (
                 row.name,
                 _NONE if row.length is None else f"{1e3 * row.length:.1f}",
-                _of_tension(report, row.tension),
-                _range(row.tension, 3),
+                (tension := _of_tension(report, row.tension))[0],
+                _between(tension[1:]),
                 line,
                 _NONE if row.amplitude is None else f"{_number(row.amplitude, 2)}",
                 _number(row.lateral),
