@@ -38,7 +38,8 @@ def check_ending(path: str | os.PathLike[str], endings: Iterable[str] = tuple(RE
         ImportError: A package that it needs is not installed.
     """
     known = tuple(endings)
-    ending = Path(path).suffix.lower() or known[0]
+    name = Path(path).name  # ".csv" has no suffix
+    ending = Path("a" + name).suffix.lower() or known[0]
     if ending not in known:
         listed = " or ".join(filter(None, [", ".join(known[:-1]), known[-1]]))
         raise ValueError(f"cannot write {os.fspath(path)}: its ending must be {listed}")

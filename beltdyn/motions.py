@@ -77,8 +77,8 @@ class AngleTable:
         speed: The speed that follows [rad/s].
 
     Raises:
-        TypeError, ValueError: A field breaks its rule; without ``cutoff``, the angles have kinks or
-            noise.
+        TypeError, ValueError: A field breaks its rule; the angles have turns taken off or, without
+            ``cutoff``, kinks or noise.
         ImportError: SciPy is not installed.
     """
 
@@ -96,6 +96,7 @@ class AngleTable:
                 f"AngleTable.angle must have one value for each of the {n} times, "
                 f"got {self.angle.size}"
             )
+        _refuse_wraps(t, self.angle)
         if self.cutoff is None:
             _refuse_kinks(t, self.angle)
             speeds = scipy_module("interpolate", "angle tables").CubicSpline(t, self.angle)(t, 1)
@@ -139,6 +140,18 @@ class AngleTable:
 
 def _angle_table(t: Array, angle: Array, cutoff: float | None) -> AngleTable:
     return AngleTable(t, angle, cutoff=cutoff)
+
+
+def _refuse_wraps(t: Array, angle: Array) -> None:
+    """Raise ValueError where a whole turn is taken off between samples."""
+    steps = np.diff(angle)
+    off = np.abs(np.abs(steps - np.median(steps)) - 2.0 * math.pi)
+    found = np.flatnonzero(off < 0.25 * math.pi)
+    if found.size:
+        raise ValueError(
+            f"AngleTable.angle has turns taken off, at t = {t[1 + found[0]]:.6g} s the first of "
+            f"{found.size}: give them unwrapped (numpy.unwrap)"
+        )
 
 
 def _refuse_kinks(t: Array, angle: Array) -> None:

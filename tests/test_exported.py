@@ -104,6 +104,8 @@ def test_other_endings_are_refused_before_anything_runs(
     assert list(tmp_path.iterdir()) == []
     run().save(tmp_path / "run")
     assert bd.Result.load(tmp_path / "run").final_state == run().final_state
+    run().save(tmp_path / ".csv")
+    assert (tmp_path / ".csv").read_text().startswith("t (s),")
 
 
 def test_a_missing_package_is_named_before_anything_runs(

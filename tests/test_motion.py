@@ -553,6 +553,7 @@ def test_kinks_and_noise_of_measured_angles_are_refused() -> None:
         ({"angle": [0.0, 1.0]}, r"AngleTable\.angle must have one value for each of the 401 times"),
         ({"cutoff": 300.0}, r"AngleTable\.cutoff must be between 1 Hz, .* and 200 Hz"),
         ({"cutoff": 0.0}, r"AngleTable\.cutoff must be > 0"),
+        ({"angle": (40.0 * t) % (2.0 * np.pi), "cutoff": 40.0}, "turns taken off, at t = 0.1575 s"),
     ):
         with pytest.raises(ValueError, match=message):
             bd.AngleTable(**({"t": t, "angle": ANGLES} | changes))

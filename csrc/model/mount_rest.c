@@ -103,11 +103,11 @@ static int release(const search *s, int m) {
     const double next = q + sense * step, there = force_at(s, m, next, &line);
     if (isnan(there)) {
       s->q[m] = q;
-      char why[320];
+      char why[448];
       snprintf(why, sizeof why,
-               "finds no balance with the belt: at a travel of %.4g the belt has no line any more "
-               "(%.100s); another preload, stiffness or length of the belt, or stops",
-               next, line.message);
+               "finds no balance with the belt: at a travel of %.4g %s the belt has no line any "
+               "more (%.200s); another preload, stiffness or length of the belt, or stops",
+               next, kind == BD_MOUNT_ARM ? "rad" : "m", line.message);
       return fail(s, m, why);
     }
     if (there * sense <= 0.0) {
