@@ -1,5 +1,5 @@
 """Random drives that somebody could mean: any, or calm ones that nobody should be warned about; and
-varied ones, of any law, mesh and model, with a take-up, from a settled speed.
+varied ones, of any law, mesh, model, layout, mount, load and contact, from a settled speed.
 
 A layout is found by construction, not by trial. Running round a convex loop the belt line leaves
 pulley k along a tangent with normal n_k and unit vector t_k; the centres then differ by
@@ -50,7 +50,7 @@ def draw(
         rng = np.random.default_rng([seed, KINDS.index(kind), attempt])
         try:
             params, drawn = _drive(rng, radians, kind)
-            torque, loads = _loads(rng, params, drawn, calm=calm)
+            torque, loads = _loads(rng, params, drawn | {"kind": kind}, calm=calm)
         except ValueError:
             continue  # pulleys overlap, links too long for them, not calm enough
         drawn |= loads
@@ -64,7 +64,7 @@ def start(params: bd.Params, drawn: dict[str, Any]) -> bd.State:
     """At rest under preload, or at once running at the speed drawn, the belt stiffly with it."""
     speed = drawn["belt_speed"]
     if drawn.get("settled") and speed:
-        way = int(params.info["winding"])
+        way = int(params.info["winding"]) or -1  # a crossed belt begins clockwise
         return bd.settle(params, speed={0: way * speed / params.pulleys[0].radius})
     rest = bd.settle(params)
     if speed == 0.0:
@@ -176,31 +176,117 @@ def _law(rng: np.random.Generator, mu: float, shear: float) -> bd.Friction:
     )
 
 
-def _varied(rng: np.random.Generator, params: bd.Params) -> tuple[bd.Params, bool]:
-    """Any law and mesh, a belt of hardly any mass or without damping now and then, take-ups on a
-    slider with dry friction; and whether the run starts from a settled speed.
+def _turned_over(rng: np.random.Generator, params: bd.Params) -> bd.Params:
+    """Cross the belt of two pulleys, or press an idler on the back of a span; same strain."""
+    pulleys, route = list(params.pulleys), params.route
+    if len(pulleys) == 2 and chance(rng, 0.5):
+        pulleys[1] = attrs.evolve(pulleys[1], side="outside")
+    else:
+        k = int(rng.integers(len(pulleys)))
+        begin, end = route.leave[k], route.arrive[(k + 1) % len(pulleys)]
+        span = end - begin
+        out = np.array([span[1], -span[0]]) * float(params.info["winding"]) / np.hypot(*span)
+        radius = min(float(np.hypot(*span)), 0.1) * rng.uniform(0.1, 0.4)
+        pressed = radius * rng.uniform(0.05, 1.0)
+        place = begin + rng.uniform(0.3, 0.7) * span + (radius - pressed) * out
+        idler = bd.Pulley(
+            center=(float(place[0]), float(place[1])), radius=radius, side="outside",
+            inertia=0.5 * math.pi * 7800.0 * radius**4 * log_uniform(rng, 5e-3, 0.05),
+        )  # fmt: skip
+        pulleys.insert(k + 1, idler)
+    tension = params.belt.axial_stiffness * (route.length / params.belt.length - 1.0)
+    belt = attrs.evolve(params.belt, length=None, preload=tension)
+    turned = attrs.evolve(params, belt=belt, pulleys=pulleys)
+    fixed = attrs.evolve(belt, length=turned.effective_belt.length, preload=None)
+    return attrs.evolve(turned, belt=fixed)
+
+
+def _mount(rng: np.random.Generator, params: bd.Params, k: int, t_end: float) -> bd.Mount:
+    """A take-up of pulley k, on a slider or an arm, with dry friction; or a path that it is led."""
+    pulleys, tension = params.pulleys, float(params.info["strain_tension"])
+    pulley, radius = pulleys[k], pulleys[k].radius
+    route = params.route
+    pull = route.arrive[k] - route.leave[k - 1]
+    pull /= np.hypot(*pull)
+    away = route.leave[k] - route.arrive[(k + 1) % len(pulleys)]
+    out = pull + away / np.hypot(*away)  # against the pull of both spans
+    if np.hypot(*out) < 0.1:
+        raise ValueError("the belt hardly presses on the pulley")
+    if chance(rng, 0.15):
+        way = 1e-3 * radius * rng.uniform(-1.0, 1.0) * out
+        return bd.Path(t=[0.0, 0.3 * t_end, 0.8 * t_end], displacement=[(0.0, 0.0), way, 0.3 * way])
+    held = tension * float(np.hypot(*out))
+    out /= np.hypot(*out)
+    stiffness, mass = held / (0.2 * radius), log_uniform(rng, 0.1, 2.0)
+    damping, friction = log_uniform(rng, 1.0, 100.0), held * log_uniform(rng, 0.01, 0.3)
+    preload, travel = held * rng.uniform(0.7, 1.3), radius * log_uniform(rng, 0.01, 0.3)
+    stopped, by_tension = chance(rng, 0.3), chance(rng, 0.3)
+    if chance(rng, 0.5):
+        return bd.Slider(
+            direction=(float(out[0]), float(out[1])), mass=mass, stiffness=stiffness,
+            damping=damping, friction=friction, stops=(-travel, travel) if stopped else None,
+            **({"tension": tension} if by_tension else {"preload": preload}),
+        )  # fmt: skip
+    arm = radius * rng.uniform(0.8, 4.0)
+    lean = rng.uniform(-0.7, 0.7) + (0.5 * math.pi if chance(rng, 0.5) else -0.5 * math.pi)
+    c, s = math.cos(lean), math.sin(lean)
+    to_pulley = arm * np.array([c * out[0] - s * out[1], s * out[0] + c * out[1]])
+    lever = float(to_pulley[0] * out[1] - to_pulley[1] * out[0])
+    x, y = np.array(pulley.center) - to_pulley
+    return bd.Arm(
+        pivot=(float(x), float(y)), inertia=mass * arm**2, mass=0.5 * mass,
+        stiffness=stiffness * arm**2, damping=damping * arm**2, friction=friction * arm,
+        stops=(-travel / arm, travel / arm) if stopped else None,
+        **({"tension": tension} if by_tension else {"preload": preload * lever}),
+    )  # fmt: skip
+
+
+def _varied(
+    rng: np.random.Generator, params: bd.Params, t_end: float
+) -> tuple[bd.Params, bool, bool]:
+    """Any law, of single pulleys too, any mesh, layout, mount, bearing and contact; and whether the
+    run starts from a settled speed, and whether the belt runs round the pulleys on one side only.
     """
     belt, law = params.belt, params.friction
     changes: dict[str, Any] = {"mesh": "joint"} if chance(rng, 0.6) else {}
     if belt.bending_stiffness == 0.0 and chance(rng, 0.3):
         changes |= {"model": "string", "mesh": "joint"}
+    turned, mounted = chance(rng, 0.3), chance(rng, 0.25)
+    if mounted:
+        changes |= {"mesh": "joint"}
+    params = attrs.evolve(params, belt=attrs.evolve(belt, **changes))
+    if turned:
+        params = _turned_over(rng, params)
+    pulleys = list(params.pulleys)
+    if mounted:
+        k = int(rng.integers(1, len(pulleys)))
+        pulleys[k] = attrs.evolve(pulleys[k], mount=_mount(rng, params, k, t_end))
+    friction = law
     if law is not None:
         assert isinstance(law, bd.Dahl)
-        law = _law(rng, law.mu_k, law.sigma)
-    pulleys = list(params.pulleys)
-    if len(pulleys) > 2 and chance(rng, 0.25):
-        k = int(rng.integers(1, len(pulleys)))
-        before, after = pulleys[k - 1].center, pulleys[(k + 1) % len(pulleys)].center
-        out = 2.0 * np.array(pulleys[k].center) - before - after
-        tension = float(params.info["strain_tension"])
-        mount = bd.Slider(
-            direction=(float(out[0]), float(out[1])), mass=log_uniform(rng, 0.1, 2.0),
-            stiffness=tension / (0.2 * pulleys[k].radius), preload=tension * rng.uniform(0.5, 1.5),
-            damping=log_uniform(rng, 1.0, 100.0), friction=tension * log_uniform(rng, 0.01, 0.3),
-        )  # fmt: skip
-        pulleys[k] = attrs.evolve(pulleys[k], mount=mount)
-    params = attrs.evolve(params, belt=attrs.evolve(belt, **changes), pulleys=pulleys, friction=law)
-    return params, chance(rng, 0.7)
+        friction = _law(rng, law.mu_k, law.sigma)
+        for k, pulley in enumerate(pulleys):
+            if chance(rng, 0.1):
+                pulleys[k] = attrs.evolve(pulley, friction=_law(rng, law.mu_k, law.sigma))
+    tension = float(params.info["strain_tension"])
+    for k, pulley in enumerate(pulleys):
+        if chance(rng, 0.3):
+            torque = tension * pulley.radius * log_uniform(rng, 1e-3, 0.1)
+            speed = math.sqrt(0.1 * tension / belt.linear_density) / pulley.radius
+            drag = bd.Drag(
+                coulomb=torque if chance(rng, 0.6) else 0.0,
+                viscous=torque / speed if chance(rng, 0.5) else 0.0,
+                quadratic=torque / speed**2 if chance(rng, 0.3) else 0.0,
+            )
+            pulleys[k] = attrs.evolve(pulley, drag=drag)
+    contact = params.contact
+    if chance(rng, 0.1):
+        contact = bd.Contact()
+    elif chance(rng, 0.15):
+        contact = attrs.evolve(contact, hunt_crossley=log_uniform(rng, 0.1, 10.0))
+    settled = chance(rng, 0.7)
+    params = attrs.evolve(params, pulleys=pulleys, friction=friction, contact=contact)
+    return params, settled or turned, turned
 
 
 def _drive(rng: np.random.Generator, radians: float, kind: str) -> tuple[bd.Params, dict[str, Any]]:
@@ -253,9 +339,12 @@ def _drive(rng: np.random.Generator, radians: float, kind: str) -> tuple[bd.Para
         friction=friction,
         gravity=(0.0, -9.81) if chance(rng, 0.3) else (0.0, 0.0),
     )  # fmt: skip
-    settled = False
+    settled = turned = False
+    t_end = min(0.2, max(0.02 * radians / RADIANS, radians / fastest))
+    radii, wraps = lay.radii, lay.wraps
     if varied:
-        params, settled = _varied(rng, params)
+        params, settled, turned = _varied(rng, params, t_end)
+        radii, wraps = np.array([p.radius for p in params.pulleys]), params.route.wraps
     info = params.info
     share = info["mesh_strain"] / (info["mesh_strain"] + info["strain"])
     if calm and share > MESH:
@@ -273,12 +362,13 @@ def _drive(rng: np.random.Generator, radians: float, kind: str) -> tuple[bd.Para
         "friction": None if params.friction is None else params.friction.law,
         "settled": settled,
         "mesh": params.belt_model if params.belt_model == "string" else params.belt.mesh,
+        "turned": turned,
         "mounted": len(params.mounted),
         "stiff_friction": sigma * info["strain"] * info["link_length"],
-        "t_end": min(0.2, max(0.02 * radians / RADIANS, radians / fastest)),
-        "wraps": lay.wraps,
+        "t_end": t_end,
+        "wraps": wraps,
         # torque at which a pulley slips: tensions of mean T in the ratio exp(mu wrap)
-        "capacity": 2.0 * pull * lay.radii * np.tanh(0.5 * mu * lay.wraps),
+        "capacity": 2.0 * pull * radii * np.tanh(0.5 * mu * wraps),
     }
     return params, drawn
 
@@ -325,6 +415,8 @@ def _loads(
     push = np.zeros(n)  # what the shape of the torque multiplies
     push[0] = way * (spare + passed) * radii[0]
     push[other] = -way * passed * radii[other]
+    if params.pulleys[other].side == "outside":
+        push[other] *= -1.0
 
     kinds = ["ramp", "sine", "function"] if calm else ["ramp", "step", "sine", "function"]
     shape = str(rng.choice(kinds))
@@ -355,9 +447,42 @@ def _loads(
 
     elif load.any():
         torque = torque + bd.Viscous(load)
+    if drawn["kind"] == "varied" and isinstance(torque, bd.Torque) and chance(rng, 0.5):
+        torque = torque + _load(rng, other, capacity, top / radii, t_end)
     return torque, {
         "shape": shape,
         "full_slip": slips,
         "belt_speed": belt_speed,
         "high_speed": bool(top / float(radii.min()) > 3000.0 * RPM),
     }
+
+
+def _load(
+    rng: np.random.Generator, pulley: int, capacity: Array, top: Array, t_end: float
+) -> bd.Torque:
+    """A load, motor or excitation of a twentieth to a third of what a pulley can transmit.
+
+    capacity: of the pulleys [N m]; top: their top speeds [rad/s].
+    """
+    torque, speed = float(capacity[pulley]) * log_uniform(rng, 0.05, 0.3), float(top[pulley])
+    kind = str(rng.choice(["Load", "SpeedTable", "Motor", "Harmonics", "Step"]))
+    if kind == "Load":
+        shares = rng.dirichlet(np.ones(3)) * (rng.random(3) < 0.7)
+        a, b, c = (torque * shares / [1.0, speed, speed**2]).tolist()
+        return bd.Load(pulley, coulomb=a, viscous=b, quadratic=c)
+    if kind == "SpeedTable":
+        return bd.SpeedTable(
+            pulley, speed * np.linspace(0.0, 1.5, 6), torque * rng.uniform(0.0, 1.0, 6)
+        )
+    if kind == "Motor":
+        way = float(rng.choice([-1.0, 1.0])) * float(capacity[0]) / float(capacity[pulley])
+        falling = np.array([1.0, 0.8, 0.9, 0.0, -0.9])
+        return bd.Motor(
+            0, float(top[0]) * np.array([-1.2, -0.5, 0.0, 0.9, 1.2]),
+            torque * way * (falling if way > 0.0 else falling[::-1]),
+            ramp=t_end * rng.uniform(0.05, 0.5),
+        )  # fmt: skip
+    if kind == "Harmonics":
+        orders = np.array([1.0, float(rng.integers(2, 7))])
+        return bd.Harmonics(pulley, orders, torque * rng.uniform(0.0, 1.0, 2))
+    return bd.Step(pulley, t_end * rng.uniform(0.1, 0.9), torque * rng.choice([-1.0, 1.0]))
