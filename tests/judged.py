@@ -116,7 +116,8 @@ def lost(result: bd.Result) -> list[int]:
 def off_drawing(params: bd.Params, begin: bd.State) -> list[int]:
     """Pulleys that the settled belt does not go round as drawn, or does not touch.
 
-    It is within a fifth of the radius of each: contact yields, and links are chords between joints.
+    It is within a fifth of the radius of each, as contact yields, or between chord and tangent: long
+    links cross the circle, and on a mesh of joints those round a small angle stay outside.
     """
     off = np.abs(turns(begin, params)[0] - as_drawn(params)) > 0.5
     half = 0.5 * params.info["link_length"]
@@ -127,7 +128,8 @@ def off_drawing(params: bd.Params, begin: bd.State) -> list[int]:
         at = np.clip(np.sum(to * along, axis=1), -half, half)
         nearest = float(np.min(np.linalg.norm(to - at[:, None] * along, axis=1)))
         chord = math.sqrt(max(0.0, 1.0 - (half / pulley.radius) ** 2))
-        off[k] |= not chord - 0.2 < nearest / pulley.radius < 1.2
+        tangent = math.sqrt(1.0 + (half / pulley.radius) ** 2)
+        off[k] |= not chord - 0.2 < nearest / pulley.radius < max(1.2, tangent)
     return [int(k) for k in np.flatnonzero(off)]
 
 
