@@ -179,6 +179,9 @@ def test_routes_that_there_are_not() -> None:
         ((A, B, pulley(0.15, -0.02, 0.03), pulley(0.16, 0.3, 0.03)), "cannot be reached"),
         ((A, pulley(0.6, 0.0, 0.05, "outside"), B),
          r"from pulleys\[0\] to pulleys\[1\] would pass through pulleys\[2\]"),
+        # all inside: the span on the far side of a large pulley runs through it
+        ((pulley(0.0, 0.0, 0.07), pulley(0.07, 0.07, 0.01), pulley(-0.03, -0.11, 0.015)),
+         r"from pulleys\[1\] to pulleys\[2\] would pass through pulleys\[0\]"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=message):
             bd.route(pulleys)

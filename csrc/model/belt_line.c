@@ -256,12 +256,10 @@ int bd_belt_line_lay(bd_route *route, bd_error *err) {
     widest = route->wraps[k].wrap > route->wraps[widest].wrap ? k : widest;
     narrowest = route->wraps[k].wrap < route->wraps[narrowest].wrap ? k : narrowest;
   }
-  if (all_inside(route)) {
-    if (fabs(total) > 3.0 * BD_PI || route->wraps[narrowest].wrap < 1e-9) {
-      return refuse(err, route, fabs(total) > 3.0 * BD_PI ? widest : narrowest,
-                    "all inside the loop, the belt passes it by or crosses itself");
-    }
-    return BD_OK;
+  const int inside = all_inside(route);
+  if (inside && (fabs(total) > 3.0 * BD_PI || route->wraps[narrowest].wrap < 1e-9)) {
+    return refuse(err, route, fabs(total) > 3.0 * BD_PI ? widest : narrowest,
+                  "all inside the loop, the belt passes it by or crosses itself");
   }
   int span, pulley;
   if (passes_through(route, &span, &pulley)) {
@@ -269,6 +267,9 @@ int bd_belt_line_lay(bd_route *route, bd_error *err) {
         err, BD_ERR_GEOMETRY, "pulleys", (double)NAN, -1, pulley, (double)NAN,
         "the belt from %s to %s would pass through %s: another order, or another side",
         entry(route, span).text, entry(route, (span + 1) % np).text, entry(route, pulley).text);
+  }
+  if (inside) {
+    return BD_OK;
   }
   if (route->wraps[narrowest].wrap < 1e-9) {
     return refuse(err, route, narrowest, "on the sides given, the belt passes it by");
