@@ -39,7 +39,9 @@ static const double USUAL = 10.0; /* usual one, if growth is below CALM */
 static const double MOST = 60.0;  /* longest one: growth first has to overtake what decays */
 static const double QUIET = 2.0, CALM = 5.0;
 static const double DECAYED = 0.1; /* least difference that growth is counted from */
-static const double SHORT = 20.0;  /* a run that is looked at as a whole */
+static const double SHORT = 20.0;  /* a run that is looked at as a whole, */
+static const double LOOKS = 8.0;   /* so many times at least: in one of a round most of the
+                                      displacement decays first */
 static const double FIRST = 25.0;  /* when the first begins */
 static const double LATER = 4.0;   /* each other begins at so many times the time of the last */
 static const double LAST = 6.5;    /* and the last one so long before the end */
@@ -194,6 +196,12 @@ static void displace(bd_sim *sim) {
   }
 }
 
+static double next_look(const bd_sim *sim) {
+  const double run = sim->t_end - sim->t0, round = bd_round_time(sim->stepper.model);
+  return (sim->stepper.t - sim->twin.t_begin) / round +
+         (sim->twin.whole ? fmin(LOOK, run / (LOOKS * round)) : LOOK);
+}
+
 static void begin(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   copy(sim, t->sim);
@@ -204,7 +212,7 @@ static void begin(bd_sim *sim) {
   t->active = 1;
   t->least = t->before = 1.0;
   t->t_begin = sim->stepper.t;
-  t->next_look = LOOK;
+  t->next_look = next_look(sim);
 }
 
 /* --- a stretch ------------------------------------------------------------------------------- */
@@ -265,7 +273,7 @@ static void follow(bd_sim *sim) {
   if (rounds < t->next_look && sim->stepper.t < sim->t_end) {
     return;
   }
-  t->next_look = rounds + LOOK;
+  t->next_look = next_look(sim);
   const double difference = apart(still, t->sim) / t->apart;
   t->least = fmin(t->least, fmax(DECAYED, difference));
   const double growth = difference / t->least;
