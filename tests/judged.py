@@ -116,8 +116,8 @@ def lost(result: bd.Result) -> list[int]:
 def off_drawing(params: bd.Params, begin: bd.State) -> list[int]:
     """Pulleys that the settled belt does not go round as drawn, or does not touch.
 
-    It is within a fifth of the radius of each, as contact yields, or between chord and tangent: long
-    links cross the circle, and on a mesh of joints those round a small angle stay outside.
+    It is within a fifth of the radius of each, as contact yields, or between chord and tangent:
+    long links cross the circle, and on a mesh of joints those round a small angle stay outside.
     """
     off = np.abs(turns(begin, params)[0] - as_drawn(params)) > 0.5
     half = 0.5 * params.info["link_length"]
