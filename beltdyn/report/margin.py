@@ -19,7 +19,8 @@ wrap.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import attrs
 import numpy as np
@@ -293,8 +294,9 @@ def full_slip(
     Args:
         steady: The mean state.
         pulleys: Those that are asked for; None: all.
-        alone: Whether only the torque of that pulley grows, which the driving one makes up for;
-            else all torques grow in proportion.
+        alone: Whether only the torque of that pulley grows, which the driving one makes up for:
+            then the factor is that at which the first of all pulleys slips, mostly one of the two.
+            Else all torques grow in proportion.
 
     Returns:
         For each pulley that is asked for; None without friction on it. An infinite factor: others
@@ -305,14 +307,21 @@ def full_slip(
     """
     asked = range(len(steady.params.pulleys)) if pulleys is None else pulleys
     if alone:
-        return [_found(_Theory(steady, k), [k], coarse=True)[0] for k in asked]
-    return _found(_Theory(steady), asked, coarse=pulleys is not None)
-
-
-def _found(theory: _Theory, asked: Sequence[int], coarse: bool) -> list[FullSlip | None]:
+        return [_alone(_Theory(steady, k), k) for k in asked]
+    theory = _Theory(steady)
     holds = [k for k in asked if theory.mu[k] > 0.0]
-    states = _march(theory, holds, coarse) if holds else []
-    return [_of_pulley(theory, states, k) if k in holds else None for k in asked]
+    states = _march(theory, holds, np.all, coarse=pulleys is not None) if holds else []
+    return [_of_pulley(theory, states, k, k) if k in holds else None for k in asked]
+
+
+def _alone(theory: _Theory, k: int) -> FullSlip | None:
+    """Find where the first of all pulleys slips, as the torque of one grows."""
+    if not theory.mu[k] > 0.0:
+        return None
+    holds = np.flatnonzero(theory.mu > 0.0).tolist()
+    states = _march(theory, holds, np.any, coarse=True)
+    found = (_of_pulley(theory, states, n, k) for n in holds)
+    return min(found, key=lambda one: one.factor)
 
 
 def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
@@ -327,8 +336,10 @@ def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
         return None
 
 
-def _march(theory: _Theory, holds: list[int], coarse: bool) -> list[_State]:
-    """Give states at factors from 0 on, to where these pulleys slip or a span goes slack.
+def _march(
+    theory: _Theory, holds: list[int], of_them: Callable[[Any], Any], coarse: bool
+) -> list[_State]:
+    """Give states at factors from 0 on, to where all or any of these slip or a span goes slack.
 
     Of a single pulley coarse steps are enough: the span that goes slack is not its own, or it slips
     before.
@@ -342,7 +353,7 @@ def _march(theory: _Theory, holds: list[int], coarse: bool) -> list[_State]:
     if none is not None:
         states.insert(0, none)
     failed = math.inf
-    while not np.all(states[-1].used[holds] >= 1.0):
+    while not of_them(states[-1].used[holds] >= 1.0):
         last = states[-1]
         factor = min(growth * last.factor, 0.5 * (last.factor + failed))
         if factor > LARGEST or failed - last.factor < slack * last.factor:
@@ -355,21 +366,21 @@ def _march(theory: _Theory, holds: list[int], coarse: bool) -> list[_State]:
     return states
 
 
-def _of_pulley(theory: _Theory, states: list[_State], k: int) -> FullSlip:
-    """Close in on the factor at which the slip angle of a pulley is its wrap."""
-    above = next((n for n, state in enumerate(states) if state.used[k] >= 1.0), None)
+def _of_pulley(theory: _Theory, states: list[_State], slips: int, k: int) -> FullSlip:
+    """Close in on the factor at which one pulley's slip angle is its wrap; tell it of pulley k."""
+    above = next((n for n, state in enumerate(states) if state.used[slips] >= 1.0), None)
     if not above:
         return FullSlip(factor=math.inf, torque=math.nan, tensions=(math.nan, math.nan))
     low, high = states[above - 1], states[above]
     while high.factor - low.factor > _CLOSE * high.factor:
         # By the secant, kept off the ends so that both of them move.
-        share = float((1.0 - low.used[k]) / (high.used[k] - low.used[k]))
+        share = float((1.0 - low.used[slips]) / (high.used[slips] - low.used[slips]))
         share = min(max(share, 0.02), 0.98)
         middle = _at(theory, low.factor + share * (high.factor - low.factor), low.unknown)
-        if middle is None or abs(middle.used[k] - 1.0) < _CLOSE:
+        if middle is None or abs(middle.used[slips] - 1.0) < _CLOSE:
             low = middle or low
             break
-        low, high = (middle, high) if middle.used[k] < 1.0 else (low, middle)
+        low, high = (middle, high) if middle.used[slips] < 1.0 else (low, middle)
     tension = theory.tensions(float(low.unknown[0]), low.factor)[0]
     pair = float(tension[k]), float(tension[k - 1])
     lever = theory.radii[k] * theory.params.route.senses[k]

@@ -63,7 +63,8 @@ class PulleyRow:
         least_margin: The same factor at its worst instant, that of the most friction in use [1].
         worst_time: That instant [s].
         own_margin: Factor by which its mean torque alone can grow, which the driving pulley makes
-            up for [1]; infinite if a span that is not its own goes slack before.
+            up for, before one of the two, or any other, slips in full [1]; infinite if a span that
+            is not its own goes slack before.
         own_slip_torque: Torque of the belt on it then [N m].
     """
 
