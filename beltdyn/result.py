@@ -32,7 +32,7 @@ from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
 from .places import AlongBelt, along, momentum_flux, routes
-from .report import Report, creep_of, make_report
+from .report import Report, creep_of, make_report, speed_errors
 from .run_warnings import RunWarning
 from .sanity import PAPERS_MESH, bodies
 from .spans import span_tension
@@ -359,8 +359,12 @@ class Result:
         spans = [span_name(k, names, unnamed="") for k in range(len(names))]
         named = any(spans)
 
-        def listed(values: Array, error: float | None, of: Sequence[str], unit: str) -> str:
-            texts = ["-" if v != v else f"{rounded(v, error)[0]:.5g}" for v in values]
+        def listed(values: Array, error: ArrayLike | None, of: Sequence[str], unit: str) -> str:
+            off = np.broadcast_to(np.nan if error is None else error, values.shape)
+            texts = [
+                "-" if v != v else f"{rounded(v, e)[0]:.5g}"
+                for v, e in zip(values, off, strict=True)
+            ]
             return (with_names(texts, of) if named else ", ".join(texts)) + unit
 
         stats = self.stats
@@ -375,7 +379,8 @@ class Result:
             rows.append(("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"))
             if self._has("pulleys.omega"):
                 speeds = self.pulleys.omega[late].mean(axis=0)
-                rows.append(("  pulley speeds", listed(speeds, 0.0, names, " rad/s")))
+                errors = speed_errors(self.accuracy, self.pulleys.omega[late])
+                rows.append(("  pulley speeds", listed(speeds, errors, names, " rad/s")))
             if self._has("span_tension"):
                 means = _mean(self.span_tension[late])
                 error = of_tension and of_tension * abs(float(np.nanmean(means)))
@@ -384,6 +389,9 @@ class Result:
             moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
             if self.mounts is not None and moving and self._has("mounts.travel"):
                 travel = self.mounts.travel[late].mean(axis=0)
+                for m, _ in moving:  # two spans of the belt move it
+                    if of_tension:
+                        travel[m] = rounded(travel[m], 2.0 * of_tension * abs(travel[m]))[0]
                 texts = [f"{names[k]}: {travel_text(self._mount(k), travel[m])}" for m, k in moving]
                 rows.append(("  mounts, from their places", ", ".join(texts)))
             driver, lost = creep_of(self) if self._has("pulleys.omega") else ("", [])

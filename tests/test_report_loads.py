@@ -106,8 +106,8 @@ def test_what_acts_on_an_arm_is_in_balance() -> None:
     assert 0.3 < 2.0 * row.amplitude / np.ptp(travel) < 1.2
     lines = told.text(full=True).splitlines()
     (line,) = [one for one in lines if one.strip().startswith("tensioner, travel")]
-    assert f"{math.degrees(row.travel.mean):.3f}" in line and " deg " in line
-    assert f"{row.frequency:.2f}" in line
+    assert f" {math.degrees(row.travel.mean):.1f} " in line and " deg " in line
+    assert f" {row.frequency:.1f} " in line
     assert any("to the nearer stop" in one for one in lines)
     assert "tensioner, spring" in told._repr_html_()
     assert told.to_dict()["mounts"][0]["travel"]["mean"] == row.travel.mean
@@ -142,7 +142,7 @@ def test_a_slider_and_a_path() -> None:
     assert row.belt.mean == pytest.approx(-pull, rel=1e-3)
     (line,) = (one for one in told.text(full=True).splitlines() if "tail" in one and " mm " in one)
     printed = float(line.partition(" mm ")[2].split()[0])
-    assert printed == pytest.approx(1e3 * row.travel.mean, rel=1e-3)
+    assert printed == pytest.approx(1e3 * row.travel.mean, rel=2.0 * told.tension_error)
     assert "spring, hung weight" in told.text(full=True)
     path = bd.Path(t=[0.0, 0.02], displacement=[(0.0, 0.0), (3e-4, -4e-4)])
     told = bd.simulate(two(path, preload=300.0), still, 0.03).report(0.1)

@@ -10,6 +10,7 @@ one screen and in full, and ``flat`` for how it is given as numbers.
 from __future__ import annotations
 
 from .cycles import rainflow
+from .digits import speed_errors
 from .making import creep_of, make_report
 from .report import Report
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, Rows, SpanRow, Spread
@@ -27,4 +28,5 @@ __all__ = [
     "creep_of",
     "make_report",
     "rainflow",
+    "speed_errors",
 ]

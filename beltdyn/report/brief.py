@@ -7,29 +7,19 @@ from collections.abc import Iterator
 
 from ..html import paragraphs
 from ..sanity import PAPERS_MESH
-from . import text
-from .rows import Power, PulleyRow, SpanRow, Told
-from .text import (
-    _NONE,
-    _NOTHING,
-    _OF_KIND,
-    _STILL,
-    _TO_RPM,
-    Table,
-    _direction,
-    _margin,
-    _mean,
-    _number,
-    _of_tension,
-    _percent,
-    _power,
-    _range,
-    _when,
-    _within,
-    _without,
-    columns,
-    opening,
+from . import digits, text
+from .digits import (
+    NONE,
+    between,
+    number,
+    of_speed,
+    of_tension,
+    percent,
+    placed,
+    within,
 )
+from .rows import Power, PulleyRow, SpanRow, Told
+from .text import _NOTHING, _OF_KIND, _STILL, _TO_RPM, Table, _direction, _without, columns, opening
 
 __all__ = ["html", "lines"]
 
@@ -97,7 +87,7 @@ def _tables(report: Told) -> Iterator[Table]:
         kept = [
             k
             for k in range(len(table.heading))
-            if k == 0 or any(row[k] != _NONE for row in table.rows)
+            if k == 0 or any(row[k] != NONE for row in table.rows)
         ]
         if len(kept) > 1:
             heading, *rows = (tuple(row[k] for k in kept) for row in (table.heading, *table.rows))
@@ -121,7 +111,7 @@ def _pulleys(report: Told) -> Table:
         "worst",
     )
     remarks: tuple[str, ...] = ()
-    if any(row[-2:] != (_NONE, _NONE) for row in rows):
+    if any(row[-2:] != (NONE, NONE) for row in rows):
         remarks = (
             "margin: factor by which all loads can grow until it slips in full (later: others "
             "slip first)",
@@ -132,19 +122,19 @@ def _pulleys(report: Told) -> Table:
 def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
     creep = next((one for one in report.creep if one.name == row.name), None)
     power = _without(row.power, _NOTHING * largest)
-    load, _, most = _of_tension(report, row.hub_load, 2.0)
+    load, _, most = of_tension(report, row.hub_load, 2.0)
     return (
         row.name,
-        _mean(_without(row.speed, _STILL), 4, _TO_RPM),
-        _NONE if creep is None else _within(100.0 * creep.slower, _of_creep(report)),
-        _mean(row.torque),
-        _power(report, power),
+        placed(_without(row.speed, _STILL), of_speed(report, row), _TO_RPM)[0],
+        NONE if creep is None else within(100.0 * creep.slower, _of_creep(report)),
+        digits.torque(report, row)[0],
+        digits.power(report, power),
         load,
         most,
         _direction(row.hub_direction),
-        _percent(row.used, 0),
-        _margin(row.margin),
-        _margin(row.least_margin),
+        percent(row.used, 0),
+        digits.margin(report, row.margin),
+        digits.margin(report, row.least_margin),
     )
 
 
@@ -157,7 +147,7 @@ def _of_creep(report: Told) -> float | None:
 def _spans(report: Told) -> Table:
     rows = []
     for row in report.spans:
-        mean, least, most = _of_tension(report, row.tension)
+        mean, least, most = of_tension(report, row.tension)
         rows.append(
             (
                 row.name,
@@ -165,8 +155,8 @@ def _spans(report: Told) -> Table:
                 mean,
                 most,
                 *_of_run(report, row),
-                _number(row.frequency, 3),
-                _number(row.lateral, 3),
+                digits.line_frequency(report, row),
+                digits.string_frequency(report, row, 3),
             )
         )
     heading = (
@@ -181,9 +171,9 @@ def _spans(report: Told) -> Table:
     )
     told = []
     if report.rest_tension is not None:
-        told.append(f"mean tension at rest {_number(report.rest_tension)} N")
+        told.append(f"mean tension at rest {digits.at_rest(report)} N")
     if report.mass_tension is not None:
-        told.append(f"rho v^2 {_number(report.mass_tension, 3)} N")
+        told.append(f"rho v^2 {number(report.mass_tension, 3)} N")
     if any(row.link_passing is not False for row in report.spans if row.frequency is not None):
         told.append("lines may be those of links that pass, of the mesh")
     return Table("Spans", heading, rows, ("; ".join(told),) if told else ())
@@ -191,9 +181,7 @@ def _spans(report: Told) -> Table:
 
 def _of_run(report: Told, row: SpanRow) -> tuple[str, str]:
     return (
-        (_NONE, _NONE)
-        if row.of_run is None
-        else _of_tension(report, row.tension, ends=row.of_run)[1:]
+        (NONE, NONE) if row.of_run is None else of_tension(report, row.tension, ends=row.of_run)[1:]
     )
 
 
@@ -201,15 +189,11 @@ def _mounts(report: Told) -> Table:
     rows = []
     for row in report.mounts:
         way, _, scale = _OF_KIND[row.kind]
-        rows.append(
-            (
-                f"{row.name}, {way}",
-                _mean(row.travel, 4, scale),
-                _range(row.travel, 4, scale),
-                _mean(row.to_stop, 4, scale),
-                _range(row.to_stop, 4, scale),
-            )
+        travel, to_stop = (
+            digits.of_mount(report, row, one, scale) for one in (row.travel, row.to_stop)
         )
+        cells = (travel[0], between(travel[1:]), to_stop[0], between(to_stop[1:]))
+        rows.append((f"{row.name}, {way}", *cells))
     heading = ("mount: travel from its place", "mean", "range", "to the nearer stop", "range")
     return Table("Mounts", heading, rows)
 
@@ -218,7 +202,7 @@ def _closing(report: Told) -> Iterator[str]:
     """Say in a sentence each: slip, power, errors, warnings, what else there is."""
     first = report.first_to_slip
     if first is not None:
-        yield f"Slip: {first.name} slips first, {_when(first)}."
+        yield f"Slip: {first.name} slips first, {text.when(report, first)}."
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
@@ -239,23 +223,23 @@ def _balance(report: Told) -> str:
 
     put_in, lost = total("in"), total("lost")
     error, of_losses = report.power_error, report.efficiency_error or 0.0
-    ends = [_within(one, error and error * put_in) for one in (put_in, total("out"))]
-    told = f"{ends[0]} W put in, {ends[1]} W taken off, {_number(lost, 2)} W lost"
+    ends = [within(one, error and error * put_in) for one in (put_in, total("out"))]
+    told = f"{ends[0]} W put in, {ends[1]} W taken off, {number(lost, 2)} W lost"
     parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
     shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
     if shown:
         told += f" (most: {', '.join(map(_loss, shown))})"
     if report.efficiency is not None:
         percent = 100.0 * of_losses
-        told += f"; efficiency {_within(100.0 * report.efficiency, percent)} %"
-        return f"{told}, by the mesh off by some {_number(percent, 2)} %"
+        told += f"; efficiency {within(100.0 * report.efficiency, percent)} %"
+        return f"{told}, by the mesh off by some {number(percent, 2)} %"
     if of_losses:
-        told += f"; losses by the mesh off by some {_number(of_losses * put_in, 2)} W"
+        told += f"; losses by the mesh off by some {number(of_losses * put_in, 2)} W"
     return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
 
 
 def _loss(one: Power) -> str:
-    return f"{one.name} {_number(one.power, 2)}"
+    return f"{one.name} {number(one.power, 2)}"
 
 
 def _named(report: Told) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import _core, sanity
 from ..mounts import Arm, Slider, friction_stiffness
+from .digits import number
 from .rows import Power
 from .touching import Touching
 from .window import Window
@@ -98,8 +99,8 @@ def power_rows(
         notes.append("no efficiency: no pulley puts power in, in this window")
     elif abs(stored) > STORED * put_in:
         notes.append(
-            f"no efficiency: what is stored changes by {abs(stored):.3g} W in this window, "
-            f"{100.0 * abs(stored) / put_in:.3g} % of what is put in"
+            f"no efficiency: what is stored changes by {number(abs(stored), 2)} W in this window, "
+            f"{100.0 * abs(stored) / put_in:.2g} % of what is put in"
         )
     else:
         efficiency = 1.0 - lost / put_in

@@ -176,7 +176,7 @@ class _Slipping:
             held = rows[k].sticking_margin
             until = ""
             if held is not None and math.isfinite(held):
-                until = f"; with {self.reached[k]:.3g}, while nothing makes it slip, {held:.2f}"
+                until = f"; with {self.reached[k]:.3g}, while nothing makes it slip, {held:.2g}"
             self.notes.append(
                 f"{self.params.label(int(k))}: friction falls with slip velocity, from "
                 f"{self.reached[k]:.3g} at those of this window to {self.mu[k]:.3g} in fast slip. "

@@ -9,9 +9,21 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from ..accuracy_report import rounded
 from ..html import paragraphs, table_of
+from . import digits
 from .cycles import CLASSES
+from .digits import (
+    NONE,
+    between,
+    number,
+    of_speed,
+    of_tension,
+    percent,
+    placed,
+    signed,
+    tension_off,
+    within,
+)
 from .rows import Power, PulleyRow, Spread, Told
 
 __all__ = ["Table", "columns", "html", "lines", "of_tables", "opening", "tables"]
@@ -20,8 +32,6 @@ _WIDTH = 80
 _TO_RPM = 30.0 / math.pi
 #: Speeds below this are rounding [rad/s], and powers below that much of the largest.
 _STILL, _NOTHING = 1e-6, 1e-9
-#: What stands for a value that is not known or does not apply.
-_NONE = "-"
 #: Part of the speed lost that may remain unexplained, and speeds lost that are as good as none.
 DOUBT, FAINT = 0.1, 1e-5
 #: Part of the speed lost from which on a negative share of friction is explained.
@@ -41,85 +51,15 @@ class Table(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
-def _number(value: float | None, digits: int = 4) -> str:
-    """Give a number with that many digits, none as an exponent where it can be read without."""
-    if value is None or math.isnan(value):
-        return _NONE
-    if math.isinf(value):
-        return "none"
-    size = abs(value)
-    if size == 0.0:
-        return "0"
-    if 1e-3 <= size < 1e6:
-        shown = f"{value:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
-        return shown
-    return f"{value:.{digits - 1}e}"
-
-
-def _within(value: float | None, error: float | None) -> str:
-    """Give a number with the digits that its error leaves it."""
-    if value is None or not math.isfinite(value):
-        return _number(value)
-    return _signed(_number(*rounded(value, error)))
-
-
-def _of_tension(
-    report: Told, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
-) -> tuple[str, str, str]:
-    """Give mean, least and most of so many spans' tensions.
-
-    The error of the mean is a share of the mean tension; all have the place that it leaves the
-    mean, so that this is not beyond its own least and most. ``ends`` are others than its own.
-    """
-    if value is None:
-        return (_NONE,) * 3
-    ends = ends or value
-    means = [row.tension.mean for row in report.spans if row.tension is not None]
-    means = [one for one in means if math.isfinite(one)]  # of a span that is there
-    if not means or report.tension_error is None or not 1e-3 <= abs(value.mean) < 1e6:
-        return _mean(value), _number(ends.least, 3), _number(ends.most, 3)
-    _, digits = rounded(value.mean, spans * report.tension_error * abs(sum(means) / len(means)))
-    place = digits - 1 - math.floor(math.log10(abs(value.mean)))
-    mean, least, most = (
-        _signed(f"{round(one, place):.{max(0, place)}f}") if math.isfinite(one) else _number(one)
-        for one in (value.mean, ends.least, ends.most)
-    )
-    return mean, least, most
-
-
-def _between(ends: Sequence[str]) -> str:
-    return _NONE if _NONE in ends else " to ".join(ends)
-
-
-def _range(value: Spread | None, digits: int = 4, scale: float = 1.0) -> str:
-    if value is None:
-        return _NONE
-    ends = sorted((scale * value.least, scale * value.most))
-    return f"{_number(ends[0], digits)} to {_number(ends[1], digits)}"
-
-
-def _mean(value: Spread | None, digits: int = 4, scale: float = 1.0) -> str:
-    return _NONE if value is None else _number(scale * value.mean, digits)
-
-
-def _percent(share: float | None, decimals: int = 1) -> str:
-    return _NONE if share is None else _signed(f"{100.0 * share:.{decimals}f}")
-
-
-def _signed(shown: str) -> str:
-    """Give a number without the sign of a zero."""
-    return shown.removeprefix("-") if not shown.strip("-0.") else shown
-
-
 def _direction(angle: float | None) -> str:
     if angle is None:
-        return _NONE
-    shown = _signed(f"{math.degrees(angle):.0f}")
+        return NONE
+    shown = signed(f"{math.degrees(angle):.0f}")
     return "180" if shown == "-180" else shown
 
 
 def _degrees(angle: float | None) -> str:
-    return _NONE if angle is None else f"{math.degrees(angle):.1f}"
+    return NONE if angle is None else f"{math.degrees(angle):.1f}"
 
 
 def tables(report: Told) -> Iterator[Table]:
@@ -136,7 +76,7 @@ def tables(report: Told) -> Iterator[Table]:
     )
     for table, rows in parts:
         made = table(report) if rows else None
-        if made is not None and any(cell != _NONE for row in made.rows for cell in row[1:]):
+        if made is not None and any(cell != NONE for row in made.rows for cell in row[1:]):
             yield made
 
 
@@ -145,29 +85,22 @@ def _motion(report: Told) -> Table:
     least = _NOTHING * max(powers, default=0.0)
     rows = []
     for row in report.pulleys:
-        speed = _without(row.speed, _STILL)
+        speed, share = _without(row.speed, _STILL), of_speed(report, row)
+        turns, torque = placed(speed, share), digits.torque(report, row)
         rows.append(
             (
                 row.name,
-                _mean(speed, 4, _TO_RPM),
-                _mean(speed, 5),
-                _range(speed, 4),
-                _mean(row.torque),
-                _range(row.torque, 3),
-                _power(report, _without(row.power, least)),
+                placed(speed, share, _TO_RPM)[0],
+                turns[0],
+                between(turns[1:]),
+                torque[0],
+                between(torque[1:]),
+                digits.power(report, _without(row.power, least)),
             )
         )
     heading = ("pulley", "1/min", "rad/s", "range", "torque", "range", "power")
     title = "Speed, torque in N m, power in W (counter-clockwise, and put in, positive)"
     return Table(title, heading, rows)
-
-
-def _power(report: Told, value: Spread | None) -> str:
-    if value is None or not value.mean:
-        return _mean(value)
-    largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
-    error = report.power_error
-    return _within(value.mean, error and error * largest)
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:
@@ -182,12 +115,12 @@ def _loads(report: Told) -> Table:
     rows = [
         (
             row.name,
-            (load := _of_tension(report, row.hub_load, 2.0))[0],
-            _between(load[1:]),
+            (load := of_tension(report, row.hub_load, 2.0))[0],
+            between(load[1:]),
             _direction(row.hub_direction),
             _degrees(row.wrap),
-            _degrees(row.slip_arc),
-            _percent(row.slip_share, 0),
+            digits.slip_arc(row),
+            percent(row.slip_share, 0),
             _percents(row.slip_range),
         )
         for row in report.pulleys
@@ -222,15 +155,15 @@ def _slip(report: Told) -> Table:
     rows = [
         (
             row.name,
-            _number(row.belt_torque),
-            _number(row.ratio, 3),
-            _number(row.limit, 3),
-            _percent(row.used, 0),
+            digits.belt_torque(report, row),
+            digits.ratio(report, row),
+            number(row.limit, 3),
+            percent(row.used, 0),
             _percents(row.used_range),
-            _margin(row.margin),
-            _margin(row.least_margin),
-            _margin(row.own_margin),
-            _number(row.slip_torque),
+            digits.margin(report, row.margin),
+            digits.margin(report, row.least_margin),
+            digits.margin(report, row.own_margin),
+            digits.slip_torque(report, row),
         )
         for row in report.pulleys
     ]
@@ -238,13 +171,13 @@ def _slip(report: Told) -> Table:
         "Torque of the belt on the pulley. Torque, ratio, used, margin are of the means of the "
         "window; range and worst are of single moments, averaged over the passing of a link. "
         "Margin: factor by which all loads can grow before the pulley slips in full; own: its "
-        f"load alone, {report.driver or 'what holds the belt'} making up for it.",
+        f"load alone, {report.driver or 'what holds the belt'} making up for it, before any slips.",
     ]
     if any(row.margin is not None and math.isinf(row.margin) for row in report.pulleys):
         remarks.append("later: others slip in full, or a span goes slack, long before it would.")
     first = report.first_to_slip
     if first is not None:
-        remarks.append(f"{first.name} slips first, {_when(first)}.")
+        remarks.append(f"{first.name} slips first, {when(report, first)}.")
     heading = (
         "pulley",
         "torque N m",
@@ -265,7 +198,7 @@ def _slip(report: Told) -> Table:
     )
 
 
-def _when(row: PulleyRow) -> str:
+def when(report: Told, row: PulleyRow) -> str:
     """Say when the first pulley slips: now, or at which torques."""
     margins = [one for one in (row.margin, row.least_margin) if one is not None]
     if min(margins) <= 1.02 < (row.sticking_margin or 0.0):
@@ -275,26 +208,21 @@ def _when(row: PulleyRow) -> str:
             "now" if row.margin is not None and row.margin <= 1.02 else "now, at the worst instant"
         )
     told = []
-    if row.margin is not None:
-        told.append(f"when all loads have grown {row.margin:.2f}-fold")
+    if row.margin is not None and math.isfinite(row.margin):
+        told.append(f"when all loads have grown {digits.margin(report, row.margin)}-fold")
     if row.least_margin is not None and (
         row.margin is None or row.least_margin < 0.95 * row.margin
     ):
-        worst = f"{row.least_margin:.2f}-fold at the worst instant, t = {row.worst_time:.4g} s"
+        least = digits.margin(report, row.least_margin)
+        worst = f"{least}-fold at the worst instant, t = {row.worst_time:.4g} s"
         told.append(f"but {worst}" if told else f"when all loads have grown {worst}")
     return ", ".join(told)
-
-
-def _margin(margin: float | None) -> str:
-    if margin is None:
-        return _NONE
-    return "later" if math.isinf(margin) else f"{margin:.2f}"
 
 
 def _percents(value: Spread | None) -> str:
     """Give the range of a share in percent, the most of it "slack" where it is infinite."""
     if value is None:
-        return _NONE
+        return NONE
     ends = ["slack" if math.isinf(one) else f"{100 * one:.0f}" for one in (value.least, value.most)]
     return " to ".join(ends)
 
@@ -302,19 +230,19 @@ def _percents(value: Spread | None) -> str:
 def _spans(report: Told) -> Table:
     rows = []
     for row in report.spans:
-        line = _NONE
+        line = NONE
         if row.frequency is not None:
             mark = " ?" if row.link_passing is None else " *" if row.link_passing else ""
-            line = _number(row.frequency) + mark
+            line = digits.line_frequency(report, row) + mark
         rows.append(
             (
                 row.name,
-                _NONE if row.length is None else f"{1e3 * row.length:.1f}",
-                (tension := _of_tension(report, row.tension))[0],
-                _between(tension[1:]),
+                NONE if row.length is None else f"{1e3 * row.length:.1f}",
+                (tension := of_tension(report, row.tension))[0],
+                between(tension[1:]),
                 line,
-                _NONE if row.amplitude is None else f"{_number(row.amplitude, 2)}",
-                _number(row.lateral),
+                NONE if row.amplitude is None else f"{number(row.amplitude, 2)}",
+                digits.string_frequency(report, row),
             )
         )
     heading = ("span", "mm", "tension", "range", "line Hz", "+- N", "string")
@@ -332,16 +260,17 @@ def _spans(report: Told) -> Table:
         most = max(known, key=lambda row: row.of_run.most if row.of_run else 0.0)
         least = min(known, key=lambda row: row.of_run.least if row.of_run else 0.0)
         assert most.of_run is not None and least.of_run is not None
+        ends = (within(one, tension_off(report)) for one in (most.of_run.most, least.of_run.least))
         slack = "none goes slack" if least.of_run.least > 0.0 else "it goes slack"
         remarks.append(
-            f"In all of the run: at most {_number(most.of_run.most)} N ({most.name}), at least "
-            f"{_number(least.of_run.least)} N ({least.name}; {slack}); means over the span."
+            f"In all of the run: at most {next(ends)} N ({most.name}), at least {next(ends)} N "
+            f"({least.name}; {slack}); means over the span."
         )
     told = []
     if report.rest_tension is not None:
-        told.append(f"Mean tension at rest: {_number(report.rest_tension)} N.")
+        told.append(f"Mean tension at rest: {digits.at_rest(report)} N.")
     if report.mass_tension is not None:
-        told.append(f"rho v^2 in this window: {_number(report.mass_tension, 3)} N.")
+        told.append(f"rho v^2 in this window: {number(report.mass_tension, 3)} N.")
     if told:
         remarks.append(" ".join(told))
     title = "Spans: tension in N, strongest line in it, frequency as a moving string in Hz"
@@ -382,10 +311,10 @@ def _mounts(report: Told) -> Table:
                 (
                     f"{row.name}, {words}",
                     way if of_way else force,
-                    _mean(value, 4, factor),
-                    _range(value, 4, factor),
-                    _number(row.frequency) if line else "",
-                    _number(scale * (row.amplitude or 0.0), 2) if line else "",
+                    (shown := digits.of_mount(report, row, value, factor))[0],
+                    between(shown[1:]),
+                    digits.line_frequency(report, row) if line else "",
+                    number(scale * (row.amplitude or 0.0), 2) if line else "",
                 )
             )
     heading = ("mount", "in", "mean", "range", "line Hz", "+-")
@@ -403,13 +332,15 @@ def _mounts(report: Told) -> Table:
 def _creep(report: Told) -> Table:
     # Parts have the decimals of the whole, which has the digits that its error leaves it.
     most = max((100.0 * abs(row.slower) for row in report.creep), default=0.0)
-    shown = _within(most, report.creep_error and report.creep_error * most)
+    shown = within(most, report.creep_error and report.creep_error * most)
     decimals = min(3, len(shown.partition(".")[2]))
     rows = []
     for row in report.creep:
         causes = (row.stretch, row.friction, row.radius, row.remainder)
         parts = (row.slower, *(row.as_share * one for one in causes))
-        rows.append((row.name, _number(row.ratio, 4), *(_percent(one, decimals) for one in parts)))
+        rows.append(
+            (row.name, digits.speed_ratio(report, row), *(percent(one, decimals) for one in parts))
+        )
     heading = (
         "pulley",
         "ratio",
@@ -447,13 +378,13 @@ def _powers(report: Told) -> Table:
         if abs(value) < 0.005:
             return "0.00"
         error = None if row.kind not in ("in", "out") else report.power_error
-        return _within(value, error and error * largest * abs(value / row.power))
+        return within(value, error and error * largest * abs(value / row.power))
 
     rows = [
         (
             f"{kinds[row.kind]} {row.name}".strip(),
             shown(row, row.power),
-            shown(row, 100.0 * (row.share or 0.0)) if shares else _NONE,
+            shown(row, 100.0 * (row.share or 0.0)) if shares else NONE,
         )
         for row in report.powers
     ]
@@ -463,15 +394,18 @@ def _powers(report: Told) -> Table:
     if report.efficiency is not None:
         error = report.efficiency_error or 0.0
         remarks = (
-            f"Efficiency {_within(100.0 * report.efficiency, 100.0 * error)} %: what is put in "
-            f"less what is lost. The error is some {_number(100.0 * error, 2)} %: so much may be "
+            f"Efficiency {within(100.0 * report.efficiency, 100.0 * error)} %: what is put in "
+            f"less what is lost. The error is some {number(100.0 * error, 2)} %: so much may be "
             "lost by links as they land, in the contact's damping; more links tell.",
         )
     return Table("Power: what is put in is the sum of all below", ("", "W", "%"), rows, remarks)
 
 
 def _cycles(report: Told) -> Table:
-    rows = [(_number(one.range), _number(one.mean), f"{one.count:g}") for one in report.cycles]
+    off = digits.history_off(report)
+    rows = [
+        (within(one.range, off), within(one.mean, off), f"{one.count:g}") for one in report.cycles
+    ]
     title = (
         f"Load cycles of joint {report.joint} by rainflow, t = {report.cycles_begin:.4g} to "
         f"{report.end:.4g} s"
@@ -491,15 +425,15 @@ def _cycles(report: Told) -> Table:
 
 def opening(report: Told) -> list[str]:
     """Say which part of the run it is, and how fast the belt is."""
-    speed, range_ = "", report.belt_speeds
+    told, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
-        speed = f"; belt at {abs(report.belt_speed):.4g} m/s"
+        told = f"; belt at {digits.belt_speed(report)} m/s"
     if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
-        speed = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
+        told = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
     driver = "" if report.driver is None else f", driven by {report.driver}"
     found = [
         f"Means over t = {report.begin:.6g} to {report.end:.6g} s, {report.samples} samples"
-        f"{speed}{_against(report)}{driver}"
+        f"{told}{_against(report)}{driver}"
     ]
     return found + ([f"  not steady: {_unsteady(report)}"] if report.unsteady else [])
 

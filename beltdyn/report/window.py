@@ -239,7 +239,7 @@ class Window:
                 before, after = self._halves(omega[:, k])
                 if abs(after - before) * pulley.radius > max(STEADY * scale, least):
                     text = (
-                        f"the mean speed of {names[k]} goes from {before:.4g} to {after:.4g} rad/s"
+                        f"the mean speed of {names[k]} goes from {before:.3g} to {after:.3g} rad/s"
                     )
                     found.append((abs(after - before) * pulley.radius / scale, text + _HALVES))
         spans = self.spans()
@@ -250,7 +250,7 @@ class Window:
                 if abs(after - before) > STEADY * scale > 0.0:
                     text = (
                         f"the mean tension from {names[k]} to {names[(k + 1) % len(names)]} goes "
-                        f"from {before:.4g} to {after:.4g} N"
+                        f"from {before:.3g} to {after:.3g} N"
                     )
                     found.append((abs(after - before) / scale, text + _HALVES))
         return [text for _, text in sorted(found, key=lambda one: -one[0])]

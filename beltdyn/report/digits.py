@@ -1,0 +1,287 @@
+"""How many digits a report prints of a number: those that its error leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..accuracy_report import Accuracy, rounded
+from ..checks import Array
+from .rows import Creep, MountRow, PulleyRow, SpanRow, Spread, Told
+
+__all__ = [
+    "NONE",
+    "at_rest",
+    "belt_speed",
+    "belt_torque",
+    "between",
+    "history_off",
+    "line_frequency",
+    "margin",
+    "number",
+    "of_mount",
+    "of_speed",
+    "of_tension",
+    "percent",
+    "placed",
+    "power",
+    "ratio",
+    "signed",
+    "slip_arc",
+    "slip_torque",
+    "speed_errors",
+    "speed_ratio",
+    "string_frequency",
+    "tension_off",
+    "torque",
+    "within",
+]
+
+#: What stands for a value that is not known or does not apply.
+NONE = "-"
+#: Error of speeds and torques where that of the power is not known: what belts creep at most.
+CREEPS = 5e-3
+#: Spread of samples over their mean that rounding leaves of a constant.
+ROUNDING = 1e-9
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Give a number with that many digits, none as an exponent where it can be read without."""
+    if value is None or math.isnan(value):
+        return NONE
+    if math.isinf(value):
+        return "none"
+    value = float(f"{value:.{digits - 1}e}")  # 9.97 is 10 and has no digit more than 9.94
+    size = abs(value)
+    if size == 0.0:
+        return "0"
+    if 1e-3 <= size < 1e6:
+        return f"{value:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def within(value: float | None, error: float | None, digits: int = 4) -> str:
+    """Give a number with the digits that its error leaves it, at most so many."""
+    if value is None or not math.isfinite(value):
+        return number(value)
+    return signed(number(*rounded(value, error, digits)))
+
+
+def signed(shown: str) -> str:
+    """Give a number without the sign of a zero."""
+    return shown.removeprefix("-") if not shown.strip("-0.") else shown
+
+
+def percent(share: float | None, decimals: int = 1) -> str:
+    """Give a share in percent."""
+    return NONE if share is None else signed(f"{100.0 * share:.{decimals}f}")
+
+
+def placed(
+    value: Spread | None,
+    share: float | None,
+    scale: float = 1.0,
+    ends: Spread | None = None,
+    size: float | None = None,
+) -> tuple[str, str, str]:
+    """Give mean, least and most, all to the place that an error leaves.
+
+    Args:
+        value: What is told.
+        share: The error over the size [1]; None: not known.
+        scale: What all of it is multiplied with.
+        ends: Least and most, if others than its own.
+        size: What errs by that share, in the unit of the value; None: the largest of the three.
+    """
+    if value is None:
+        return NONE, NONE, NONE
+    ends = ends or value
+    mean, least, most = scale * value.mean, *sorted((scale * ends.least, scale * ends.most))
+    known = [abs(one) for one in (mean, least, most) if math.isfinite(one)]
+    size = max(known, default=0.0) if size is None else abs(scale * size)
+    if not 1e-3 <= size < 1e6:
+        return number(mean, 2), number(least, 2), number(most, 2)
+    shown, digits = rounded(size, share and share * size)
+    place = digits - 1 - math.floor(math.log10(shown))
+    told = [
+        signed(f"{round(one, place):.{max(0, place)}f}") if math.isfinite(one) else number(one)
+        for one in (mean, least, most)
+    ]
+    return told[0], told[1], told[2]
+
+
+def between(ends: Sequence[str]) -> str:
+    """Give a range from its least and most."""
+    return NONE if NONE in ends else " to ".join(ends)
+
+
+def tension_off(report: Told) -> float | None:
+    """Give the error of mean tensions, a share of the mean of all spans [N]; None: not known."""
+    means = [row.tension.mean for row in report.spans if row.tension is not None]
+    means = [one for one in means if math.isfinite(one)]  # of a span that is there
+    if not means or report.tension_error is None:
+        return None
+    return report.tension_error * abs(sum(means) / len(means))
+
+
+def of_tension(
+    report: Told, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
+) -> tuple[str, str, str]:
+    """Give mean, least and most of so many spans' tensions.
+
+    All have the place that the error leaves the mean, so that this is not beyond its own ends.
+    """
+    off = tension_off(report)
+    if value is None or not value.mean:
+        return placed(value, None, ends=ends)
+    return placed(value, off and spans * off / abs(value.mean), ends=ends, size=value.mean)
+
+
+def speed_errors(accuracy: Accuracy, speeds: Array) -> Array:
+    """Give the errors of the mean speeds of pulleys, from their samples (n_t, n_p) [rad/s].
+
+    Those that are set have none; beside one the others are off by a creep at most.
+    """
+    size, share = np.abs(speeds.mean(axis=0)), _of_loads(accuracy)
+    held = np.ptp(speeds, axis=0) <= ROUNDING * size
+    return np.where(held, 0.0, size * (min(share, CREEPS) if held.any() else share))
+
+
+def _of_loads(accuracy: Accuracy) -> float:
+    """Give the error of speeds and torques that loads and losses decide, a share of each [1].
+
+    What is lost on the way of the power shifts the speed at which loads balance, and the torque
+    that a prescribed speed needs.
+    """
+    return accuracy["speed"].known or accuracy["power"].known or CREEPS
+
+
+def given(value: Spread | None) -> bool:
+    """Tell what is set, a constant speed or torque: a result of links varies by more."""
+    return value is not None and value.most - value.least <= ROUNDING * abs(value.mean)
+
+
+def of_speed(report: Told, row: PulleyRow) -> float:
+    """Give the error of a pulley's speed [1]: beside one that is given at most what it loses."""
+    if given(row.speed):
+        return 0.0
+    slower = [abs(one.slower) for one in report.creep if one.name == row.name]
+    return slower[0] if slower and _led(report) else _of_loads(report.accuracy)
+
+
+def _led(report: Told) -> bool:
+    """Tell whether the speed of the driving pulley is given."""
+    return any(given(row.speed) for row in report.pulleys if row.name == report.driver)
+
+
+def torque(report: Told, row: PulleyRow) -> tuple[str, str, str]:
+    """Give mean, least and most of the torque that is set, or that a speed needs."""
+    return placed(row.torque, 0.0 if given(row.torque) else _of_loads(report.accuracy))
+
+
+def belt_torque(report: Told, row: PulleyRow) -> str:
+    """Give the torque of the belt on a pulley, of an idler too with the error of the largest."""
+    largest = max((abs(one.belt_torque or 0.0) for one in report.pulleys), default=0.0)
+    return within(row.belt_torque, _of_loads(report.accuracy) * largest)
+
+
+def belt_speed(report: Told) -> str:
+    """Give the size of the belt's speed, off by a creep from one that is given."""
+    speed, share = abs(report.belt_speed or 0.0), _of_loads(report.accuracy)
+    return within(speed, speed * (min(share, CREEPS) if _led(report) else share))
+
+
+def of_grip(report: Told) -> float | None:
+    """Give the error of what friction can hold, of tensions less rho v^2 [1]; None: not known."""
+    off = tension_off(report)
+    pulls = [one for row in report.pulleys for one in (row.tight, row.slack) if one is not None]
+    if off is None or not pulls or not sum(pulls) > 0.0:
+        return None
+    return off * len(pulls) / sum(pulls)
+
+
+def margin(report: Told, value: float | None) -> str:
+    """Give a margin of torque, which is in error as what friction can hold: to two decimals."""
+    if value is None or not math.isfinite(value):
+        return NONE if value is None else "later"
+    if not value > 0.0:
+        return number(value, 2)
+    share = of_grip(report)
+    return within(value, share and share * value, max(1, 3 + math.floor(math.log10(value))))
+
+
+def ratio(report: Told, row: PulleyRow) -> str:
+    """Give a ratio of tensions, both of which are off by the same."""
+    off = tension_off(report)
+    if row.ratio is None or off is None or not row.slack:
+        return number(row.ratio, 2)
+    return within(row.ratio, off * abs(row.ratio - 1.0) / row.slack, 3)
+
+
+def string_frequency(report: Told, row: SpanRow, digits: int = 4) -> str:
+    """Give the frequency of a span as a moving string: the root of its tension less rho v^2."""
+    off = tension_off(report)
+    if row.lateral is None or row.tension is None or off is None:
+        return number(row.lateral, 2)
+    pull = row.tension.mean - (report.mass_tension or 0.0)
+    return within(row.lateral, 0.5 * row.lateral * off / pull if pull > 0.0 else None, digits)
+
+
+def line_frequency(report: Told, row: SpanRow | MountRow) -> str:
+    """Give the frequency of a line, of what swings under the belt's tension."""
+    share = report.tension_error
+    if row.frequency is None:
+        return NONE
+    return within(row.frequency, share and 0.5 * share * row.frequency, 3)
+
+
+def power(report: Told, value: Spread | None) -> str:
+    """Give a pulley's power, whose error is a share of the largest."""
+    if value is None or not value.mean:
+        return number(None if value is None else value.mean)
+    largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
+    error = report.power_error
+    return within(value.mean, error and error * largest)
+
+
+def slip_torque(report: Told, row: PulleyRow) -> str:
+    """Give the torque at which a pulley slips in full."""
+    share = of_grip(report)
+    return within(row.slip_torque, share and share * abs(row.slip_torque or 0.0))
+
+
+def slip_arc(row: PulleyRow) -> str:
+    """Give the arc of slip in degrees: of links that slip or do not, to a link's angle."""
+    if row.slip_arc is None:
+        return NONE
+    link = 0.0 if not row.wrap or not row.links else row.wrap / row.links
+    return signed(f"{math.degrees(row.slip_arc):.{0 if math.degrees(link) > 1.0 else 1}f}")
+
+
+def at_rest(report: Told) -> str:
+    """Give the mean tension at rest, which the mesh knows no worse than that of the run."""
+    share = report.tension_error
+    return within(report.rest_tension, share and share * abs(report.rest_tension or 0.0))
+
+
+def history_off(report: Told) -> float | None:
+    """Give the error of tensions over time [N]; None: not known."""
+    off, share = tension_off(report), report.accuracy["tension"].known
+    return off and share and off * share / (report.tension_error or share)
+
+
+def of_mount(
+    report: Told, row: MountRow, value: Spread | None, scale: float = 1.0
+) -> tuple[str, str, str]:
+    """Give travels or forces of a mount, which the belt of two spans moves; paths are given."""
+    share = report.tension_error and 2.0 * report.tension_error
+    return placed(value, 0.0 if row.kind == "path" else share, scale)
+
+
+def speed_ratio(report: Told, row: Creep) -> str:
+    """Give the ratio of speeds: of a creep whose error is not known all may be wrong."""
+    largest = max((abs(one.slower) for one in report.creep), default=0.0)
+    lost = abs(row.slower) if report.creep_error is None else largest * report.creep_error
+    return within(row.ratio, lost * abs(row.ratio))
