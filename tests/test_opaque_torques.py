@@ -398,9 +398,9 @@ def test_an_explicit_step_sees_a_jump_within_it() -> None:
 
 
 def test_speeds_that_jump_in_a_trial_are_no_jump_of_the_torque() -> None:
-    """A viscous torque, links that chatter under falling friction: tries of rodas4 with wild speeds,
-    rejected as they are, passed for jumps of the torque, and later one of them was allowed for:
-    5000 J from nowhere within 20 us.
+    """A viscous torque, links that chatter under falling friction: trials of rodas4 with wild
+    speeds, rejected as they are, passed for jumps of the torque, and later one of them was allowed
+    for: forces of 500 N became 1e6 N within a step.
     """
     params, torque, *_ = random_drives.draw(710427, "varied", 0.08 * random_drives.RADIANS)
     run = {"initial": bd.settle(params), "rtol": 1e-4, "outputs": ("pulleys.omega",)}
