@@ -14,6 +14,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
+import random_drives
 from bridge import fields, oracle_of
 from scipy.optimize import brentq
 
@@ -188,3 +189,10 @@ def test_settling_is_not_held_up_by_it(mesh: str) -> None:
     assert other.stats["steps"] <= 10 * one.stats["steps"]
     expected = plain.info["mean_tension"]
     assert strong.info["mean_tension"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_settling_throws_no_link_off_by_it() -> None:
+    """Links that come in fast would make it stiffer than the steps are for, and bounce for ever."""
+    params, *_ = random_drives.draw(710034, "varied")
+    assert params.contact.hunt_crossley > 1.0
+    assert bd.settle(params).residual <= 1e-9

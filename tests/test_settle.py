@@ -8,6 +8,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
+import random_drives
 from bridge import fields, oracle_of
 
 import beltdyn as bd
@@ -158,6 +159,12 @@ def test_shorter_steps_where_a_blow_up_throws_an_arm_first() -> None:
         travels.append(bd.settle(attrs.evolve(params, belt=belt)).travel[0])
     steps = np.diff(travels)
     assert np.allclose(steps, np.mean(steps), rtol=0.05)  # the lever changes by 3 %
+
+
+def test_goes_on_while_there_is_progress() -> None:
+    """Coarse links, a crossed belt of two, whose slowest motion needs more than the usual time."""
+    params, *_ = random_drives.draw(710494, "varied")
+    assert bd.settle(params).residual <= 1e-9
 
 
 def test_says_when_it_does_not_come_to_rest(rest: bd.State) -> None:

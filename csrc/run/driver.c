@@ -336,7 +336,7 @@ static int try_step(bd_sim *sim, trial *t) {
   if (code == BD_OK && !stepper->fixed && !sim->settling && stepper->now->implicit) {
     t->error = fmax(t->error, unseen_error(sim, t->h));
   }
-  bd_torque_functions_after_try(stepper, t->h);
+  bd_torque_functions_after_try(stepper, t->h, t->error);
   int within = isfinite(t->error) && t->error <= t->tolerance;
   t->least = stepper->fixed ? 0.0 : bd_torque_functions_shortest_step(stepper);
   t->rough = !within && !stepper->fixed && isfinite(t->error) &&

@@ -69,14 +69,6 @@ static double tightest_radius(const bd_model *model) {
   return tightest;
 }
 
-/* Damping by the force has no say in an equilibrium: so much that it is not more than critical. */
-static double easiest_by_force(const bd_model *model) {
-  const double normal = pressed_by(model) / tightest_radius(model);
-  const double contact =
-      bd_contact_stiffness(model->info.contact_quadratic, model->info.contact_linear, normal);
-  return fmin(model->contact.hunt_crossley, 2.0 * sqrt(contact * model->info.link_mass) / normal);
-}
-
 /* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
  * stiffens with penetration. */
 static double fastest_mode(const bd_model *model, int friction, double flow) {
@@ -95,7 +87,7 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
   double k = model->shear * info->joint_stiffness / m +
              4.0 * info->bending_stiffness / info->link_inertia +
              (contact + steepest.stiffness) / m;
-  double d = (info->contact_damping + easiest_by_force(model) * normal) / m + steepest.damping / m +
+  double d = info->contact_damping / m + steepest.damping / m +
              critical_mass_damping(model, flow, &lowest) +
              model->shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;
@@ -107,9 +99,11 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
  * steps leave it holding, and on the paper's mesh, whose coarse belts are to stay as they were,
  * many more. The share of the stability limit that an explicit step takes; if that was too much, it
  * is halved (retry). Centres move in, and settling is given up without progress, after so many
- * radians of the lowest transverse mode: the polygon of links holds a fine belt less. */
+ * radians of the lowest transverse mode: the polygon of links holds a fine belt less. While there
+ * is progress it goes on for MOST_PATIENCE times as long. */
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
-static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0;
+static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0,
+                    MOST_PATIENCE = 4.0;
 
 static const bd_method *method_for(const bd_model *model, int friction, double flow, double *step) {
   const bd_method *explicit = bd_method_find("rk4");
@@ -300,7 +294,8 @@ static void set_up(bd_settling *settling, double step) {
                                               : MOVE / lowest;
   sim->stepper.t = sim->t0 = 0.0;
   settling->patience = (sim->stepper.method->implicit ? PATIENCE_FINE : PATIENCE) / lowest;
-  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : settling->patience);
+  sim->t_end = move_time +
+               (given->max_time > 0.0 ? given->max_time : MOST_PATIENCE * settling->patience);
   bd_plan_make(&sim->stepper.plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
@@ -313,8 +308,10 @@ static void set_up(bd_settling *settling, double step) {
   if (!sim->stepper.method->implicit) {
     sim->stepper.plan.links.damping = easiest_damping(model);
   }
+  /* Damping by the force has no say in an equilibrium; where a link comes in fast it makes the
+   * contact stiffer than steps are chosen for, and links are thrown off for ever. */
   for (int j = 0; j < model->lay.np; ++j) {
-    sim->stepper.plan.contact_pulleys[j].hunt_crossley = easiest_by_force(model);
+    sim->stepper.plan.contact_pulleys[j].hunt_crossley = 0.0;
   }
   /* critical for mounts as well: no inertia has a say in an equilibrium */
   for (int m = 0; m < model->lay.nm; ++m) {

@@ -315,15 +315,25 @@ static void widen(bd_stepper *stepper, const double *low, const double *high) {
   functions->ranges += over;
 }
 
-/* Counts the torques that jump, by what would matter over the shortest step. */
-static void count_changes(bd_stepper *stepper, const double *one, const double *other) {
+/* Most error of a try of length h that a torque which jumps, by a speed error of `jump` over unit
+ * time, can be blamed for. */
+static double blamed(double jump, double h) {
+  return 4.0 * h * jump;
+}
+
+/* Counts the torques that jump, by what would matter over the shortest step. A try of length h that
+ * errs by more than the torque can be blamed for does so for another reason: then it may be the
+ * speeds that jump, and the torque with them. */
+static void count_changes(bd_stepper *stepper, double h, double error, const double *one,
+                          const double *other) {
   const bd_torque_functions *functions = &stepper->functions;
   const double tolerance = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol),
                least = shortest_for_jumps(stepper);
   for (int j = 0; functions->ranges > 1 && j < stepper->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
     double range = fmax(functions->range[j], functions->most[j] - functions->least[j]);
-    if (speed_error(stepper, j, change, least) > tolerance && change > 0.5 * range) {
+    if (speed_error(stepper, j, change, least) > tolerance && change > 0.5 * range &&
+        error <= blamed(speed_error(stepper, j, change, 1.0), h)) {
       count_jump(stepper, j, change);
     }
   }
@@ -337,7 +347,7 @@ void bd_torque_functions_before_try(bd_stepper *stepper) {
   }
 }
 
-void bd_torque_functions_after_try(bd_stepper *stepper, double h) {
+void bd_torque_functions_after_try(bd_stepper *stepper, double h, double error) {
   bd_torque_set *set = &stepper->plan.torques;
   const double least = shortest_for_jumps(stepper);
   if (set->watched) {
@@ -349,7 +359,7 @@ void bd_torque_functions_after_try(bd_stepper *stepper, double h) {
   }
   set->watched = 0;
   stepper->functions.short_tries += h < 0.5 * least;
-  count_changes(stepper, set->low, set->high);
+  count_changes(stepper, h, error, set->low, set->high);
 }
 
 double bd_torque_functions_shortest_step(const bd_stepper *stepper) {
@@ -358,7 +368,7 @@ double bd_torque_functions_shortest_step(const bd_stepper *stepper) {
 
 double bd_torque_functions_extra_error(const bd_stepper *stepper, double h) {
   return stepper->t < stepper->functions.rough_until && h <= 1.1 * shortest_for_jumps(stepper)
-             ? 4.0 * h * stepper->functions.jump
+             ? blamed(stepper->functions.jump, h)
              : 0.0;
 }
 
@@ -403,7 +413,7 @@ void bd_torque_functions_push_torque(bd_stepper *stepper, double h) {
   stepper->functions.now = spare;
   bd_torque_functions_set_torque(stepper);
   if (!stepper->plan.torques.smooth && h <= 1.1 * shortest_for_jumps(stepper)) {
-    count_changes(stepper, stepper->functions.last, stepper->functions.now);
+    count_changes(stepper, h, 0.0, stepper->functions.last, stepper->functions.now);
   }
 }
 
