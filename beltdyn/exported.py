@@ -116,8 +116,10 @@ def write_netcdf(dataset: Any, path: str | os.PathLike[str]) -> None:
     with files.replacing(path) as temporary:
         try:
             dataset.to_netcdf(temporary, engine="netcdf4")
-        except RuntimeError as error:  # of the library of netCDF, which does not say why
+        except (RuntimeError, PermissionError) as error:
+            # The library of netCDF does not say why, or denies permission for a file made just now.
+            said = error if isinstance(error, RuntimeError) else "NetCDF could not write it"
             free = shutil.disk_usage(temporary.parent).free
             raise OSError(
-                errno.EIO, f"{error}, with {free / 1e6:.3g} MB free on that disk"
+                errno.EIO, f"{said}, with {free / 1e6:.3g} MB free on that disk"
             ) from error

@@ -38,8 +38,10 @@ _FORWARD = np.array([-147.0, 360.0, -450.0, 400.0, -225.0, 72.0, -10.0]) / 60.0
 _STEP = 5e-5
 #: Change of the speed at a sample that those beside it do not explain, over the largest speed, from
 #: which on it is a jump (a run-up of 17 samples begins with less); share of such samples that is
-#: noise.
-_KINK, _NOISY = 0.03, 0.1
+#: noise. Smaller changes are noise if what is not explained is, in the median, above this share of
+#: the largest speed and above the changes themselves: white noise is more than half of the
+#: acceleration then; a motion for which that is true has less than four samples in its period.
+_KINK, _NOISY, _FAINT = 0.03, 0.1, 1e-3
 #: Knots of the speed in a period of the cutoff: chords are 0.4 % off a sine then.
 _KNOTS = 20
 #: Order of Butterworth's filter, which runs forth and back, and so has twice that and no delay.
@@ -160,18 +162,22 @@ def _refuse_kinks(t: Array, angle: Array) -> None:
     changes = np.concatenate([[0.0], np.diff(slopes), [0.0]])  # at the samples but the ends
     changes[[0, -1]] = changes[[1, -2]]
     unexplained = np.abs(changes[1:-1] - 0.5 * (changes[:-2] + changes[2:]))
-    beyond = unexplained > _KINK * np.max(np.abs(slopes), initial=0.0)
+    fastest = np.max(np.abs(slopes), initial=0.0)
+    beyond = unexplained > _KINK * fastest
+    common = np.median(unexplained)
+    noise = common > max(_FAINT * fastest, np.median(np.abs(changes[1:-1])))
+    noise |= np.count_nonzero(beyond) > max(3.0, _NOISY * t.size)
     highest = np.array([unexplained[max(0, k - 1) : k + 2].max() for k in range(unexplained.size)])
     found = np.flatnonzero(beyond & (unexplained == highest))  # not those beside a kink as well
+    if noise:
+        raise ValueError(
+            f"AngleTable.angle is noisy: from sample to sample the speed changes by up to "
+            f"{np.max(np.abs(changes)):.3g} rad/s, its largest is {fastest:.3g}; give cutoff, the "
+            "frequency up to which it is motion, or more samples"
+        )
     if found.size == 0:
         return
     most = np.max(np.abs(changes[1 + found]))
-    if np.count_nonzero(beyond) > max(3.0, _NOISY * t.size):
-        raise ValueError(
-            f"AngleTable.angle is noisy: from sample to sample the speed changes by up to "
-            f"{most:.3g} rad/s, its largest is {np.max(np.abs(slopes)):.3g}; give cutoff, the "
-            "frequency up to which it is motion, or more samples"
-        )
     worst = found[np.argmax(unexplained[found])] + 1
     times = ", ".join(f"{one:.6g}" for one in t[1 + found][:5])
     raise ValueError(

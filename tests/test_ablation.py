@@ -162,6 +162,11 @@ def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
     for error, names, row in found.sets:
         assert row.error <= error and row.end == explained.window.asked
         assert all(one.error <= error for one in found.rows if one.name in names)
+    level, names, row = found.sets[0]
+    for cpu_time in (-0.2, 0.2):
+        sets = ((level, names, attrs.evolve(row, cpu_time=cpu_time)),)
+        told = str(attrs.evolve(explained, ablation=attrs.evolve(found, sets=sets)))
+        assert ("At 5 % no CPU time is saved: nothing is gained." in told) == (cpu_time > 0.0)
     sizes = [len(names) for _, names, _ in found.sets]
     assert sizes == sorted(set(sizes)) and set(found.advice) < rows.keys()
     assert explained.without("gravity").params.gravity == (0.0, 0.0)

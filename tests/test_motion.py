@@ -9,6 +9,7 @@ import itertools
 import math
 import pickle
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import attrs
@@ -534,13 +535,22 @@ def test_a_run_follows_measured_angles() -> None:
 
 
 def test_kinks_and_noise_of_measured_angles_are_refused() -> None:
-    """By name and time; a run-up of 20 samples is neither."""
+    """By name and time; a run-up of 20 samples is neither, nor is noise below the acceleration.
+
+    Of white noise with the deviation of the motion's own second difference, the fourth difference,
+    halved, is 4.2 of these, what it is compared with 2.6; of a twentieth of that 0.2, and 1.
+    """
     t, rng = ANGLE_TIMES, np.random.default_rng(2)
     kinked = np.where(t < 0.5, 40.0 * t, 20.0 + 10.0 * (t - 0.5))
     with pytest.raises(ValueError, match=r"kinks at t = 0\.5 s: the speed jumps by up to 30 rad/s"):
         bd.AngleTable(t, kinked)
     with pytest.raises(ValueError, match=r"is noisy: .* give cutoff"):
         bd.AngleTable(t, ANGLES + 1e-3 * rng.standard_normal(t.size))
+    own = np.median(np.abs(np.diff(ANGLES, 2)))
+    for part in (0.05, 1.0):
+        noise = part * own * rng.standard_normal(t.size)
+        with pytest.raises(ValueError, match="is noisy") if part == 1.0 else nullcontext():
+            bd.AngleTable(t, ANGLES + noise)
     rounded = bd.AngleTable(t, kinked, cutoff=40.0).speed
     assert rounded.at(0.4)[0] == pytest.approx(40.0, abs=0.01)
     assert rounded.at(0.6)[0] == pytest.approx(10.0, abs=0.01)

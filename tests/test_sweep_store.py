@@ -348,7 +348,12 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "error", [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), RuntimeError("NetCDF: HDF error")]
+    "error",
+    [
+        OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
+        RuntimeError("NetCDF: HDF error"),
+        PermissionError(errno.EACCES, os.strerror(errno.EACCES)),
+    ],
 )
 def test_a_full_disk_is_named_with_the_file(
     error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -369,5 +374,6 @@ def test_a_full_disk_is_named_with_the_file(
     assert caught.value.errno in (errno.ENOSPC, errno.EIO)
     assert Path(caught.value.filename).parent == tmp_path
     assert "no file was left there" in str(caught.value) and keys(tmp_path) == before
+    assert "ermission" not in str(caught.value)
     swept = do(plain(), both, MEASURE, store=tmp_path)
     assert (swept.stored, swept.computed) == (1, 1)

@@ -162,6 +162,9 @@ def _advice(ablation: Ablation, window: Window, error: float) -> list[str]:
             for level, _, row in ablation.sets
         ]
         lines += _table(rows, "><>>>")
+        dear = [_percent(level) for level, _, row in ablation.sets if row.cpu_time > NO_GAIN]
+        if dear:
+            lines += _wrapped(f"At {', '.join(dear)} no CPU time is saved: nothing is gained.", 2)
         if not ablation.advice:
             lines += _wrapped(f"At {_percent(error)}, which was asked for, none.", 2)
     if idle:

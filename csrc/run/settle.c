@@ -28,6 +28,7 @@ struct bd_settling {
   int tries, at_rest, status;
   double force, speed, time; /* of circulation at the last check */
   double stiffness;          /* of circulation, as seen */
+  int looks;                 /* at it, since its gains were changed */
   double patience;           /* how long to wait for less than the least residual so far, */
   double best, best_time;    /* that residual, and when it was seen */
   bd_error failure;
@@ -104,6 +105,9 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
 static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0,
                     MOST_PATIENCE = 4.0;
+/* After this share of the patience the gains of circulation are held for so many looks. */
+static const double HELD_AFTER = 0.25;
+enum { HELD = 16 };
 
 static const bd_method *method_for(const bd_model *model, int friction, double flow, double *step) {
   const bd_method *explicit = bd_method_find("rk4");
@@ -329,15 +333,20 @@ static void set_up(bd_settling *settling, double step) {
  * pulleys are free circulates so, against a stiffness that comes from the polygon of links alone
  * and is thousands of times below all others. It is measured, from how the force along the belt
  * changes with the distance travelled since the last check, and circulation is given the inertia
- * and damping that bring it to rest as fast as the slowest of the other motions allows. */
+ * and damping that bring it to rest as fast as the slowest of the other motions allows. A change of
+ * these changes the force at once, which passes for stiffness and brings the next change: where
+ * that goes on, as on some fine belts, they are held until it has died down. */
 static void tune_circulation(bd_settling *settling, const double *dy) {
   const bd_sim *sim = settling->sim;
   bd_plan *plan = &settling->sim->stepper.plan;
   double force = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->stepper.y);
   double travel = 0.5 * (speed + settling->speed) * (sim->stepper.t - settling->time);
+  const int held = sim->stepper.t > plan->move_time + HELD_AFTER * settling->patience &&
+                   ++settling->looks < HELD;
   /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
-  if (sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
+  if (!held && sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
       fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
+    settling->looks = 0;
     /* the estimate falls only slowly: gains that follow the position would feed energy in */
     double seen = fabs(force - settling->force) / fabs(travel), pace = plan->mass_damping / 16.0;
     settling->stiffness = fmax(seen, 0.9 * settling->stiffness);
@@ -498,6 +507,7 @@ static int retry(bd_settling *settling) {
   settling->best = INFINITY;
   settling->best_time = sim->stepper.t;
   settling->force = settling->speed = settling->time = settling->stiffness = 0.0;
+  settling->looks = 0;
   sim->stepper.plan.circulation_damping = 0.0;
   sim->stepper.plan.circulation_inertia_scale = 1.0;
   return 1;
