@@ -550,7 +550,7 @@ def test_kinks_and_noise_of_measured_angles_are_refused() -> None:
     for part in (0.05, 1.0):
         noise = part * own * rng.standard_normal(t.size)
         with pytest.raises(ValueError, match="is noisy") if part == 1.0 else nullcontext():
-            bd.AngleTable(t, ANGLES + noise)
+            bd.AngleTable(t, ANGLES + 260.0 * t + noise)  # none a jump beside this speed
     rounded = bd.AngleTable(t, kinked, cutoff=40.0).speed
     assert rounded.at(0.4)[0] == pytest.approx(40.0, abs=0.01)
     assert rounded.at(0.6)[0] == pytest.approx(10.0, abs=0.01)

@@ -103,8 +103,7 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
  * radians of the lowest transverse mode: the polygon of links holds a fine belt less. While there
  * is progress it goes on for MOST_PATIENCE times as long. */
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
-static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0,
-                    MOST_PATIENCE = 4.0;
+static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0, MOST_PATIENCE = 4.0;
 /* After this share of the patience the gains of circulation are held for so many looks. */
 static const double HELD_AFTER = 0.25;
 enum { HELD = 16 };
@@ -298,8 +297,8 @@ static void set_up(bd_settling *settling, double step) {
                                               : MOVE / lowest;
   sim->stepper.t = sim->t0 = 0.0;
   settling->patience = (sim->stepper.method->implicit ? PATIENCE_FINE : PATIENCE) / lowest;
-  sim->t_end = move_time +
-               (given->max_time > 0.0 ? given->max_time : MOST_PATIENCE * settling->patience);
+  sim->t_end =
+      move_time + (given->max_time > 0.0 ? given->max_time : MOST_PATIENCE * settling->patience);
   bd_plan_make(&sim->stepper.plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
