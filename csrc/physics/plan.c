@@ -238,7 +238,8 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
     if (rho2 < 0.25 * rim2) {
       return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
                         "link %d sank past half the radius of %s at t = %.9g s: the "
-                        "contact is too soft for this tension, or a torque or a speed out of scale",
+                        "contact is too soft for this tension: raise contact.linear, or look for a "
+                        "torque or a speed out of scale",
                         i, bd_pulley_label(plan->model, j).text, t);
     }
     if (!friction) {

@@ -470,7 +470,10 @@ static int advance(bd_sim *sim, long max_steps) {
     }
     const int guarded = sim->options.guards && !sim->settling;
     if (code == BD_OK && guarded) {
-      code = bd_guard_look(sim, BD_EVERY_STEP || sim->stepper.t >= sim->t_end);
+      code = bd_guard_look(sim, sim->stepper.t >= sim->t_end);
+    }
+    if (BD_EVERY_STEP && code == BD_OK && guarded) {
+      code = bd_guard_check(sim);
     }
     if (code == BD_OK && guarded) {
       code = bd_guard_progress(sim);

@@ -51,7 +51,8 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
                         2.0 * model->info.link_length > model->radius[j]
                             ? "its links are too long for this radius, raise belt.n_bodies"
                             : "it has come off, for want of tension, or pushed through by more "
-                              "force than the contact can hold");
+                              "force than the contact can hold: tension it more, or look for a "
+                              "torque or a speed out of scale");
     }
   }
   return BD_OK;
@@ -346,7 +347,10 @@ int bd_guard_look(bd_sim *sim, int now) {
   guard->steps_look = sim->stats.steps;
   int link;
   double gap, energy = survey(sim, &gap, &link);
-  int code = check_joints(sim, gap, link);
+  int code = now ? bd_invariants_numbers(sim) : BD_OK;
+  if (code == BD_OK) {
+    code = check_joints(sim, gap, link);
+  }
   if (code == BD_OK) {
     code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, &sim->stepper.report.failure,
                             sim->stepper.t);
@@ -359,6 +363,19 @@ int bd_guard_look(bd_sim *sim, int now) {
   check_damping(sim);
   check_contact_damping(sim);
   return code == BD_OK && now ? bd_invariants_check(sim) : code;
+}
+
+int bd_guard_check(bd_sim *sim) {
+  const bd_plan *plan = &sim->stepper.plan;
+  int link, code = bd_invariants_numbers(sim);
+  const double gap = code == BD_OK ? widest_gap(plan, sim->stepper.y, &link) : 0.0;
+  if (gap > 1.0) {
+    code = check_joints(sim, gap, link);
+  }
+  if (code == BD_OK) {
+    code = bd_guard_winding(plan, sim->stepper.y, &sim->stepper.report.failure, sim->stepper.t);
+  }
+  return code == BD_OK ? bd_invariants_check(sim) : code;
 }
 
 /* --- progress -------------------------------------------------------------------------------- */
