@@ -189,9 +189,7 @@ def test_every_error_of_a_run_says_when_where_why_and_what_to_try(
         ({"contact_loss": -9.0, "friction_loss": 9.0}, "dampers of contact_loss have given"),
     ],
 )
-def test_what_no_drive_has_ends_a_run(
-    numbers: dict[str, float], message: str
-) -> None:
+def test_what_no_drive_has_ends_a_run(numbers: dict[str, float], message: str) -> None:
     with pytest.raises(bd.SimulationError, match=message):
         tampered(**numbers)
 

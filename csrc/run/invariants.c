@@ -13,7 +13,7 @@
  *
  * Joints, winding and the balance of energy have bounds of their own, in guards.c. These here are
  * exact, or bounded by rounding: accelerations come from the kernels, the forces they are compared
- * with from the code of the outputs, so that each would show what the other does wrong. A state that
+ * with from the code of the outputs, so that one would show what the other does wrong. A state that
  * breaks one of them is no inaccurate result but a wrong one.
  */
 #include <float.h>
