@@ -13,6 +13,7 @@ from typing import Any
 
 import attrs
 import drives
+import mounted_drives as mounted
 import numpy as np
 import pytest
 from test_record import fnv
@@ -62,18 +63,22 @@ def off_the_pulley(_: bd.State) -> bd.Result:
     return bd.simulate(small, bd.Viscous([0.0, 0.0, 0.0]), 0.01, initial=thrown)
 
 
-def tampered(**numbers: float) -> bd.Result:
+def tampered(
+    params: bd.Params = LONG, start: bd.State | None = None, **numbers: float
+) -> bd.Result:
     """A run whose record is changed after its first steps."""
-    start = bd.settle(LONG)
+    start = start or bd.settle(params)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_core, "Simulation", of_record(numbers))
-        return bd.simulate(LONG, RAMP, 1e-3, initial=start, method="tsit5")
+        torque = bd.PiecewiseLinear([0.0], [[0.0] * len(params.pulleys)])
+        return bd.simulate(params, torque, 1e-3, initial=start, method="tsit5")
 
 
 def of_record(numbers: dict[str, Any]) -> Any:
     """Return what stands in for a simulation that goes on from another one's record, changed.
 
-    ``mu`` and ``slip`` of a link in the middle of a span, works ``joint_loss`` and so on.
+    Numbers are added to ``mu`` and ``slip`` of a link in the middle of a span, to
+    ``mount_friction`` of the first mount, to the works ``joint_loss`` and so on.
     """
     original = _core.Simulation
 
@@ -100,7 +105,7 @@ def of_record(numbers: dict[str, Any]) -> Any:
                 if name in works:  # behind the speeds of the pulleys
                     at, place = found(record, state["omega"]), 2 + works.index(name)
                 else:
-                    at, place = found(record, state[name]), free
+                    at, place = found(record, state[name]), free * (len(state[name]) > 1)
                 old = struct.unpack_from("<d", record, at + 8 * place)[0]
                 struct.pack_into("<d", record, at + 8 * place, old + value)
             head = [*HEAD.unpack_from(record)]
@@ -197,3 +202,10 @@ def test_what_no_drive_has_ends_a_run(numbers: dict[str, float], message: str) -
 def test_forces_add_up_to_rounding() -> None:
     """And are looked at: a share of the bound, which is far above what rounding mostly makes."""
     assert 0.0 < tampered().stats.invariant < 0.1
+
+
+def test_friction_of_a_mount_beyond_its_bound_is_brought_within() -> None:
+    params = mounted.tensioner()
+    start = attrs.evolve(bd.settle(params), mount_friction=np.array([-0.987654]))
+    end = tampered(params, start, mount_friction=-0.5).final_state
+    assert -1.0 <= end.mount_friction[0] < -0.9
