@@ -209,3 +209,17 @@ def test_friction_of_a_mount_beyond_its_bound_is_brought_within() -> None:
     start = attrs.evolve(bd.settle(params), mount_friction=np.array([-0.987654]))
     end = tampered(params, start, mount_friction=-0.5).final_state
     assert -1.0 <= end.mount_friction[0] < -0.9
+
+
+@pytest.mark.parametrize(("method", "rtol"), [("rodas4", 1e-3), ("lbdf2", 1e-2), ("lbdf2", 1e-3)])
+def test_steps_find_their_length_behind_a_jump(method: str, rtol: float, rest: bd.State) -> None:
+    """Of the torque, within the tolerance and by few tries: a jump costs about a dozen, and control
+    that aims at nine tenths of what is allowed rejects one step in ten or so.
+    """
+    jump = bd.PiecewiseLinear([0.0, 0.01, 0.01, 0.02], [[0, 0], [0, 0], [-100, 0], [-100, 0]])
+    given: dict[str, Any] = {"torque_fn": jump, "t_end": 0.02, "t_eval": np.linspace(0, 0.02, 101)}
+    found, exact = run(rest, method=method, rtol=rtol, **given), run(rest, rtol=1e-6, **given)
+    difference = found.joints.force - exact.joints.force
+    assert np.sqrt(np.mean(difference**2)) <= rtol * np.mean(exact.joints.force)
+    assert found.stats.local_error is not None and found.stats.local_error <= rtol
+    assert found.stats.rejected < 0.25 * found.stats.steps
