@@ -170,10 +170,15 @@ def test_a_pulley_that_nothing_touches_is_told() -> None:
 
 
 def test_what_only_the_first_order_could_do_is_told(rest: bd.State) -> None:
-    """A million seconds after zero no step is short enough for 1e-8."""
+    """A million seconds after zero no step is short enough for 1e-8. A jump or two are left to the
+    first order, not a whole run.
+    """
     start = shaken(rest, 0.02, t=1e6)
     options: dict[str, Any] = {"initial": start, "method": "lbdf2", "rtol": 1e-8}
     assert "fallback" in warned_of(PLAIN, bd.Viscous([0, 1]), 1e6 + 1e-6, **options)
+    with pytest.raises(bd.SimulationError, match="lower limit") as caught:
+        bd.simulate(PLAIN, bd.Viscous([0, 1]), 1e6 + 1e-4, **options)
+    assert caught.value.result is not None and caught.value.result.stats.fallbacks == 201
 
 
 def test_the_balance_is_carried_without_a_ledger(rest: bd.State) -> None:

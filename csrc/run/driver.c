@@ -472,6 +472,9 @@ static int advance(bd_sim *sim, long max_steps) {
     if (code == BD_OK && guarded) {
       code = bd_guard_look(sim, sim->stepper.t >= sim->t_end);
     }
+    if (BD_EVERY_STEP && code == BD_OK && guarded) {
+      code = bd_guard_check(sim);
+    }
     if (code == BD_OK && guarded) {
       code = bd_guard_progress(sim);
     }
