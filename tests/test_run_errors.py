@@ -78,7 +78,7 @@ def of_record(numbers: dict[str, Any]) -> Any:
     """Return what stands in for a simulation that goes on from another one's record, changed.
 
     Numbers are added to ``mu`` and ``slip`` of a link in the middle of a span, to
-    ``mount_friction`` of the first mount, to the works ``joint_loss`` and so on.
+    ``mount_friction`` of the first mount, ``mu_on_pulley`` of the outermost link, to the works ``joint_loss`` and so on.
     """
     original = _core.Simulation
 
@@ -104,6 +104,8 @@ def of_record(numbers: dict[str, Any]) -> Any:
             for name, value in numbers.items():
                 if name in works:  # behind the speeds of the pulleys
                     at, place = found(record, state["omega"]), 2 + works.index(name)
+                elif name == "mu_on_pulley":
+                    at, place = found(record, state["mu"]), int(np.argmin(state["x"]))
                 else:
                     at, place = found(record, state[name]), free * (len(state[name]) > 1)
                 old = struct.unpack_from("<d", record, at + 8 * place)[0]
@@ -204,7 +206,10 @@ def test_forces_add_up_to_rounding() -> None:
     assert 0.0 < tampered().stats.invariant < 0.1
 
 
-def test_friction_of_a_mount_beyond_its_bound_is_brought_within() -> None:
+def test_friction_beyond_its_bound_is_brought_within() -> None:
+    """Of a link and of a mount, on the side where it was."""
+    given = tampered(mu_on_pulley=-1.9).final_state
+    assert -1.0 <= given.mu[np.argmin(given.x)] < -0.9
     params = mounted.tensioner()
     start = attrs.evolve(bd.settle(params), mount_friction=np.array([-0.987654]))
     end = tampered(params, start, mount_friction=-0.5).final_state
