@@ -27,7 +27,7 @@ def _impulse() -> Scene:
 
 
 def _noise() -> Scene:
-    """A torque that jumps anywhere within 20 N m every 10 us."""
+    """Set a torque that jumps anywhere within 20 N m every 10 us."""
     values = np.random.default_rng(26).uniform(-20.0, 20.0, 1000)
     t = 1e-5 * np.arange(1001)
     return Scene(pair(), PiecewiseLinear(np.repeat(t, 2)[1:-1], np.repeat(values, 2), 0), 0.01)
@@ -82,11 +82,9 @@ SCENES: dict[str, Entry] = {
     ),
     "full-slip": Entry(
         "One pulley is locked, the other races at twice the torque that friction transmits: "
-        "friction at its limit all round, and slip velocities of 30 m/s.",
+        "friction at its limit all round, and slip velocities of 26 m/s.",
         "ln(T_1 / T_2) = mu_k theta, to the error of the mesh.",
-        lambda: Scene(
-            pair(), PiecewiseLinear([0.0, 0.01], [0.0, -50.0], 0), 0.05, {1: LOCKED}
-        ),
+        lambda: Scene(pair(), PiecewiseLinear([0.0, 0.01], [0.0, -50.0], 0), 0.05, {1: LOCKED}),
         theory=theory.capstan,
     ),
 }
