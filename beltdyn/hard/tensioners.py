@@ -1,0 +1,2 @@
+from .hard_scene import Entry
+SCENES: dict[str, Entry] = {}
