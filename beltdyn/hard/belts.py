@@ -1,2 +1,104 @@
+"""Belts of few links and many, without damping and with far too much, light, heavy and rigid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..scene import Scene
+from ..torques import PiecewiseLinear
+from . import theory
+from .drives import pair, pulled, ramp
 from .hard_scene import Entry
-SCENES: dict[str, Entry] = {}
+
+__all__ = ["SCENES"]
+
+
+def _run_up(changes: dict[str, Any], t_end: float = 0.03) -> Scene:
+    return Scene(pair(changes), ramp(), t_end)
+
+
+def _few(n: int) -> Scene:
+    """On pulleys so large that a link spans a quarter of a wrap at least."""
+    changes = {"belt.n_bodies": n, "pulleys[1].center": (0.13, 0.0)}
+    return Scene(pair(changes), ramp(), 0.05)
+
+
+def _rung() -> Scene:
+    """A torque that is there at once and gone 0.1 ms later, on a belt that nothing damps."""
+    params = pair({"belt.axial_damping": 0.0, "belt.n_bodies": 40})
+    return Scene(params, PiecewiseLinear([1e-3, 1e-3, 1.1e-3, 1.1e-3], [0.0, -60.0, -60.0, 0.0], 0),
+                 0.02)  # fmt: skip
+
+
+SCENES: dict[str, Entry] = {
+    "no-axial-damping": Entry(
+        "Waves along the belt never decay: steps that damp take energy away, steps at the edge of "
+        "stability feed it.",
+        "The energy balance closes to 1 %.",
+        _rung,
+        theory=theory.balance,
+    ),
+    "axial-damping-x1000": Entry(
+        "Joints relax within 10 ns: an explicit step chosen by the belt's wave is ten thousand "
+        "times too long.",
+        "The spans carry T_1 - T_2 = M / R.",
+        lambda: pulled(-6.0, {"belt.axial_damping": 2e3}, 0.1),
+        theory=theory.statics,
+    ),
+    "bending-0": Entry(
+        "Rigid links that nothing keeps straight: their rotation in the spans is held by the "
+        "tension alone.",
+        "The spans carry T_1 - T_2 = M / R.",
+        lambda: pulled(-6.0, {"belt.model": "links"}),
+        theory=theory.statics,
+    ),
+    "bending-large": Entry(
+        "Bending of EI = T R^2 / 2 lifts the belt off its pulleys where it meets them; rotations "
+        "of links vibrate five times as fast as its waves.",
+        "The spans carry T_1 - T_2 = M / R.",
+        lambda: pulled(-6.0, {"belt.bending_stiffness": 0.5}),
+        theory=theory.statics,
+    ),
+    "pulleys-1000-times-lighter": Entry(
+        "Pulleys with a thousandth of the belt's mass at the rim turn with every wave: a step "
+        "chosen by the belt is too long for them.",
+        "The belt's momentum is the impulse of the torque.",
+        lambda: _run_up({"pulleys[*].inertia": 3.1e-7}, 0.01),
+    ),
+    "pulleys-1000-times-heavier": Entry(
+        "Pulleys of a thousand times the belt's mass take seconds, waves microseconds.",
+        "Creep is that of an extensible belt.",
+        lambda: _run_up({"pulleys[*].inertia": 0.32}, 0.05),
+    ),
+    "massless-belt": Entry(
+        "A belt of 10 mg/m: waves run at 77 km/s, and the contact vibrates at 2 MHz.",
+        "The spans carry T_1 - T_2 = M / R.",
+        lambda: pulled(-6.0, {"belt.linear_density": 1e-5}),
+        theory=theory.statics,
+    ),
+    "links-4": Entry(
+        "Four links, two of them on a pulley at most: the belt meets it with a quarter of a turn.",
+        "What a drive needs of energy is put in: the balance closes to 1 %.",
+        lambda: _few(4),
+        theory=theory.balance,
+    ),
+    "links-5": Entry(
+        "An odd number of links: no symmetry, and at times one link alone on a pulley.",
+        "What a drive needs of energy is put in: the balance closes to 1 %.",
+        lambda: _few(5),
+        theory=theory.balance,
+    ),
+    "links-15": Entry(
+        "Links of half a radius: each landing is a blow of a tenth of the tension.",
+        "What a drive needs of energy is put in: the balance closes to 1 %.",
+        lambda: _few(15),
+        theory=theory.balance,
+    ),
+    "links-3840": Entry(
+        "Links of 0.2 mm: waves cross one in 0.3 us, damping 1000 times as fast as with 120.",
+        "The spans carry T_1 - T_2 = M / R.",
+        lambda: pulled(-6.0, {"belt.n_bodies": 3840}, 0.03),
+        theory=theory.statics,
+        options={"rtol": 1e-3},
+    ),
+}

@@ -11,9 +11,10 @@ from ..mounts import Mount
 from ..parameters import assign, path_in
 from ..params import Params
 from ..parts import Belt, Contact, Pulley
+from ..scene import Scene
 from ..torques import PiecewiseLinear, TorqueLike
 
-__all__ = ["changed", "pair", "ramp", "tensioned"]
+__all__ = ["LOCKED", "NOTHING", "changed", "pair", "pulled", "ramp", "tensioned"]
 
 
 def changed(params: Params, changes: Mapping[str, Any]) -> Params:
@@ -45,6 +46,18 @@ def ramp(torque: float = -6.0, load: float = 0.1, over: float = 0.01) -> TorqueL
     """Drive pulley 0 with a torque that rises [N m], brake pulley 1 in proportion [N m s]."""
     rise = PiecewiseLinear([0.0, over], [0.0, torque], 0)
     return rise + Load(1, viscous=load)
+
+
+#: No torque.
+NOTHING = PiecewiseLinear([0.0], [0.0], 0)
+#: Motion of a pulley that stands still.
+LOCKED = PiecewiseLinear([0.0], [0.0])
+
+
+def pulled(torque: float, changes: Mapping[str, Any] | None = None, t_end: float = 0.05) -> Scene:
+    """Pull with a torque on pulley 0 [N m] that rises within 10 ms; pulley 1 is locked."""
+    rise = PiecewiseLinear([0.0, 0.01], [0.0, torque], 0)
+    return Scene(pair(changes), rise, t_end, {1: LOCKED})
 
 
 def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
