@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import attrs
+
 from ..scene import Scene
 from ..torques import PiecewiseLinear
 from . import theory
@@ -18,9 +20,11 @@ def _run_up(changes: dict[str, Any], t_end: float = 0.03) -> Scene:
 
 
 def _few(n: int) -> Scene:
-    """On pulleys so large that a link spans a quarter of a wrap at least."""
-    changes = {"belt.n_bodies": n, "pulleys[1].center": (0.13, 0.0)}
-    return Scene(pair(changes), ramp(), 0.05)
+    """Round one pulley, for round two so few links are refused before anything runs."""
+    two = pair()
+    belt = attrs.evolve(two.belt, n_bodies=n)
+    params = attrs.evolve(two, pulleys=two.pulleys[:1], belt=belt)
+    return Scene(params, PiecewiseLinear([0.0, 0.01], [0.0, -6.0], 0), 0.05)
 
 
 def _rung() -> Scene:
@@ -53,10 +57,10 @@ SCENES: dict[str, Entry] = {
         theory=theory.statics,
     ),
     "bending-large": Entry(
-        "Bending of EI = T R^2 / 2 lifts the belt off its pulleys where it meets them; rotations "
+        "Bending of EI = T R^2 / 4 lifts the belt off its pulleys where it meets them; rotations "
         "of links vibrate five times as fast as its waves.",
         "The spans carry T_1 - T_2 = M / R.",
-        lambda: pulled(-6.0, {"belt.bending_stiffness": 0.5}),
+        lambda: pulled(-6.0, {"belt.bending_stiffness": 0.5, "belt.preload": 600.0}),
         theory=theory.statics,
     ),
     "pulleys-1000-times-lighter": Entry(
@@ -77,13 +81,13 @@ SCENES: dict[str, Entry] = {
         theory=theory.statics,
     ),
     "links-4": Entry(
-        "Four links, two of them on a pulley at most: the belt meets it with a quarter of a turn.",
+        "Four links round a pulley, a square: each turns by a quarter at its joints.",
         "What a drive needs of energy is put in: the balance closes to 1 %.",
         lambda: _few(4),
         theory=theory.balance,
     ),
     "links-5": Entry(
-        "An odd number of links: no symmetry, and at times one link alone on a pulley.",
+        "Five links round a pulley: none lies opposite another.",
         "What a drive needs of energy is put in: the balance closes to 1 %.",
         lambda: _few(5),
         theory=theory.balance,

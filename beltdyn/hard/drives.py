@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import attrs
+
 from ..friction import Dahl
 from ..loads import Load
 from ..mounts import Mount
@@ -14,7 +16,7 @@ from ..parts import Belt, Contact, Pulley
 from ..scene import Scene
 from ..torques import PiecewiseLinear, TorqueLike
 
-__all__ = ["LOCKED", "NOTHING", "changed", "pair", "pulled", "ramp", "tensioned"]
+__all__ = ["LOCKED", "NOTHING", "changed", "pair", "pulled", "ramp", "scaled", "tensioned"]
 
 
 def changed(params: Params, changes: Mapping[str, Any]) -> Params:
@@ -74,3 +76,34 @@ def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
         friction=Dahl(mu_k=0.6, sigma=1e4),
     )
     return params if changes is None else changed(params, changes)
+
+
+def scaled(scene: Scene, size: float) -> Scene:
+    """Give the scene with its length in a unit ``size`` times as small, forces with it.
+
+    Masses and times are as they are: a force is ``size`` times as large, a torque its square. For
+    two pulleys with a contact, Dahl friction and torques over time alone.
+    """
+
+    def part(one: Any, **powers: int) -> Any:
+        changes = {name: getattr(one, name) * size**power for name, power in powers.items()}
+        return attrs.evolve(one, **changes)
+
+    params, torque = scene.params, scene.torque_fn
+    pulleys = [
+        part(attrs.evolve(p, center=(size * p.center[0], size * p.center[1])), radius=1, inertia=2)
+        for p in params.pulleys
+    ]
+    given = {"length": 1} if params.belt.length is not None else {"preload": 1}
+    drive = attrs.evolve(
+        params,
+        belt=part(
+            params.belt, linear_density=-1, axial_stiffness=1, axial_damping=1,
+            bending_stiffness=3, bending_damping=3, **given,
+        ),
+        pulleys=pulleys,
+        contact=part(params.contact, quadratic=-2, linear=-1, damping=-1),
+        friction=part(params.friction, sigma=-1),
+    )  # fmt: skip
+    terms = PiecewiseLinear(torque.t, size**2 * torque.values)  # type: ignore[union-attr]
+    return scene._replace(params=drive, torque_fn=terms)

@@ -1,2 +1,95 @@
-from .hard_scene import Entry
-SCENES: dict[str, Entry] = {}
+"""Starts, steps, durations and units that are out of proportion."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+
+from ..parts import Drag
+from ..result import Result
+from ..scene import Scene
+from ..settling import settle
+from ..state import State
+from ..torques import PiecewiseLinear
+from . import theory
+from .drives import NOTHING, pair, ramp, scaled
+from .hard_scene import Entry, HardScene
+
+__all__ = ["SCENES"]
+
+
+def _pulling(changes: dict[str, object] | None = None) -> Scene:
+    torque = PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-6.0, 3.0]])
+    return Scene(pair(changes), torque, 0.02)
+
+
+def _as_in_metres(scene: HardScene, result: Result) -> float:
+    """Forces are those of the drive in metres, to ten times what both were asked."""
+    size = scene.params.pulleys[0].radius / pair().pulleys[0].radius
+    metres = scene._replace(**_pulling()._asdict()).run(result.stats.method, rtol=1e-5)
+    off = result.joints.force / size - metres.joints.force
+    return float(np.sqrt(np.mean(off**2)) / (1e-3 * np.mean(metres.joints.force)))
+
+
+def _pulleys_turning(scene: HardScene) -> State:
+    """At rest, but pulley 0 already turns, by 200 rad/s."""
+    return attrs.evolve(settle(scene.params), omega=np.array([-200.0, 0.0]))
+
+
+def _pushed_in(scene: HardScene) -> State:
+    """Every third link 0.3 mm off its place along y: joints pull and push by thousands of newton."""
+    rest = settle(scene.params)
+    off = 3e-4 * (np.arange(rest.n_bodies) % 3 == 0)
+    return attrs.evolve(rest, y=rest.y + off * np.sign(rest.y))
+
+
+SCENES: dict[str, Entry] = {
+    "start-with-pulley-turning": Entry(
+        "Pulley 0 turns at 200 rad/s under a belt at rest: slip of 12 m/s with friction that is "
+        "not developed.",
+        "Nothing drives it: its energy falls.",
+        lambda: Scene(pair(), NOTHING, 0.03),
+        start=_pulleys_turning,
+        theory=theory.energy_falls,
+    ),
+    "start-out-of-place": Entry(
+        "Every third link begins 0.3 mm off its place: forces of ten times the tension from the "
+        "first step on.",
+        "Nothing drives it: its energy falls.",
+        lambda: Scene(pair(), NOTHING, 0.02),
+        start=_pushed_in,
+        theory=theory.energy_falls,
+    ),
+    "huge-steps": Entry(
+        "Steps of 4 ms, four rounds of a wave: an explicit method leaves the range of numbers, an "
+        "implicit one may settle on anything.",
+        "The energy balance closes to 1 %.",
+        lambda: Scene(pair(), ramp(), 0.1),
+        options={"step": 4e-3},
+        theory=theory.balance,
+    ),
+    "an-hour": Entry(
+        "3600 s at low accuracy, three million rounds of a wave: rounding and errors add up.",
+        "At the end the spans carry what the torques on the pulleys ask for.",
+        lambda: Scene(
+            pair({"pulleys[*].drag": Drag(viscous=50.0), "belt.n_bodies": 24}),
+            PiecewiseLinear([0.0, 1800.0], [0.0, -6.0], 0),
+            3600.0,
+        ),
+        options={"rtol": 0.1},
+    ),
+    "kilometres": Entry(
+        "Lengths as numbers of micrometres, 6e4 for a radius, stiffnesses of 1e-3: absolute "
+        "tolerances, paddings, thresholds.",
+        "All forces are those in metres.",
+        lambda: scaled(_pulling(), 1e6),
+        theory=_as_in_metres,
+    ),
+    "micrometres": Entry(
+        "Lengths as numbers of kilometres, 6e-5 for a radius, stiffnesses of 1e12: absolute "
+        "tolerances, paddings, thresholds.",
+        "All forces are those in metres.",
+        lambda: scaled(_pulling(), 1e-3),
+        theory=_as_in_metres,
+    ),
+}

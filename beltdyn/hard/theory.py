@@ -7,11 +7,12 @@ accuracy asked for in time where it is exact.
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 
 from ..result import Result
-from ..simulation import simulate
+from ..torques import PiecewiseLinear
 from .hard_scene import HardScene
 
 __all__ = [
@@ -26,8 +27,8 @@ __all__ = [
     "friction_limit",
     "held_by_drag",
     "momentum",
-    "same_in_metres",
     "statics",
+    "string_frequency",
     "symmetric",
 ]
 
@@ -130,19 +131,44 @@ def energy_falls(scene: HardScene, result: Result) -> float:
 
 
 def momentum(scene: HardScene, result: Result) -> float:
-    """What a torque's impulse gives, pulleys and belt have: sum of I omega / R, and of rho A L v.
+    """What a torque's impulse gives, pulleys and belt have: J / R = sum of I omega / R + rho A L v.
 
-    Along the belt, of which the part in waves comes and goes between it and the pulleys' bearings.
+    Waves carry momentum to and from the pulleys' bearings as they turn round them, so that it
+    holds of means, of the last third of the run.
     """
     params, part = scene.params, _last(result)
+    sense = float(params.info["winding"])
+    along = np.cos(result.belt.phi) * result.belt.vx + np.sin(result.belt.phi) * result.belt.vy
+    moving = params.info["link_mass"] * np.mean(np.sum(along[part], axis=1))
     radius = np.array([p.radius for p in params.pulleys])
     inertia = np.array([p.inertia for p in params.pulleys])
-    turning = np.mean(result.pulleys.omega[part] @ (inertia / radius))
-    along = np.cos(result.belt.phi) * result.belt.vx + np.sin(result.belt.phi) * result.belt.vy
-    mass = params.belt.linear_density * params.info["link_length"]
-    moving = mass * params.info["winding"] * np.mean(np.sum(along[part], axis=1))
-    given = result.energy.impulse if hasattr(result.energy, "impulse") else 0.0
-    return float(abs(turning + moving - given))
+    turning = sense * np.mean(result.pulleys.omega[part] @ (inertia / radius))
+    torque = cast(PiecewiseLinear, scene.torque_fn)
+    given = sense * float(np.trapezoid(torque.values[:, 0], torque.t)) / radius[0]
+    return float(abs(turning + moving - given) / (MESH * abs(given)))
+
+
+def string_frequency(scene: HardScene, result: Result) -> float:
+    """The upper span swings at (c^2 - v^2) / (2 L c), c = sqrt(T / rho A), as it moves on at v.
+
+    From crossings of its middle through the mean; a wave of the belt's own comes in between, so
+    that the error of the mesh is allowed twice, for tension and length.
+    """
+    belt, span = scene.params.belt, float(scene.params.route.spans[0])
+    middle = 0.5 * (scene.params.pulleys[0].center[0] + scene.params.pulleys[1].center[0])
+    above = [row > 0.0 for row in result.belt.y]
+    height = np.array([
+        np.interp(middle, np.sort(x[up]), y[up][np.argsort(x[up])])
+        for x, y, up in zip(result.belt.x, result.belt.y, above, strict=True)
+    ])  # fmt: skip
+    swing = height - np.mean(height)
+    up = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
+    times = result.t[up] - swing[up] * np.diff(result.t)[up] / (swing[up + 1] - swing[up])
+    seen = (times.size - 1) / (times[-1] - times[0])
+    v = float(np.mean(np.hypot(result.belt.vx, result.belt.vy)))
+    wave = math.sqrt(float(np.mean(result.span_tension[:, 0])) / belt.linear_density)
+    own = (wave * wave - v * v) / (2.0 * span * wave)
+    return float(abs(seen / own - 1.0) / (2.0 * MESH))
 
 
 def centrifugal(scene: HardScene, result: Result) -> float:
@@ -163,11 +189,6 @@ def held_by_drag(scene: HardScene, result: Result) -> float:
     turned = result.pulleys.theta[-1, 1] - result.pulleys.theta[half, 1]
     speed = scene.params.pulleys[1].radius * abs(turned) / (result.t[-1] - result.t[half])
     return float(speed / (10.0 * scene.params.info["drag_speed"]))
-
-
-def same_in_metres(scene: HardScene, result: Result) -> float:
-    """The drive in any unit of length has the forces of that in metres, to what both were asked."""
-    raise NotImplementedError
 
 
 def balance(scene: HardScene, result: Result) -> float:
