@@ -38,7 +38,7 @@ SCENES: dict[str, Entry] = {
     "no-axial-damping": Entry(
         "Waves along the belt never decay: steps that damp take energy away, steps at the edge of "
         "stability feed it.",
-        "The energy balance closes to 1 %.",
+        "The energy balance closes to 2 %.",
         _rung,
         theory=theory.balance,
     ),
@@ -82,19 +82,19 @@ SCENES: dict[str, Entry] = {
     ),
     "links-4": Entry(
         "Four links round a pulley, a square: each turns by a quarter at its joints.",
-        "What a drive needs of energy is put in: the balance closes to 1 %.",
+        "What a drive needs of energy is put in: the balance closes to 2 %.",
         lambda: _few(4),
         theory=theory.balance,
     ),
     "links-5": Entry(
         "Five links round a pulley: none lies opposite another.",
-        "What a drive needs of energy is put in: the balance closes to 1 %.",
+        "What a drive needs of energy is put in: the balance closes to 2 %.",
         lambda: _few(5),
         theory=theory.balance,
     ),
     "links-15": Entry(
         "Links of half a radius: each landing is a blow of a tenth of the tension.",
-        "What a drive needs of energy is put in: the balance closes to 1 %.",
+        "What a drive needs of energy is put in: the balance closes to 2 %.",
         lambda: _few(15),
         theory=theory.balance,
     ),

@@ -23,7 +23,7 @@ def _step() -> Scene:
 def _impulse() -> Scene:
     """20 mN m s within 1 us."""
     t = [1e-3, 1e-3, 1.001e-3, 1.001e-3]
-    return Scene(pair(), PiecewiseLinear(t, [0.0, -2e4, -2e4, 0.0], 0), 0.03)
+    return Scene(pair({"belt.n_bodies": 240}), PiecewiseLinear(t, [0.0, -2e4, -2e4, 0.0], 0), 0.03)
 
 
 def _noise() -> Scene:

