@@ -16,7 +16,17 @@ from ..parts import Belt, Contact, Pulley
 from ..scene import Scene
 from ..torques import PiecewiseLinear, TorqueLike
 
-__all__ = ["LOCKED", "NOTHING", "changed", "pair", "pulled", "ramp", "scaled", "tensioned"]
+__all__ = [
+    "LOCKED",
+    "NOTHING",
+    "beside",
+    "changed",
+    "pair",
+    "pulled",
+    "ramp",
+    "scaled",
+    "tensioned",
+]
 
 
 def changed(params: Params, changes: Mapping[str, Any]) -> Params:
@@ -62,6 +72,13 @@ def pulled(torque: float, changes: Mapping[str, Any] | None = None, t_end: float
     return Scene(pair(changes), rise, t_end, {1: LOCKED})
 
 
+def beside(depth: float) -> Params:
+    """The pair, and an idler on the back of the upper span, which it presses in by so much [m]."""
+    params = pair()
+    idler = Pulley(center=(0.125, 0.09 - depth), radius=0.03, inertia=1e-4, side="outside")
+    return attrs.evolve(params, pulleys=(params.pulleys[0], idler, params.pulleys[1]))
+
+
 def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
     """Two pulleys, and on the back of the belt between them a third on a mount."""
     params = Params(
@@ -69,9 +86,7 @@ def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
         pulleys=[
             Pulley(center=(0.0, 0.0), radius=0.06, inertia=4e-3),
             Pulley(center=(0.25, 0.0), radius=0.05, inertia=2e-3),
-            Pulley(
-                center=(0.13, 0.045), radius=0.025, inertia=1e-4, side="outside", mount=mount
-            ),
+            Pulley(center=(0.13, 0.045), radius=0.025, inertia=1e-4, side="outside", mount=mount),
         ],
         friction=Dahl(mu_k=0.6, sigma=1e4),
     )

@@ -7,10 +7,8 @@ from typing import Any
 
 import attrs
 
-from ..params import Params
 from ..result import Result
 from ..scene import Scene
-from ..settling import settle
 from ..simulation import simulate
 from ..state import State
 
@@ -58,6 +56,16 @@ class HardScene(Scene):
             SimulationError: The belt does not settle.
         """
         return None if self._start is None else self._start(self)
+
+    @property
+    def starts(self) -> bool:
+        """Whether it starts in a state of its own."""
+        return self._start is not None
+
+    @property
+    def told(self) -> str:
+        """What it provokes, and what must hold, in two lines."""
+        return f"provokes {self.provokes}\nholds    {self.holds}"
 
     def deviation(self, result: Result) -> float | None:
         """Measure how far a finished run is off theory, over what :attr:`holds` allows.

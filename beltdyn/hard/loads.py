@@ -82,11 +82,9 @@ SCENES: dict[str, Entry] = {
     ),
     "full-slip": Entry(
         "One pulley is locked, the other races at twice the torque that friction transmits: "
-        "friction at its limit all round, and slip velocities of 30 m/s.",
+        "friction at its limit all round, and slip velocities of 26 m/s.",
         "ln(T_1 / T_2) = mu_k theta, to the error of the mesh.",
-        lambda: Scene(
-            pair(), PiecewiseLinear([0.0, 0.01], [0.0, -50.0], 0), 0.05, {1: LOCKED}
-        ),
+        lambda: Scene(pair(), PiecewiseLinear([0.0, 0.01], [0.0, -50.0], 0), 0.05, {1: LOCKED}),
         theory=theory.capstan,
     ),
 }

@@ -62,7 +62,7 @@ SCENES: dict[str, Entry] = {
         theory=theory.energy_falls,
     ),
     "start-out-of-place": Entry(
-        "Every third link begins 0.3 mm off its place: forces of ten times the tension from the "
+        "Every third link begins 0.3 mm off its place: forces of twenty times the tension from the "
         "first step on.",
         "Nothing drives it: its energy falls.",
         lambda: Scene(pair(), NOTHING, 0.02),
@@ -88,14 +88,14 @@ SCENES: dict[str, Entry] = {
         options={"rtol": 0.03},
         theory=_dragged,
     ),
-    "kilometres": Entry(
+    "in-micrometres": Entry(
         "Lengths as numbers of micrometres, 6e4 for a radius, stiffnesses of 1e-3: absolute "
         "tolerances, paddings, thresholds.",
         "All forces are those in metres.",
         lambda: scaled(_pulling(), 1e6),
         theory=_as_in_metres,
     ),
-    "micrometres": Entry(
+    "in-kilometres": Entry(
         "Lengths as numbers of kilometres, 6e-5 for a radius, stiffnesses of 1e12: absolute "
         "tolerances, paddings, thresholds.",
         "All forces are those in metres.",
