@@ -28,7 +28,7 @@ def _few(n: int) -> Scene:
 
 
 def _rung() -> Scene:
-    """A torque that is there at once and gone 0.1 ms later, on a belt that nothing damps."""
+    """Set a torque that is there at once and gone 0.1 ms later, on a belt that nothing damps."""
     params = pair({"belt.axial_damping": 0.0, "belt.n_bodies": 40})
     return Scene(params, PiecewiseLinear([1e-3, 1e-3, 1.1e-3, 1.1e-3], [0.0, -60.0, -60.0, 0.0], 0),
                  0.02)  # fmt: skip

@@ -51,7 +51,7 @@ def _round_a_pin() -> Params:
 
 
 def _moving(vx: float, vy: float) -> Callable[[HardScene], State]:
-    """The whole belt at rest but for this velocity."""
+    """Start with the whole belt at rest but for this velocity."""
 
     def start(scene: HardScene) -> State:
         rest = settle(scene.params)
@@ -107,10 +107,10 @@ SCENES: dict[str, Entry] = {
         theory=theory.energy_falls,
     ),
     "grazing": Entry(
-        "A span that swings by 3 mm on an idler that presses it by 0.2 mm: it touches at no more "
+        "A span that swings by 3 mm on an idler that presses it by 0.3 mm: it touches at no more "
         "than a link, hardly, and leaves again.",
         "The energy balance closes to 2 %.",
-        lambda: Scene(beside(2e-4), NOTHING, 0.03),
+        lambda: Scene(beside(3e-4, 0.12), NOTHING, 0.03),
         start=_moving(0.0, 1.0),
         theory=theory.balance,
     ),

@@ -72,10 +72,10 @@ def pulled(torque: float, changes: Mapping[str, Any] | None = None, t_end: float
     return Scene(pair(changes), rise, t_end, {1: LOCKED})
 
 
-def beside(depth: float) -> Params:
-    """The pair, and an idler on the back of the upper span, which it presses in by so much [m]."""
+def beside(depth: float, x: float = 0.125) -> Params:
+    """Add an idler on the back of the upper span, at x, which it presses in by so much [m]."""
     params = pair()
-    idler = Pulley(center=(0.125, 0.09 - depth), radius=0.03, inertia=1e-4, side="outside")
+    idler = Pulley(center=(x, 0.09 - depth), radius=0.03, inertia=1e-4, side="outside")
     return attrs.evolve(params, pulleys=(params.pulleys[0], idler, params.pulleys[1]))
 
 

@@ -30,7 +30,7 @@ def _loaded(law: Friction, t_end: float = 0.03) -> Scene:
 
 
 def _stiff(law: Friction, within: str, limit: str = "mu_k") -> Entry:
-    """A law that is developed within so little slip, or so low a slip velocity."""
+    """Enter a law that is developed within so little slip, or so low a slip velocity."""
     return Entry(
         f"Friction is developed within {within}: steps that follow the belt's waves overshoot it.",
         f"Friction stays within its limit, |mu| <= {limit}.",

@@ -43,7 +43,7 @@ class HardScene(Scene):
     _start: Callable[[HardScene], State] | None
     _theory: Callable[[HardScene, Result], float] | None
 
-    def _replace(self, **changes: Any) -> HardScene:  # type: ignore[override]
+    def _replace(self, **changes: Any) -> HardScene:
         """Give a copy with fields of the scene changed; all else stays."""
         copy = type(self)(**{**self._asdict(), **changes})
         vars(copy).update(vars(self))

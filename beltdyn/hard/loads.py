@@ -27,7 +27,7 @@ def _impulse() -> Scene:
 
 
 def _noise() -> Scene:
-    """A torque that jumps anywhere within 20 N m every 10 us."""
+    """Set a torque that jumps anywhere within 20 N m every 10 us."""
     values = np.random.default_rng(26).uniform(-20.0, 20.0, 1000)
     t = 1e-5 * np.arange(1001)
     return Scene(pair(), PiecewiseLinear(np.repeat(t, 2)[1:-1], np.repeat(values, 2), 0), 0.01)

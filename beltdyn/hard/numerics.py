@@ -24,7 +24,7 @@ def _pulling(changes: dict[str, object] | None = None) -> Scene:
 
 
 def _as_in_metres(scene: HardScene, result: Result) -> float:
-    """Forces are those of the drive in metres, to ten times what both were asked."""
+    """Compare with the forces in metres, to ten times what both were asked."""
     size = scene.params.pulleys[0].radius / pair().pulleys[0].radius
     metres = scene._replace(**_pulling()._asdict()).run(result.stats.method, rtol=1e-5)
     off = result.joints.force / size - metres.joints.force
@@ -37,14 +37,14 @@ def _pulleys_turning(scene: HardScene) -> State:
 
 
 def _pushed_in(scene: HardScene) -> State:
-    """Every third link 0.3 mm off its place along y: joints pull and push by thousands of newton."""
+    """Put every third link off its place by 0.3 mm along y, which joints resist by 1.2 kN."""
     rest = settle(scene.params)
     off = 3e-4 * (np.arange(rest.n_bodies) % 3 == 0)
     return attrs.evolve(rest, y=rest.y + off * np.sign(rest.y))
 
 
 def _dragged(scene: HardScene, result: Result) -> float:
-    """Drag of pulley 1 and the difference of the tensions agree over the last third: steady."""
+    """Compare the drag of pulley 1 with the difference of the tensions, over the last third."""
     part, pulley = slice(-result.t.size // 3, None), scene.params.pulleys[1]
     drag = pulley.drag.viscous * np.mean(result.pulleys.omega[part, 1])  # type: ignore[union-attr]
     tension = np.mean(result.span_tension[part], axis=0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import attrs
 import numpy as np
 
@@ -25,13 +27,13 @@ def _running(scene: HardScene) -> State:
     return settle(scene.params, speed={0: float(scene.motion[0].values[0, 0])})  # type: ignore[index, union-attr]
 
 
-def _driven(omega: list[float], t: list[float], changes: dict[str, object]) -> Scene:
+def _driven(omega: list[float], t: list[float], changes: Mapping[str, object]) -> Scene:
     """With pulley 0 at speeds over time [rad/s]."""
     return Scene(pair(changes), NOTHING, t[-1], {0: PiecewiseLinear(t, [-w for w in omega])})
 
 
 def _plucked(scene: HardScene) -> State:
-    """Running, the upper span moving upwards as its first mode, at 2 m/s in the middle."""
+    """Let the upper span of the running belt move as its first mode, by 2 m/s in the middle."""
     state = _running(scene)
     span = scene.params.pulleys[1].center[0]
     mode = np.sin(np.pi * np.clip(state.x / span, 0.0, 1.0)) * (state.y > 0.0)
@@ -39,7 +41,7 @@ def _plucked(scene: HardScene) -> State:
 
 
 def _whipped(scene: HardScene) -> State:
-    """The upper span torn upwards at 60 m/s in the middle, faster than waves across it."""
+    """Tear the upper span upwards at 60 m/s in the middle, faster than waves across it."""
     rest = settle(scene.params)
     span = scene.params.pulleys[1].center[0]
     mode = np.sin(np.pi * np.clip(rest.x / span, 0.0, 1.0)) * (rest.y > 0.0)

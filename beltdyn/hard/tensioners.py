@@ -13,22 +13,22 @@ __all__ = ["SCENES"]
 
 
 def _arm(torque: float = -15.0, t_end: float = 0.06, **changes: object) -> Scene:
-    """An arm that a step of the torque takes from rest."""
+    """Take an arm from rest by a step of the torque."""
     given = {"pivot": (0.2, 0.11), "inertia": 1e-3, "tension": 300.0, "stiffness": 20.0}
     arm = Arm(**{**given, **changes})  # type: ignore[arg-type]
     step = PiecewiseLinear([2e-3, 2e-3], [0.0, torque], 0)
     return Scene(tensioned(arm), step + ramp(0.0, 0.1), t_end)
 
 
-def _weight(swinging: bool) -> Scene:
-    """A weight of 60 kg that pulls pulley 1 outwards, on a carriage of 0.5 or of 60 kg."""
-    slider = Slider(direction=(1.0, 0.0), mass=60.0 if swinging else 0.5, weight=60.0)
+def _weight() -> Scene:
+    """Let a weight of 60 kg pull pulley 1 outwards, on a carriage of 60 kg."""
+    slider = Slider(direction=(1.0, 0.0), mass=60.0, weight=60.0)
     params = pair({"belt.preload": None, "pulleys[1].mount": slider, "gravity": (0.0, -9.81)})
     return Scene(params, PiecewiseLinear([2e-3, 2e-3], [0.0, -15.0], 0) + ramp(0.0), 0.3)
 
 
 def _jump() -> Scene:
-    """The axis jumps by 2 mm within 50 us, and back."""
+    """Let an axis jump by 2 mm within 50 us, and back."""
     path = Path(
         t=(0.0, 5e-3, 5.05e-3, 0.015, 0.01505, 0.02),
         displacement=((0.0, 0.0), (0.0, 0.0), (-2e-3, 0.0), (-2e-3, 0.0), (0.0, 0.0), (0.0, 0.0)),
@@ -66,7 +66,7 @@ SCENES: dict[str, Entry] = {
     "swinging-weight": Entry(
         "A weight of 60 kg swings on the belt, undamped, for 270 rounds of a wave.",
         "The energy balance closes to 2 %.",
-        lambda: _weight(swinging=True),
+        _weight,
         theory=theory.balance,
     ),
     "path-that-jumps": Entry(

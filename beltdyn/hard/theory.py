@@ -11,6 +11,7 @@ from typing import cast
 
 import numpy as np
 
+from ..friction import Dahl
 from ..histories import EnergyLedger
 from ..result import Result
 from ..torques import PiecewiseLinear
@@ -38,12 +39,12 @@ MESH = 0.03
 
 
 def _last(result: Result, share: float = 0.3) -> slice:
-    """Samples of the last part of a run."""
+    """Give the samples of the last part of a run."""
     return slice(int((1.0 - share) * result.t.size), None)
 
 
 def friction_limit(scene: HardScene, result: Result) -> float:
-    """Friction stays within the limit of its law, |mu| <= mu_s or mu_k, but for rounding."""
+    """Check that friction is within the limit of its law, mu_s or mu_k, but for rounding."""
     law = scene.params.friction
     kinetic = float(np.sum(getattr(law, "mu_k", 0.0) or getattr(law, "mu", 0.0)))
     limit = max(kinetic, getattr(law, "mu_s", 0.0))
@@ -51,14 +52,14 @@ def friction_limit(scene: HardScene, result: Result) -> float:
 
 
 def free_spin_up(scene: HardScene, result: Result) -> float:
-    """Pulley 0, which nothing holds, has the speed M t / I of its constant torque."""
+    """Check that pulley 0, which nothing holds, has the speed M t / I."""
     speed = result.pulleys.torque[:, 0] * result.t / scene.params.pulleys[0].inertia
     off = np.max(np.abs(result.pulleys.omega[:, 0] - speed))
     return float(off / (1e-8 * np.max(np.abs(speed))))
 
 
 def at_rest(scene: HardScene, result: Result) -> float:
-    """Nothing moves but by what is left of settling, 1e-9 of the tension, a thousand times that.
+    """Check that nothing moves but by what is left of settling, a thousand times 1e-9 of T.
 
     An unbalanced force F moves a belt, whose impedance is sqrt(EA rho A), at F over it.
     """
@@ -69,22 +70,22 @@ def at_rest(scene: HardScene, result: Result) -> float:
 
 
 def dahl_curve(scene: HardScene, result: Result) -> float:
-    """Links on a pulley from the beginning on, which slip one way: mu_k (1 - exp(-sigma x / mu_k)).
+    """Check that links which slip one way have mu_k (1 - exp(-sigma x / mu_k)).
 
     A thousandth of mu_k is ten times the accuracy asked for.
     """
-    law = scene.params.friction
+    law = cast(Dahl, scene.params.friction)
     mu, slip = np.abs(result.contact.mu), np.abs(result.contact.slip)
-    curve = -law.mu_k * np.expm1(-law.sigma * slip / law.mu_k)  # type: ignore[union-attr]
+    curve = -law.mu_k * np.expm1(-law.sigma * slip / law.mu_k)
     # Not those at the ends of a wrap, on which contact begins and ends as the belt shifts.
     normal = result.contact.normal
     stays = np.all(normal > 0.5 * np.max(normal), axis=0)
     stays &= np.all(np.diff(slip, axis=0) >= 0.0, axis=0)
-    return float(np.max(np.abs(mu - curve)[:, stays])) / (1e-3 * law.mu_k)  # type: ignore[union-attr]
+    return float(np.max(np.abs(mu - curve)[:, stays]) / (1e-3 * law.mu_k))
 
 
 def statics(scene: HardScene, result: Result) -> float:
-    """A belt that rests between a locked pulley and one under a torque: T_1 - T_2 = M / R."""
+    """Check a belt between a locked pulley and one under a torque: T_1 - T_2 = M / R."""
     part = _last(result)
     tension = np.mean(result.span_tension[part], axis=0)
     torque = float(np.mean(result.pulleys.torque[part, 0]))
@@ -93,20 +94,20 @@ def statics(scene: HardScene, result: Result) -> float:
 
 
 def capstan(scene: HardScene, result: Result) -> float:
-    """Euler and Eytelwein: in full slip ln(T_1 / T_2) = mu theta, less what the belt's mass takes.
+    """Check Euler and Eytelwein: in full slip ln(T_1 / T_2) = mu theta.
 
     T - rho A v^2 stands in the place of T where the belt runs.
     """
     part = _last(result)
-    belt, law = scene.params.belt, scene.params.friction
+    belt, law = scene.params.belt, cast(Dahl, scene.params.friction)
     v = np.mean(np.hypot(result.belt.vx[part], result.belt.vy[part]))
     tension = np.mean(result.span_tension[part], axis=0) - belt.linear_density * v * v
-    full = law.mu_k * float(scene.params.route.wraps[0])  # type: ignore[union-attr]
+    full = law.mu_k * float(scene.params.route.wraps[0])
     return float(abs(abs(math.log(tension[0] / tension[1])) - full) / (MESH * full))
 
 
 def creep(scene: HardScene, result: Result) -> float:
-    """Creep of an extensible belt: omega_2 R_2 / (omega_1 R_1) = (1 + T_s/EA) / (1 + T_t/EA).
+    """Check the creep of a belt: omega_2 R_2 / (omega_1 R_1) = (1 + T_s/EA) / (1 + T_t/EA).
 
     Of what is lost a fifth is allowed, for the mesh's error of creep is several times that of
     tension.
@@ -119,19 +120,19 @@ def creep(scene: HardScene, result: Result) -> float:
 
 
 def symmetric(scene: HardScene, result: Result) -> float:
-    """Equal torques on equal pulleys give equal speeds, to what rounding grows to."""
+    """Check that equal torques on equal pulleys give equal speeds, to what rounding grows to."""
     omega = result.pulleys.omega
     return float(np.max(np.abs(omega[:, 0] - omega[:, 1])) / (1e-6 * np.max(np.abs(omega))))
 
 
 def energy_falls(scene: HardScene, result: Result) -> float:
-    """Without a drive the energy never rises, by more than the 2 % from which a run warns."""
+    """Check that energy which nothing drives never rises, to the 2 % from which a run warns."""
     total = cast(EnergyLedger, result.energy).total
     return float(np.max(total - np.minimum.accumulate(total)) / (2e-2 * total[0]))
 
 
 def momentum(scene: HardScene, result: Result) -> float:
-    """What a torque's impulse gives, pulleys and belt have: J / R = sum of I omega / R + rho A L v.
+    """Check that pulleys and belt have a torque's impulse: J / R = sum of I omega / R + rho A L v.
 
     The polygon of links gives and takes some as it turns: 6 % with links of 15 mm, 0.2 % of 4 mm.
     """
@@ -148,10 +149,10 @@ def momentum(scene: HardScene, result: Result) -> float:
 
 
 def string_frequency(scene: HardScene, result: Result) -> float:
-    """The upper span swings at (c^2 - v^2) / (2 L c), c = sqrt(T / rho A), as it moves on at v.
+    """Check that a span at the speed v swings at (c^2 - v^2) / (2 L c), c = sqrt(T / rho A).
 
-    From crossings of its middle through the mean; a wave of the belt's own comes in between, so
-    that the error of the mesh is allowed twice, for tension and length.
+    From crossings of the upper span's middle through its mean. The error of the mesh is allowed
+    twice, for tension and length.
     """
     belt, span = scene.params.belt, float(scene.params.route.spans[0])
     middle = 0.5 * (scene.params.pulleys[0].center[0] + scene.params.pulleys[1].center[0])
@@ -171,7 +172,7 @@ def string_frequency(scene: HardScene, result: Result) -> float:
 
 
 def centrifugal(scene: HardScene, result: Result) -> float:
-    """A running belt presses on its pulleys with (T - rho A v^2) / R per length."""
+    """Check that a running belt presses with (T - rho A v^2) / R per length."""
     part, belt = _last(result, 0.5), scene.params.belt
     v = abs(float(np.mean(result.pulleys.omega[part, 0]))) * scene.params.pulleys[0].radius
     on = result.contact.pulley[part] == 0
@@ -183,7 +184,7 @@ def centrifugal(scene: HardScene, result: Result) -> float:
 
 
 def held_by_drag(scene: HardScene, result: Result) -> float:
-    """A torque below dry drag moves a pulley by its creep alone, some drag_speed at the rim."""
+    """Check that a torque below dry drag moves a pulley by its creep alone, some drag_speed."""
     half = result.t.size // 2
     turned = result.pulleys.theta[-1, 1] - result.pulleys.theta[half, 1]
     speed = scene.params.pulleys[1].radius * abs(turned) / (result.t[-1] - result.t[half])
@@ -191,5 +192,5 @@ def held_by_drag(scene: HardScene, result: Result) -> float:
 
 
 def balance(scene: HardScene, result: Result) -> float:
-    """The energy balance closes, to the 2 % of the energy transmitted from which a run warns."""
+    """Check that the energy balance closes, to the 2 % from which a run warns."""
     return abs(result.stats.balance) / 2e-2
