@@ -83,6 +83,13 @@ SCENES: dict[str, Entry] = {
         lambda: pulled(-6.0, {"pulleys[0].inertia": 1e-12}),
         theory=theory.statics,
     ),
+    "light-pulleys-sigma-1e8": Entry(
+        "Pulleys of a thousandth of the belt's mass on friction developed within 6 nm: what is "
+        "calm at one moment needs steps of nanoseconds in the next, when links land.",
+        "The energy balance closes to 2 %.",
+        lambda: _run_up({"pulleys[*].inertia": 3.1e-7, "friction.sigma": 1e8}, 0.1),
+        theory=theory.balance,
+    ),
     "massless-belt": Entry(
         "A belt of 10 mg/m: waves run at 77 km/s, and the contact vibrates at 2 MHz.",
         "The spans carry T_1 - T_2 = M / R.",

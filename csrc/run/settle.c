@@ -297,9 +297,8 @@ static int check_options(const bd_model *model, const bd_settle_options *options
 static double rounding(const bd_model *model) {
   const bd_info *info = &model->info;
   const double normal = info->strain_tension * info->link_length / tightest_radius(model);
-  const double stiff =
-      2.0 * info->joint_stiffness +
-      bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
+  const double stiff = 2.0 * info->joint_stiffness +
+                       bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
   return 0.25 * DBL_EPSILON * info->path_length * stiff / info->strain_tension;
 }
 
