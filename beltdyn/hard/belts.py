@@ -111,7 +111,7 @@ SCENES: dict[str, Entry] = {
     "links-15": Entry(
         "Links as long as the radius: each landing is a blow of a fifth of the tension.",
         "What a drive needs of energy is put in: the balance closes to 2 %.",
-        lambda: _few(15),
+        lambda: _run_up({"belt.n_bodies": 15}, 0.05),
         theory=theory.balance,
     ),
     "links-3840": Entry(
