@@ -54,9 +54,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="the first 30 seeds")
     parser.add_argument("--write", action="store_true", help="keep the table under results/")
     parser.add_argument("--seeds", default=None, metavar="A:B", help="from A up to B; 0:3000")
-    parser.add_argument(
-        "--records", type=Path, default=RECORDS, help="appended to, and read"
-    )
+    parser.add_argument("--records", type=Path, default=RECORDS, help="appended to, and read")
     parser.add_argument(
         "--short", action="store_true", help="a quarter of the length, as the tests' (half an hour)"
     )

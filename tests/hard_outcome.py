@@ -110,8 +110,9 @@ def invariants(result: bd.Result) -> dict[str, float]:
     if energy is not None:
         warned = "balance" in {one.code for one in result.warnings}
         found["ledger"] = result.stats.balance / (BALANCE_WARNED if warned else BALANCE)
-        names = ("joint_loss", "contact_loss", "drag_loss", "mount_loss")
-        slack = np.max(np.abs(energy.residual)) + 1e-9 * np.max(energy.passed + energy.total)
+        # Not those of mounts: dry friction in a pivot hands back what its bristles hold.
+        names = ("joint_loss", "contact_loss", "drag_loss")
+        slack = np.max(np.abs(energy.residual)) + 1e-7 * np.max(energy.passed + energy.total)
         for loss in (getattr(energy, name) for name in names):
             if loss is not None:
                 fall = np.max(np.maximum.accumulate(loss) - loss)
