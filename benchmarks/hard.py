@@ -1,12 +1,13 @@
 """Every hard scene by every method on every belt model: how each run ends, and what it costs.
 
-    python benchmarks/hard.py [--quick] [--scenes NAME,FAMILY,...] [--table] [--records FILE] [--write]
+    python benchmarks/hard.py [--quick] [--scenes NAME,FAMILY,...] [--records FILE] [--table]
+                              [--write]
     python benchmarks/hard.py --peers [...]
     python benchmarks/hard.py --map [--write]
 
-A run ends in one of the kinds of `tests/hard_outcome.py`, which judges it. Each has a process of its
-own with a budget of steps and of CPU time, so that none can hang or take the others with it. Every
-run is appended to a file of JSON lines as soon as it is made; what is in it is not run again.
+A run ends in one of the kinds of `tests/hard_outcome.py`, which judges it. Each has a process of
+its own with a budget of steps and of CPU time, so that none can hang or take the others with it.
+Every run is appended to a file of JSON lines as soon as it is made; what is in it is not run again.
 
 ``--peers`` gives the same scenes to SciPy and CVODE (`hard_peers.py`); ``--map`` draws which fixed
 steps are stable (`hard_map.py`).
@@ -15,7 +16,6 @@ steps are stable (`hard_map.py`).
 from __future__ import annotations
 
 import argparse
-import collections
 import json
 import math
 import os
@@ -39,7 +39,7 @@ Key = tuple[str, str, str]
 METHODS = ("auto", "tsit5", "rk4", "rodas4", "lbdf2", "lie")
 BELTS = ("joint", "string", "paper")
 #: CPU seconds of a run, of the default method and of the others.
-LIMIT, LIMIT_OTHERS = 60.0, 4.0
+LIMIT, LIMIT_OTHERS = 60.0, 3.0
 #: Links of a drive whose reference may take the usual number of steps; longer belts have fewer.
 REFERENCE_LINKS = 120
 WORDS = {

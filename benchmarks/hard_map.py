@@ -2,10 +2,11 @@
 
     python benchmarks/hard.py --map [--quick] [--write]
 
-The drive is the README's, loaded within a tenth of the run, which is as long as a stretch wave takes
-for five rounds. Steps are given times the joints' spectral bound, `2 sqrt(c/m)` with little damping.
-Drawn in is where the stability polynomial of an explicit method reaches 1 for one of two motions of
-which the frequencies are known in closed form: the belt's shortest wave and the belt on its contact.
+The drive is the README's, loaded within a tenth of the run, which is as long as a stretch wave
+takes for five rounds. Steps are given times the joints' spectral bound, 2 sqrt(c/m) with little
+damping. Drawn in is where the stability polynomial of an explicit method reaches 1 for one of two
+motions of which the frequencies are known in closed form: the belt's shortest wave, and the belt on
+its contact.
 """
 
 from __future__ import annotations
@@ -190,8 +191,10 @@ def draw(found: Any, ratios: Array) -> Any:
         for m, (method, title) in enumerate(METHODS.items()):
             ax = axes[m, k]
             grid = [[kinds.index(kind) for kind in of[method]] for of, _ in columns]
-            ax.pcolormesh(values, ratios, np.transpose(grid), cmap=colours, vmin=-0.5,
-                          vmax=len(kinds) - 0.5, shading="nearest", edgecolors="w", lw=0.2)  # fmt: skip
+            ax.pcolormesh(
+                values, ratios, np.transpose(grid), cmap=colours, vmin=-0.5, vmax=len(kinds) - 0.5,
+                shading="nearest", edgecolors="w", lw=0.2,
+            )  # fmt: skip
             ax.set(xscale="log", yscale="log")
             ax.set_title(title, fontsize=9)
             if method == "rk4":

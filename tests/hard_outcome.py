@@ -162,9 +162,8 @@ def ended(call: Callable[[], bd.Result], options: dict[str, Any], expects: str |
             if symbol not in ("BD_ERR_NOT_FINITE", "BD_ERR_BALANCE", expects):
                 wrong, which = worst(part)
         kind = "budget" if symbol in ("BD_ERR_MAX_STEPS", "BD_ERR_STALLED") else "refused"
-        if isinstance(failure, bd.SimulationError) and not is_named(failure):
-            kind = "broken"
-        elif symbol == "BD_ERR_INVARIANT" or wrong > 1.0:
+        unnamed = isinstance(failure, bd.SimulationError) and not is_named(failure)
+        if unnamed or symbol == "BD_ERR_INVARIANT" or wrong > 1.0:
             kind = "broken"
         elif symbol == expects:
             kind = "solved"

@@ -187,8 +187,8 @@ def references(
             continue
         try:
             result = quiet(
-                params, torque, t_end, motion, t_eval=times, initial=begin, method=method, rtol=rtol,
-                max_steps=dear, max_step=t_end / 200.0, ledger=False,
+                params, torque, t_end, motion, t_eval=times, initial=begin, method=method,
+                rtol=rtol, max_steps=dear, max_step=t_end / 200.0, ledger=False,
             )  # fmt: skip
         except bd.SimulationError:
             continue
