@@ -1,9 +1,9 @@
 """The hard scenes for SciPy's solvers and SUNDIALS CVODE, on the compiled model of `peers.py`.
 
 All start from the package's settled state, on the paper's belt, and are asked for the same: an
-error of 1e-3 of a joint's stretch, and 1e-2 of the tension is good enough. A solver may take a
-hundred times the CPU time of "auto", at least LEAST seconds. Constant speeds that are prescribed are
-a pulley of hardly limited inertia in the peers' model; what that cannot express is listed with the
+error of 1e-3 of a joint's stretch; 1e-2 of the tension is good enough. A solver may take a hundred
+times the CPU time of "auto", at least LEAST seconds. Constant speeds that are prescribed are a
+pulley of hardly limited inertia in the peers' model; what that cannot express is listed with the
 reason.
 """
 
@@ -186,6 +186,10 @@ def study(names: list[str], path: Path, table: bool, quick: bool, write: bool) -
                     records[key_of(record)] = json.loads(line)
                     print(line, file=out, flush=True)
     common.publish("hard_peers", lines(list(records.values())), write)
+
+
+def cell(record: Record) -> str:
+    return f"{LETTERS[record['kind']]:>5s}{record['cpu']:8.2g}s"
 
 
 def lines(records: list[Record]) -> list[str]:

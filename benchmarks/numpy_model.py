@@ -134,7 +134,9 @@ def _torques(torque: bd.TorqueLike, n_p: int) -> tuple[np.ndarray, np.ndarray, n
             raise ValueError(f"a torque {type(part).__name__} beside others")
     if given is None:
         return np.zeros(1), np.zeros((1, n_p)), viscous
-    return np.array(given.t), np.array(given.values), viscous
+    values = np.zeros((given.t.size, n_p))
+    values[:, slice(None) if given.pulley is None else given.pulley] = np.squeeze(given.values)
+    return np.array(given.t), values, viscous
 
 
 def make_rhs(drive: Drive) -> Any:

@@ -35,7 +35,7 @@ UNCLAIMED = 0.1 / FACTOR
 #: Share of the energy transmitted that the ledger may be off without, and with, a warning.
 BALANCE, BALANCE_WARNED = 0.02, 0.5
 #: Steps of a reference at most; one of more is dear.
-DEAR = 100_000
+DEAR = 60_000
 
 
 class Hard(Protocol):
