@@ -92,7 +92,7 @@ def runs(name: str, done: Iterable[str]) -> Iterable[Record]:
     try:
         theirs = expressed(scene)
         ours = scene if scene.params.belt.mesh == "paper" else scene.with_belt("paper")
-        begin = ours.initial() or start(ours)
+        begin = ours.initial() or bd.settle(ours.params)
     except (ValueError, bd.SimulationError) as failure:
         yield base | {"solver": "", "why": str(failure)}
         return
@@ -126,13 +126,6 @@ def runs(name: str, done: Iterable[str]) -> Iterable[Record]:
         record = base | {"solver": solver, "kind": kind, "cpu": cpu, "error": error, "text": text}
         if solver not in done:
             yield record
-
-
-def start(scene: bd.HardScene) -> bd.State:
-    """Where ``simulate`` lets a run begin: at rest, or at the speed that a motion begins with."""
-    with run_warnings.silenced():
-        result = scene.run("auto", t_eval=[0.0], max_steps=10)
-    return result.final_state
 
 
 def ended(
