@@ -32,7 +32,7 @@ from beltdyn import run_warnings
 
 Record = dict[str, Any]
 TOLERANCE, GOOD = 1e-3, 1e-2
-LEAST, MOST, TIMES = 3.0, 60.0, 100.0
+LEAST, MOST, TIMES = 2.0, 60.0, 100.0
 OURS = "beltdyn auto"
 #: A pulley that no belt slows down [kg m^2].
 DRIVEN = 1e9

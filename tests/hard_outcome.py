@@ -32,6 +32,8 @@ KINDS = ("solved", "said", "refused", "budget", "unjudged", "quiet", "broken")
 FACTOR = 5.0
 #: Where neither an estimate nor a tolerance claims anything, with FACTOR: a tenth.
 UNCLAIMED = 0.1 / FACTOR
+#: Where nothing moves, claims may be below what rounding does to a reference.
+ROUNDING = 1e-9
 #: Share of the energy transmitted that the ledger may be off without, and with, a warning.
 BALANCE, BALANCE_WARNED = 0.02, 0.5
 #: Steps of a reference at most; one of more is dear.
@@ -187,7 +189,7 @@ class Judge:
     """Runs a scene by several methods, each judged by the same references."""
 
     def __init__(self, scene: Hard, dear: int = DEAR, *, theory: bool = True) -> None:
-        """theory: whether it binds; on another belt, as the paper's mesh, it may not hold."""
+        """theory: whether to ask it; of another belt, as the paper's mesh, it may not be true."""
         self.scene, self.dear, self.theory = scene, dear, theory
         self._known: list[judged.Reference] = []
         self._more: Any = None
@@ -206,16 +208,16 @@ class Judge:
         asked = {"rtol": 1e-4, **scene.options, **options}
         if method == "rk4":
             asked.pop("rtol")
-        theory: list[float | None] = []
+        results: list[bd.Result] = []
 
         def call() -> bd.Result:
             result = scene.run(method, max_steps=budget or self.budget(method), **options)
-            theory.append(scene.deviation(result))
+            results.append(result)
             return result
 
         with run_warnings.silenced():
             found = ended(call, asked, scene.expects)
-        away = theory[0] if theory else None
+            away = scene.deviation(results[0]) if results and self.theory else None
         return attrs.evolve(found, outcome=attrs.evolve(found.outcome, deviation=away))
 
     def references(self, t: Any, enough: int) -> list[judged.Reference]:
@@ -240,7 +242,7 @@ class Judge:
         error: float | None = None
         for first in self.references(run.t, 1):
             error = first.error(run.force)
-            if error <= FACTOR * claim:
+            if error <= max(FACTOR * claim, ROUNDING):
                 return error, True
         if len(known := self.references(run.t, 2)) < 2 or error is None:
             return error, None
@@ -255,7 +257,7 @@ class Judge:
         said = bool(judged.IN_TIME & set(found.warnings))
         error, right = self._error(run)
         found = attrs.evolve(found, error=error)
-        if self.theory and found.deviation is not None:
+        if found.deviation is not None:
             right = False if found.deviation > 1.0 else right is not False
         if right:
             kind = "solved"
