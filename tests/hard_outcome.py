@@ -198,7 +198,9 @@ class Judge:
         """Steps that the run should need at most; "rk4" makes some four in a time constant."""
         scene = self.scene
         options = {"method": method} | scene.options
-        if method == "rk4":
+        if method in ("auto", "tsit5", "rodas4"):
+            options.pop("step", None)  # the first one alone
+        elif method == "rk4":
             options |= {"step": 1.0 / sum(judged.rates(scene.params))}
         return judged.step_budget(scene.params, scene.t_end, options)
 
