@@ -133,9 +133,9 @@ def column(params: bd.Params, ratios: Array) -> tuple[dict[str, list[str]], dict
 
 def study(quick: bool, write: bool) -> None:
     n = 5 if quick else 15
-    ratios = np.geomspace(0.2, 60.0, 6 if quick else 25)
+    ratios = np.geomspace(0.05, 60.0, 6 if quick else 29)
     sweeps = {
-        "contact": (np.geomspace(1e-1, 1e4, n), lambda x: drive(x, 0.1)),
+        "contact": (np.geomspace(1e-1, 1e3, n), lambda x: drive(x, 0.1)),
         "damping": (np.geomspace(1e-2, 1e1, n), lambda x: drive(0.5, x)),
     }
     found = {}
@@ -200,7 +200,9 @@ def draw(found: Any, ratios: Array) -> Any:
             if method == "rk4":
                 for of, style in (("rk4", "k-"), ("tsit5", "k:")):
                     ax.plot(values, [limits[of] for _, limits in columns], style, lw=1.8)
-            ax.set_yticks([0.3, 1, 3, 10, 30], ["0.3", "1", "3", "10", "30"])
+            ax.set_ylim(float(ratios[0]), float(ratios[-1]))
+            ticks = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+            ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
             ax.minorticks_off()
         axes[-1, k].set_xlabel(labels[name])
     axes[1, 0].set_ylabel("step, times the belt's fastest frequency  (longer steps upwards)")
@@ -209,6 +211,11 @@ def draw(found: Any, ratios: Array) -> Any:
     handles += axes[0, 0].plot([], [], "k-", lw=1.8, label="rk4's limit, by theory")
     handles += axes[0, 0].plot([], [], "k:", lw=1.8, label="tsit5's limit, by theory")
     figure.suptitle("How long may a step be?", fontsize=13, fontweight="bold")
+    told = (
+        "Explicit steps have a limit, which theory tells: stiffer contact, shorter steps.\n"
+        "Implicit steps of ten times that are accurate, and longer ones stable."
+    )
+    figure.text(0.5, 0.945, told, ha="center", va="center", fontsize=9)
     figure.legend(handles=handles, loc="lower center", ncols=2, fontsize=8, frameon=False)
-    figure.tight_layout(rect=(0.0, 0.085, 1.0, 1.0))
+    figure.tight_layout(rect=(0.0, 0.085, 1.0, 0.97))
     return figure
