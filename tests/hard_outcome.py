@@ -37,7 +37,7 @@ ROUNDING = 1e-9
 #: Share of the energy transmitted that the ledger may be off without, and with, a warning.
 BALANCE, BALANCE_WARNED = 0.02, 0.5
 #: Steps of a reference at most; one of more is dear.
-DEAR = 60_000
+DEAR = 40_000
 
 
 class Hard(Protocol):
@@ -194,6 +194,10 @@ class Judge:
         self._known: list[judged.Reference] = []
         self._more: Any = None
 
+    @property
+    def rtol(self) -> float:
+        return float(self.scene.options.get("rtol", 1e-4))
+
     def budget(self, method: str) -> int:
         """Steps that the run should need at most; "rk4" makes some four in a time constant."""
         scene = self.scene
@@ -207,7 +211,7 @@ class Judge:
     def run(self, method: str, budget: int | None = None, **options: Any) -> Ended:
         """Run without judging the error; ``deviation`` from theory is in the outcome."""
         scene = self.scene
-        asked = {"rtol": 1e-4, **scene.options, **options}
+        asked = {"rtol": self.rtol, **scene.options, **options}
         if method == "rk4":
             asked.pop("rtol")
         results: list[bd.Result] = []
@@ -259,8 +263,12 @@ class Judge:
         said = bool(judged.IN_TIME & set(found.warnings))
         error, right = self._error(run)
         found = attrs.evolve(found, error=error)
-        if found.deviation is not None:
-            right = False if found.deviation > 1.0 else right is not False
+        if found.deviation is not None and found.deviation > 1.0:
+            # By its own estimate it may be as far off as it is, though that was not asked for.
+            said |= bool(right) and (found.claim or 0.0) > 10.0 * self.rtol
+            right = False
+        elif found.deviation is not None:
+            right = right is not False
         if right:
             kind = "solved"
         elif said:
