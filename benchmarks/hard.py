@@ -97,7 +97,10 @@ def own_belt(scene: bd.HardScene) -> str:
 
 
 def of_belt(scene: bd.HardScene, belt: str) -> bd.HardScene | None:
-    return scene if belt == own_belt(scene) else scene.with_belt(belt)
+    try:
+        return scene if belt == own_belt(scene) else scene.with_belt(belt)
+    except ValueError:  # links too long for the paper's mesh
+        return None
 
 
 def run(judge: Judge, method: str, seconds: float) -> Outcome:
