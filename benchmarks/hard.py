@@ -29,6 +29,7 @@ import attrs
 import common
 
 import beltdyn as bd
+from beltdyn.hard import HardScene
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import hard_outcome
@@ -89,14 +90,14 @@ def key_of(record: Record) -> Key:
     return record["scene"], record["belt"], record["method"]
 
 
-def own_belt(scene: bd.HardScene) -> str:
+def own_belt(scene: HardScene) -> str:
     """Which of BELTS the scene has as it is."""
     if scene.params.belt.mesh == "paper":
         return "paper"
     return "string" if scene.params.belt_model == "string" else "joint"
 
 
-def of_belt(scene: bd.HardScene, belt: str) -> bd.HardScene | None:
+def of_belt(scene: HardScene, belt: str) -> HardScene | None:
     try:
         return scene if belt == own_belt(scene) else scene.with_belt(belt)
     except ValueError:  # links too long for the paper's mesh

@@ -29,6 +29,7 @@ from peers import Problem, filled
 
 import beltdyn as bd
 from beltdyn import run_warnings
+from beltdyn.hard import HardScene
 
 Record = dict[str, Any]
 TOLERANCE, GOOD = 1e-3, 1e-2
@@ -62,7 +63,7 @@ def solvers(problem: Problem) -> dict[str, Callable[[float, float], Any]]:
     }
 
 
-def expressed(scene: bd.HardScene) -> bd.HardScene:
+def expressed(scene: HardScene) -> HardScene:
     """The scene on the paper's belt, prescribed constant speeds as inertia.
 
     Raises:
@@ -129,7 +130,7 @@ def runs(name: str, done: Iterable[str]) -> Iterable[Record]:
 
 
 def ended(
-    solve: Callable[..., Any], scene: bd.HardScene, problem: Problem, limit: float
+    solve: Callable[..., Any], scene: HardScene, problem: Problem, limit: float
 ) -> tuple[str, float, Any, str]:
     """Kind ("" where the error has to tell), CPU seconds, forces, and what was said."""
 

@@ -64,5 +64,5 @@ def test_the_judge_tells_what_is_wrong() -> None:
 
 def test_random_drives_stand() -> None:
     """What `benchmarks/claims.py --many` asks of 1e5: invariants kept, or an error by name."""
-    kinds = [hard_outcome.stands(seed)["kind"] for seed in range(12)]
+    kinds = [hard_outcome.stands(seed)["kind"] for seed in range(6)]
     assert "kept" in kinds and "broken" not in kinds
