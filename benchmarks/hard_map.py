@@ -38,7 +38,7 @@ LOOK = {
 }
 ACCURATE = 0.01
 ROUNDS = 5.0
-#: Share of critical damping of the README's belt and of its contact.
+#: Damping of the contact, share of critical.
 SHARE_OF_CONTACT = 0.5
 
 
@@ -136,7 +136,7 @@ def study(quick: bool, write: bool) -> None:
     ratios = np.geomspace(0.05, 60.0, 6 if quick else 29)
     sweeps = {
         "contact": (np.geomspace(1e-1, 1e3, n), lambda x: drive(x, 0.1)),
-        "damping": (np.geomspace(1e-2, 1e1, n), lambda x: drive(0.5, x)),
+        "damping": (np.geomspace(1e-2, 5.0, n), lambda x: drive(0.5, x)),
     }
     found = {}
     for name, (values, make) in sweeps.items():
@@ -206,8 +206,13 @@ def draw(found: Any, ratios: Array) -> Any:
             ax.minorticks_off()
         axes[-1, k].set_xlabel(labels[name])
     axes[1, 0].set_ylabel("step, times the belt's fastest frequency  (longer steps upwards)")
-    handles = [Patch(facecolor=colour, label=text) for colour, text in LOOK.values()
-               if kinds.index("wrong") in grid or text != LOOK["wrong"][1]]  # fmt: skip
+    every = [of for _, columns in found.values() for of, _ in columns]
+    shown = {kind for of in every for kinds_of in of.values() for kind in kinds_of}
+    handles = [
+        Patch(facecolor=colour, label=text)
+        for kind, (colour, text) in LOOK.items()
+        if kind in shown or kind != "wrong"
+    ]
     handles += axes[0, 0].plot([], [], "k-", lw=1.8, label="rk4's limit, by theory")
     handles += axes[0, 0].plot([], [], "k:", lw=1.8, label="tsit5's limit, by theory")
     figure.suptitle("How long may a step be?", fontsize=13, fontweight="bold")
