@@ -480,7 +480,10 @@ static int is_finite(bd_state *state, const bd_info *info) {
   state_places(state, places);
   for (size_t k = 0, n = state_sizes(info, sizes); k < n; ++k) {
     for (size_t i = 0; i < sizes[k]; ++i) {
-      finite &= isfinite((*places[k])[i]) != 0;
+      if (!isfinite((*places[k])[i])) {
+        fprintf(stderr, "field %zu of the state, number %zu: %g\n", k, i, (*places[k])[i]);
+        finite = 0;
+      }
     }
   }
   return finite;
@@ -505,8 +508,11 @@ static void edit_state(const drive *d, bd_state *state, const bd_info *info) {
 
 /* --- use ------------------------------------------------------------------------------------- */
 
-/* A code is of the table, and an error says which. */
+/* A code is of the table, and an error says which. FUZZ_SAYS in the environment prints them. */
 static int said(int code, const bd_error *err) {
+  if (getenv("FUZZ_SAYS")) {
+    fprintf(stderr, "%d %s\n", code, code < 0 ? err->message : "");
+  }
   HOLDS(code == BD_OK || code == BD_MORE || strncmp(bd_error_symbol(code), "BD_ERR_", 7) == 0);
   if (code < 0) {
     HOLDS(err->code == code && err->message[0]);
