@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import atheris
+import attrs
 
 with atheris.instrument_imports(include=["beltdyn", "tomllib"]):
     import beltdyn as bd
@@ -34,11 +35,6 @@ Bytes = atheris.FuzzedDataProvider
 
 
 # --- files --------------------------------------------------------------------------------------
-
-
-def _documents() -> list[str]:
-    scenes = [bd.scenes.find(name) for name in ("kubas-case-1", "accessory-drive")]
-    return [scene.params.to_toml() for scene in scenes]
 
 
 def _edited(given: Bytes, content: bytes, pieces: list[bytes]) -> bytes:
@@ -69,7 +65,8 @@ PIECES = [
 
 
 def toml() -> Callable[[bytes], None]:
-    documents = [document.encode() for document in _documents()]
+    names = ("kubas-case-1", "ntarladima-2023", "tensioned-alternator", "conveyor")
+    documents = [bd.scenes.find(name).to_toml().encode() for name in names]
 
     def check(data: bytes) -> None:
         given = Bytes(data)
@@ -78,7 +75,7 @@ def toml() -> Callable[[bytes], None]:
             content = given.ConsumeBytes(sys.maxsize)
         else:
             content = _edited(given, documents[whole], PIECES)
-        text = content.decode("utf-8", "surrogateescape") + "\n"
+        text = content.decode("utf-8", "replace") + "\n"
         for kind in (bd.Scene, bd.Params):
             try:
                 read = kind.from_toml(text)
@@ -92,7 +89,10 @@ def toml() -> Callable[[bytes], None]:
 
 def saved() -> Callable[[bytes], None]:
     folder = Path(tempfile.mkdtemp())
-    params = bd.scenes.find("kubas-case-1").params
+    import drives
+
+    params = drives.plain()
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24))
     rest = bd.settle(params)
     result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-4, initial=rest, t_eval=[0.0, 1e-4])
     rest.save(folder / "state.npz")
@@ -336,6 +336,7 @@ def binding() -> Callable[[bytes], None]:
                     made.stop()
                     with contextlib.suppress(KeyboardInterrupt):
                         call(given, made.advance, [0.0])
+                    return
                 else:
                     state = made.state()
                     assert all(np.isfinite(field).all() for field in state.values())
