@@ -452,6 +452,23 @@ def test_numbers_that_are_not_finite_are_a_named_error(rest: bd.State) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+def test_steps_of_hardly_any_length_come_to_an_end() -> None:
+    """Of a pulley without inertia, from a start after 0: a quarter of one does not move the time,
+    and the displaced twin that repeats it must not try such quarters for ever.
+    """
+    belt = attrs.evolve(PLAIN.belt, n_bodies=20, mesh="paper")
+    first = attrs.evolve(PLAIN.pulleys[0], inertia=1e-150)
+    light = attrs.evolve(PLAIN, belt=belt, pulleys=[first, PLAIN.pulleys[1]])
+    start = attrs.evolve(bd.settle(attrs.evolve(PLAIN, belt=belt)), t=1.5e-4)
+    pull = bd.PiecewiseLinear([0.0, 1e-4], [[0.0, 0.0], [-5.0, 0.0]])
+    with pytest.raises(bd.SimulationError) as caught:
+        bd.simulate(
+            light, pull, 2e-3, initial=start, method="rodas4", rtol=5.6e-6, max_steps=60
+        )  # fmt: skip
+    assert caught.value.symbol == "BD_ERR_MAX_STEPS"
+
+
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 def test_belts_thrown_through_a_pulley_are_named_errors() -> None:
     """Links that sink past half of its radius; or that pass it by, which are longer than it."""
     with pytest.raises(bd.SimulationError, match="sank past half the radius of pulley 1") as caught:

@@ -121,7 +121,8 @@ static double next_stop(bd_sim *sim) {
 }
 
 int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance) {
-  const double least = 1e-3 * (t_new - sim->stepper.t);
+  /* of which a quarter still moves the time */
+  const double least = fmax(1e-3 * (t_new - sim->stepper.t), 8.0 * DBL_EPSILON * fabs(t_new));
   double h = t_new - sim->stepper.t, error;
   next_stop(sim);
   sim->stepper.plan.t_piece = t_piece;
