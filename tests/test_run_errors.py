@@ -78,7 +78,8 @@ def of_record(numbers: dict[str, Any]) -> Any:
     """Return what stands in for a simulation that goes on from another one's record, changed.
 
     Numbers are added to ``mu`` and ``slip`` of a link in the middle of a span, to
-    ``mount_friction`` of the first mount, ``mu_on_pulley`` of the outermost link, to the works ``joint_loss`` and so on.
+    ``mount_friction`` of the first mount, ``mu_on_pulley`` of the outermost link, to the works
+    ``joint_loss`` and so on.
     """
     original = _core.Simulation
 
