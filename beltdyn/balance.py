@@ -104,8 +104,8 @@ def _balances(
     outward = np.stack([way.leave, way.arrive]) - np.array([pulley.center for pulley in pulleys])
     outward /= radii[:, None]
     # both ends of a wrap and both of a span find room on it, as in csrc/model/rest.c
-    room = np.stack([np.minimum(0.5 * way.wraps * radii, 0.25 * way.spans),
-                     np.minimum(0.5 * way.wraps * radii, 0.25 * np.roll(way.spans, 1))])  # fmt: skip
+    half, quarter = 0.5 * way.wraps * radii, 0.25 * way.spans
+    room = np.minimum(half, [quarter, np.roll(quarter, 1)])
 
     def pulled(k: int, along: Array, tension: float) -> float:
         lift = np.minimum(bending / tension, room**2) / (2.0 * radii)
