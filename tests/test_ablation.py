@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import beltdyn as bd
+from beltdyn.balance import tension_held
 from beltdyn.explaining import ablation
 from beltdyn.explaining.ablation import Answers, LeftOut, answers_of, changes_of, growth_of
 from beltdyn.explaining.removals import Removal, leave_out, removals_of
@@ -78,6 +79,22 @@ def test_each_removal_takes_away_its_own_effect_alone() -> None:
     fixed = there["motion of mounts"].apply(scene)
     assert np.allclose([p.center for p in fixed.params.pulleys], scene.params.centers())
     assert fixed.params.belt.length == scene.params.info["length"]
+
+
+@pytest.mark.parametrize("name", ["unequal-pulleys", "tensioned-alternator"])
+def test_a_belt_without_bending_keeps_its_tension_at_rest(name: str) -> None:
+    """Whether its length makes it, to the 0.1 % that a preload has, or the spring of an arm."""
+    scene = bd.scenes.get(name)
+    (bending,) = (one for one in removals_of(scene) if one.name == "belt.bending_stiffness")
+    left = bending.apply(scene).params
+    assert left.belt_model == "string" and "at the same tension at rest" in bending.how
+
+    def at_rest(params: bd.Params) -> float:
+        stiffness = params.belt.bending_stiffness
+        held = tension_held(params.effective_pulleys, params.gravity, stiffness)
+        return float(params.info["mean_tension"]) if held is None else held
+
+    assert at_rest(left) == pytest.approx(at_rest(scene.params), rel=1e-3)
 
 
 def test_bounds() -> None:
@@ -167,6 +184,8 @@ def test_rows_are_bounds_of_what_was_seen(explained: bd.Explanation) -> None:
         sets = ((level, names, attrs.evolve(row, cpu_time=cpu_time)),)
         told = str(attrs.evolve(explained, ablation=attrs.evolve(found, sets=sets)))
         assert ("At 5 % no CPU time is saved: nothing is gained." in told) == (cpu_time > 0.0)
+    told = str(attrs.evolve(explained, ablation=attrs.evolve(found, sets=())))
+    assert "By the table alone may be left out at 50 % or less: " in told
     sizes = [len(names) for _, names, _ in found.sets]
     assert sizes == sorted(set(sizes)) and set(found.advice) < rows.keys()
     assert explained.without("gravity").params.gravity == (0.0, 0.0)

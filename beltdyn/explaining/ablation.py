@@ -69,7 +69,9 @@ MOST_STEPS = 10
 #: Leaving out an effect gains nothing if it takes as much more CPU time, beyond chance.
 NO_GAIN = 0.1
 #: Errors at which sets of effects are looked for, over the error asked for.
-LEVELS = (1.0, 2.0, 5.0)
+LEVELS = (1.0, 2.0, 5.0, 10.0)
+#: What a run is warned of that needs no time to show: all of a run has what it does.
+_SHOWN_AT_ONCE = {"mesh", "long_links", "compliance"}
 #: A run that confirms what a part of it has ranked is at least as many times as long.
 LONGER = 1.5
 #: The run with all effects and that at a tighter tolerance, in runs with all effects.
@@ -128,6 +130,7 @@ class LeftOut:
         end: End of the window [s].
         warned: Codes of warnings that the run without it has and the run with all effects has not,
             that its results may be less accurate than was asked; see :class:`beltdyn.RunWarning`.
+            Not of its mesh and contact where the window is all of the run: ``worst`` has these.
         failed: Why the run without it failed, or was not made, or "".
     """
 
@@ -158,8 +161,8 @@ class Ablation:
         rounds: How often each was made; of their CPU times the least counts.
         advice: Names of the effects that may be left out together at the error asked for.
         together: All of these left out in one run; None: there are none.
-        sets: What may be left out together at the error asked for, at twice and at five times it:
-            the error, the names and the run without them. Sets that are no larger than the one
+        sets: What may be left out together at the error asked for, at 2, 5 and 10 times it: the
+            error, the names and the run without them. Sets that are no larger than the one
             before are not there.
     """
 
@@ -358,7 +361,8 @@ class _Base:
         except (SimulationError, ValueError) as failure:
             return _unknown(name, group, str(failure))
         worst, growth = _worst(changes), growth_of(changes)
-        warned = tuple(code for code in _accuracy(result) if code not in self.warned)
+        known = set(self.warned) | (_SHOWN_AT_ONCE if self.how.whole else set())
+        warned = tuple(code for code in _accuracy(result) if code not in known)
         own = RUNS * self.own_error
         bound = math.inf if warned else SAFETY * growth * worst + own
         error = worst + own if self.how.whole and not warned else bound

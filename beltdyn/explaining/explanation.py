@@ -138,7 +138,7 @@ def explain(
     error, is what leaving out an effect makes of it; the own error is measured with a run at a
     tenth of the tolerance. If not, a shorter window ranks the effects.
 
-    What may go together, at the error asked for, twice and five times that, is then left out of as
+    What may go together, at the error asked for, 2, 5 and 10 times that, is then left out of as
     much of the run as the budget allows; of what was seen in a part of it, only four times that,
     times by how much changes are larger late in the part than early, is said of the rest. This is
     also the bound stated for other runs like the one that is explained, longer ones too. There is
@@ -149,7 +149,8 @@ def explain(
 
     All runs begin as those of :func:`beltdyn.simulate` do, each of its own drive: at rest under
     preload, or at the speed with which a motion begins. Where the belt's length is found for its
-    preload, it is found anew.
+    preload, it is found anew; a belt without its bending stiffness has the tension at rest that it
+    had with it.
 
     Args:
         params: The drive.

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
+from ..balance import tension_held
 from ..friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
 from ..loads import Harmonics
 from ..motions import CrankMotion
@@ -86,16 +87,36 @@ def _optional(part: Part) -> Iterator[str]:
 
 
 def _number(path: str, name: str, where: list[str]) -> Removal:
+    bends = (path, name) == ("belt", "bending_stiffness")
+
     def apply(scene: Scene) -> Scene:
         return _with_parts(
-            scene,
+            scene._replace(params=_of_same_tension(scene.params)) if bends else scene,
             lambda part: {name: 0.0} if part.path == path and name in _optional(part) else {},
         )
 
     places = ", ".join(place for place in where if place)
-    return Removal(
-        f"{path}.{name}", f"{path}.{name} = 0" + (f" of {places}" if places else ""), apply
-    )
+    how = f"{path}.{name} = 0" + (f" of {places}" if places else "")
+    return Removal(f"{path}.{name}", how + ", at the same tension at rest" * bends, apply)
+
+
+def _of_same_tension(params: Params) -> Params:
+    """Give the tension at rest in place of the length, or of the preload of mounts, that make it.
+
+    A belt that bends is shorter on its way and lifted off its pulleys. What that does to the
+    tension at rest is of no interest: who leaves it out still tightens the belt to its tension.
+    """
+    belt, pulleys, sprung = params.belt, list(params.pulleys), _sprung(params)
+    if belt.length is not None and not sprung:
+        belt = attrs.evolve(belt, length=None, preload=params.info["mean_tension"])
+    elif belt.length is None:
+        held = tension_held(params.effective_pulleys, params.gravity, belt.bending_stiffness)
+        for k in sprung:
+            mount: Any = pulleys[k].mount
+            free = "free_angle" if isinstance(mount, Arm) else "free_travel"
+            drawn = attrs.evolve(mount, preload=None, tension=held, **{free: None})
+            pulleys[k] = attrs.evolve(pulleys[k], mount=drawn)
+    return attrs.evolve(params, belt=belt, pulleys=pulleys)
 
 
 def _with_parts(scene: Scene, changes: Callable[[Part], dict[str, Any]]) -> Scene:

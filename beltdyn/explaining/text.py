@@ -145,8 +145,7 @@ def _row(row: LeftOut) -> tuple[str, ...]:
 def _advice(ablation: Ablation, window: Window, error: float) -> list[str]:
     idle = [row.name for row in ablation.rows if not row.exercised]
     if not ablation.sets:
-        most = LEVELS[-1] * error
-        lines = _wrapped(f"None may be left out at an error of {_percent(most)} or less.", 0)
+        lines = _wrapped(_why_none(ablation, LEVELS[-1] * error), 0)
     else:
         end = ablation.sets[0][2].end
         lines = [f"What may be left out together, tried from 0 to {end:.4g} s"]
@@ -174,6 +173,23 @@ def _advice(ablation: Ablation, window: Window, error: float) -> list[str]:
             0,
         )
     return lines
+
+
+def _why_none(ablation: Ablation, most: float) -> str:
+    """Say why nothing was left out together that stays within the largest error looked at."""
+    small = [row for row in ablation.rows if row.exercised and row.error <= most]
+    if not small:
+        return f"None may be left out at an error of {_percent(most)} or less."
+    named = ", ".join(
+        f"{row.name} ({_percent(row.error)}, CPU time {100.0 * row.cpu_time:+.0f} %)"
+        for row in small
+    )
+    if all(row.cpu_time > NO_GAIN for row in small):
+        return f"Nothing is gained by what may be left out at {_percent(most)} or less: {named}."
+    return (
+        f"By the table alone may be left out at {_percent(most)} or less: {named}. Left out of "
+        "more of the run it was beyond that, or there was no time to try it."
+    )
 
 
 def _percent(share: float) -> str:
