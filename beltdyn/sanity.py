@@ -175,7 +175,7 @@ def shaken(params: Drive, speed: float) -> float:
     """
     belt, info = params.belt, params.info
     length, tension = info["link_length"], info["strain_tension"]
-    slope = belt.linear_density * speed**2 / tension
+    slope = belt.linear_density * speed * speed / tension  # inf where speed**2 raises
     slope *= float(np.mean((length / _radii(params)) ** 2)) / 12.0
     slope /= 1.0 + BENDING * belt.bending_stiffness / (tension * length**2)
     return float(0.5 * slope * np.sum(params.route.spans) / info["length"] / info["strain"])
@@ -198,7 +198,7 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
     """
     belt, info = params.belt, params.info
     tension, density = info["strain_tension"], belt.linear_density
-    strain = 0.5 * across / (tension / density + speed**2)
+    strain = 0.5 * across / (tension / density + speed * speed)
     landed = 0.5 * density * abs(speed) ** 3 * time
     landed *= float(np.sum((info["link_length"] / _radii(params)) ** 2))
     return float(min(strain, 0.5 * landed / (tension * info["length"])) / info["strain"])

@@ -59,10 +59,19 @@ int bd_invariants_numbers(bd_sim *sim) {
   const double *y = sim->stepper.y;
   int body, pulley;
   const char *name = bd_state_bad(lay, y, &body, &pulley);
-  for (int k = 0; !name && k < lay->n_work; ++k) {
-    name = isfinite(y[lay->work + k]) ? NULL : "energy";
+  if (name) {
+    return broken(sim, name, body, pulley, (double)NAN, "%s is not finite", name);
   }
-  return name ? broken(sim, name, body, pulley, (double)NAN, "%s is not finite", name) : BD_OK;
+  for (int k = 0; k < lay->n_work; ++k) {
+    if (!isfinite(y[lay->work + k])) { /* products overflow before the state does */
+      return bd_fail_at(&sim->stepper.report.failure, BD_ERR_NOT_FINITE, "energy", sim->stepper.t,
+                        -1, -1, y[lay->work + k],
+                        "the works of the energy ledger are not finite at t = %.9g s: look for "
+                        "parameters, speeds or torques far out of scale",
+                        sim->stepper.t);
+    }
+  }
+  return BD_OK;
 }
 
 /* Of link i in a friction slot, which touches pulley j (-1: none). */

@@ -108,8 +108,8 @@ double bd_guard_adds_up(const bd_sim *sim);
 
 /* --- invariants.c ---------------------------------------------------------------------------- */
 
-/* At the end of a run, and where BD_EVERY_STEP is after every step: BD_OK or BD_ERR_INVARIANT. The
- * first is what all other checks take for granted. */
+/* At the end of a run, and where BD_EVERY_STEP is after every step: BD_OK, BD_ERR_INVARIANT, or
+ * BD_ERR_NOT_FINITE of works that overflow. The first is what all other checks take for granted. */
 int bd_invariants_numbers(bd_sim *sim);
 int bd_invariants_check(bd_sim *sim);
 #ifdef BD_CHECK_STEPS

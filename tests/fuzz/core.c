@@ -508,12 +508,13 @@ static void edit_state(const drive *d, bd_state *state, const bd_info *info) {
 
 /* --- use ------------------------------------------------------------------------------------- */
 
-/* A code is of the table, and an error says which. FUZZ_SAYS in the environment prints them. */
+/* A code is of the table and breaks no invariant, and an error says which. FUZZ_SAYS in the environment prints them. */
 static int said(int code, const bd_error *err) {
   if (getenv("FUZZ_SAYS")) {
     fprintf(stderr, "%d %s\n", code, code < 0 ? err->message : "");
   }
   HOLDS(code == BD_OK || code == BD_MORE || strncmp(bd_error_symbol(code), "BD_ERR_", 7) == 0);
+  HOLDS(code != BD_ERR_INVARIANT);
   if (code < 0) {
     HOLDS(err->code == code && err->message[0]);
     HOLDS(memchr(err->message, 0, sizeof err->message) && memchr(err->field, 0, sizeof err->field));
