@@ -55,6 +55,9 @@ WORDS = {
     "power": "power and loss",
 }
 
+#: The same in a sentence.
+SHORT = {"tension": "tension over time", "speed": "speed over time", "span_mean": "mean tension"}
+
 
 @attrs.frozen(kw_only=True)
 class QuantityError:
@@ -181,12 +184,16 @@ class Accuracy:
     def sentence(self) -> str:
         """Give the sum of the errors of each quantity in a sentence."""
         known = [
-            f"{one.quantity.replace('_', ' ')} {_share(one.total, 0.0)}"
+            f"{SHORT.get(one.quantity, one.quantity)} {_share(one.total, 0.0)}"
             for one in self.errors
             if one.total is not None
         ]
         told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
-        unknown = [one.quantity.replace("_", " ") for one in self.errors if one.total is None]
+        if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
+            told += " (tensions: of the mean of all spans)"
+        unknown = [
+            SHORT.get(one.quantity, one.quantity) for one in self.errors if one.total is None
+        ]
         if not unknown:
             return f"{told}."
         how = "" if self.verified else " (verify=True measures them)"

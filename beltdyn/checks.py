@@ -85,8 +85,9 @@ def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]
 
 def close_to(name: str, known: Iterable[str]) -> str:
     """Give " (did you mean ...?)" for a misspelt name, or nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+    by_lower = {one.lower(): one for one in known}
+    close = difflib.get_close_matches(name.lower(), by_lower, n=1)
+    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
 
 
 def positive(name: str, value: object, unit: str = "1") -> float:

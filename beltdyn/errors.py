@@ -69,7 +69,7 @@ class SimulationError(RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a run; ``result`` holds the finished part (None before the first step)."""
+    """Ctrl-C during a run; ``result`` holds the finished part (None before it has begun)."""
 
     def __init__(self, message: str, result: Result | None = None) -> None:
         super().__init__(message)

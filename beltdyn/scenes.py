@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from .checks import close_to
 from .friction import Dahl
 from .hard import SCENES as hard
 from .machines import (
@@ -232,12 +233,15 @@ def get(name: str) -> Scene:
     family, _, of_hard = key.rpartition("/")
     if family == "hard":
         if of_hard not in hard:
-            raise ValueError(f"no hard scene is called {of_hard!r}; there are {', '.join(hard)}")
+            raise ValueError(
+                f"no hard scene is called {of_hard!r}{close_to(of_hard, hard)}; "
+                "`beltdyn scenes --hard` lists them"
+            )
         return hard[of_hard]
     if key not in _SCENES:
         raise ValueError(
-            f"no scene is called {name!r}; there are {', '.join(_SCENES)}, and the hard ones "
-            "that `beltdyn scenes --hard` lists"
+            f"no scene is called {name!r}{close_to(key, _SCENES)}; there are "
+            f"{', '.join(_SCENES)}, and the hard ones that `beltdyn scenes --hard` lists"
         )
     return _SCENES[key]()
 
@@ -254,4 +258,8 @@ def find(scene: str | os.PathLike[str]) -> Scene:
     path = os.fspath(scene)
     if path.endswith(".toml") or os.path.isfile(path):
         return Scene.from_toml(Path(path))
+    folder, ending = Path(path).parent, Path(path).suffix
+    if ending and folder.is_dir() and not path.startswith("hard/"):
+        near = close_to(Path(path).name, [one.name for one in folder.glob("*.toml")])
+        raise ValueError(f"there is no file {path}{near}, and scenes in files end with .toml")
     return get(path)

@@ -191,13 +191,14 @@ def simulate(
         OSError: There can be no file at ``checkpoint``; raised before anything runs.
         SimulationError: The run cannot go on, or failed a check; ``.symbol`` says why,
             ``.result`` holds what was computed, notes of the error list the warnings before it.
-        Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the first step.
+        Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the run has begun.
         MemoryError: The samples do not fit into memory; raised before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``: those of the drive
-            alone before the run, the rest after it; :class:`beltdyn.RunWarning` lists all.
+            alone, but ``mesh``, before the run, the rest after it; :class:`beltdyn.RunWarning`
+            lists all.
         Exception: Whatever ``torque_fn`` or a motion raises comes out unchanged, from ctypes, cffi
             and Numba callbacks as well; what was computed is in its attribute ``result``, None
-            before the first step.
+            before the run has begun (as while settling).
     """
     options: dict[str, Any] = {
         "t_eval": t_eval,

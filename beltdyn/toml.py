@@ -101,8 +101,11 @@ def _converter() -> Any:
             known = {field.name for field in attrs.fields(kinds[default])} if default else set()
             if "kind" not in _table(value) and fields and not known & set(fields):
                 kind = None  # of another kind than that which is meant without
+            if "law" in fields and kinds is _FRICTION:
+                raise ValueError("this.law: unknown field (did you mean 'kind'?)")
             if not isinstance(kind, str) or kind not in kinds:
                 got = "it is missing" if kind is None else f"got {shown(kind)}"
+                got += close_to(kind, kinds) if isinstance(kind, str) else ""
                 raise ValueError(f"this.kind must be one of {', '.join(kinds)}, {got}")
             return converter.structure(fields, kinds[kind])
 

@@ -119,9 +119,18 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
     misspelt, broken = tmp_path / "misspelt.toml", tmp_path / "broken.toml"
     misspelt.write_text(bd.scenes.kubas_case_1().to_toml().replace("radius", "radus", 1))
     broken.write_text("[belt\n")
+    kind, law = tmp_path / "kind.toml", tmp_path / "law.toml"
+    for path, wrongly in ((kind, 'kind = "Dahl"'), (law, 'law = "dahl"')):
+        text = bd.scenes.kubas_case_1().to_toml()
+        assert 'kind = "dahl"' in text
+        path.write_text(text.replace('kind = "dahl"', wrongly))
     wrong: list[tuple[tuple[object, ...], list[str]]] = [
         (("run", "nope"), ["beltdyn: no scene is called 'nope'", *bd.scenes.names()]),
+        (("run", "Kubas-case1"), ["(did you mean 'kubas-case-1'?)"]),
         (("run", tmp_path / "none.toml"), ["none.toml", "No such file"]),
+        (("run", tmp_path / "mispelt.tml"), ["no file", "(did you mean 'misspelt.toml'?)"]),
+        (("run", kind), ["friction.kind must be", "(did you mean 'dahl'?)"]),
+        (("run", law), ["friction.law: unknown field (did you mean 'kind'?)"]),
         (("run", tmp_path), ["is a folder, not a scene"]),
         (("run", misspelt), [str(misspelt), "pulleys[0].radus: unknown field"]),
         (("run", broken), [str(broken), "not valid TOML"]),

@@ -16,6 +16,7 @@ import pandas
 import pytest
 
 import beltdyn as bd
+from beltdyn import sanity
 from beltdyn.accuracy_report import rounded
 from beltdyn.report import Rows, brief
 from beltdyn.report.rows import MountRow, Spread
@@ -299,6 +300,41 @@ def test_what_is_asked_first_is_one_screen() -> None:
     assert "full_slip: b" in told.text(full=True) and told.to_dict()["warnings"][2]["text"] == "c"
     with pytest.raises(TypeError, match="full"):
         told.text(full=1)
+
+
+def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
+    """Samples without a tension, watts that are none of the parts, lines and margins of a mesh."""
+    run, told = result(), report()
+    touched = run.contact.pulley.copy()
+    touched[100:130][touched[100:130] == 2] = -1  # nothing is on the idler
+    contact = type(run.contact)._holding({**run.contact.arrays(), "pulley": touched})
+    bare = attrs.evolve(run, contact=contact)
+    assert np.isnan(bare.span_tension).any(axis=1).sum() == 30
+    (note,) = (one for one in bare.report(0.25).notes if "no link touches" in one)
+    assert f"no link touches idler in 30 of {run.t.size} samples" in note
+    assert not any("no link touches" in one for one in told.notes)
+    assert "the rest" not in str(told)
+    put_in = sum(one.power for one in told.powers if one.kind == "in")
+    powers = [
+        attrs.evolve(one, power=0.8 * one.power) if one.kind == "out" else one
+        for one in told.powers
+    ]
+    left = attrs.evolve(told.powers["error of sampling"], power=0.2 * put_in)
+    powers = Rows(left if one.name == left.name else one for one in powers)
+    assert re.search(r"; the rest, \d+ W: error of sampling", _words(told, powers=powers))
+    spans = Rows(
+        attrs.evolve(told.spans[0], frequency=99.0, link_passing=passing)
+        for passing in (True, None, False)
+    )
+    lines = [row[-2] for row in brief._spans(attrs.evolve(told, spans=spans)).rows]
+    assert lines == ["mesh", "99 ?", "99"]
+    paper = bd.RunWarning(code="mesh", text=sanity.PAPERS_MESH)
+    assert "the drive's own margin is lower" in _words(told, warnings=(paper,))
+    assert "own margin" not in _words(told)
+
+
+def _words(told: bd.Report, **changes: Any) -> str:
+    return " ".join(str(attrs.evolve(told, **changes)).split())
 
 
 def test_what_a_run_does_not_have_is_named() -> None:

@@ -112,7 +112,7 @@ def test_unsteady_drives_have_no_efficiency_and_no_creep() -> None:
     assert told.efficiency is None
     assert any("no efficiency: what is stored" in note for note in told.notes)
     put_in = sum(row.power for row in told.powers if row.kind == "in")
-    shown = re.search(r"losses by the mesh off by some (\S+) W", " ".join(str(told).split()))
+    shown = re.search(r"losses \+- (\S+) W from the mesh", " ".join(str(told).split()))
     assert shown and float(shown[1]) == pytest.approx(told.efficiency_error * put_in, rel=0.05)
     params, torque, t_end, motion = get("kubas-case-2")
     told = bd.simulate(params, torque, t_end, motion).report()

@@ -6,6 +6,7 @@ Stopped it leaves what is done, and the same command goes on.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -68,7 +69,10 @@ def test_a_sweep_from_a_file(folder: Path, tmp_path: Path) -> None:
     xr.testing.assert_equal(found, expected)
     assert found.attrs == expected.attrs
     assert "9 runs: 6 finished, 3 refused; 9 computed by 2 thread(s)" in done.stdout
-    assert "belt.length is too short" in done.stdout and "span_tension.final" in done.stdout
+    assert "belt.length is too short" in done.stdout and "span_tension" in done.stdout
+    shown = re.findall(r"^  (0.5|1|1.5) +(1.198|1.2|0.2) +(.*)", done.stdout, re.M)
+    assert len(shown) == 9, "a row for each of so few runs, of numbers or dashes"
+    assert all(("-" in row) == (length == "0.2") for _, length, row in shown)
     assert sorted(one.name for one in folder.iterdir()) == ["drive.toml", "sweep.nc", "sweep.toml"]
     # a store that is named stays and is used again; what is refused costs nothing, and is so again
     kept = (folder / "sweep.toml", "--out", out, "--store", folder / "kept")

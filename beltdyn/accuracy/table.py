@@ -7,6 +7,7 @@ import io
 import math
 import os
 from collections.abc import Iterator, Mapping
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import attrs
@@ -111,7 +112,8 @@ class Study:
             n_b = row.setting.n_bodies
             head = f"{n_b:5d}  {row.setting.method:7s} {row.setting.rtol:7.0e}"
             if row.failure:
-                lines.append(f"{head}  failed: {row.failure.partition(': ')[0][:60]}")
+                why = shorten(row.failure.partition(": ")[0], 60, placeholder=" ...")
+                lines.append(f"{head}  failed: {why}")
                 continue
             lines.append(
                 f"{head} {row.seconds:9.4f} {row.steps:9d}  {row.error[quantity]:7.1e}"
@@ -132,7 +134,12 @@ class Study:
         for quantity in QUANTITIES:
             cells = [self._cell(target, quantity) for target in _TARGETS]
             lines.append(f"{quantity:<{width}}  " + "".join(f"{cell:<26s}" for cell in cells))
-        lines.append("method, rtol, number of links, CPU s; -: no run reached it")
+        lines += [
+            "Cells: method, rtol, number of links, CPU s; -: no run here is so accurate;",
+            f"floor: not even the reference, on {self.finest} links, is known so well.",
+            "More links and tighter tolerances (without --quick; n_bodies=, finest=, rtols=) fill",
+            "these. To use one: simulate(..., method=, rtol=); beltdyn run SCENE --error chooses.",
+        ]
         return "\n".join(line.rstrip() for line in lines)
 
     def _cell(self, target: float, quantity: str) -> str:

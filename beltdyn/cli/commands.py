@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import click
@@ -218,7 +219,8 @@ def run(
     if not quiet:
         if suggestion is not None:
             click.echo(f"{suggestion}\n")
-        verbose = verbose or budget is not None
+        if budget is not None:
+            click.echo(f"{fill('Chosen for' + result.message.partition('; chosen for')[2], 88)}.\n")
         print_result(scene, result, last, written, full=full, verbose=verbose)
         if told is not None:
             click.echo(f"\n{told.told}")

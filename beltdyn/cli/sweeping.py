@@ -13,6 +13,7 @@ import numpy as np
 
 from ..exported import write_netcdf
 from ..optional import optional_module
+from ..report.text import columns
 from ..run_warnings import silenced
 from ..sweeping import file as sweep_file
 from ..sweeping.rows import STATUSES
@@ -24,8 +25,9 @@ __all__ = ["sweep_scene"]
 
 #: Messages of runs without result that are printed.
 _SHOWN = 3
-#: Pulleys, spans and the like up to which each has a row of the table.
-_FEW = 12
+#: Pulleys, spans and the like up to which each has a row of the table; runs up to which each has
+#: one in place of least, mean and most, if there are no more columns than fit.
+_FEW, _COLUMNS = 12, 8
 
 
 @click.command("sweep")
@@ -119,12 +121,35 @@ def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
         yield str(label), values.sel({own[0]: label}).values.ravel()
 
 
-def _print(swept: Swept, seconds: float) -> None:
+def _print_cases(data: Any, numbers: list[Any]) -> bool:
+    """Print a row for each run, of what was changed and measured; tell whether there was room."""
+    runs, dims = data["status"].size, data["status"].dims
+    over = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
+    measured = [(str(name), *row) for name in numbers for row in _rows(data, str(name))]
+    whole = all(values.size == runs for *_, values in measured)
+    if not whole or len(over) + len(measured) > _COLUMNS:
+        return False
+    heads, cells = [], []
+    for name in over:
+        values = data[name].broadcast_like(data["status"]).transpose(*dims).values.ravel()
+        heads.append(str(name).split("."))
+        cells.append([f"{one:.6g}" if isinstance(one, float) else str(one) for one in values])
+    for name, row, values in measured:
+        units = data[name].attrs.get("units", "1")
+        heads.append([*name.split("."), *filter(None, [row, units.removesuffix("1")])])
+        cells.append(["-" if np.isnan(one) else f"{one:.4g}" for one in values])
+    high = max(map(len, heads))
+    heads = [[""] * (high - len(one)) + one for one in heads]
+    for line in columns([*zip(*heads, strict=True), *zip(*cells, strict=True)]):
+        click.echo(line)
+    return True
+
+
+def _print_range(data: Any, numbers: list[Any]) -> None:
+    """Print least, mean and most of each quantity."""
     from rich.console import Console
     from rich.table import Table
 
-    data = swept.dataset
-    numbers = [name for name in data.data_vars if data[name].dtype.kind == "f"]
     table = Table(title="over all runs", title_justify="left")
     table.add_column(
         "quantity", no_wrap=True, min_width=max(map(len, map(str, numbers)), default=1)
@@ -139,18 +164,27 @@ def _print(swept: Swept, seconds: float) -> None:
             known = values[np.isfinite(values)]
             ends = 3 * ["-"]
             if known.size:
-                ends = [f"{one:.5g}" for one in (known.min(), known.mean(), known.max())]
+                ends = [f"{one:.4g}" for one in (known.min(), known.mean(), known.max())]
             if np.isinf(values).any():  # such as margins of pulleys without a load
                 ends[2] = f"inf: {int(np.isinf(values).sum())}"
             table.add_row(*(("", row, "") if k else (str(name), row, units)), *ends)
     Console().print(table)
+
+
+def _print(swept: Swept, seconds: float) -> None:
+    data = swept.dataset
+    numbers = [name for name in data.data_vars if data[name].dtype.kind == "f"]
+    status = data["status"].values.ravel()
+    if status.size > _FEW or not _print_cases(data, numbers):
+        _print_range(data, numbers)
     total = sum(swept.counts.values())
     parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())
     computed = f"{swept.computed} computed by {swept.workers} in {seconds:.3g} s"
     where = [computed] if swept.computed else []
     where += [f"{swept.stored} found in the store"] if swept.stored else []
+    warned = sum(bool(one) for one in data["warnings"].values.ravel())
+    where += [f"{warned} with warnings (warnings in the file)"] if warned else []
     click.echo(f"{total} runs: {parts}; {', '.join(where)}")
-    status = data["status"].values.ravel()
     for bad in STATUSES:
         texts = data["message"].values.ravel()[status == bad]
         if bad == "finished" or not texts.size:

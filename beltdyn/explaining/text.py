@@ -32,8 +32,8 @@ def text_of(
 ) -> str:
     """Write an explanation as it is printed."""
     sections = [_effects(effects), _state(state), _step(step)]
-    if ablation is not None:
-        sections.append(_ablation(ablation, window, error))
+    if ablation is not None:  # the answer first
+        sections = [_advice(ablation, error), *sections, _ablation(ablation, window)]
     return "\n\n".join("\n".join(section) for section in sections)
 
 
@@ -91,7 +91,7 @@ def _step(step: Step) -> list[str]:
     )
 
 
-def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
+def _ablation(ablation: Ablation, window: Window) -> list[str]:
     head = (
         f"Leaving out one effect at a time, from 0 to {window.end:.4g} s"
         + (f" of {window.asked:.4g} s" if window.end < window.asked else "")
@@ -113,24 +113,26 @@ def _ablation(ablation: Ablation, window: Window, error: float) -> list[str]:
             )
         elif row.exercised and row.cpu_time > NO_GAIN:
             lines += _wrapped(f"{row.name}: the run without it takes more time: it is kept", 2)
-    bound = f"{SAFETY:g} times the largest change over this time or a fifth of it, times by how "
-    bound += "much changes are larger late in it than early"
+    bound = (
+        f"{SAFETY:g} times the largest change over this time or a fifth of it, more where changes "
+        "are larger late in it than early"
+    )
+    ends = (
+        "The error is the largest change over the run or a fifth of it. For other runs like this "
+        f'one "elsewhere" is its bound: {bound}.'
+        if whole
+        else f"The error, for the whole run and for others like this one, is a bound: {bound}."
+    )
     lines += _wrapped(
-        "Changes of means and ranges over this time, of spans over the mean tension, of pulleys "
-        'over the highest speed. "error" is '
-        + (
-            'the largest change over the run or a fifth of it, "elsewhere", for other runs like '
-            if whole
-            else "for the whole run, and for others like "
-        )
-        + f"this one, {bound}; plus {RUNS:g} times the own error of the runs, "
+        "Changes are those of means and ranges over this time: of spans over the mean tension, of "
+        f"pulleys over the highest speed. {ends} Errors include {RUNS:g} times that of the runs, "
         f"{_percent(ablation.own_error)}."
         + (
             " CPU times are of one run each: small differences are chance." * (ablation.rounds == 1)
         ),
         2,
     )
-    return lines + _advice(ablation, window, error)
+    return lines
 
 
 def _row(row: LeftOut) -> tuple[str, ...]:
@@ -142,7 +144,7 @@ def _row(row: LeftOut) -> tuple[str, ...]:
     return row.name, *changes, cpu_time, *bounds
 
 
-def _advice(ablation: Ablation, window: Window, error: float) -> list[str]:
+def _advice(ablation: Ablation, error: float) -> list[str]:
     idle = [row.name for row in ablation.rows if not row.exercised]
     if not ablation.sets:
         lines = _wrapped(_why_none(ablation, LEVELS[-1] * error), 0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator
 
+from ..accuracy_report import rounded
 from ..html import paragraphs
 from ..sanity import PAPERS_MESH
 from . import digits, text
@@ -113,8 +115,9 @@ def _pulleys(report: Told) -> Table:
     remarks: tuple[str, ...] = ()
     if any(row[-2:] != (NONE, NONE) for row in rows):
         remarks = (
-            "margin: factor by which all loads can grow until it slips in full (later: others "
-            "slip first)",
+            "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction; "
+            "margin: factor by which all loads can grow until it slips in full (later: others slip "
+            "first)",
         )
     return Table("Pulleys", heading, rows, remarks)
 
@@ -155,7 +158,7 @@ def _spans(report: Told) -> Table:
                 mean,
                 most,
                 *_of_run(report, row),
-                digits.line_frequency(report, row),
+                "mesh" if row.link_passing else digits.line_frequency(report, row) + _doubt(row),
                 digits.string_frequency(report, row, 3),
             )
         )
@@ -174,9 +177,16 @@ def _spans(report: Told) -> Table:
         told.append(f"mean tension at rest {digits.at_rest(report)} N")
     if report.mass_tension is not None:
         told.append(f"rho v^2 {number(report.mass_tension, 3)} N")
-    if any(row.link_passing is not False for row in report.spans if row.frequency is not None):
-        told.append("lines may be those of links that pass, of the mesh")
+    passing = {row.link_passing for row in report.spans if row.frequency is not None}
+    if True in passing:
+        told.append("mesh: the strongest line is of links that pass")
+    if None in passing:
+        told.append("?: or of links that pass")
     return Table("Spans", heading, rows, ("; ".join(told),) if told else ())
+
+
+def _doubt(row: SpanRow) -> str:
+    return " ?" if row.link_passing is None and row.frequency is not None else ""
 
 
 def _of_run(report: Told, row: SpanRow) -> tuple[str, str]:
@@ -206,11 +216,12 @@ def _closing(report: Told) -> Iterator[str]:
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
-    if any(PAPERS_MESH in one.text for one in report.warnings):
+    if text.of_paper(report):
         yield f"{PAPERS_MESH}."
     if report.warnings:
         yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
-    notes = f"{len(report.notes)} notes, " if report.notes else ""
+    many = len(report.notes)
+    notes = f"{many} note{'s'[: many > 1]}, " if many else ""
     yield (
         f"More ({notes}arcs of slip, creep by its causes, all losses, load cycles): "
         "report.text(full=True), --full"
@@ -229,13 +240,26 @@ def _balance(report: Told) -> str:
     shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
     if shown:
         told += f" (most: {', '.join(map(_loss, shown))})"
+    rest = put_in - total("out") - lost
+    if report.efficiency is not None and abs(rest) > max(_SMALL * put_in, _unit(put_in, error)):
+        parts = [one for one in report.powers if one.kind in ("stored", "left")]
+        most = max(parts, key=lambda one: abs(one.power)).name
+        told += f"; the rest, {number(rest, 2)} W: {most}"
     if report.efficiency is not None:
         percent = 100.0 * of_losses
         told += f"; efficiency {within(100.0 * report.efficiency, percent)} %"
-        return f"{told}, by the mesh off by some {number(percent, 2)} %"
+        if any(row.margin is not None and row.margin <= 1.0 for row in report.pulleys):
+            return f"{told} in full slip"
+        return f"{told} (+- {number(percent, 2)} % from the mesh)"
     if of_losses:
-        told += f"; losses by the mesh off by some {number(of_losses * put_in, 2)} W"
+        told += f"; losses +- {number(of_losses * put_in, 2)} W from the mesh"
     return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
+
+
+def _unit(put_in: float, error: float | None) -> float:
+    """Give the place to which what is put in is shown: half of it is lost at either end."""
+    shown, places = rounded(put_in, error and error * put_in)
+    return 10.0 ** (math.floor(math.log10(shown)) + 1 - places)
 
 
 def _loss(one: Power) -> str:

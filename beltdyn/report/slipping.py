@@ -209,6 +209,8 @@ class _Slipping:
         in_mean = (self.mu > 0.0) & (np.abs(torque) / self.radii > scale)
         used = np.nanmax(np.nan_to_num(self.over_time), axis=0)
         swings = (self.mu > 0.0) & (most / self.radii > scale) & (used > SWINGS)
+        # A shorter wrap is now and then without a link, and nothing holds its spans apart.
+        swings &= self.wraps * self.radii >= params.info["link_length"]
         working = in_mean | swings
         if not working.any():
             self.notes.append("no margin to slip: the belt hands on no torque in this window")

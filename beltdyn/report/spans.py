@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..averages import mean_over, time_weights
 from ..checks import Array
@@ -132,6 +133,8 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             if there.size:
                 mean = float(mean_over(time_weights(run.t), whole))
                 row["of_run"] = Spread(mean, float(there.min()), float(there.max()))
+            if 0 < there.size < whole.size:
+                notes.append(f"span {name}: {_without(window, k, np.isnan(whole))}")
         tension = row.get("tension")
         if tension is None and (spans is not None or middle is not None):
             notes.append(f"span {name}: no link of it is free of both pulleys in this window")
@@ -159,6 +162,21 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             f"hold {LEAST} periods; above, a span without a line has none that stands out"
         )
     return rows, notes
+
+
+def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:
+    """Say in how many samples of the run a span has no tension, and why."""
+    run, names = window.run, window.params.pulley_names
+    why = "no link is free between its pulleys"
+    if run._has("contact.pulley"):
+        touched = run.contact.pulley[absent]
+        for one in (k, (k + 1) % len(names)):
+            if not (touched == one).any(axis=1).all():
+                why = f"no link touches {names[one]}"
+    return (
+        f"{why} in {np.count_nonzero(absent)} of {absent.size} samples of the run; its tension is "
+        "not known there (NaN), and does not count"
+    )
 
 
 def uneven(window: Window) -> str:

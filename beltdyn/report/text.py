@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from ..html import paragraphs, table_of
+from ..sanity import PAPERS_MESH
 from . import digits
 from .cycles import CLASSES
 from .digits import (
@@ -26,7 +27,7 @@ from .digits import (
 )
 from .rows import Power, PulleyRow, Spread, Told
 
-__all__ = ["Table", "columns", "html", "lines", "of_tables", "opening", "tables"]
+__all__ = ["Table", "columns", "html", "lines", "of_paper", "of_tables", "opening", "tables"]
 
 _WIDTH = 80
 _TO_RPM = 30.0 / math.pi
@@ -198,6 +199,11 @@ def _slip(report: Told) -> Table:
     )
 
 
+def of_paper(report: Told) -> bool:
+    """Tell whether the mesh is the paper's, and raises tensions enough to be warned of."""
+    return any(PAPERS_MESH in one.text for one in report.warnings)
+
+
 def when(report: Told, row: PulleyRow) -> str:
     """Say when the first pulley slips: now, or at which torques."""
     margins = [one for one in (row.margin, row.least_margin) if one is not None]
@@ -216,6 +222,8 @@ def when(report: Told, row: PulleyRow) -> str:
         least = digits.margin(report, row.least_margin)
         worst = f"{least}-fold at the worst instant, t = {row.worst_time:.4g} s"
         told.append(f"but {worst}" if told else f"when all loads have grown {worst}")
+    if told and of_paper(report):
+        told.append("on the paper's mesh; the drive's own margin is lower")
     return ", ".join(told)
 
 

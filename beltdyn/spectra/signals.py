@@ -53,7 +53,10 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
     known = [one for names in array_names().values() for one in names]
     if output not in known or output in ("energy", "contact.pulley"):
         listed = ", ".join(one for one in known if one not in ("energy", "contact.pulley"))
-        raise ValueError(f"output must be one of {listed}, got {output!r}")
+        raise ValueError(
+            f"output must be one of {listed}, got {output!r}; which span or pulley of it is said "
+            "by span=, pulley= and the like"
+        )
     by = "span" if output == "span_tension" else "mount" if group == "mounts" else None
     by = by or _SELECTED_BY[group]
     given = {key: value for key, value in where.items() if value is not None}
@@ -78,7 +81,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
     if np.isnan(chosen).any():
         raise ValueError(
             f"{output} of {names[column]} is NaN at {int(np.isnan(chosen).sum())} of "
-            f"{chosen.size} samples: it has no spectrum"
+            f"{chosen.size} samples: it has no spectrum; {by}= selects another"
         )
     words = {"span_tension": "tension", "pulleys.load": "hub load"}.get(output, output)
     unit_of = unit[column] if isinstance(unit, list) else unit

@@ -144,6 +144,9 @@ class Modes:
                 f"{100.0 * self.mesh_error.max():.2g} % for the phase of the mesh, which "
                 "phases=12 averages out"
             )
+        elif self.phases == 1 and self.mesh_error.size:
+            most = 100.0 * self.mesh_error.max()
+            rows.append(f"  the phase of the mesh changes frequencies by {most:.2g} % at most")
         for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
         if self.decay.size > STILL:
