@@ -42,7 +42,7 @@ class RunWarning:
 
     From the samples of a run::
 
-        mesh *        as above, of links that shake the belt as they land: more links
+        mesh *        as above, of the load and of links that land as well, in its place
         no_friction   a pulley is driven, but friction is off: set ``Params.friction``
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
         slack_span *  a span without tension: the same; the error is unknown then
