@@ -17,7 +17,7 @@ Dahl friction model". SI units throughout; angles in rad, counter-clockwise posi
 
     bd.plot     figures and films                   bd.accuracy  what accuracy costs
     bd.scenes   drives that are built in            bd.friction  the laws, compared
-    bd.spectra  spectra in numbers
+    bd.spectra  spectra in numbers                  bd.scenes.hard  made to break an integrator
 
 ``dir(bd)`` lists what one writes; classes that are only returned (``bd.Stats``, ``bd.Modes``) and
 modules of the package are there as well.

@@ -1,7 +1,8 @@
 """Named scenes: one library for tests, benchmarks, notebooks and the command line.
 
 Each scene gives ``params, torque_fn, t_end, motion``, so ``simulate(*scenes.kubas_case_1())``
-works.
+works. ``hard`` maps names to scenes that are made to break an integrator
+(:class:`beltdyn.hard.HardScene`); everywhere else they are called ``"hard/NAME"``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .friction import Dahl
+from .hard import SCENES as hard
 from .machines import (
     conveyor,
     crossed_belt,
@@ -34,6 +36,7 @@ __all__ = [
     "flat_belt_axis",
     "flywheel_start",
     "get",
+    "hard",
     "kubas_case_1",
     "kubas_case_2",
     "names",
@@ -220,14 +223,22 @@ def describe(name: str) -> str:
 
 
 def get(name: str) -> Scene:
-    """Look up a scene by name, with hyphens or underscores.
+    """Look up a scene by name, with hyphens or underscores; hard ones as "hard/NAME".
 
     Raises:
         ValueError: There is none; the message lists the names.
     """
     key = name.replace("_", "-").lower()
+    family, _, of_hard = key.rpartition("/")
+    if family == "hard":
+        if of_hard not in hard:
+            raise ValueError(f"no hard scene is called {of_hard!r}; there are {', '.join(hard)}")
+        return hard[of_hard]
     if key not in _SCENES:
-        raise ValueError(f"no scene is called {name!r}; there are {', '.join(_SCENES)}")
+        raise ValueError(
+            f"no scene is called {name!r}; there are {', '.join(_SCENES)}, and the hard ones "
+            "that `beltdyn scenes --hard` lists"
+        )
     return _SCENES[key]()
 
 

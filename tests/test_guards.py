@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import beltdyn as bd
+from beltdyn.hard.drives import scaled
 
 PUSH = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
 RAMP = PUSH + bd.Viscous([0.0, 15.9])
@@ -54,11 +55,11 @@ def test_settling_that_misses_a_pulley_is_an_error() -> None:
     bd.settle(drives.small_idler(0.02, advised))
 
 
-def test_joints_that_gape_end_a_run(rest: bd.State) -> None:
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+def test_joints_that_gape_end_a_run() -> None:
     """Thrown sideways faster than waves run along the belt, whose links then part."""
-    thrown = attrs.evolve(rest, vy=rest.vy + 1.2 * math.sqrt(70e3 / 0.1))
     with pytest.raises(bd.SimulationError, match="which no belt stretches") as caught:
-        bd.simulate(PLAIN, RAMP, 0.05, initial=thrown)
+        bd.scenes.hard["thrown-apart"].run()
     assert caught.value.symbol == "BD_ERR_JOINT_GAP"
     assert caught.value.body >= 0 and caught.value.result is not None
 
@@ -257,23 +258,10 @@ def test_a_drive_in_any_unit_of_length(method: str, rest: bd.State) -> None:
     vectors once stood, which explicit methods took for links.
     """
     size = 1e8
-
-    def scaled(part: Any, **powers: int) -> Any:
-        changes = {name: getattr(part, name) * size**power for name, power in powers.items()}
-        return attrs.evolve(part, **changes)
-
-    pulleys = [attrs.evolve(p, center=tuple(size * np.array(p.center))) for p in PLAIN.pulleys]
-    large = bd.Params(
-        belt=scaled(PLAIN.belt, length=1, linear_density=-1, axial_stiffness=1, axial_damping=1,
-                    bending_stiffness=3),
-        pulleys=[scaled(pulley, radius=1, inertia=2) for pulley in pulleys],
-        contact=scaled(PLAIN.contact, quadratic=-2, linear=-1, damping=-1),
-        friction=scaled(PLAIN.friction, sigma=-1),
-    )  # fmt: skip
-    torque = bd.PiecewiseLinear(PUSH.t, size**2 * PUSH.values)
+    large = scaled(bd.Scene(PLAIN, PUSH, 0.02), size)
     state = attrs.evolve(rest, x=size * rest.x, y=size * rest.y)
     one = bd.simulate(PLAIN, PUSH, 0.02, initial=rest, method=method)
-    other = bd.simulate(large, torque, 0.02, initial=state, method=method)
+    other = bd.simulate(*large, initial=state, method=method)
     # forces scale with the length; steps are the same but for rounding, errors are of rtol
     difference = np.max(np.abs(other.joints.force / size - one.joints.force))
     assert difference <= 1e-4 * np.mean(one.joints.force)
@@ -459,16 +447,11 @@ def test_numbers_that_are_not_finite_are_a_named_error(rest: bd.State) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
-def test_belts_thrown_through_a_pulley_are_named_errors(rest: bd.State) -> None:
+def test_belts_thrown_through_a_pulley_are_named_errors() -> None:
     """Links that sink past half of its radius; or that pass it by, which are longer than it."""
-    soft = attrs.evolve(PLAIN, contact=bd.Contact(linear=2e5))
-    small = drives.small_idler(0.005, 60)
-    thrown = attrs.evolve(rest, vx=rest.vx - 200.0)
     with pytest.raises(bd.SimulationError, match="sank past half the radius of pulley 1") as caught:
-        bd.simulate(soft, RAMP, 0.01, initial=thrown)
+        bd.scenes.hard["thrown-through"].run()
     assert caught.value.symbol == "BD_ERR_PASSED_THROUGH" and caught.value.body >= 0
-    start = bd.settle(small)
-    thrown = attrs.evolve(start, vy=start.vy - 20.0)
     with pytest.raises(bd.SimulationError, match="no longer runs round pulley 1") as caught:
-        bd.simulate(small, bd.Viscous([0.0, 0.0, 0.0]), 0.01, initial=thrown)
+        bd.scenes.hard["thrown-off"].run()
     assert (caught.value.symbol, caught.value.pulley) == ("BD_ERR_OFF_PULLEY", 1)

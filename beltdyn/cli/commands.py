@@ -11,6 +11,8 @@ from .. import __version__, accuracy, scenes
 from ..accuracy.quantities import QUANTITIES
 from ..checkpoints import Checkpoint, Fresh
 from ..explaining import explain
+from ..hard import SCENES as HARD
+from ..hard import HardScene
 from ..run_warnings import silenced
 from ..simulation import METHODS, simulate
 from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
@@ -27,6 +29,8 @@ def main() -> None:
 
     \b
     beltdyn scenes                                   list the built-in scenes
+    beltdyn scenes --hard                            list those made to break an integrator
+    beltdyn run hard/sigma-1e8                       run one of these
     beltdyn show three-pulleys --plot layout.png     look at one before it runs
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own (.nc, .csv, .mat)
@@ -51,11 +55,18 @@ def main() -> None:
 
 
 @main.command("scenes")
-def list_scenes() -> None:
-    """List the named scenes."""
-    width = max(map(len, scenes.names()))
-    for name in scenes.names():
-        click.echo(f"{name:<{width}}  {scenes.describe(name)}")
+@click.option("--hard", is_flag=True, help="List the hard ones: their names, families, failures.")
+def list_scenes(hard: bool) -> None:
+    """List the named scenes; with --hard those that are made to break an integrator.
+
+    Each hard one is called hard/NAME, and told by what it provokes.
+    """
+    rows = [(name, scenes.describe(name)) for name in scenes.names()]
+    if hard:
+        rows = [(f"hard/{one.name}", f"{one.family}: {one.provokes}") for one in HARD.values()]
+    width = max(len(name) for name, _ in rows)
+    for name, text in rows:
+        click.echo(f"{name:<{width}}  {text}")
 
 
 @main.command()
@@ -69,7 +80,10 @@ def show(scene: str, plot: Path | None) -> None:
     outputs = Outputs(None, plot, None, False)
     outputs.check()
     with reported():
-        params = scenes.find(scene).params
+        found = scenes.find(scene)
+    params = found.params
+    if isinstance(found, HardScene):
+        click.echo(f"{found.told}\n")
     click.echo(f"{params}\n\n{params.route}")
     if plot is not None:
         try:
@@ -170,7 +184,7 @@ def run(
     if outputs is not None and (plot is not None or animate is not None):
         stop("--plot and --animate draw from all outputs: leave --outputs out", BAD_INPUT)
     names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
-    suggestion = None
+    suggestion, told = None, None
     options: dict[str, Any] = {"method": method, "rtol": rtol, "step": step, "budget": budget}
     with reported("read" if checkpoint is None else "read or write"):
         if checkpoint is not None:
@@ -180,16 +194,18 @@ def run(
         found = scenes.find(scene)
         if t_end is not None:
             found = found._replace(t_end=t_end)
+        if isinstance(found, HardScene):
+            told = found
+            options |= _of_hard(context, found, error, budget)
         with running(written_to, checkpoint, lambda: found.params):
+            if isinstance(found, HardScene):
+                options["initial"] = found.initial()
             if error is not None:
                 suggestion = accuracy.suggest(found, error, quantity)
                 found = suggestion.scene
                 options |= suggestion.options
             result = simulate(
-                found.params,
-                found.torque_fn,
-                found.t_end,
-                motion=found.motion,
+                *found,
                 progress=not quiet,
                 verify=verify,
                 outputs=names,
@@ -201,7 +217,29 @@ def run(
             click.echo(f"{suggestion}\n")
         verbose = verbose or budget is not None
         print_result(scene, result, last, written, full=full, verbose=verbose)
+        if told is not None:
+            click.echo(f"\n{told.told}")
+            off = told.deviation(result) if outputs is None and suggestion is None else None
+            if off is not None:
+                click.echo(f"off it   by {off:.2g} of what is allowed")
     warn(result.warnings, quiet)
+
+
+def _of_hard(
+    context: click.Context, scene: HardScene, error: float | None, budget: float | None
+) -> dict[str, Any]:
+    """Give the options of a hard scene that the command line leaves open."""
+    if scene.starts and (error is not None or budget is not None):
+        stop(
+            f"hard/{scene.name} begins in a state of its own mesh: leave --error and --budget out",
+            BAD_INPUT,
+        )
+    given = context.get_parameter_source
+    return {
+        name: value
+        for name, value in scene.options.items()
+        if given(name) is not click.core.ParameterSource.COMMANDLINE
+    }
 
 
 def _check_choice(context: click.Context, error: float | None, budget: float | None) -> None:

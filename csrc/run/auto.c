@@ -108,6 +108,16 @@ static void change(bd_sim *sim) {
   begin_stretch(sim);
 }
 
+int bd_auto_leave_explicit(bd_sim *sim) {
+  bd_auto *c = &sim->choice;
+  if (!c->method[AUTO_EXPLICIT] || c->now != AUTO_EXPLICIT) {
+    return 0;
+  }
+  change(sim);
+  c->per_second[AUTO_EXPLICIT] = (double)INFINITY; /* no cost makes the implicit one dearer */
+  return 1;
+}
+
 void bd_auto_watch(bd_sim *sim) {
   bd_auto *c = &sim->choice;
   long since = tries(sim) - c->tries_begin;

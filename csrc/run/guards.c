@@ -440,7 +440,7 @@ int bd_guard_progress(bd_sim *sim) {
   int endless = a_round > ANY_CAUSE_ROUND && to_go > ANY_CAUSE_TO_GO;
   /* "auto" has not tried its other method yet */
   int untried = sim->choice.method[0] && !(sim->choice.per_second[AUTO_IMPLICIT] > 0.0);
-  if (sim->options.max_steps > 0 || untried || !(slow || endless)) {
+  if (sim->options.max_steps > 0 || untried || !(slow || endless) || bd_auto_leave_explicit(sim)) {
     return BD_OK;
   }
   char text[320];

@@ -30,6 +30,9 @@ void bd_auto_pair(const bd_model *model, double rtol, bd_auto *pair);
 /* Chooses the first; afterwards, after every step, perhaps the other. */
 void bd_auto_begin(bd_sim *sim);
 void bd_auto_watch(bd_sim *sim);
+/* Goes on with the implicit method for good, where explicit steps get nowhere; 0: it does already.
+ */
+int bd_auto_leave_explicit(bd_sim *sim);
 /* What was chosen and why, in a sentence. */
 void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 

@@ -11,6 +11,7 @@
  * tensioned, with friction acting: the tension then depends on the way, which is why it can be
  * chosen.
  */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -287,6 +288,17 @@ static int check_options(const bd_model *model, const bd_settle_options *options
   return BD_OK;
 }
 
+/* Least share of the tension down to which forces can balance: what the rounding of positions makes
+ * of them, by joints or contact. Coordinates are a quarter of the path at most, from the origin to
+ * both sides of a gap. */
+static double rounding(const bd_model *model) {
+  const bd_info *info = &model->info;
+  const double normal = info->strain_tension * info->link_length / tightest_radius(model);
+  const double stiff = 2.0 * info->joint_stiffness +
+                       bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
+  return 0.25 * DBL_EPSILON * info->path_length * stiff / info->strain_tension;
+}
+
 static void set_up(bd_settling *settling, double step) {
   bd_sim *sim = settling->sim;
   const bd_model *model = sim->stepper.model;
@@ -321,6 +333,7 @@ static void set_up(bd_settling *settling, double step) {
     sim->stepper.plan.mount_inertia[m] =
         4.0 * model->mounts[m].held / (mass_damping * mass_damping);
   }
+  settling->options.tolerance = fmax(given->tolerance, rounding(model));
   bd_options_default(&sim->options);
   sim->options.method = sim->stepper.method->name;
   sim->options.step = step;
