@@ -5,8 +5,9 @@ instruction level, each file with flags of its own, and the level is chosen when
 nothing is built for the machine that happens to build it.
 
 ``BELTDYN_STRICT=1`` turns warnings on and into errors (used by ``.ci/run``). ``BELTDYN_DEBUG=1``
-keeps debug information, ten times as large as the code; without it a build takes two thirds of the
-time.
+keeps debug information, ten times as large as the code, without which a build takes two thirds of
+the time, and has every step of a run checked that otherwise its end is
+(``csrc/run/invariants.c``).
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ LEVELS = {
     CORE / "kernels" / "newton_avx512.c": AVX512,
 }
 SOURCES = sorted(p for p in CORE.glob("*/*.c") if p.parent.name != "examples")
+DEBUG = bool(os.environ.get("BELTDYN_DEBUG"))
 X86 = platform.machine().lower() in {"x86_64", "amd64"} and "arm64" not in os.environ.get(
     "ARCHFLAGS", ""
 )
@@ -88,7 +90,7 @@ class BuildCore(build_ext):
 
 
 flags = list(FLAGS)
-if not os.environ.get("BELTDYN_DEBUG"):
+if not DEBUG:
     flags.append("-g0")  # Python's own flags have -g
 strict = []
 if os.environ.get("BELTDYN_STRICT"):
@@ -109,6 +111,7 @@ setup(
             define_macros=[
                 ("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION"),
                 *([("BD_X86_LEVELS", "1")] if X86 else []),
+                *([("BD_CHECK_STEPS", "1")] if DEBUG else []),
             ],
             extra_compile_args=[*flags, *strict],
         )

@@ -29,6 +29,8 @@ class SimulationError(RuntimeError):
         BD_ERR_NOT_FINITE      no step gives finite numbers
         BD_ERR_PASSED_THROUGH  a link passed through a pulley
         BD_ERR_TORQUE_VALUE    the torque function gave a number that is not finite
+        BD_ERR_INVARIANT       the state at the end is none that a drive can have, by an error of
+                               the program: please report it
         BD_ERR_NOT_SETTLED     settling only: the belt did not come to rest, or came off
 
     Bad values are ``ValueError``, also an initial state that does not belong to the drive.

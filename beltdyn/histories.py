@@ -299,6 +299,9 @@ class Stats:
         growth: Exponential growth rate of a small difference between two runs [1/s]; 0: none was
             seen. Slow growth may go undetected, because it is measured over short intervals only.
         twin_steps: Steps repeated from a slightly displaced state to measure this growth.
+        invariant: Largest of what must not be in any accepted state, over its bound: forces on the
+            belt without a source and losses that give energy, which must be rounding. Seen at the
+            end of the run; above 1 it has ended with BD_ERR_INVARIANT.
         error: Estimate of the error in time of the joint forces: the root mean square over joints
             and time, over the mean tension. Not the error of the mesh, mostly the larger one, which
             ``result.accuracy`` has. None: not known.
@@ -349,6 +352,7 @@ class Stats:
     balance: float = 0.0
     growth: float = 0.0
     twin_steps: int = 0
+    invariant: float = 0.0
     error: float | None = None
     local_error: float | None = None
     choice: str = ""

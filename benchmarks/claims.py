@@ -2,11 +2,16 @@
 
     python benchmarks/claims.py [--quick] [--seeds A:B] [--short] [--varied] [--records FILE]
                                 [--write]
+    python benchmarks/claims.py --many [--seeds A:B] [--records FILE] [--write]
 
 `tests/random_drives.py` draws the drives, `tests/judged.py` runs and judges them; every record goes
 to a file of JSON lines as soon as it is made, with all of ``stats``; seeds already in the file are
 not run again. A run is QUIET if it finished without a warning of its accuracy in time;
 warnings of mesh and contact compliance do not count as such.
+
+``--many`` asks less of more drives, 1e5 of a few dozen steps each: that a run keeps its invariants
+or ends in an error by name. Each slice of them runs in a process of its own, so that a crash is
+told with its seed and the others go on.
 """
 
 from __future__ import annotations
@@ -26,9 +31,11 @@ import common
 import numpy as np
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
+import hard_outcome
 import judged
 
 Record = dict[str, Any]
+RECORDS = Path("build/claims.jsonl")
 #: Where neither an estimate nor a tolerance claims anything, fixed steps: the README's figure of
 #: what such runs are good for.
 UNCLAIMED = 0.1
@@ -47,9 +54,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="the first 30 seeds")
     parser.add_argument("--write", action="store_true", help="keep the table under results/")
     parser.add_argument("--seeds", default=None, metavar="A:B", help="from A up to B; 0:3000")
-    parser.add_argument(
-        "--records", type=Path, default=Path("build/claims.jsonl"), help="appended to, and read"
-    )
+    parser.add_argument("--records", type=Path, default=RECORDS, help="appended to, and read")
     parser.add_argument(
         "--short", action="store_true", help="a quarter of the length, as the tests' (half an hour)"
     )
@@ -57,6 +62,9 @@ def arguments() -> argparse.Namespace:
         help="of any law, mesh, model, layout, mount, load and contact; runs that warn of their "
         "accuracy in time get no reference",
     )  # fmt: skip
+    parser.add_argument(
+        "--many", action="store_true", help="1e5 drives of a few dozen steps, without references"
+    )
     parser.add_argument("--table", action="store_true", help="only read the records")
     return parser.parse_args()
 
@@ -88,6 +96,64 @@ def study(seeds: Iterable[int], path: Path, short: bool, varied: bool) -> dict[i
             if seed % 50 == 0:
                 common.progress(f"seed {seed}")
     return {seed: records[seed] for seed in seeds}
+
+
+# ---------------------------------------------------------------- many
+
+#: Seeds of a process, and the CPU time they may take; a drive takes some 30 ms.
+SLICE, SLICE_SECONDS = 500, 600.0
+
+
+def many(seeds: range, path: Path) -> dict[int, Record]:
+    """Run what is not in the file yet."""
+    done = common.read_records(path, itemgetter("seed"))
+    path.parent.mkdir(parents=True, exist_ok=True)
+
+    def run(todo: Iterable[int]) -> None:
+        with path.open("a") as out:
+            for seed in todo:
+                print(json.dumps(hard_outcome.stands(seed), default=plain), file=out, flush=True)
+
+    for first in range(seeds.start, seeds.stop, SLICE):
+        part = range(first, min(first + SLICE, seeds.stop))
+        while todo := [seed for seed in part if seed not in done]:
+            how, code = common.isolated(lambda todo=todo: run(todo), SLICE_SECONDS)
+            if how == "done":
+                break
+            done = common.read_records(path, itemgetter("seed"))
+            dead = next((seed for seed in todo if seed not in done), None)
+            if dead is not None:
+                which = f"crash, exit code {code}" if how == "crash" else "no end"
+                done[dead] = {"seed": dead, "kind": "broken", "which": which, "symbol": ""}
+                with path.open("a") as out:
+                    print(json.dumps(done[dead]), file=out)
+        common.progress(f"seed {part.stop}")
+    return common.read_records(path, itemgetter("seed"))
+
+
+def many_lines(records: list[Record]) -> list[str]:
+    kinds = collections.Counter(r["kind"] for r in records)
+    symbols = collections.Counter(r["symbol"] for r in records if r["kind"] in NAMED)
+    broken = [r for r in records if r["kind"] == "broken"]
+    worst = max((r.get("invariant") or 0.0 for r in records if r["kind"] == "kept"), default=0.0)
+    steps = sum(r.get("steps", 0) for r in records)
+    return [
+        f"{steps} steps; at most {hard_outcome.STEPS} a drive, then it is cut off",
+        *(f"{kinds[kind]:8d}  {text}" for kind, text in STANDS.items()),
+        "by name: " + ", ".join(f"{n} {name}" for name, n in symbols.most_common()),
+        f"worst invariant kept, over its bound: {worst:.2g}",
+        *(f"  seed {r['seed']}: {r['which']} {r.get('invariant')}" for r in broken),
+    ]
+
+
+NAMED = ("settle", "refused")
+STANDS = {
+    "kept": "finished, finite, within their invariants",
+    "cut": "within them when cut off",
+    "settle": "refused by name while settling",
+    "refused": "refused by name later, within them until then",
+    "broken": "BROKEN: a crash, a NaN or a broken invariant",
+}
 
 
 # ---------------------------------------------------------------- tables
@@ -219,6 +285,14 @@ def table(records: list[Record]) -> list[str]:
 
 def main() -> None:
     given = arguments()
+    if given.many:
+        first, last = map(int, (given.seeds or ("0:50" if given.quick else "0:100000")).split(":"))
+        path = given.records.with_name("many.jsonl") if given.records == RECORDS else given.records
+        done = many(range(first, last), path)
+        chosen = [done[seed] for seed in range(first, last) if seed in done]
+        lines = [f"Random drives that must stand, seeds {first} to {last - 1}: {len(chosen)}"]
+        common.publish("many", [*lines, *common.machine(), "", *many_lines(chosen)], given.write)
+        return
     first, last = map(int, (given.seeds or ("0:30" if given.quick else "0:3000")).split(":"))
     seeds = range(first, last)
     done = (

@@ -17,9 +17,13 @@ import argparse
 import ast
 import json
 import math
+import multiprocessing
 import platform
+import resource
+import signal
 import statistics
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -328,6 +332,34 @@ def slope(x: Sequence[float], y: Sequence[float]) -> float:
     if len(x) < 2:
         return math.nan
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def isolated(function: Callable[[], Any], seconds: float) -> tuple[str, Any]:
+    """Call it in a process of its own, which may take so much CPU time and may die.
+
+    Returns:
+        "done" and what it returned; "budget" or "crash" with None or, of a crash, the exit code.
+    """
+
+    def work(to: Any) -> None:
+        used = time.process_time()
+        limit = math.ceil(used + seconds)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
+        to.send(function())
+
+    context = multiprocessing.get_context("fork")
+    from_, to = context.Pipe(duplex=False)
+    process = context.Process(target=work, args=(to,), daemon=True)
+    process.start()
+    to.close()
+    try:
+        found = from_.recv()
+    except EOFError:
+        process.join()
+        late = process.exitcode in (-signal.SIGXCPU, -signal.SIGKILL)
+        return ("budget", None) if late else ("crash", process.exitcode)
+    process.join()
+    return "done", found
 
 
 def read_records(path: Path, key: Callable[[dict[str, Any]], Any]) -> dict[Any, dict[str, Any]]:

@@ -71,17 +71,18 @@ def compiled(drive: Drive, fold: bool = False) -> Compiled:
     center_x, center_y, radius = d.center[:, 0].copy(), d.center[:, 1].copy(), d.radius
     c1, c2, b, mu_k, sigma = d.c1, d.c2, d.b, d.mu_k, d.sigma
     gravity_x, gravity_y = d.gravity
-    knot0, knot1 = d.knots
-    torque, slope, viscous, pulley_inertia = d.torque, d.slope, d.viscous, d.pulley_inertia
+    knots, torque, slope = d.knots, d.torque, d.slope
+    viscous, pulley_inertia = d.viscous, d.pulley_inertia
     decay = DECAY
 
     @numba.njit(error_model="numpy")
     def rhs_into(t, y, dy):
-        since = min(max(t, knot0), knot1) - knot0
+        now = max(np.searchsorted(knots, t, side="right") - 1, 0)
+        since = max(t - knots[now], 0.0)
         for p in range(n_p):
             omega = y[end + n_p + p]
             dy[end + p] = omega
-            dy[end + n_p + p] = (torque[p] + slope[p] * since - viscous[p] * omega) / (
+            dy[end + n_p + p] = (torque[now, p] + slope[now, p] * since - viscous[p] * omega) / (
                 pulley_inertia[p]
             )
         for i in range(n):

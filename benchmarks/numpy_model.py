@@ -9,12 +9,17 @@ DECAY.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from typing import Any
 
+import common
 import numpy as np
 
 import beltdyn as bd
+
+sys.path.insert(0, str(common.HERE.parent / "tests"))
+import bridge
 
 #: Rate at which mu is forgotten off the pulleys [1/s]. Measured from 5e3 to 3e5: this much costs
 #: no peer anything, being below the joints' spectrum, and forces are within 1e-6 of a reset's.
@@ -45,18 +50,37 @@ class Drive:
     mu_k: float
     sigma: float
     gravity: tuple[float, float]
-    knots: tuple[float, float]  # the set torque: from `torque` at the first knot,
-    torque: np.ndarray  # linear in time up to the second,
-    slope: np.ndarray  # then constant, less viscous * omega
+    knots: np.ndarray  # the set torque: from `torque[k]` at knot k (n_k, n_p)
+    torque: np.ndarray  # linear in time up to the next,
+    slope: np.ndarray  # in the end constant, less viscous * omega
     viscous: np.ndarray
 
     @classmethod
     def of(cls, scene: bd.Scene) -> Drive:
-        """The numbers of a scene whose torque is one ramp and a viscous load."""
-        p, info = scene.params, scene.params.info
-        ramp, load = scene.torque_fn.parts
-        if not isinstance(ramp, bd.PiecewiseLinear) or ramp.t.size != 2 or p.friction is None:
-            raise ValueError("this model is for a drive with friction under a ramp and a load")
+        """The numbers of a scene.
+
+        Raises:
+            ValueError: What this model is not for.
+        """
+        p, info, n_p = scene.params, scene.params.info, len(scene.params.pulleys)
+        laws = [p.friction_on(k) for k in range(n_p)]
+        law = laws[0] or bd.Dahl(mu_k=1.0, sigma=1e-300)  # mu stays at 0
+        knots, torque, viscous = _torques(scene.torque_fn, n_p)
+        for fault, is_so in {
+            "the mesh of joints": p.belt.mesh != "paper",
+            "another friction law than Dahl's": not isinstance(law, bd.Dahl),
+            "laws of single pulleys": any(one != laws[0] for one in laws),
+            "a Stribeck curve": getattr(law, "mu_s", 0.0) > 0.0,
+            "a pulley on the back": any(one.side == "outside" for one in p.pulleys),
+            "axes that move": bool(p.mounted),
+            "bearing drag": any(one.drag for one in p.pulleys),
+            "contact after Hunt and Crossley": p.effective_contact.hunt_crossley > 0.0,
+            "prescribed motion": bool(scene.motion),
+        }.items():
+            if is_so:
+                raise ValueError(fault)
+        jump = np.diff(knots) == 0.0
+        slope = np.diff(torque, axis=0) / np.where(jump, 1.0, np.diff(knots))[:, None]
         return cls(
             n=p.belt.n_bodies,
             n_p=len(p.pulleys),
@@ -69,18 +93,18 @@ class Drive:
             b_tor=info["bending_damping"],
             winding=2.0 * math.pi * info["winding"],
             center=np.array([pulley.center for pulley in p.pulleys]),
-            radius=np.array([pulley.radius for pulley in p.pulleys]),
+            radius=bridge.oracle_of(p).contact_radii,
             pulley_inertia=np.array([pulley.inertia for pulley in p.pulleys]),
             c1=info["contact_quadratic"],
             c2=info["contact_linear"],
             b=info["contact_damping"],
-            mu_k=p.friction.mu_k,
-            sigma=p.friction.sigma,
+            mu_k=law.mu_k,
+            sigma=law.sigma,
             gravity=p.gravity,
-            knots=(float(ramp.t[0]), float(ramp.t[1])),
-            torque=np.array(ramp.values[0]),
-            slope=(ramp.values[1] - ramp.values[0]) / (ramp.t[1] - ramp.t[0]),
-            viscous=np.array(load.coefficients),
+            knots=knots,
+            torque=torque,
+            slope=np.vstack([slope, np.zeros(n_p)]),
+            viscous=viscous,
         )
 
     @property
@@ -94,6 +118,25 @@ class Drive:
         """A vector like the state with one number for each field."""
         links = [np.full(self.n, values[name]) for name in FIELDS]
         return np.concatenate([*links, *(np.full(self.n_p, values[k]) for k in ("theta", "omega"))])
+
+
+def _torques(torque: bd.TorqueLike, n_p: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Knots (n_k,), torques there (n_k, n_p), two knots at a jump, and viscous coefficients."""
+    viscous, given = np.zeros(n_p), None
+    for part in getattr(torque, "parts", [torque]):
+        if isinstance(part, bd.Viscous):
+            viscous = viscous + part.coefficients
+        elif isinstance(part, bd.Load) and part.coulomb == part.quadratic == 0.0:
+            viscous[part.pulley] += part.viscous
+        elif isinstance(part, bd.PiecewiseLinear) and given is None:
+            given = part
+        else:
+            raise ValueError(f"a torque {type(part).__name__} beside others")
+    if given is None:
+        return np.zeros(1), np.zeros((1, n_p)), viscous
+    values = np.zeros((given.t.size, n_p))
+    values[:, slice(None) if given.pulley is None else given.pulley] = np.squeeze(given.values)
+    return np.array(given.t), values, viscous
 
 
 def make_rhs(drive: Drive) -> Any:
@@ -147,7 +190,8 @@ def make_rhs(drive: Drive) -> Any:
         force[0] += d.gravity[0]
         force[1] += d.gravity[1]
 
-        set_torque = d.torque + d.slope * (min(max(t, d.knots[0]), d.knots[1]) - d.knots[0])
+        k = max(int(np.searchsorted(d.knots, t, side="right")) - 1, 0)
+        set_torque = d.torque[k] + d.slope[k] * max(t - d.knots[k], 0.0)
         dy[end : end + n_p] = omega
         dy[end + n_p :] = (
             set_torque - d.viscous * omega + (friction * distance).sum(axis=1)

@@ -31,6 +31,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 from typing import Any
 
@@ -85,7 +86,6 @@ class Problem:
         self.natural = numba_model.compiled(self.drive)
         self.folded = numba_model.compiled(self.drive, fold=True)
         self.unfold = np.argsort(self.folded.order)
-        self.groups = self._groups()
 
         for model in (self.natural, self.folded):
             y = self.y0[model.order]
@@ -220,7 +220,8 @@ class Problem:
             data[inside] = change[row[inside]] / step[column[inside]]
         return scipy.sparse.csc_matrix((data, (row, column)), (y.size, y.size))
 
-    def _groups(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    @cached_property
+    def groups(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows and columns of the Jacobian's entries, the group of every column.
 
         Links three apart share no neighbour; each omega is a group; theta changes nothing here.

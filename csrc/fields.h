@@ -211,6 +211,7 @@
   X(double, growth, "rate at which a small difference was seen to grow [1/s]; 0: not")             \
   X(long, twin_steps, "steps made once more by a displaced twin, to see whether differences grow") \
   X(double, error, "estimated error of the joint forces over the mean tension; 0: none was made")  \
+  X(double, invariant, "largest of what must not be, over its bound; above 1 ends the run")        \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* What a run may be warned of: X(code, accuracy, text). accuracy: the results may be further from
@@ -250,6 +251,7 @@
   X(BD_ERR_STALLED, RUN, "the steps are too short to reach the end")                               \
   X(BD_ERR_FIXED_STEP, RUN, "the fixed step is too long")                                          \
   X(BD_ERR_MAX_STEPS, RUN, "the limit on steps was reached")                                       \
+  X(BD_ERR_INVARIANT, RUN, "a state that no drive can have, by an error of the program")           \
   X(BD_ERR_NOT_SETTLED, RUN, "the belt did not come to rest")
 
 #endif

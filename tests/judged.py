@@ -159,11 +159,12 @@ def references(
     params: bd.Params,
     torque: bd.TorqueLike,
     t_end: float,
-    begin: bd.State,
+    begin: bd.State | None,
     times: Array,
     used: str,
     dear: int = REFERENCE_STEPS,
     tight: float = REFERENCE_RTOL,
+    motion: Any = None,
 ) -> Iterator[Reference]:
     """Give references one after the other, those unrelated to the method used first.
 
@@ -186,8 +187,8 @@ def references(
             continue
         try:
             result = quiet(
-                params, torque, t_end, t_eval=times, initial=begin, method=method, rtol=rtol,
-                max_steps=dear, max_step=t_end / 200.0, ledger=False,
+                params, torque, t_end, motion, t_eval=times, initial=begin, method=method,
+                rtol=rtol, max_steps=dear, max_step=t_end / 200.0, ledger=False,
             )  # fmt: skip
         except bd.SimulationError:
             continue

@@ -171,10 +171,15 @@ def test_a_pulley_that_nothing_touches_is_told() -> None:
 
 
 def test_what_only_the_first_order_could_do_is_told(rest: bd.State) -> None:
-    """A million seconds after zero no step is short enough for 1e-8."""
+    """A million seconds after zero no step is short enough for 1e-8. A jump or two are left to the
+    first order, not a whole run.
+    """
     start = shaken(rest, 0.02, t=1e6)
     options: dict[str, Any] = {"initial": start, "method": "lbdf2", "rtol": 1e-8}
     assert "fallback" in warned_of(PLAIN, bd.Viscous([0, 1]), 1e6 + 1e-6, **options)
+    with pytest.raises(bd.SimulationError, match="lower limit") as caught:
+        bd.simulate(PLAIN, bd.Viscous([0, 1]), 1e6 + 1e-4, **options)
+    assert caught.value.result is not None and caught.value.result.stats.fallbacks == 201
 
 
 def test_the_balance_is_carried_without_a_ledger(rest: bd.State) -> None:
@@ -444,6 +449,23 @@ def test_numbers_that_are_not_finite_are_a_named_error(rest: bd.State) -> None:
     with pytest.raises(bd.SimulationError, match="gives finite numbers") as caught:
         bd.simulate(PLAIN, RAMP, 1e-3, initial=mad, method="tsit5")
     assert caught.value.symbol == "BD_ERR_NOT_FINITE"
+
+
+@pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
+def test_steps_of_hardly_any_length_come_to_an_end() -> None:
+    """Of a pulley without inertia, from a start after 0: a quarter of one does not move the time,
+    and the displaced twin that repeats it must not try such quarters for ever.
+    """
+    belt = attrs.evolve(PLAIN.belt, n_bodies=20, mesh="paper")
+    first = attrs.evolve(PLAIN.pulleys[0], inertia=1e-150)
+    light = attrs.evolve(PLAIN, belt=belt, pulleys=[first, PLAIN.pulleys[1]])
+    start = attrs.evolve(bd.settle(attrs.evolve(PLAIN, belt=belt)), t=1.5e-4)
+    pull = bd.PiecewiseLinear([0.0, 1e-4], [[0.0, 0.0], [-5.0, 0.0]])
+    with pytest.raises(bd.SimulationError) as caught:
+        bd.simulate(
+            light, pull, 2e-3, initial=start, method="rodas4", rtol=5.6e-6, max_steps=60
+        )  # fmt: skip
+    assert caught.value.symbol == "BD_ERR_MAX_STEPS"
 
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")

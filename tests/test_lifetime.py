@@ -7,6 +7,7 @@ import importlib.machinery
 import importlib.util
 import math
 import os
+import subprocess
 import sys
 import tracemalloc
 import weakref
@@ -143,6 +144,103 @@ def test_a_second_copy_of_the_module(model, rest, collector_waits):
     del settling
     gc.collect()
     assert [reference() for reference in watches] == [None] * len(watches)
+
+
+IN_A_SUB_INTERPRETER = """
+import sys
+try:
+    import _interpreters as interpreters  # 3.13
+except ImportError:
+    import _xxsubinterpreters as interpreters
+code = '''
+try:
+    import beltdyn
+except ImportError as error:
+    print(error, flush=True)
+'''
+for loaded in (False, True):  # in the main interpreter
+    if loaded:
+        import beltdyn
+    other = interpreters.create()
+    getattr(interpreters, "exec", interpreters.run_string)(other, code)
+    interpreters.destroy(other)
+print(beltdyn._core.kernel_level(), sys.version_info[:2])
+"""
+
+
+def test_a_sub_interpreter_is_refused_by_name():
+    """Whether or not NumPy is loaded in the main one, which works on."""
+    command = [sys.executable, "-c", IN_A_SUB_INTERPRETER]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == 3 and all("beltdyn._core" in line for line in lines[:2]), done.stdout
+    if sys.version_info < (3, 12):  # from there on Python itself says it
+        assert lines[0].startswith("beltdyn._core cannot be loaded in a sub-interpreter: NumPy")
+        assert lines[1] == lines[0]
+
+
+WITHOUT_MEMORY = """
+import gc, sys
+import _testcapi
+import numpy as np
+from module_common import SCENE, TORQUE
+from beltdyn import _core
+
+model = _core.Model(**SCENE)
+settling = _core.Simulation.settle(model, tolerance=1e-3)
+settling.advance(float("inf"))
+rest = settling.state()
+record = _core.Simulation(model, rest, TORQUE, 1e-3).export_record()
+t, call = [0.0, 1e-4], [*TORQUE, ("call", lambda t, theta, omega: [0.0, 0.0])]
+begun = _core.Simulation(model, rest, TORQUE, 1e-3)
+begun.advance(0.0)
+sampled = lambda: _core.Simulation(model, rest, call, 1e-3).sample(t)
+ring = np.linspace(0.0, 1.0, 24)
+for name, use in {
+    "model": lambda: _core.Model(**SCENE),
+    "info": lambda: (model.info, model.friction, model.rest, model.energy_terms),
+    "rate": lambda: model.rate(rest, [0.0, 0.0]),
+    "observe": lambda: model.observe(rest),
+    "settle": lambda: _core.Simulation.settle(model),
+    "simulation": lambda: _core.Simulation(model, rest, call, 1e-3),
+    "sample": sampled,
+    "state": begun.state,
+    "shown": lambda: (begun.stats, begun.warnings, begun.choice, begun.passes, begun.sizes),
+    "record": begun.export_record,
+    "import": lambda: _core.Simulation(model, rest, TORQUE, 1e-3).import_record(record),
+    "refused": lambda: _core.Model(**SCENE | {"radii": [-1.0, 0.1]}),
+    "friction": lambda: _core.friction_law(SCENE["friction"], 0.1, ring, ring, ring),
+    "line": lambda: _core.belt_line(SCENE["centers"], SCENE["radii"], names=["crank", None]),
+}.items():
+    gc.disable()
+    for k in range(1, 5000):
+        _testcapi.set_nomemory(k, k + 1)
+        try:
+            use()
+            how = None
+        except BaseException as error:
+            how = type(error)
+        finally:
+            _testcapi.remove_mem_hooks()
+        if how is None or how is ValueError and name == "refused" and k > 200:
+            break
+        assert how is MemoryError or name == "refused" and how is ValueError, (name, k, how)
+    gc.enable()
+    print(name, k)
+"""
+
+
+def test_every_allocation_of_python_may_fail():
+    """In each call of the binding, one at a time: MemoryError, and nothing crashes."""
+    pytest.importorskip("_testcapi")
+    done = subprocess.run(
+        [sys.executable, "-X", "dev", "-c", WITHOUT_MEMORY],
+        capture_output=True, text=True, timeout=120, check=False, cwd=Path(__file__).parent,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    counts = dict(line.split() for line in done.stdout.splitlines())
+    assert len(counts) == 14 and int(counts["model"]) > 10 and int(counts["sample"]) > 10, counts
 
 
 def heap():

@@ -309,7 +309,9 @@ def test_spans_against_a_search_from_every_joint(n_p: int) -> None:
 def test_what_the_core_refuses(rest: bd.State) -> None:
     """Rows that are none of links, and names that it does not know."""
     one, three = np.zeros((1, 3)), np.zeros((1, 3), dtype=np.int32)
-    for touched, force, n_p in ((three[0], one[0], 2), (three, one[:, :2], 2), (three, one, 0)):
+    for touched, force, n_p in (
+        (three[0], one[0], 2), (three[0, 0], one[0, 0], 2), (three, one[:, :2], 2), (three, one, 0)
+    ):  # fmt: skip
         with pytest.raises(ValueError, match="must have one shape"):
             _core.span_tension(touched, force, n_p)
     with pytest.raises(TypeError):

@@ -429,6 +429,13 @@ static int add_tables(PyObject *module) {
 /* --- module ---------------------------------------------------------------------------------- */
 
 static int module_exec(PyObject *module) {
+  /* What the slot below says to Python 3.12 and later. */
+  if (PyInterpreterState_Get() != PyInterpreterState_Main()) {
+    PyErr_SetString(PyExc_ImportError,
+                    "beltdyn._core cannot be loaded in a sub-interpreter: NumPy, which it uses, is "
+                    "one per process. Use the main interpreter, its threads, or processes");
+    return -1;
+  }
   import_array1(-1);
   bd_core_module *state = PyModule_GetState(module);
   if (add_tables(module) < 0 || bd_core_add_model(module, state) < 0 ||

@@ -178,7 +178,7 @@ PyObject *bd_core_span_tension(PyObject *Py_UNUSED(module), PyObject *args, PyOb
     const npy_intp shape[2] = {PyArray_DIM(force, 0), np};
     tension = (PyArrayObject *)PyArray_SimpleNew(2, shape, NPY_DOUBLE);
   }
-  const npy_intp n = force ? PyArray_DIM(force, 1) : 0;
+  const npy_intp n = tension ? PyArray_DIM(force, 1) : 0;
   for (npy_intp k = 0; tension && k < PyArray_DIM(tension, 0); k++) {
     bd_span_tension((int)n, (const npy_int32 *)PyArray_DATA(touched) + k * n,
                     (const double *)PyArray_DATA(force) + k * n, (int)np,

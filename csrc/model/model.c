@@ -36,6 +36,10 @@ static int is_string(const bd_belt *belt) {
 }
 
 static int check_belt_model(const bd_belt *belt, bd_error *err) {
+  if (belt->mesh != BD_MESH_PAPER && belt->mesh != BD_MESH_JOINT) {
+    return bd_fail(err, BD_ERR_PARAMETER, "belt.mesh", "belt.mesh must be paper or joint, got %d",
+                   belt->mesh);
+  }
   if (belt->model < BD_BELT_AUTO || belt->model > BD_BELT_STRING) {
     return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
                    "belt.model must be auto, links or string, got %d", belt->model);
@@ -398,6 +402,41 @@ static int has_drag(const bd_scene *scene) {
   return found;
 }
 
+/* What follows from numbers that keep their rules: a link's mass and stiffness must be numbers that
+ * can be computed with, and so must squares of distances. */
+static const double LARGEST_DISTANCE = 1e150;
+
+static int check_derived(const bd_model *model, bd_error *err) {
+  const bd_info *info = &model->info;
+  const struct {
+    const char *field;
+    int kept;
+    double value;
+  } rows[] = {
+      {"belt.length", info->link_inertia > 0.0, model->belt.length},
+      {"belt.length", model->belt.length <= LARGEST_DISTANCE, model->belt.length},
+      {"belt.linear_density", isfinite(info->link_inertia), model->belt.linear_density},
+      {"belt.axial_stiffness", isfinite(info->joint_stiffness), model->belt.axial_stiffness},
+      {"belt.axial_damping", isfinite(info->joint_damping), model->belt.axial_damping},
+      {"belt.bending_stiffness", isfinite(info->bending_stiffness), model->belt.bending_stiffness},
+      {"belt.bending_damping", isfinite(info->bending_damping), model->belt.bending_damping},
+      {"belt.linear_density", isfinite(info->spectral_bound), model->belt.linear_density},
+      {"contact.quadratic", isfinite(info->contact_quadratic), model->contact.quadratic},
+      {"contact.linear", isfinite(info->contact_linear), model->contact.linear},
+      {"contact.damping", isfinite(info->contact_damping), model->contact.damping},
+      {"pulleys", model->far_away <= LARGEST_DISTANCE, model->far_away},
+  };
+  for (size_t k = 0; k < sizeof rows / sizeof rows[0]; ++k) {
+    if (!rows[k].kept) {
+      return bd_fail_at(err, BD_ERR_PARAMETER, rows[k].field, (double)NAN, -1, -1, rows[k].value,
+                        "%s: out of all scale with the rest of the drive (%d links), %g is beyond "
+                        "what double precision can compute with",
+                        rows[k].field, model->belt.n_bodies, rows[k].value);
+    }
+  }
+  return BD_OK;
+}
+
 int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   *out = NULL;
   if (check_scene(scene, err) != BD_OK) {
@@ -454,13 +493,18 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   model->far_away = 1e6;
   for (int j = 0; j < np; ++j) {
     double reach = fabs(model->cx[j]) + fabs(model->cy[j]) + model->radius[j];
-    model->far_away = fmax(model->far_away, 1e3 * (reach + model->belt.length));
+    double far = 1e3 * (reach + model->belt.length);
+    model->far_away = far <= model->far_away ? model->far_away : far; /* or NaN, to be refused */
   }
   model->along_links = scene->belt.mesh == BD_MESH_JOINT;
   model->shear = model->along_links ? 4.0 : 12.0;
   model->lay.string = is_string(&scene->belt);
   model->lay.np = np;
   derive(model);
+  if (check_derived(model, err) != BD_OK) {
+    bd_model_free(model);
+    return BD_ERR_PARAMETER;
+  }
   bd_model_fill_mounts(model, scene);
   if (bd_mounts_rest(model) == BD_OK) {
     check_line(model);

@@ -59,6 +59,9 @@ int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
     return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, j, (double)NAN,
                       "%s: a pulley with a mount needs belt.mesh \"joint\"", label);
   }
+  if (mount->kind < BD_MOUNT_ARM || mount->kind > BD_MOUNT_PATH) {
+    return refuse(err, j, "kind", mount->kind, "must be arm, slider or path");
+  }
   if (mount->kind == BD_MOUNT_PATH) {
     return check_path(mount, j, err);
   }

@@ -3,10 +3,14 @@
  * What is reported of a state: joint deformation and force (MODEL section 2), contact (sections 3
  * and 4), and the energy ledger (section 7).
  */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "physics/physics.h"
+
+/* Of a quantity, over its size, by the operations that lead to it: some 60 of half a unit. */
+#define ROUNDING (32.0 * DBL_EPSILON)
 
 typedef struct touch {
   double rho, normal, mu, friction, slip, velocity;
@@ -275,6 +279,79 @@ double bd_friction_torque(const bd_plan *plan, const double *y, int j, double fo
     }
   }
   return sum;
+}
+
+/* What the friction of link i changes by where its slip velocity and its normal force, over its
+ * share in contact, are off by so much. */
+static double friction_shift(const bd_plan *plan, const double *y, int i, int j, const touch *c,
+                             double share, double dv, double dn) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
+  if (!bd_law_is_general(d->law)) {
+    return fabs(c->mu) * dn;
+  }
+  double sum = 0.0;
+  for (int e = 0; e < (d->states > 0 ? d->states : 1); ++e) {
+    const double z = d->states > 0 ? states[e * lay->stride] : 0.0, mean = c->normal / share;
+    bd_law_point at, moved;
+    double most = 0.0;
+    bd_friction_at(plan->model, j, e, z, c->velocity, mean, &at);
+    for (int corner = 0; corner < 4; ++corner) {
+      bd_friction_at(plan->model, j, e, z, c->velocity + (corner & 1 ? dv : -dv),
+                     fmax(0.0, mean + (corner & 2 ? dn : -dn)), &moved);
+      most = fmax(most, fabs(moved.force - at.force));
+    }
+    sum += most + ROUNDING * (fabs(at.force) + fabs(at.by_state * z));
+  }
+  return share * sum;
+}
+
+bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+  const double *w = lay->string ? NULL : bd_cfield(lay, y, F_VPHI);
+  const int along = plan->model->along_links;
+  bd_contact_rounding out = {.least = -1};
+  if (along) {
+    bd_link_contact_see(plan, y);
+  }
+  look_at(plan, y, j);
+  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
+    for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
+      touch c;
+      if (!touching(plan, y, i, j, &c)) {
+        continue;
+      }
+      const contact_point at = point_of(plan, y, i);
+      const double least =
+          along ? fmin(plan->pressure.left[i], plan->pressure.right[i - 1]) : c.normal;
+      const double share =
+          along ? plan->pressure.share_left[i] + plan->pressure.share_right[i - 1] : 1.0;
+      /* of places and velocities, before differences of them are taken; and of directions */
+      const double off =
+          ROUNDING * (fabs(at.x) + fabs(at.y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
+      const double speed = fabs(at.vx) + fabs(at.vy) + fabs(d->vx) + fabs(d->vy) +
+                           fabs(y[lay->omega + j]) * c.rho +
+                           (w ? 2.0 * plan->links.half * fabs(w[i]) : 0.0);
+      const double dv = speed * (ROUNDING + off / c.rho);
+      const double p = fmax(0.0, d->radius - c.rho), elastic = (d->quadratic * p + d->linear) * p;
+      /* along links normal forces are those of the same loops */
+      const double dn =
+          along ? 0.0
+                : (2.0 * d->quadratic * p + d->linear) * (1.0 + d->hunt_crossley * speed) * off +
+                      (d->damping + d->hunt_crossley * elastic) * dv;
+      out.magnitude += c.normal + fabs(c.friction) + elastic;
+      out.shift += dn + friction_shift(plan, y, i, j, &c, share, dv, dn) +
+                   (ROUNDING + off / c.rho) * (c.normal + fabs(c.friction));
+      if (out.least < 0 || !(least >= out.least_normal)) {
+        out.least_normal = least;
+        out.least = i;
+      }
+    }
+  }
+  return out;
 }
 
 static double kinetic_energy(const bd_model *model, const double *y) {

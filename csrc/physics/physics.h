@@ -196,6 +196,7 @@ typedef struct bd_effect {
   /* Adds the energy it stores at y to the terms; NULL: it stores none. */
   void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
   int n_works, works[2]; /* its work integrals in the state's tail: W_... */
+  int calls;             /* its pass may call functions of the caller's: torques, motions */
   int store;             /* column of the ledger of its own, BD_ENERGY_...; 0: none */
 } bd_effect;
 
@@ -321,12 +322,17 @@ struct bd_plan {
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+/* The same, powers included, without set torques and prescribed motions: no function is called. */
+int bd_plan_rate_of_belt(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 /* Centres at time t and in the state y into the contact_pulleys (they stand still unless they have
  * mounts or settling moves them). */
 void bd_plan_place(bd_plan *plan, double t, const double *y);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
  * states of links on no pulley are reset. */
 void bd_plan_assign_contacts(bd_plan *plan, double *y);
+/* Squared distances from pulley j as contact has them: of the links' centres, or along links (after
+ * bd_link_contact_see) of the nearest end at a joint. Scratch. */
+const double *bd_plan_distances(const bd_plan *plan, const double *y, int j);
 /* What the effects make of y after a step. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);
@@ -375,6 +381,14 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
 /* Torque of friction on pulley j at a state; and, unless NULL, the force of its contact on the
  * belt, friction included. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
+/* Of the contact with pulley j: what its forces on the belt add up to without regard to sign, their
+ * least normal force, and by how much rounding may shift their sum. */
+typedef struct bd_contact_rounding {
+  double magnitude, least_normal, shift;
+  int least; /* link */
+} bd_contact_rounding;
+
+bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j);
 /* Force in the joint on the left of link i. */
 double bd_joint_force(const bd_plan *plan, const double *y, int i);
 /* Outputs of single effects; their stored energy, added to the terms. */

@@ -121,6 +121,19 @@ int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
   return BD_OK;
 }
 
+int bd_plan_rate_of_belt(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  const int skipped = plan->skip_power;
+  int code = BD_OK;
+  plan->skip_power = 0;
+  for (int k = 0; code == BD_OK && k < plan->n_effects; ++k) {
+    if (!plan->effects[k]->calls) {
+      code = plan->effects[k]->rate(plan, t, y, dy, err);
+    }
+  }
+  plan->skip_power = skipped;
+  return code;
+}
+
 /* Smooth (quintic) motion of the centres from their offset to their place. */
 void bd_plan_place(bd_plan *plan, double t, const double *y) {
   bd_mounts_put(plan, y);
@@ -175,22 +188,29 @@ static double squared_distance(const bd_plan *plan, const double *y, int i, int 
   return dx * dx + dy * dy;
 }
 
+const double *bd_plan_distances(const bd_plan *plan, const double *y, int j) {
+  if (plan->model->along_links) {
+    bd_link_contact_distances(plan, y, j);
+  }
+  for (int i = 0; i < plan->model->lay.n; ++i) {
+    plan->best[i] = squared_distance(plan, y, i, j);
+  }
+  return plan->best;
+}
+
 void bd_plan_assign_contacts(bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
   for (int k = 0; k < lay->n8 * lay->slots; ++k) {
     plan->owner[k] = FREE;
   }
-  const int along = plan->model->along_links;
-  if (along) {
+  if (plan->model->along_links) {
     bd_link_contact_see(plan, y);
   }
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-    if (along) {
-      bd_link_contact_distances(plan, y, j);
-    }
+    const double *squared = bd_plan_distances(plan, y, j);
     for (int i = 0; pulley->law != BD_LAW_NONE && i < lay->n; ++i) {
-      if (squared_distance(plan, y, i, j) < pulley->radius * pulley->radius) {
+      if (squared[i] < pulley->radius * pulley->radius) {
         plan->owner[pulley->slot * lay->n8 + i] = j;
         for (int e = pulley->states; e < lay->states; ++e) {
           bd_field(lay, y, bd_f_state(lay, pulley->slot) + e)[i] = 0.0;
@@ -218,7 +238,8 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
     if (rho2 < 0.25 * rim2) {
       return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
                         "link %d sank past half the radius of %s at t = %.9g s: the "
-                        "contact is too soft for this tension, or a torque or a speed out of scale",
+                        "contact is too soft for this tension: raise contact.linear, or look for a "
+                        "torque or a speed out of scale",
                         i, bd_pulley_label(plan->model, j).text, t);
     }
     if (!friction) {

@@ -121,7 +121,8 @@ static double next_stop(bd_sim *sim) {
 }
 
 int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance) {
-  const double least = 1e-3 * (t_new - sim->stepper.t);
+  /* of which a quarter still moves the time */
+  const double least = fmax(1e-3 * (t_new - sim->stepper.t), 8.0 * DBL_EPSILON * fabs(t_new));
   double h = t_new - sim->stepper.t, error;
   next_stop(sim);
   sim->stepper.plan.t_piece = t_piece;
@@ -471,6 +472,9 @@ static int advance(bd_sim *sim, long max_steps) {
     const int guarded = sim->options.guards && !sim->settling;
     if (code == BD_OK && guarded) {
       code = bd_guard_look(sim, sim->stepper.t >= sim->t_end);
+    }
+    if (BD_EVERY_STEP && code == BD_OK && guarded) {
+      code = bd_guard_check(sim);
     }
     if (code == BD_OK && guarded) {
       code = bd_guard_progress(sim);

@@ -51,7 +51,8 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
                         2.0 * model->info.link_length > model->radius[j]
                             ? "its links are too long for this radius, raise belt.n_bodies"
                             : "it has come off, for want of tension, or pushed through by more "
-                              "force than the contact can hold");
+                              "force than the contact can hold: tension it more, or look for a "
+                              "torque or a speed out of scale");
     }
   }
   return BD_OK;
@@ -193,6 +194,13 @@ static int check_joints(bd_sim *sim, double gap, int link) {
 /* Energy that passed so far: fed in, lost or stored, whichever is more; and a twentieth of what
  * preload holds, for drives in which hardly anything happens: 2 % of that is 0.05 % of the tension.
  */
+double bd_guard_energy(const bd_sim *sim) {
+  const bd_model *model = sim->stepper.model;
+  const double strain = model->geometry.code == BD_OK ? model->info.strain : 0.0;
+  const double preload = 0.5 * model->belt.axial_stiffness * strain * strain * model->belt.length;
+  return sim->guard.passed + 0.05 * preload + 1e-12 * fabs(sim->e0);
+}
+
 static int check_balance(bd_sim *sim, double energy) {
   bd_guard *guard = &sim->guard;
   const double *work = sim->stepper.y + sim->stepper.model->lay.work;
@@ -201,16 +209,12 @@ static int check_balance(bd_sim *sim, double energy) {
   guard->fed += fmax(0.0, work[W_drive] - guard->drive);
   guard->drive = work[W_drive];
   guard->passed = fmax(guard->passed, fmax(guard->fed, fmax(losses, fabs(energy - sim->e0))));
-  const double strain =
-      sim->stepper.model->geometry.code == BD_OK ? sim->stepper.model->info.strain : 0.0;
-  const double preload = 0.5 * sim->stepper.model->belt.axial_stiffness * strain * strain *
-                         sim->stepper.model->belt.length;
-  double share = residual / (guard->passed + 0.05 * preload + 1e-12 * fabs(sim->e0));
+  double share = residual / bd_guard_energy(sim);
   /* without a ledger power is summed by the trapezoidal rule, which is off by as much as 8 % */
   const double most = sim->stepper.plan.ledger ? 0.02 : 0.15;
   sim->stats.balance = fabs(share) > fabs(sim->stats.balance) ? share : sim->stats.balance;
   /* the work of a torque that jumps all the time is known no better than the torque */
-  if (!(share <= 0.5) && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
+  if (!(share <= BD_MOST_BALANCE) && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
     return bd_fail_at(
         &sim->stepper.report.failure, BD_ERR_BALANCE, "energy", sim->stepper.t, -1, -1, residual,
         "the integration has added %.3g J by t = %.9g s, where %.3g J passed through the "
@@ -343,7 +347,10 @@ int bd_guard_look(bd_sim *sim, int now) {
   guard->steps_look = sim->stats.steps;
   int link;
   double gap, energy = survey(sim, &gap, &link);
-  int code = check_joints(sim, gap, link);
+  int code = now ? bd_invariants_numbers(sim) : BD_OK;
+  if (code == BD_OK) {
+    code = check_joints(sim, gap, link);
+  }
   if (code == BD_OK) {
     code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, &sim->stepper.report.failure,
                             sim->stepper.t);
@@ -355,7 +362,20 @@ int bd_guard_look(bd_sim *sim, int now) {
   check_steps(sim);
   check_damping(sim);
   check_contact_damping(sim);
-  return code;
+  return code == BD_OK && now ? bd_invariants_check(sim) : code;
+}
+
+int bd_guard_check(bd_sim *sim) {
+  const bd_plan *plan = &sim->stepper.plan;
+  int link, code = bd_invariants_numbers(sim);
+  const double gap = code == BD_OK ? widest_gap(plan, sim->stepper.y, &link) : 0.0;
+  if (gap > 1.0) {
+    code = check_joints(sim, gap, link);
+  }
+  if (code == BD_OK) {
+    code = bd_guard_winding(plan, sim->stepper.y, &sim->stepper.report.failure, sim->stepper.t);
+  }
+  return code == BD_OK ? bd_invariants_check(sim) : code;
 }
 
 /* --- progress -------------------------------------------------------------------------------- */

@@ -48,7 +48,11 @@ typedef struct visitor {
   int bad; /* CHECK: an index is out of its range */
 } visitor;
 
+/* data may be NULL where size is 0: nothing was carved. */
 static void visit(visitor *v, void *data, size_t size) {
+  if (size == 0) {
+    return;
+  }
   if (v->does == WRITE) {
     memcpy(v->out + v->used, data, size);
   } else if (v->does == READ) {

@@ -96,8 +96,27 @@ void bd_guard_begin(bd_sim *sim);
 /* After a step; now: whether or not it is time to look. */
 int bd_guard_look(bd_sim *sim, int now);
 int bd_guard_progress(bd_sim *sim);
+/* What ends a run at any step: joints, winding, invariants. The balance of energy is a bound of all
+ * that went before, and of what was found out of torques meanwhile. */
+int bd_guard_check(bd_sim *sim);
+/* What the balance of energy is measured by: what passed so far [J]; and how much of it may be
+ * missing, or have appeared, before the run ends. */
+double bd_guard_energy(const bd_sim *sim);
+#define BD_MOST_BALANCE 0.5
 /* By which factor local errors add up over a run. */
 double bd_guard_adds_up(const bd_sim *sim);
+
+/* --- invariants.c ---------------------------------------------------------------------------- */
+
+/* At the end of a run, and where BD_EVERY_STEP is after every step: BD_OK or BD_ERR_INVARIANT. The
+ * first is what all other checks take for granted. */
+int bd_invariants_numbers(bd_sim *sim);
+int bd_invariants_check(bd_sim *sim);
+#ifdef BD_CHECK_STEPS
+enum { BD_EVERY_STEP = 1 };
+#else
+enum { BD_EVERY_STEP = 0 };
+#endif
 
 /* --- growth.c ----------------------------------------------------------------------------------
  */

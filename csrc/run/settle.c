@@ -596,6 +596,7 @@ static bd_settling *new_settling(const bd_model *model, const bd_method *method)
     return NULL;
   }
   settling->sim->settling = 1;
+  bd_torque_set_fill(&settling->sim->stepper.plan.torques, NULL, NULL); /* there are none */
   return settling;
 }
 
