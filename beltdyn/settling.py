@@ -64,8 +64,8 @@ def settle(
         speed: Speeds of one or several pulleys, by index or name [rad/s]; of several, the speeds of
             their rims must agree to 1 %. None, or all zero: at rest.
         tolerance: The belt is at rest when the largest unbalanced force is below this times the
-            mean tension; None: 1e-9. Rounding of positions leaves more of a very stiff contact or a
-            belt of hardly any tension, which is then at rest all the same.
+            mean tension; None: 1e-9. What is not tighter than that is raised to what rounding of
+            positions leaves of a very stiff contact, or of a belt of hardly any tension.
         max_time: Simulated time after which to give up [s]; None: chosen.
         progress: Whether to show progress on stderr (needs ``rich``).
 

@@ -22,7 +22,6 @@ __all__ = [
     "balance",
     "capstan",
     "centrifugal",
-    "creep",
     "dahl_curve",
     "energy_falls",
     "free_spin_up",
@@ -104,19 +103,6 @@ def capstan(scene: HardScene, result: Result) -> float:
     tension = np.mean(result.span_tension[part], axis=0) - belt.linear_density * v * v
     full = law.mu_k * float(scene.params.route.wraps[0])
     return float(abs(abs(math.log(tension[0] / tension[1])) - full) / (MESH * full))
-
-
-def creep(scene: HardScene, result: Result) -> float:
-    """Check the creep of a belt: omega_2 R_2 / (omega_1 R_1) = (1 + T_s/EA) / (1 + T_t/EA).
-
-    Of what is lost a fifth is allowed, for the mesh's error of creep is several times that of
-    tension.
-    """
-    part = _last(result)
-    rim = [p.radius for p in scene.params.pulleys] * np.mean(result.pulleys.omega[part], axis=0)
-    strain = np.mean(result.span_tension[part], axis=0) / scene.params.belt.axial_stiffness
-    lost = 1.0 - (1.0 + strain.min()) / (1.0 + strain.max())
-    return float(abs(1.0 - rim[1] / rim[0] - lost) / (0.2 * lost))
 
 
 def symmetric(scene: HardScene, result: Result) -> float:

@@ -35,8 +35,11 @@ struct bd_settling {
   bd_error failure;
 };
 
+/* Largest unbalanced force over the mean tension, unless another is asked for. */
+static const double TOLERANCE = 1e-9;
+
 void bd_settle_options_default(bd_settle_options *options) {
-  *options = (bd_settle_options){.tolerance = 1e-9};
+  *options = (bd_settle_options){.tolerance = TOLERANCE};
 }
 
 /* Critical for the lowest transverse mode of the longest span [1/s]; and that mode's frequency, in
@@ -333,7 +336,9 @@ static void set_up(bd_settling *settling, double step) {
     sim->stepper.plan.mount_inertia[m] =
         4.0 * model->mounts[m].held / (mass_damping * mass_damping);
   }
-  settling->options.tolerance = fmax(given->tolerance, rounding(model));
+  if (given->tolerance >= TOLERANCE) { /* what is asked beyond that is held to, if it can be had */
+    settling->options.tolerance = fmax(given->tolerance, rounding(model));
+  }
   bd_options_default(&sim->options);
   sim->options.method = sim->stepper.method->name;
   sim->options.step = step;
