@@ -145,15 +145,22 @@ def _angle_table(t: Array, angle: Array, cutoff: float | None) -> AngleTable:
 
 
 def _refuse_wraps(t: Array, angle: Array) -> None:
-    """Raise ValueError where a whole turn is taken off between samples."""
+    """Raise ValueError where a whole turn is taken off between samples, in radians or degrees.
+
+    Where it is 360, all angles lie within it; of angles in radians one step would be all motion.
+    """
     steps = np.diff(angle)
-    off = np.abs(np.abs(steps - np.median(steps)) - 2.0 * math.pi)
-    found = np.flatnonzero(off < 0.25 * math.pi)
-    if found.size:
-        raise ValueError(
-            f"AngleTable.angle has turns taken off, at t = {t[1 + found[0]]:.6g} s the first of "
-            f"{found.size}: give them unwrapped (numpy.unwrap)"
-        )
+    for turn, unit, cure in (
+        (2.0 * math.pi, "", "numpy.unwrap"),
+        (360.0, " and is in degrees", "numpy.unwrap(numpy.radians(angle))"),
+    ):
+        off = np.abs(np.abs(steps - np.median(steps)) - turn)
+        found = np.flatnonzero(off < 0.125 * turn)
+        if found.size and (turn < 360.0 or np.ptp(angle) <= turn):
+            raise ValueError(
+                f"AngleTable.angle has turns taken off{unit}, at t = {t[1 + found[0]]:.6g} s the "
+                f"first of {found.size}: give them unwrapped in rad ({cure})"
+            )
 
 
 def _refuse_kinks(t: Array, angle: Array) -> None:

@@ -165,7 +165,9 @@ class Arm(_Sprung):
             positive; None: 0, or by ``free_angle``.
         free_angle: Angle from there at which the spring is unloaded [rad], in place of ``preload``.
         tension: Tension of the belt at rest that the arm is to hold in the place of the drive [N],
-            > 0, in place of ``preload``, which is found from it (``params.effective_pulleys``).
+            > 0, in place of ``preload``, which is found from it (``params.effective_pulleys``),
+            also of a belt that bending lifts off its pulleys: to 0.5 % where sqrt(EI / T) is below
+            a half of what of it lies on the pulley and a quarter of its spans.
         damping: Of a damper beside the spring [N m s/rad], >= 0.
         friction: Torque of Dahl friction in the pivot, in full sliding [N m], >= 0.
         friction_stiffness: Of that friction before it slides [N m/rad], >= 0; None or 0: so that it

@@ -130,7 +130,9 @@ class Params:
     @functools.cached_property
     def _preload(self) -> float:
         """The preload given, or the tension that the mounts hold in their places [N]."""
-        held = balance.tension_held(self.effective_pulleys, self.gravity)
+        held = balance.tension_held(
+            self.effective_pulleys, self.gravity, self.belt.bending_stiffness
+        )
         if held is None:
             if self.belt.preload is None:
                 raise ValueError(
@@ -224,7 +226,7 @@ class Params:
     @functools.cached_property
     def effective_pulleys(self) -> tuple[Pulley, ...]:
         """The pulleys with the preload of each arm and slider: given, or found for its tension."""
-        return balance.preloaded(self.pulleys, self.gravity)
+        return balance.preloaded(self.pulleys, self.gravity, self.belt.bending_stiffness)
 
     @property
     def compliance(self) -> sinking.Compliance:

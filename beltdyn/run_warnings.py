@@ -19,8 +19,8 @@ class BeltdynWarning(UserWarning):
     one or turn it into an error: ``warnings.filterwarnings("ignore", "mesh")``,
     ``warnings.filterwarnings("error", "full_slip")``, or all of accuracy
     ``warnings.filterwarnings("error", category=beltdyn.AccuracyWarning)``. As errors, those of the
-    drive alone but ``mesh`` are raised before the run; the others after it, with the result in
-    their attribute ``result``.
+    drive alone are raised before the run; the others after it, with the result in their attribute
+    ``result``.
     """
 
 
@@ -42,7 +42,7 @@ class RunWarning:
 
     From the samples of a run::
 
-        mesh *        as above, with the load and links that shake the belt as they land; in its place
+        mesh *        as above, of links that shake the belt as they land: more links
         no_friction   a pulley is driven, but friction is off: set ``Params.friction``
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
         slack_span *  a span without tension: the same; the error is unknown then

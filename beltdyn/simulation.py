@@ -333,7 +333,9 @@ def _simulate(
     )
 
     # Before settling, which may take long, and may fail for the very reason they name.
-    of_drive = tuple(one for one in params._noticed if one.code != "mesh")  # a run knows more
+    of_drive = params._noticed
+    if expected is not None:
+        of_drive = expected.without_mesh(of_drive)
     issue(of_drive, stacklevel=3)
     settle_start = time.perf_counter()
     state = initial
@@ -406,20 +408,17 @@ def _simulate(
             unchecked=unchecked(outputs, params.has_friction),
             final_state=State._from_core(sim.state()),
         )
-        if expected is not None:
-            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(expected))
         of_core = [RunWarning(**one) for one in sim.warnings]
         of_samples = observed.observe(seen, motions)
         if any(one.code == "slack_span" for one in of_samples):
-            unknown = tuple(attrs.evolve(one, time=None) for one in seen.accuracy.errors)
-            accuracy = attrs.evolve(seen.accuracy, errors=unknown)
-            seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None), accuracy=accuracy)
+            seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))
         if seen.stats.error is not None:  # links that chatter then have no consequence
             notes = tuple(_excused(one, stats.error) for one in of_core if one.code == "chatter")
-            accuracy = seen.accuracy
-            accuracy = attrs.evolve(accuracy, notes=(*accuracy.notes, *notes))
-            seen = attrs.evolve(seen, accuracy=accuracy)
+            seen = attrs.evolve(seen, accuracy=attrs.evolve(seen.accuracy, notes=notes))
             of_core = [one for one in of_core if one.code != "chatter"]
+        if expected is not None:
+            of_samples = expected.without_mesh(of_samples)
+            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(expected))
         of_file = () if recorder is None else recorder.warnings
         return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples, *of_file))
 

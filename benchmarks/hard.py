@@ -40,7 +40,7 @@ Key = tuple[str, str, str]
 METHODS = ("auto", "tsit5", "rk4", "rodas4", "lbdf2", "lie")
 BELTS = ("joint", "string", "paper")
 #: CPU seconds of a run, of the default method and of the others.
-LIMIT, LIMIT_OTHERS = 30.0, 1.5
+LIMIT, LIMIT_OTHERS = 30.0, 3.0
 #: Links of a drive whose reference may take the usual number of steps; longer belts have fewer.
 REFERENCE_LINKS = 120
 WORDS = {

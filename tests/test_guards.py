@@ -432,8 +432,8 @@ def test_too_long_an_explicit_step_is_a_named_error() -> None:
 
 
 def test_a_belt_that_sinks_into_its_pulleys_does_not_settle() -> None:
-    """490 N of preload leave 490 / (1 + 2 pi 70e3 / (2e4 0.1 1.2)) N, which sink in 1.3 mm."""
-    params = attrs.evolve(drives.plain(), contact=bd.Contact(linear=2e4))
+    """490 N of preload leave 490 / (1 + 2 pi 70e3 / (2e3 0.1 1.2)) N, which sink in 1.3 mm."""
+    params = attrs.evolve(drives.plain(), contact=bd.Contact(linear=2e3))
     with (
         pytest.raises(bd.SimulationError, match="the contact may be too soft") as failed,
         pytest.warns(bd.AccuracyWarning, match="^compliance: .* 1.3 % of its radius"),

@@ -78,7 +78,9 @@ def finite_or_named(data: st.DataObject) -> None:
             start = attrs.evolve(start, **{name: field})
         if data.draw(st.booleans()):
             level = data.draw(FACTORS)
-            torque = bd.PiecewiseLinear([0.0, 1e-4], [[0.0] * len(params.pulleys), [level] * len(params.pulleys)])
+            torque = bd.PiecewiseLinear(
+                [0.0, 1e-4], [[0.0] * len(params.pulleys), [level] * len(params.pulleys)]
+            )
         result = bd.simulate(params, torque, drawn["t_end"], initial=start, **options)
     except bd.SimulationError as error:
         assert error.symbol.startswith("BD_ERR_") and str(error)

@@ -357,18 +357,6 @@ def test_links_that_land_are_in_the_estimate() -> None:
     assert sanity.shaken(run.params, 15.0) == pytest.approx(once / 4.0)
 
 
-@pytest.mark.filterwarnings("ignore:long_links:UserWarning")
-def test_a_run_warns_once_of_its_mesh_by_the_error_that_it_tells() -> None:
-    """From 2 % on, whichever part is the larger: at rest too, of the sum alone, of neither."""
-    for n_bodies, at_rest, told in ((44, True, True), (52, False, True), (56, False, False)):
-        run = landing(n_bodies, 8.0, t_end=0.01)
-        error = run.accuracy["span_mean"].space
-        assert ("mesh" in [one.code for one in sanity.check(run.params)]) is at_rest
-        assert error is not None and (error >= sanity.MESH) is told
-        texts = [one.text for one in run.warnings if one.code == "mesh"]
-        assert len(texts) == told and all(sanity.percent(error) in text for text in texts)
-
-
 def test_a_run_knows_of_links_that_land_in_resonance() -> None:
     """Two equal spans, 40 links, no load: at 6 m/s, the second resonance in reach, landing links
     raise the tension by 10 %, four times as much as their number and speed tell; at 8 by 2 %.

@@ -136,6 +136,18 @@ def test_dahl_refuses(name, arguments, kind, message):
         getattr(_core, f"dahl_{name}")(*arguments)
 
 
+def test_no_argument_overflows():
+    """Numbers beyond what C holds are bad values as others are."""
+    one, law = [0.0], SCENE["friction"]
+    with refused(V, "length is too large for a float64"):
+        _core.check_parameter("belt", "length", "belt", 10**400)
+    with refused(V, f"element is too large: {2**70}"):
+        _core.friction_law(law, 0.1, one, one, one, 2**70)
+    for element in (1, -1, 2**40, -(2**40)):
+        with refused(V, "element must lie in 0 to 0, got ..."):
+            _core.friction_law(law, 0.1, one, one, one, element)
+
+
 def test_real_numbers_are_taken():
     kinds = (int, float, np.float64, np.float32, np.float16, np.int8, np.uint64, np.longdouble)
     for value in [*(kind(1) for kind in kinds), np.array(1.0), np.array(1), Fraction(2, 2)]:

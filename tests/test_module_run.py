@@ -91,7 +91,7 @@ def test_states_may_be_any_mapping(model, rest):
     assert same_bits(model.rate(Lazy(rest), [0, 0]), model.rate(rest, [0, 0]))
     with pytest.raises(LookupError, match="mine"):
         model.rate(Lazy({}), [0, 0])
-    for value in [3, [1.0], (1.0,), "state", b"state", np.zeros(3)]:
+    for value in [3, [1.0], (1.0,), "state", b"state", np.zeros(3), np.float64(1.0)]:
         got = f"state must be a mapping of arrays by name, got {kind_of(value)}"
         refused_by_all(model, value, T, got)
     without = {key: value for key, value in rest.items() if key != "t"}

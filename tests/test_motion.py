@@ -564,6 +564,8 @@ def test_kinks_and_noise_of_measured_angles_are_refused() -> None:
         ({"cutoff": 300.0}, r"AngleTable\.cutoff must be between 1 Hz, .* and 200 Hz"),
         ({"cutoff": 0.0}, r"AngleTable\.cutoff must be > 0"),
         ({"angle": (40.0 * t) % (2.0 * np.pi), "cutoff": 40.0}, "turns taken off, at t = 0.1575 s"),
+        ({"angle": np.degrees(40.0 * t) % 360.0, "cutoff": 40.0}, "in degrees, at t = 0.1575 s"),
+        ({"angle": np.degrees(-40.0 * t) % 360.0, "cutoff": 40.0}, "in degrees, at t = 0.0025 s"),
     ):
         with pytest.raises(ValueError, match=message):
             bd.AngleTable(**({"t": t, "angle": ANGLES} | changes))

@@ -53,9 +53,10 @@ static PyObject *get_field(PyObject *mapping, const char *name) {
 
 int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *info) {
   *out = (bd_core_state){0};
-  /* The containers of the language that are indexed by number pass PyMapping_Check too. */
+  /* What the language and NumPy index by number passes PyMapping_Check too. */
   if (!PyMapping_Check(mapping) || PyList_Check(mapping) || PyTuple_Check(mapping) ||
-      PyUnicode_Check(mapping) || PyBytes_Check(mapping) || PyArray_Check(mapping)) {
+      PyUnicode_Check(mapping) || PyBytes_Check(mapping) || PyArray_CheckAnyScalar(mapping) ||
+      PyArray_Check(mapping)) {
     PyErr_Format(PyExc_TypeError, "state must be a mapping of arrays by name, got %.100s",
                  Py_TYPE(mapping)->tp_name);
     return -1;

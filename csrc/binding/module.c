@@ -131,9 +131,11 @@ PyDoc_STRVAR(check_parameter_doc,
 
 static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
   const char *group, *name, *label;
+  PyObject *given;
   double value;
   bd_error err = {0};
-  if (!PyArg_ParseTuple(args, "sssd:check_parameter", &group, &name, &label, &value)) {
+  if (!PyArg_ParseTuple(args, "sssO:check_parameter", &group, &name, &label, &given) ||
+      bd_convert_real(given, name, &value) < 0) {
     return NULL;
   }
   int code = bd_check_parameter(group, name, label, value, &err);
@@ -158,17 +160,19 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
                                         "by_state",      "by_slip",     "rate_by_normal",
                                         "rate_by_state", "rate_by_slip"};
   enum { N_COLUMNS = sizeof columns / sizeof columns[0] };
-  PyObject *law, *length, *objects[3], *result = NULL;
+  PyObject *law, *length, *objects[3], *given_element = NULL, *result = NULL;
   PyArrayObject *given[3] = {NULL, NULL, NULL};
   bd_friction friction = {0};
   double l0, *out[N_COLUMNS];
-  int element = 0;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOO|i:friction_law", names, &law, &length,
-                                   &objects[0], &objects[1], &objects[2], &element) ||
+  long element = 0;
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOO|O:friction_law", names, &law, &length,
+                                   &objects[0], &objects[1], &objects[2], &given_element) ||
+      (given_element && bd_convert_long(given_element, "element", &element) < 0) ||
       bd_core_read_friction(law, "friction", &friction) < 0 ||
       bd_convert_real(length, "link_length", &l0) < 0) {
     return NULL;
   }
+  element = element < -1 || element > BD_MAX_ELEMENTS ? -1 : element; /* there is none of it */
   npy_intp n = BD_ANY;
   for (int k = 0; k < 3; k++) {
     given[k] = bd_convert_array(objects[k], names[k + 2], 1, &n);
@@ -190,7 +194,7 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
     const double *normal = PyArray_DATA(given[2]);
     bd_law_point p;
     bd_error err = {0};
-    int code = bd_friction_evaluate(&friction, l0, element, z[i], v[i], normal[i], &p, &err);
+    int code = bd_friction_evaluate(&friction, l0, (int)element, z[i], v[i], normal[i], &p, &err);
     if (code < 0) {
       bd_core_raise(code, &err);
       Py_CLEAR(result);

@@ -312,8 +312,7 @@ static void set_up(bd_settling *settling, double step) {
                                               : MOVE / lowest;
   sim->stepper.t = sim->t0 = 0.0;
   settling->patience = (sim->stepper.method->implicit ? PATIENCE_FINE : PATIENCE) / lowest;
-  sim->t_end =
-      move_time + (given->max_time > 0.0 ? given->max_time : MOST_PATIENCE * settling->patience);
+  sim->t_end = move_time + (given->max_time > 0.0 ? given->max_time : settling->patience);
   bd_plan_make(&sim->stepper.plan, model,
                &(bd_plan_options){.friction = given->friction,
                                   .hold_pulleys = !given->free_pulleys,
@@ -493,7 +492,12 @@ static int check_rest(bd_settling *settling) {
   /* no progress for twice the time expected: give up */
   int hopeless = sim->stepper.t > settling->best_time + settling->patience &&
                  sim->stepper.t > sim->stepper.plan.move_time + settling->patience;
-  if (sim->stepper.t >= sim->t_end || hopeless) {
+  const double longest = sim->stepper.plan.move_time + MOST_PATIENCE * settling->patience;
+  if (sim->stepper.t >= sim->t_end && !hopeless && !(settling->options.max_time > 0.0) &&
+      sim->t_end < 0.999 * longest) { /* in progress: as long again, by steps of the same length */
+    sim->t_end += settling->patience;
+    sim->status = BD_MORE;
+  } else if (sim->stepper.t >= sim->t_end || hopeless) {
     return bd_fail_at(
         err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, -1, -1, sim->stats.residual,
         "the belt did not come to rest within %.3g s: unbalanced force %.3g of the "

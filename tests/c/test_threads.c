@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Threads that share one constant model, each with simulations of its own: the same bits in all, and
- * under ThreadSanitizer no race.
+ * Threads that share one constant model, each with simulations of its own: the same bits in all,
+ * and under ThreadSanitizer no race.
  */
 #include <pthread.h>
 

@@ -57,11 +57,34 @@ def _edited(given: Bytes, content: bytes, pieces: list[bytes]) -> bytes:
 
 
 PIECES = [
-    b"\n", b"[", b"]", b"[[pulleys]]\n", b"[friction]\n", b"[[torque]]\n", b"kind = 'piecewise_linear'\n",
-    b"= 0\n", b"= -1\n", b"= nan\n", b"= inf\n", b"= 1e308\n", b"= 1e-300\n", b"= []\n", b"= {}\n",
-    b"= [[]]\n", b"= [0.0, 1.0]\n", b"= true\n", b"= ''\n", b"= 1979-05-27\n", b"= 'outside'\n",
-    b"mount = {kind = 'slider'}\n", b"pulley = 1\n", b"length", b"preload", b"t_end", b"0x" + b"f" * 40,
-]  # fmt: skip
+    b"\n",
+    b"[",
+    b"]",
+    b"[[pulleys]]\n",
+    b"[friction]\n",
+    b"[[torque]]\n",
+    b"kind = 'piecewise_linear'\n",
+    b"= 0\n",
+    b"= -1\n",
+    b"= nan\n",
+    b"= inf\n",
+    b"= 1e308\n",
+    b"= 1e-300\n",
+    b"= []\n",
+    b"= {}\n",
+    b"= [[]]\n",
+    b"= [0.0, 1.0]\n",
+    b"= true\n",
+    b"= ''\n",
+    b"= 1979-05-27\n",
+    b"= 'outside'\n",
+    b"mount = {kind = 'slider'}\n",
+    b"pulley = 1\n",
+    b"length",
+    b"preload",
+    b"t_end",
+    b"0x" + b"f" * 40,
+]
 
 
 def toml() -> Callable[[bytes], None]:
@@ -100,7 +123,17 @@ def saved() -> Callable[[bytes], None]:
     good = [(bd.State, (folder / "state.npz").read_bytes())]
     good += [(bd.Result, (folder / "result.npz").read_bytes())]
     path = folder / "read.npz"
-    pieces = [b"\x00" * 8, b"\xff" * 8, b"'<f8'", b"(1,)", b"(-1,)", b"PK\x03\x04", b"PK\x01\x02", b"}", b"O"]
+    pieces = [
+        b"\x00" * 8,
+        b"\xff" * 8,
+        b"'<f8'",
+        b"(1,)",
+        b"(-1,)",
+        b"PK\x03\x04",
+        b"PK\x01\x02",
+        b"}",
+        b"O",
+    ]
     crcs = _checksums_right
 
     def check(data: bytes) -> None:
@@ -195,21 +228,23 @@ def value(given: Bytes) -> Any:
         lambda: tuple(value(given) for _ in range(n)),
         lambda: np.array(given.ConsumeFloatListInRange(n, -1.0, 1.0)),
         lambda: np.zeros((n, given.ConsumeIntInRange(0, 3))),
-        lambda: np.zeros(n, ["f4", ">f8", "i8", "O", "U3", "c16", "M8[s]", "?"][given.ConsumeIntInRange(0, 7)]),
+        lambda: np.zeros(
+            n, ["f4", ">f8", "i8", "O", "U3", "c16", "M8[s]", "?"][given.ConsumeIntInRange(0, 7)]
+        ),
         lambda: np.ma.masked_array(np.zeros(n), n * [True]),
         lambda: np.broadcast_to(np.float64(1.0), (n, 2)),
         lambda: np.float64(given.ConsumeFloat()),
         lambda: math.nan,
         lambda: {"t": value(given)},
         lambda: {given.ConsumeUnicode(2)},
-        lambda: (lambda *a: value(given)),
-        lambda: (lambda *a: [0.0, 0.0]),
+        lambda: lambda *a: value(given),
+        lambda: lambda *a: [0.0, 0.0],
         Refuses,
         Lies,
         lambda: iter([1.0, 2.0]),
         lambda: object,
         lambda: _core.Model,
-    ]  # fmt: skip
+    ]
     return odd[given.ConsumeIntInRange(0, len(odd) - 1)]()
 
 
@@ -257,9 +292,12 @@ def binding() -> Callable[[bytes], None]:
         "mesh": "joint",
         "outside": [False, False],
         "names": ["crank", None],
-        "mounts": [None, ("slider", (1.0, 0.0), (1.0, 0.0, 1e5, 1e3, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))],
+        "mounts": [
+            None,
+            ("slider", (1.0, 0.0), (1.0, 0.0, 1e5, 1e3, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        ],
         "model": "auto",
-    }  # fmt: skip
+    }
     terms: list[Any] = [
         *TORQUE,
         ("load", 1, (1.0, 0.1, 0.0), None),
@@ -275,26 +313,59 @@ def binding() -> Callable[[bytes], None]:
     ]
     friction = ("maxwell_slip", ((0.3, 0.3), (2e7, 1e7), (400.0, 300.0), 0.0, 0.0))
     calls: list[tuple[Callable[..., Any], dict[str, Any] | list[Any]]] = [
-        (_core.belt_line, {"centers": SCENE["centers"], "radii": [0.1, 0.1], "outside": [False, False]}),
+        (
+            _core.belt_line,
+            {"centers": SCENE["centers"], "radii": [0.1, 0.1], "outside": [False, False]},
+        ),
         (_core.check_parameter, ["belt", "length", "belt", 1.0]),
-        (_core.friction_law, {"friction": friction, "link_length": 0.05, "z": ring, "v": ring, "normal": ring, "element": 1}),
+        (
+            _core.friction_law,
+            {
+                "friction": friction,
+                "link_length": 0.05,
+                "z": ring,
+                "v": ring,
+                "normal": ring,
+                "element": 1,
+            },
+        ),
         (_core.friction_states, [friction]),
         (_core.dahl_slide, {"dx": ring, "mu0": 0.0, "mu_k": 1.0, "sigma": 1e4}),
         (_core.dahl_path, {"x": ring, "mu0": 0.0, "mu_k": 1.0, "sigma": 1e4}),
-        (_core.span_tension, {"pulley": np.array([0, -1, -1, 1, -1, -1], np.int32), "force": ring[:6], "n_pulleys": 2}),
-    ]  # fmt: skip
+        (
+            _core.span_tension,
+            {
+                "pulley": np.array([0, -1, -1, 1, -1, -1], np.int32),
+                "force": ring[:6],
+                "n_pulleys": 2,
+            },
+        ),
+    ]
     model = _core.Model(**SCENE)
     settling = _core.Simulation.settle(model, friction=True)
     settling.advance(math.inf)
     rest = settling.state()
     options: dict[str, Any] = {
-        "method": "auto", "rtol": 1e-4, "step": 0.0, "max_step": 0.0, "max_steps": 20, "ledger": True,
-        "breakpoints": [1e-4], "torque_interval": 5e-4, "guards": True,
-    }  # fmt: skip
+        "method": "auto",
+        "rtol": 1e-4,
+        "step": 0.0,
+        "max_step": 0.0,
+        "max_steps": 20,
+        "ledger": True,
+        "breakpoints": [1e-4],
+        "torque_interval": 5e-4,
+        "guards": True,
+    }
     settle_options: dict[str, Any] = {
-        "friction": True, "free_pulleys": False, "offset": np.zeros((2, 2)), "move_time": 0.0,
-        "shift": 0.0, "tolerance": 1e-5, "max_time": 1e-4, "speed": 0.0,
-    }  # fmt: skip
+        "friction": True,
+        "free_pulleys": False,
+        "offset": np.zeros((2, 2)),
+        "move_time": 0.0,
+        "shift": 0.0,
+        "tolerance": 1e-5,
+        "max_time": 1e-4,
+        "speed": 0.0,
+    }
     assert len(rest["x"]) == N_B and len(rest["omega"]) == N_P
 
     def call(given: Bytes, function: Callable[..., Any], arguments: Any) -> Any:
@@ -303,7 +374,11 @@ def binding() -> Callable[[bytes], None]:
         try:
             if isinstance(arguments, dict) and all(isinstance(name, str) for name in arguments):
                 return function(**arguments)
-            return function(*arguments) if isinstance(arguments, (list, tuple)) else function(arguments)
+            return (
+                function(*arguments)
+                if isinstance(arguments, (list, tuple))
+                else function(arguments)
+            )
         except DOCUMENTED as error:
             assert type(error) is not RuntimeError or str(error)
             return None
@@ -340,7 +415,17 @@ def binding() -> Callable[[bytes], None]:
                 else:
                     state = made.state()
                     assert all(np.isfinite(field).all() for field in state.values())
-            for name in ("time", "samples", "method", "choice", "passes", "effects", "sizes", "stats", "warnings"):
+            for name in (
+                "time",
+                "samples",
+                "method",
+                "choice",
+                "passes",
+                "effects",
+                "sizes",
+                "stats",
+                "warnings",
+            ):
                 getattr(made, name)
 
     def check(data: bytes) -> None:
@@ -351,19 +436,33 @@ def binding() -> Callable[[bytes], None]:
         elif which == len(calls):
             use(given, call(given, _core.Model, full))
         elif which == len(calls) + 1:
-            arguments = {"model": model, "state": None if given.ConsumeBool() else rest, **settle_options}
+            arguments = {
+                "model": model,
+                "state": None if given.ConsumeBool() else rest,
+                **settle_options,
+            }
             use(given, call(given, _core.Simulation.settle, arguments))
         else:
             torque = [t for t in terms if given.ConsumeBool()]
             motion = [m for m in motions if given.ConsumeBool()]
-            arguments = {"model": model, "state": rest, "torque": torque, "t_end": 1e-3, "motion": motion}
+            arguments = {
+                "model": model,
+                "state": rest,
+                "torque": torque,
+                "t_end": 1e-3,
+                "motion": motion,
+            }
             use(given, call(given, _core.Simulation, arguments | options))
 
     return check
 
 
 def main() -> None:
-    target: Callable[[], Callable[[bytes], None]] = {"toml": toml, "saved": saved, "binding": binding}[sys.argv[1]]
+    target: Callable[[], Callable[[bytes], None]] = {
+        "toml": toml,
+        "saved": saved,
+        "binding": binding,
+    }[sys.argv[1]]
     for corpus in sys.argv[2:3]:
         if not corpus.startswith("-") and not Path(corpus).is_file():
             os.makedirs(corpus, exist_ok=True)
