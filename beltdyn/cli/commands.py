@@ -205,7 +205,10 @@ def run(
                 found = suggestion.scene
                 options |= suggestion.options
             result = simulate(
-                *found,
+                found.params,
+                found.torque_fn,
+                found.t_end,
+                motion=found.motion,
                 progress=not quiet,
                 verify=verify,
                 outputs=names,
