@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
  * The public C interface under libFuzzer: bytes are read as edits of a drive of three pulleys (any
- * parameter of the table, layout, mounts, laws, loads, motions, options, settling, single numbers of
- * the state), which is then settled, run for some steps, recorded and continued. Whatever the bytes
- * say, a call gives a finite result or a named error; the sanitizers see the rest. No bytes: the
- * drive runs as it is.
+ * parameter of the table, layout, mounts, laws, loads, motions, options, settling, single numbers
+ * of the state), which is then settled, run for some steps, recorded and continued. Whatever the
+ * bytes say, a call gives a finite result or a named error; the sanitizers see the rest. No bytes:
+ * the drive runs as it is.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -40,9 +40,9 @@ static size_t below(bytes *in, size_t most) {
 
 /* Mostly of the order of `usual`, either sign; or what is at an end of the numbers; or any bits. */
 static double number(bytes *in, double usual) {
-  static const double odd[] = {0.0,    -0.0,       1.0,    -1.0,   (double)NAN, (double)INFINITY,
-                               5e-324, 2.3e-308,   1e-150, 1e-30,  1e-12,       1e12,
-                               1e30,   1e150,      1.7e308, -1e300, -(double)INFINITY, 3.0};
+  static const double odd[] = {
+      0.0,   -0.0,  1.0,  -1.0, (double)NAN, (double)INFINITY, 5e-324, 2.3e-308,          1e-150,
+      1e-30, 1e-12, 1e12, 1e30, 1e150,       1.7e308,          -1e300, -(double)INFINITY, 3.0};
   const unsigned kind = byte(in);
   if (kind < 144) { /* 10^-3 to 10^3 of it, 0 leaves it */
     return usual * pow(10.0, (kind < 72 ? (double)kind : (double)kind - 144.0) / 24.0);
@@ -149,7 +149,8 @@ static bd_friction usual_law(int law) {
   case BD_LAW_lugre:
     return (bd_friction){.law = law, .lugre = {0.6, 0.8, 0.05, 1e4, 0.1, 0.0}};
   case BD_LAW_elastic_plastic:
-    return (bd_friction){.law = law, .elastic_plastic = {.mu = 0.6, .stiffness = 2e7, .damping = 400}};
+    return (bd_friction){.law = law,
+                         .elastic_plastic = {.mu = 0.6, .stiffness = 2e7, .damping = 400}};
   case BD_LAW_coulomb:
     return (bd_friction){.law = law, .coulomb = {.mu = 0.6, .v_reg = 0.05}};
   case BD_LAW_creep_rate:
@@ -167,8 +168,7 @@ static bd_friction usual_law(int law) {
 }
 
 static void edit_parameter(drive *d, bytes *in) {
-  const bd_parameter *row =
-      &bd_parameters[((byte(in) << 8) + byte(in)) % bd_n_parameters];
+  const bd_parameter *row = &bd_parameters[((byte(in) << 8) + byte(in)) % bd_n_parameters];
   const size_t j = below(in, MOST_PULLEYS);
   bd_friction *law = byte(in) % 2 ? &d->friction : &d->own[j];
   void *record = strcmp(row->group, "belt") == 0      ? (void *)&d->scene.belt
@@ -211,7 +211,8 @@ static void edit_mount(drive *d, bytes *in) {
   *mount = (bd_mount){.kind = (int)below(in, 4)};
   const double *center = d->pulleys[j].center;
   if (mount->kind == BD_MOUNT_ARM) {
-    mount->arm = (bd_arm){.inertia = 0.01, .mass = 0.2, .stiffness = 50, .preload = 20, .damping = 1};
+    mount->arm =
+        (bd_arm){.inertia = 0.01, .mass = 0.2, .stiffness = 50, .preload = 20, .damping = 1};
   } else if (mount->kind == BD_MOUNT_SLIDER) {
     mount->slider = (bd_slider){.mass = 1, .stiffness = 1e5, .preload = 1000, .damping = 100};
   }
@@ -408,8 +409,8 @@ static void read_drive(drive *d, bytes *in) {
   d->scene.friction = &d->friction;
   for (int j = 0; j < MOST_PULLEYS; ++j) {
     d->own[j] = test_friction;
-    d->pulleys[j] = (bd_pulley){
-        .center = {centers[j][0], centers[j][1]}, .radius = radii[j], .inertia = 0.001};
+    d->pulleys[j] =
+        (bd_pulley){.center = {centers[j][0], centers[j][1]}, .radius = radii[j], .inertia = 0.001};
     d->pulleys[j].drag.viscous = 1e-3;
   }
   for (int k = 0; k < MOST_TIMES; ++k) {
@@ -508,7 +509,8 @@ static void edit_state(const drive *d, bd_state *state, const bd_info *info) {
 
 /* --- use ------------------------------------------------------------------------------------- */
 
-/* A code is of the table and breaks no invariant, and an error says which. FUZZ_SAYS in the environment prints them. */
+/* A code is of the table and breaks no invariant, and an error says which. FUZZ_SAYS in the
+ * environment prints them. */
 static int said(int code, const bd_error *err) {
   if (getenv("FUZZ_SAYS")) {
     fprintf(stderr, "%d %s\n", code, code < 0 ? err->message : "");
@@ -564,8 +566,7 @@ static void run(const drive *d, const bd_model *model, const bd_info *info, cons
   if (size) {
     char *record = room_of(size, 1);
     HOLDS(bd_sim_export(sim, record) == size);
-    const int made =
-        bd_sim_create(&next, model, state, &d->torque, d->t_end, &d->options, &again);
+    const int made = bd_sim_create(&next, model, state, &d->torque, d->t_end, &d->options, &again);
     HOLDS(made == BD_OK || d->behaviour); /* a function may say no later */
     if (made == BD_OK) {
       record[size / 2] = (char)(record[size / 2] ^ 1);
