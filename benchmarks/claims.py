@@ -251,7 +251,7 @@ def table(records: list[Record]) -> list[str]:
     groups += [(name, lambda r, test=test: test(r["drawn"])) for name, test in drawn]  # type: ignore[misc]
     lines = [
         "Quiet runs whose true error is beyond so many times their claim; sens: beyond 5x, but the",
-        "references are apart or warn; lost: a pulley the belt left unsaid; over: runs beyond the",
+        "references are apart; lost: a pulley the belt left unsaid; over: runs beyond the",
         "budget of steps; median of true error over claim.",
         "",
         " " * 32

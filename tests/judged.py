@@ -5,7 +5,9 @@ TRUE ERROR is the root mean square over the samples after the start and over the
 difference of the joint force to a reference, over the mean tension of the reference. The reference
 is a run at a tolerance far below, by a method of another family wherever that is affordable. Where
 the run is off its claim, a second reference says how far the first is to be believed: the FLOOR,
-the difference of the two; a run is told wrong only by what exceeds three floors.
+the difference of the two; a run is told wrong only by what exceeds three floors. Where each
+reference warns of its own accuracy, the closest two tell the floor: growth from so small errors may
+be small all the same, and what they agree on is what the run has missed.
 """
 
 from __future__ import annotations
@@ -207,8 +209,8 @@ def judge(
     """Run the drive of a seed and say what it claimed, what it said, and what was true.
 
     The record's ``outcome``: "settle" (failed by name while settling), "failed" (by name), "dear"
-    (no reference of at most so many steps), "doubtful" (off its claim, but not by three floors, or
-    each reference warns of its own accuracy) or "known". "over" tells a run that went beyond its
+    (no reference of at most so many steps), "doubtful" (off its claim, but not by three floors) or
+    "known". "over" tells a run that went beyond its
     budget of steps, "off_drawing" the pulleys that the belt does not lie on as drawn.
 
     ``many`` judges at less cost: a run that warns of its accuracy in time has the outcome "warned",
@@ -259,12 +261,14 @@ def judge(
         if loose is not None and (error := loose.error(result.joints.force)) <= claim:
             return record | {"outcome": "known", "error": error, "reference": loose.name}
     known = references(*given)
-    first = None
-    for first in known:
-        if first.sure:
+    seen: list[Reference] = []
+    for one in known:
+        seen.append(one)
+        if one.sure:
             break
-    if first is None:
+    if not seen:
         return record | {"outcome": "dear"}
+    first = seen[-1] if seen[-1].sure else seen[0]
     error = first.error(result.joints.force)
     kept = error <= (claim if claim is not None else 0.01)
     record |= {
@@ -274,12 +278,12 @@ def judge(
         "tension": first.tension,
         "reference": first.name,
     }
-    if first.sure and not kept:
-        second = next((one for one in known if one.sure), None)
-        if second is None:
-            return record | {"outcome": "doubtful"}
-        floor = first.error(second.force)
-        record |= {"floor": floor, "reference": f"{first.name}, {second.name}"}
-        if error <= 3.0 * floor:
-            record["outcome"] = "doubtful"
+    if not kept:
+        others = [one for one in known if one.sure] if first.sure else seen[1:]
+        floor = min((first.error(one.force) for one in others), default=math.inf)
+        record |= {
+            "outcome": "known" if error > 3.0 * floor else "doubtful",
+            "floor": floor if others else None,
+            "reference": ", ".join(one.name for one in (first, *others)),
+        }
     return record

@@ -120,10 +120,10 @@ static double next_stop(bd_sim *sim) {
   return fmin(set->before, sim->t_end);
 }
 
-int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance) {
+int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, double longest) {
   /* of which a quarter still moves the time */
   const double least = fmax(1e-3 * (t_new - sim->stepper.t), 8.0 * DBL_EPSILON * fabs(t_new));
-  double h = t_new - sim->stepper.t, error;
+  double h = (t_new - sim->stepper.t) / fmax(1.0, ceil((t_new - sim->stepper.t) / longest)), error;
   next_stop(sim);
   sim->stepper.plan.t_piece = t_piece;
   while (sim->stepper.t < t_new) {
@@ -561,7 +561,7 @@ void bd_sim_stats(const bd_sim *sim, bd_stats *out) {
   out->nfev = sim->stepper.nfev;
   out->njev = sim->stepper.njev;
   out->nlu = sim->stepper.nlu;
-  out->twin_steps = sim->twin.steps;
+  out->twin_steps = sim->twin.steps + sim->twin.missed.steps;
   out->error = estimated_error(sim);
 }
 const char *bd_sim_method(const bd_sim *sim) {

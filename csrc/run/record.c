@@ -199,7 +199,7 @@ static void visit_guard(visitor *v, bd_guard *guard, int np) {
 
 static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice);
 
-/* Twins have the methods of the run they follow. */
+/* Twins have the methods of the run they follow, or one of their own. */
 static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice) {
   ONE(v, twin->active);
   ONE(v, twin->grows);
@@ -224,11 +224,17 @@ static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice)
   ONE(v, twin->seen_t);
   MANY(v, twin->seen, 2 * np);
   MANY(v, twin->theta, np);
-  if (twin->sim) {
-    visit_sim(v, twin->sim, choice);
-  }
-  if (twin->still) {
-    visit_sim(v, twin->still, choice);
+  ONE(v, twin->missed.active);
+  ONE(v, twin->missed.steps);
+  ONE(v, twin->missed.next_begin);
+  ONE(v, twin->missed.apart);
+  ONE(v, twin->missed.t_begin);
+  ONE(v, twin->missed.least);
+  bd_sim *const all[] = {twin->sim, twin->still, twin->missed.pair[0], twin->missed.pair[1]};
+  for (size_t k = 0; k < sizeof all / sizeof all[0]; ++k) {
+    if (all[k]) {
+      visit_sim(v, all[k], choice);
+    }
   }
 }
 
@@ -418,8 +424,9 @@ int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
   sim->status = sim->started ? BD_MORE : BD_OK;
   sim->stepper.jacobian_known = 0;
   bd_plan_place(&sim->stepper.plan, sim->stepper.t, sim->stepper.y);
-  bd_sim *const all[] = {sim, sim->twin.sim, sim->twin.still};
-  for (int k = 0; k < 3; ++k) {
+  bd_sim *const all[] = {sim, sim->twin.sim, sim->twin.still, sim->twin.missed.pair[0],
+                         sim->twin.missed.pair[1]};
+  for (size_t k = 0; k < sizeof all / sizeof all[0]; ++k) {
     if (all[k]) {
       bd_stepper_weigh_friction(&all[k]->stepper);
     }

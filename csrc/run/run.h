@@ -48,8 +48,20 @@ typedef struct bd_guard {
   long bounces;              /* of mounts on their stops */
 } bd_guard;
 
+/* Two simulations in steps that follow what those of the run are too long for (growth.c). */
+typedef struct bd_missed {
+  bd_sim *pair[2];       /* as the run is, displaced */
+  int active;            /* a period is on */
+  long steps;            /* made by both, in all periods */
+  double step;           /* theirs, at most; 0: nothing is missed */
+  double next_begin;     /* of the next period, in lengths of the run */
+  double apart, t_begin; /* first difference of this one; its start */
+  double least;          /* difference over the first */
+} bd_missed;
+
 /* A second simulation beside the run, for short periods (growth.c). */
 typedef struct bd_twin {
+  bd_missed missed;
   bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
   int active, grows;             /* a period is on; growth has been seen */
   int chatters, times_chattered; /* links chatter; counts that found so */
@@ -150,9 +162,9 @@ int bd_sim_fail_fixed(bd_sim *sim, double h, double error);
 int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_error *err);
 /* Whether the run may begin with the prescribed motions; what they need to know of it. */
 int bd_sim_begin_motion(bd_sim *sim, bd_error *err);
-/* Goes to t_new, in one step if that errs by no more than the tolerance, as another simulation has
- * done; without samples. */
-int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance);
+/* Goes to t_new, as another simulation has done, in equal steps no longer than a longest one, each
+ * made shorter if it errs by more than the tolerance; without samples. */
+int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, double longest);
 /* Goes back to the beginning of the run, from y. */
 void bd_sim_restart(bd_sim *sim, const double *y, double turns);
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */

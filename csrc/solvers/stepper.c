@@ -145,7 +145,8 @@ void bd_stepper_reset(bd_stepper *stepper) {
 void bd_stepper_copy(bd_stepper *to, const bd_stepper *from) {
   const bd_layout *lay = &from->model->lay;
   memcpy(to->y, from->y, lay->size * sizeof *to->y);
-  for (int k = 0; k < from->n_history; ++k) {
+  const int kept = to->history[0] ? from->n_history : 0; /* by a method that looks back */
+  for (int k = 0; k < kept; ++k) {
     memcpy(to->history[k], from->history[k], lay->size * sizeof *to->y);
     to->history_h[k] = from->history_h[k];
   }
@@ -156,7 +157,7 @@ void bd_stepper_copy(bd_stepper *to, const bd_stepper *from) {
   }
   motion->begin = from->plan.torques.motion.begin;
   motion->end = from->plan.torques.motion.end;
-  to->n_history = from->n_history;
+  to->n_history = kept;
   to->method = to->now = from->method;
   to->t = from->t;
   to->turns = from->turns;
