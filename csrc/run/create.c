@@ -53,7 +53,7 @@ void bd_sim_free(bd_sim *sim) {
 void bd_sim_sizes(const bd_sim *sim, bd_sizes *out) {
   const bd_layout *lay = &sim->stepper.model->lay;
   const bd_sim *const beside[] = {sim->twin.sim, sim->twin.still, sim->twin.missed.pair[0],
-                                sim->twin.missed.pair[1]};
+                                  sim->twin.missed.pair[1]};
   *out = (bd_sizes){.state = lay->size, .works = (size_t)lay->n_work, .bytes = sim->bytes};
   for (size_t k = 0; k < sizeof beside / sizeof beside[0]; ++k) {
     out->bytes += beside[k] ? beside[k]->bytes : 0;

@@ -229,7 +229,9 @@ static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice)
   ONE(v, twin->missed.next_begin);
   ONE(v, twin->missed.apart);
   ONE(v, twin->missed.t_begin);
-  ONE(v, twin->missed.least);
+  ONE(v, twin->missed.grown);
+  ONE(v, twin->missed.before);
+  ONE(v, twin->missed.next_look);
   bd_sim *const all[] = {twin->sim, twin->still, twin->missed.pair[0], twin->missed.pair[1]};
   for (size_t k = 0; k < sizeof all / sizeof all[0]; ++k) {
     if (all[k]) {

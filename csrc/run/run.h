@@ -55,8 +55,9 @@ typedef struct bd_missed {
   long steps;            /* made by both, in all periods */
   double step;           /* theirs, at most; 0: nothing is missed */
   double next_begin;     /* of the next period, in lengths of the run */
-  double apart, t_begin; /* first difference of this one; its start */
-  double least;          /* difference over the first */
+  double apart, t_begin; /* first difference of this one; since when it grows */
+  double grown, before;  /* growth so far; difference at the last look, over the first */
+  long next_look;        /* in steps of one of the pair */
 } bd_missed;
 
 /* A second simulation beside the run, for short periods (growth.c). */
