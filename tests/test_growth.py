@@ -9,6 +9,7 @@ import attrs
 import drives
 import numpy as np
 import pytest
+import random_drives
 from tiers import first
 
 import beltdyn as bd
@@ -170,6 +171,44 @@ def test_growth_in_a_run_too_short_to_be_sure_of_it() -> None:
     assert 0.1 * claim <= error <= 5.0 * claim
     with pytest.warns(bd.AccuracyWarning, match="^growth"):
         bd.simulate(params, torque, 12.0 * a_round, initial=start, method="rodas4", rtol=1e-3)
+
+
+@cache
+def undamped() -> tuple[bd.Params, bd.TorqueLike, float, bd.State]:
+    """A crossed belt without axial damping, on contacts with 2.6 % of critical damping."""
+    params, torque, t_end, drawn = random_drives.draw(710589, "varied", 1600.0)
+    return params, torque, t_end, random_drives.start(params, drawn)
+
+
+@pytest.mark.filterwarnings("ignore:(long_links|mesh)")
+@pytest.mark.parametrize("function", [False, True])
+def test_growth_that_long_steps_damp_out(function: bool) -> None:
+    """Steps ten times as long as short ones, which see it, were off by 22 claims; they say so."""
+    params, torque, t_end, start = undamped()
+    given: Any = (lambda *at: torque(*at)) if function else torque
+    with pytest.warns(bd.AccuracyWarning, match="^growth: vibrations .* rodas4, up to 9"):
+        run = bd.simulate(params, given, t_end, initial=start, method="rodas4", rtol=1e-4)
+    with pytest.warns(bd.AccuracyWarning, match="^growth: small differences"):
+        short = bd.simulate(params, torque, t_end, initial=start, method="tsit5", rtol=1e-4)
+    assert 10 * run.stats.steps < short.stats.steps
+    assert run.stats.error is None and 0.7 < run.stats.growth / short.stats.growth < 1.4
+
+
+@pytest.mark.filterwarnings("ignore:(long_links|mesh|undamped)")
+def test_short_steps_beside_long_ones_are_few() -> None:
+    """None where joints are damped; else 1000 of each of two and what the last step of the run has
+    of them, at first and in the middle of the run, which is quiet if nothing grows; none at rest.
+    """
+    params, torque, t_end, start = undamped()
+    damping = 0.03 * params.belt.axial_stiffness / 3.4e5  # 1.5 % of critical
+    damped = attrs.evolve(params, belt=attrs.evolve(params.belt, axial_damping=damping))
+    run = bd.simulate(damped, torque, t_end, initial=start, method="rodas4", rtol=1e-4)
+    assert run.stats.twin_steps <= run.stats.steps and run.stats.growth == 0.0
+    calm = attrs.evolve(params, friction=None)
+    run = bd.simulate(calm, bd.Viscous([0.0, 0.0]), 4.0 * t_end, initial=start, method="rodas4", rtol=1e-4)
+    rest = bd.simulate(calm, bd.Viscous([0.0, 0.0]), 100.0, initial=start, method="rodas4")
+    assert rest.stats.twin_steps < 8000
+    assert 4000 < run.stats.twin_steps < 6000 and run.stats.growth == 0.0
 
 
 def test_a_torque_function_is_not_called_for_the_twin() -> None:

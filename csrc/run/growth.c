@@ -393,6 +393,10 @@ static void conclude_missed(bd_sim *sim) {
 
 static void follow_missed(bd_sim *sim) {
   bd_missed *m = &sim->twin.missed;
+  if (sim->stepper.t - m->pair[0]->stepper.t > FEW_STEPS * m->step) { /* the drive rests */
+    m->active = 0;
+    return;
+  }
   for (int k = 0; k < 2; ++k) {
     bd_sim *twin = m->pair[k];
     const long before = twin->stats.steps;
