@@ -272,12 +272,16 @@ static void begin(bd_sim *sim) {
 
 /* --- a stretch ------------------------------------------------------------------------------- */
 
+static void note_growth(bd_sim *sim, double folding) {
+  sim->twin.grows = 1;
+  sim->stats.growth = 1.0 / folding;
+}
+
 static void conclude(bd_sim *sim, double growth) {
   bd_twin *t = &sim->twin;
   double from = t->chatters ? t->t_chatter : t->t_begin;
   double folding = (sim->stepper.t - t->t_begin) / log(growth);
-  t->grows = 1;
-  sim->stats.growth = 1.0 / folding;
+  note_growth(sim, folding);
   bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
           "small differences grow exponentially from t = %.6g s on, by a factor of e in "
           "%.2g s: single forces and positions cannot be trusted from then on, whatever the "
@@ -380,8 +384,7 @@ static void begin_missed(bd_sim *sim) {
 static void conclude_missed(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const double folding = (sim->stepper.t - t->missed.t_begin) / log(t->missed.grown);
-  t->grows = 1;
-  sim->stats.growth = 1.0 / folding;
+  note_growth(sim, folding);
   bd_warn(&sim->stepper.report, BD_WARN_growth, t->missed.t_begin, -1, -1,
           "vibrations of the belt grow from t = %.6g s on, by a factor of e in %.2g s, which "
           "steps of %s, up to %.2g s, are too long to follow: what they would become is missing, "
