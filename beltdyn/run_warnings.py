@@ -57,7 +57,9 @@ class RunWarning:
         no_contact *  no link touches a pulley while a stretch wave runs ten times round the belt:
                       more tension, or more links
         growth *      small differences grow exponentially: from this time on no tolerance makes
-                      single forces and positions right, averages may be; more damping helps
+                      single forces and positions right, averages may be; more damping helps;
+                      or vibrations of hardly damped joints grow which long implicit steps damp
+                      out: compare with ``method="tsit5"``
         chatter *     links make and lose contact many times as often as the belt's motion explains,
                       and it could not be seen that small differences do not grow: the error in
                       time is unknown; more damping helps (else a note, ``accuracy.notes``)

@@ -207,7 +207,7 @@ def test_short_steps_beside_long_ones_are_few() -> None:
     calm = attrs.evolve(params, friction=None)
     given: dict[str, Any] = {"initial": start, "method": "rodas4", "max_step": 2e-4}
     run = bd.simulate(calm, bd.Viscous([0.0, 0.0]), 0.02, **given)
-    rest = bd.simulate(calm, bd.Viscous([0.0, 0.0]), 100.0, initial=start, method="rodas4")
+    rest = bd.simulate(calm, bd.Viscous([0.0, 0.0]), 2.0, initial=start, method="rodas4")
     assert rest.stats.twin_steps < 8000
     assert 4000 < run.stats.twin_steps < 6000 and run.stats.growth == 0.0
 

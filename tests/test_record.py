@@ -112,7 +112,9 @@ def test_runs_go_on_in_another_process() -> None:
             cases += [(drive, state, options, record) for record in records]
             ends += [(expected, end)] * len(records)
     program = (
-        "import pickle, sys, test_record\n"
+        "import pickle, sys\n"
+        "sys.path.insert(0, '.')\n"  # which PYTHONSAFEPATH leaves out
+        "import test_record\n"
         "cases = pickle.load(sys.stdin.buffer)\n"
         "pickle.dump([test_record.go_on(*case) for case in cases], sys.stdout.buffer)\n"
     )
