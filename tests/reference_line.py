@@ -94,12 +94,15 @@ def tension_at_rest(
             p = depth(pull / r, contact)
             p_0 = depth(preload * (1.0 + strain) / r, contact) if compensate else 0.0
             shorter += wrap * (p - p_0) + 2.0 * end(pull, float(r), p)
-        room = np.minimum(bending / pull, (0.5 * wraps * radii) ** 2)
-        lifted = [
-            np.minimum(np.roll(room, -k), (0.25 * spans) ** 2) * np.roll(side / (2.0 * radii), -k)
-            for k in (0, 1)
-        ]
-        shorter += float(np.sum((lifted[0] - lifted[1]) ** 2 / (2.0 * spans)))
+        bend, room = np.minimum(math.sqrt(bending / pull), 0.25 * spans), 0.5 * wraps * radii
+        ends = []
+        for k in (0, 1):  # where spans begin and end
+            on, r, turn = np.roll(room, -k), np.roll(radii, -k), np.roll(wraps, -k)
+            beyond = np.maximum(0.0, bend - on)
+            lifted = np.minimum(bend, on) ** 2 / (2.0 * r) + turn * beyond / 2.0
+            ends.append(np.roll(side, -k) * lifted)
+            shorter -= float(np.sum(turn**2 * beyond)) / 16.0
+        shorter += float(np.sum((ends[0] - ends[1]) ** 2 / (2.0 * spans)))
         return tension - axial * (strain - shorter / length)
 
     return float(scipy.optimize.brentq(left, 1e-3 * preload, 2.0 * preload, xtol=1e-13, rtol=1e-15))

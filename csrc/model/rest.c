@@ -68,24 +68,37 @@ double bd_running_radius(const bd_model *model, int j, double tension, double sp
   return model->radius[j] - (sunk - raised);
 }
 
-/* What the wrap on pulley j has of the bending stiffness: both its ends must find room on it, bends
- * of a stiffer belt are not described. */
-static double bending_on(const bd_model *model, int j, double pull) {
-  const double half = 0.5 * model->wraps[j].wrap * model->radius[j];
-  return fmin(model->belt.bending_stiffness, pull * half * half);
+/* At each end of the wrap on pulley j a bend, sqrt(EI / T) long, finds room on half of it. */
+static double room_on(const bd_model *model, int j) {
+  return 0.5 * model->wraps[j].wrap * model->radius[j];
 }
 
-/* By how much the path is shorter between pulleys j and k because bending lifts the span's ends off
- * its belt line by EI / (2 r H) each, away from the axes: where that turns the span by an angle,
- * the wraps, which stay on their circles, give less than the span loses. EI counts up to where both
- * bends, sqrt(EI / H) long, take half the span: it is then shorter by less than the bends make it
- * longer, 2 (EI / H)^(3/2) / 12 r^2. */
+static double bending_on(const bd_model *model, int j, double pull) {
+  const double room = room_on(model, j);
+  return fmin(model->belt.bending_stiffness, pull * room * room);
+}
+
+/* By how much bends of that length lift a span's end off its belt line, away from the axis: by
+ * EI / (2 r T). Of longer ones only the pulley's middle is touched, and the belt turns there by
+ * half the wrap along exp(-x / m): the belt line's corner is lifted by half the wrap times what has
+ * no room, and the path is longer at each end by a sixteenth of the wrap's square times that. */
+static double lift(const bd_model *model, int j, double bend, double *longer) {
+  const double wrap = model->wraps[j].wrap, room = room_on(model, j);
+  const double fits = fmin(bend, room), left = fmax(0.0, bend - room);
+  *longer += wrap * wrap / 16.0 * left;
+  return 0.5 * model->side[j] * (fits * fits / model->radius[j] + wrap * left);
+}
+
+/* By how much the path is shorter between pulleys j and k: where ends that are lifted turn the span
+ * by an angle, the wraps, which stay on their circles, give less than the span loses. Bends count
+ * up to where both take half the span: it is then shorter by less than they make it longer,
+ * 2 (EI / H)^(3/2) / 12 r^2. */
 static double shorter_in_span(const bd_model *model, int j, int k, double pull) {
-  const double span = model->wraps[j].span, most = pull * span * span / 16.0;
-  const double off = model->side[j] * fmin(bending_on(model, j, pull), most) / model->radius[j] -
-                     model->side[k] * fmin(bending_on(model, k, pull), most) / model->radius[k];
-  const double tilt = off / (2.0 * pull);
-  return j == k ? 0.0 : 0.5 * tilt * tilt / span;
+  const double span = model->wraps[j].span;
+  const double bend = fmin(sqrt(model->belt.bending_stiffness / pull), 0.25 * span);
+  double longer = 0.0;
+  const double off = lift(model, j, bend, &longer) - lift(model, k, bend, &longer);
+  return j == k ? 0.0 : 0.5 * off * off / span - longer;
 }
 
 /* How much shorter than the belt line the path is under a tension at a speed. */
