@@ -74,7 +74,7 @@ def tension_at_rest(
     _, spans, _, wraps, _ = _tight(centers, radii, side)
     strain = float(np.sum(spans + radii * wraps)) / length - 1.0
 
-    def end(pull: float, r: float, p: float) -> float:
+    def end(pull: float, bending: float, r: float, p: float) -> float:
         if bending == 0.0:
             return -5.0 / 12.0 * p * math.sqrt(p / r)
         c, tau = pull / (r * p), pull / bending
@@ -90,19 +90,24 @@ def tension_at_rest(
 
     def left(tension: float) -> float:
         pull, shorter = tension * (1.0 + tension / axial), 0.0
-        for r, wrap in zip(radii, wraps, strict=True):
+        bend = np.minimum(math.sqrt(bending / pull), 0.25 * spans)
+
+        def ends(turned: Array) -> Array:
+            """Lifts of the two ends of each span, (2, n)."""
+            turn, r, s = (np.array([x, np.roll(x, -1)]) for x in (turned, radii, side))
+            fits = np.minimum(bend, 0.5 * turn * r)
+            return s * (fits**2 / (2.0 * r) + turn * (bend - fits) / 2.0)
+
+        tilts = np.subtract(*ends(wraps)) / spans
+        bent = np.maximum(0.0, wraps + side * (tilts - np.roll(tilts, 1)))
+        shorter += float(np.sum(np.subtract(*ends(bent)) ** 2 / (2.0 * spans)))
+        for turn, r in ((bent, radii), (np.roll(bent, -1), np.roll(radii, -1))):
+            shorter -= float(np.sum(turn**2 * np.maximum(0.0, bend - 0.5 * turn * r))) / 16.0
+        for r, wrap, turn in zip(radii, wraps, bent, strict=True):
             p = depth(pull / r, contact)
             p_0 = depth(preload * (1.0 + strain) / r, contact) if compensate else 0.0
-            shorter += wrap * (p - p_0) + 2.0 * end(pull, float(r), p)
-        bend, room = np.minimum(math.sqrt(bending / pull), 0.25 * spans), 0.5 * wraps * radii
-        ends = []
-        for k in (0, 1):  # where spans begin and end
-            on, r, turn = np.roll(room, -k), np.roll(radii, -k), np.roll(wraps, -k)
-            beyond = np.maximum(0.0, bend - on)
-            lifted = np.minimum(bend, on) ** 2 / (2.0 * r) + turn * beyond / 2.0
-            ends.append(np.roll(side, -k) * lifted)
-            shorter -= float(np.sum(turn**2 * beyond)) / 16.0
-        shorter += float(np.sum((ends[0] - ends[1]) ** 2 / (2.0 * spans)))
+            has = min(bending, pull * (0.5 * turn * r) ** 2)
+            shorter += wrap * (p - p_0) + 2.0 * end(pull, has, float(r), p)
         return tension - axial * (strain - shorter / length)
 
     return float(scipy.optimize.brentq(left, 1e-3 * preload, 2.0 * preload, xtol=1e-13, rtol=1e-15))

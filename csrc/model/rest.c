@@ -68,36 +68,54 @@ double bd_running_radius(const bd_model *model, int j, double tension, double sp
   return model->radius[j] - (sunk - raised);
 }
 
-/* At each end of the wrap on pulley j a bend, sqrt(EI / T) long, finds room on half of it. */
-static double room_on(const bd_model *model, int j) {
-  return 0.5 * model->wraps[j].wrap * model->radius[j];
+/* The length of a bend at the end of a wrap, sqrt(EI / T), up to where those of both ends take half
+ * the span behind pulley k. */
+static double bend_of(const bd_model *model, int k, double pull) {
+  return fmin(sqrt(model->belt.bending_stiffness / pull), 0.25 * model->wraps[k].span);
 }
 
-static double bending_on(const bd_model *model, int j, double pull) {
-  const double room = room_on(model, j);
-  return fmin(model->belt.bending_stiffness, pull * room * room);
-}
-
-/* By how much bends of that length lift a span's end off its belt line, away from the axis: by
- * EI / (2 r T). Of longer ones only the pulley's middle is touched, and the belt turns there by
- * half the wrap along exp(-x / m): the belt line's corner is lifted by half the wrap times what has
- * no room, and the path is longer at each end by a sixteenth of the wrap's square times that. */
-static double lift(const bd_model *model, int j, double bend, double *longer) {
-  const double wrap = model->wraps[j].wrap, room = room_on(model, j);
+/* By how much bends lift a span's end off its belt line, to the left of its way: by EI / (2 r T)
+ * away from the axis, where half the wrap has room for one. Where it has not, only the pulley's
+ * middle is touched, and the belt turns there by half the wrap along exp(-x / m): its straight part
+ * is lifted by half the wrap times what has no room. */
+static double lift(const bd_model *model, int j, double wrap, double bend) {
+  const double room = 0.5 * wrap * model->radius[j];
   const double fits = fmin(bend, room), left = fmax(0.0, bend - room);
-  *longer += wrap * wrap / 16.0 * left;
   return 0.5 * model->side[j] * (fits * fits / model->radius[j] + wrap * left);
 }
 
-/* By how much the path is shorter between pulleys j and k: where ends that are lifted turn the span
- * by an angle, the wraps, which stay on their circles, give less than the span loses. Bends count
- * up to where both take half the span: it is then shorter by less than they make it longer,
- * 2 (EI / H)^(3/2) / 12 r^2. */
-static double shorter_in_span(const bd_model *model, int j, int k, double pull) {
-  const double span = model->wraps[j].span;
-  const double bend = fmin(sqrt(model->belt.bending_stiffness / pull), 0.25 * span);
+/* The wrap on pulley j, which the spans beside it change as their ends are lifted. */
+static double wrap_of(const bd_model *model, int j, double pull) {
+  const int n = model->lay.np, beside[2] = {(j + n - 1) % n, (j + 1) % n};
+  double wrap = model->wraps[j].wrap;
+  for (int k = 0; k < 2 && n > 1; ++k) {
+    const int at = k == 0 ? beside[0] : j, other = beside[k];
+    const double bend = bend_of(model, at, pull);
+    const double off = lift(model, j, model->wraps[j].wrap, bend) -
+                       lift(model, other, model->wraps[other].wrap, bend);
+    wrap += model->side[j] * off / model->wraps[at].span;
+  }
+  return fmax(0.0, wrap);
+}
+
+/* What the wrap has of the bending stiffness, as both its ends must find room on it. */
+static double bending_on(const bd_model *model, int j, double wrap, double pull) {
+  const double room = 0.5 * wrap * model->radius[j];
+  return fmin(model->belt.bending_stiffness, pull * room * room);
+}
+
+/* By how much the path is shorter between pulleys j and k: where lifted ends turn the span by an
+ * angle, the wraps, which stay on their circles, give less than the span loses; and longer where a
+ * bend has no room, at each end by a sixteenth of the wrap's square times what has none. */
+static double shorter_in_span(const bd_model *model, int j, int k, const double wrap[2],
+                              double pull) {
+  const double span = model->wraps[j].span, bend = bend_of(model, j, pull);
+  const double off = lift(model, j, wrap[0], bend) - lift(model, k, wrap[1], bend);
   double longer = 0.0;
-  const double off = lift(model, j, bend, &longer) - lift(model, k, bend, &longer);
+  for (int end = 0; end < 2; ++end) {
+    const double room = 0.5 * wrap[end] * model->radius[end == 0 ? j : k];
+    longer += wrap[end] * wrap[end] / 16.0 * fmax(0.0, bend - room);
+  }
   return j == k ? 0.0 : 0.5 * off * off / span - longer;
 }
 
@@ -110,8 +128,10 @@ static double shorter(const bd_model *model, double tension, double speed) {
     const double depth = depth_of(model, j, pull);
     sum += wrap * (radius - bd_running_radius(model, j, tension, speed));
     if (depth > 0.0) {
-      sum += 2.0 * shorter_at_end(pull, bending_on(model, j, pull), radius, depth) +
-             shorter_in_span(model, j, (j + 1) % model->lay.np, pull);
+      const int next = (j + 1) % model->lay.np;
+      const double bent[2] = {wrap_of(model, j, pull), wrap_of(model, next, pull)};
+      sum += 2.0 * shorter_at_end(pull, bending_on(model, j, bent[0], pull), radius, depth) +
+             shorter_in_span(model, j, next, bent, pull);
     }
   }
   return sum;
