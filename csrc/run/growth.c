@@ -103,15 +103,19 @@ static double damping_of_joints(const bd_model *model) {
   return 0.5 * model->belt.axial_damping / model->belt.axial_stiffness * fastest_of_joints(model);
 }
 
+/* Whether the run may take steps that vibrations of the joints would outlive. */
+static int may_miss(const bd_sim *sim) {
+  const int implicit = sim->choice.method[0] || sim->stepper.method->implicit;
+  return implicit && !sim->stepper.fixed && damping_of_joints(sim->stepper.model) < ALIVE;
+}
+
 /* The step in which explicit ones follow the vibrations of the joints; 0: they need not be. */
 static double following(const bd_sim *sim) {
   const bd_model *model = sim->stepper.model;
   const double fastest = fastest_of_joints(model);
   const double step =
       fmin(FOLLOWED / fastest, STABLE / bd_stiffness_of(model, &sim->stepper.plan.torques).bound);
-  const int alive = damping_of_joints(model) < ALIVE;
-  const int implicit = sim->choice.method[0] || sim->stepper.method->implicit;
-  return alive && implicit && !sim->stepper.fixed && step * fastest > TOO_SHORT ? step : 0.0;
+  return may_miss(sim) && step * fastest > TOO_SHORT ? step : 0.0;
 }
 
 /* The twins under a torque that may be called again; only: the run itself is the other one. */
@@ -122,7 +126,7 @@ static int make_all(bd_sim *sim, const bd_torque *torque, int only) {
   t->sim = make(sim, torque, method, c[1]);
   t->still = only ? NULL : make(sim, torque, method, c[1]);
   int made = t->sim && (only || t->still);
-  for (int k = 0; k < 2 && t->missed.step > 0.0; ++k) {
+  for (int k = 0; k < 2 && may_miss(sim); ++k) {
     t->missed.pair[k] = make(sim, torque, explicit, NULL);
     made &= t->missed.pair[k] != NULL;
   }
