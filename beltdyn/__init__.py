@@ -199,7 +199,12 @@ _RETURNED = {
     "TorqueSum",
 }
 
-for _cls in (*map(globals().__getitem__, __all__), *vars(_rows).values(), *_GROUPS.values()):
+for _cls in (
+    *map(globals().__getitem__, __all__),
+    *(getattr(_module, _name) for _module in (accuracy, spectra) for _name in _module.__all__),
+    *vars(_rows).values(),
+    *_GROUPS.values(),
+):
     if isinstance(_cls, type):
         _describe(_cls)
 

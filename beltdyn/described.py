@@ -1,7 +1,8 @@
 """What ``help`` shows of classes with fields: the type of each argument, the meaning of each field.
 
 attrs takes the types of arguments from converters, which take any object, and gives fields no text.
-Types and texts stand once, in the class and in the section "Attributes" of its docstring.
+Types and texts stand once, in the class and in the section "Attributes" of its docstring. ``help``
+shows every name that a class holds, and attrs leaves notes there that nothing reads again.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ import attrs
 
 __all__ = ["describe"]
 
+#: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not
+#: ``__attrs_attrs__``, which ``attrs.fields`` reads.
+_NOTES = ("__attrs_props__", "__attrs_own_setattr__")
 _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
@@ -24,6 +28,9 @@ def describe(cls: Any) -> None:
         types = {one.alias: one.type for one in fields if one.init and one.type is not None}
         cls.__init__.__annotations__ = {**types, "return": None}
         _give_texts(cls, [one.name for one in fields])
+        for owner in filter(attrs.has, cls.__mro__):
+            for name in vars(owner).keys() & set(_NOTES):
+                delattr(owner, name)
     elif hasattr(cls, "_fields"):  # a NamedTuple
         types = {
             name: getattr(kind, "__forward_arg__", kind)

@@ -14,7 +14,8 @@ import beltdyn as bd
 
 CLASSES = [
     one
-    for one in map(vars(bd).__getitem__, bd.__all__)
+    for module in (bd, bd.accuracy, bd.spectra)
+    for one in (getattr(module, name) for name in module.__all__)
     if inspect.isclass(one) and not issubclass(one, BaseException)
 ]
 
@@ -36,6 +37,13 @@ def test_signatures_have_the_types_of_the_fields(cls: type) -> None:
     text = str(inspect.signature(cls))
     assert "ForwardRef" not in text and "'object" not in text
     assert "ForwardRef" not in pydoc.plain(pydoc.render_doc(cls)).split("__annotations__")[0]
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_help_shows_no_notes_of_attrs(cls: type) -> None:
+    """But its fields, which attrs reads there, and what a class does after its arguments."""
+    noted = {name for name in dir(cls) if name.startswith("__attrs_")}
+    assert noted <= {"__attrs_attrs__", "__attrs_post_init__"}
 
 
 @pytest.mark.parametrize("cls", list(filter(attrs.has, CLASSES)), ids=lambda cls: cls.__name__)
