@@ -196,7 +196,7 @@ class Friction(Printable):
         rows = super()._rows()
         if getattr(self, "mu_s", 0.0) == 0.0:
             rows = [row for row in rows if row[0] not in ("mu_s", "v_stribeck")]
-        return [("law", self.law, ""), *rows, *creep]
+        return [("kind", self.law, ""), *rows, *creep]
 
     def _to_core(self) -> _core.FrictionLaw:
         return self.law, tuple(getattr(self, name) for name in rules_of(self.law))

@@ -142,7 +142,7 @@ def test_one_pulley_of_a_drive_without_friction(params: bd.Params) -> None:
     nowhere = attrs.evolve(params, friction=bd.Frictionless())
     assert not nowhere.has_friction and nowhere.info["n_slots"] == 0
     assert bd.Params.from_toml(shared.to_toml()) == shared
-    assert str(bd.Frictionless()).split() == ["Frictionless", "law", "none"]
+    assert str(bd.Frictionless()).split() == ["Frictionless", "kind", "none"]
     assert bd.Frictionless().n_states == 0 and bd.Frictionless().creep(0.5) == 0.0
 
 
@@ -259,7 +259,7 @@ def test_laws_are_printed_with_their_units(params: bd.Params, name: str) -> None
             (line,) = (one for one in text.splitlines() if one.split()[:1] == [label])
             assert quantity in line and line.endswith(rule.text)
     assert str(law).splitlines()[0] == type(law).__name__
-    assert "friction.law" in of_drive and name in of_drive
+    assert "friction.kind" in of_drive and name in of_drive
     assert "pulleys[0].friction" not in on_pulley
 
 
