@@ -140,7 +140,8 @@ class Simulation:
         self, t: ArrayLike, outputs: Collection[str] | None = None
     ) -> dict[str, NDArray[Any]]:
         """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the
-        run fills row by row. Outputs: names of those wanted, "span_tension" only if named.
+        run fills row by row. Outputs: names of those wanted, "span_tension" and "across" only if
+        named.
         """
     def advance(self, seconds: float) -> bool:
         """Run for about this much wall time [s] and answer signals; True at the end of the run.

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import Protocol
 
 import attrs
 import numpy as np
-from numpy.typing import NDArray
 
 from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
-from .histories import BeltHistory, ContactHistory, EnergyLedger, JointHistory, PulleyHistory, Stats
-from .run_warnings import RunWarning
+from .histories import ContactHistory, EnergyLedger, JointHistory, Stats
 from .sanity import Drive
 from .spans import span_tension
 from .state import State
@@ -26,8 +24,10 @@ __all__ = [
     "Accuracy",
     "Expected",
     "QuantityError",
+    "Running",
     "known",
     "rounded",
+    "running",
 ]
 
 #: Errors in time below this are not told apart: histories are compared as they are sampled, and a
@@ -36,7 +36,7 @@ TIME_FLOOR = 1e-6
 #: The same in space: other meshes are integrated in time to no better than about this.
 SPACE_FLOOR = 1e-4
 
-#: Samples at which velocities of links are looked at; all change what they show by 1 to 3 %.
+#: Samples at which tensions are looked at; all change what they show by 1 to 3 %.
 LOOKS = 100
 
 #: Least friction force by which its errors are measured, as a share of the tension.
@@ -268,11 +268,6 @@ class Expected:
     space: float = attrs.field(converter=float)
     time: float = attrs.field(converter=float)
 
-    def without_mesh(self, warnings: Iterable[RunWarning]) -> tuple[RunWarning, ...]:
-        """Leave out the warning that the mesh may be coarse, if it has been seen not to be."""
-        fine = self.quantity in TENSIONS and self.space < sanity.MESH
-        return tuple(one for one in warnings if not (fine and one.code == "mesh"))
-
 
 class Run(Protocol):
     """The part of :class:`beltdyn.Result` that is needed here; it imports this module."""
@@ -280,13 +275,9 @@ class Run(Protocol):
     @property
     def t(self) -> Array: ...
     @property
-    def belt(self) -> BeltHistory: ...
-    @property
     def contact(self) -> ContactHistory: ...
     @property
     def joints(self) -> JointHistory: ...
-    @property
-    def pulleys(self) -> PulleyHistory: ...
     @property
     def energy(self) -> EnergyLedger | None: ...
     @property
@@ -294,7 +285,7 @@ class Run(Protocol):
     @property
     def params(self) -> Drive: ...
     @property
-    def final_state(self) -> State: ...
+    def _running(self) -> Running | None: ...
     def _has(self, name: str) -> bool: ...
 
 
@@ -321,39 +312,60 @@ def known(run: Run) -> Accuracy:
     )
 
 
-def mean_rim_speed(run: Run, last: float = LAST) -> float:
-    """Give the speed of the fastest rim, root mean square over the last part of a run [m/s].
+@attrs.frozen(kw_only=True)
+class Running:
+    """How a run moves and loads its belt, the same whatever outputs are kept.
 
-    The belt has it but for creep. If speeds were not asked for it is that at the end.
+    Attributes:
+        speed: Of the fastest rim, root mean square over the last part; the belt's but for creep
+            [m/s].
+        shaking: By how much links that land raise the mean tension then [1].
+        shaking_over_time: The same over the whole run.
+        pull: Largest difference of the mean tensions on two sides of a pulley, of its torque [N].
+        power: Largest mean power of a torque [W].
     """
-    t, radii = run.t, np.array([pulley.radius for pulley in run.params.pulleys])
-    if t.size < 2 or not run._has("pulleys.omega"):
-        return float(np.max(np.abs(run.final_state.omega * radii)))
-    rims = np.max(np.abs(run.pulleys.omega * radii), axis=1)
-    return math.sqrt(float(time_weights(t, t[-1] - last * (t[-1] - t[0])) @ rims**2))
+
+    speed: float
+    shaking: float
+    shaking_over_time: float
+    pull: float = 0.0
+    power: float = 0.0
 
 
-def shaking(run: Run, last: float = LAST) -> float:
-    """Give by how much links that land raise the mean tension, over the last part of a run [1].
+def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
+    """Read off a run how it moves and loads its belt.
 
-    As the velocities of links in the spans show it; by the speed alone where these were not kept.
+    Args:
+        params: The drive.
+        t: Sample times (n_t,) [s].
+        arrays: ``beltdyn.outputs.EVERY_RUN`` by name, n_t rows each.
+        end: Its last state, of whose speeds a run of one sample is taken to be.
     """
-    t, speed = run.t, mean_rim_speed(run, last)
-    needed = ("belt.vx", "belt.vy", "belt.phi", "contact.pulley")
-    if t.size < 2 or not all(run._has(name) for name in needed):
-        return sanity.shaken(run.params, speed)
-    vx, vy, phi, pulley = run.belt.vx, run.belt.vy, run.belt.phi, run.contact.pulley
-    squares = []
-    for row in _looks(run, last):  # all at once would take as much memory as the result
-        across = vy[row] * np.cos(phi[row]) - vx[row] * np.sin(phi[row])
-        squares.append(np.mean(np.where(pulley[row] < 0, across, 0.0) ** 2))
-    return sanity.shaking_seen(run.params, speed, float(np.mean(squares)), float(t[-1] - t[0]))
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    omega, torque, across = arrays["omega"], arrays["torque"], arrays["across"][:, 0]
+    if t.size < 2:
+        speed = float(np.max(np.abs(end.omega * radii)))
+        shaken = sanity.shaken(params, speed)
+        return Running(speed=speed, shaking=shaken, shaking_over_time=shaken)
+    rims, lasts = np.max(np.abs(omega * radii), axis=1) ** 2, float(t[-1] - t[0])
+    there = np.flatnonzero(~np.isnan(across))  # looked at in some samples
 
+    def seen(last: float) -> tuple[float, float]:
+        speed = math.sqrt(float(time_weights(t, t[-1] - last * lasts) @ rims))
+        late = there[t[there] >= t[-1] - last * lasts]
+        square = float(np.mean(across[late if late.size else there]))
+        return speed, sanity.shaking_seen(params, speed, square, lasts)
 
-def _looks(run: Run, last: float) -> NDArray[np.intp]:
-    """Give :data:`LOOKS` samples at most of the last part of a run."""
-    rows = np.flatnonzero(run.t >= run.t[-1] - last * (run.t[-1] - run.t[0]))
-    return rows[:: 1 + rows.size // LOOKS]
+    speed, shaken = seen(LAST)
+    found = Running(speed=speed, shaking=shaken, shaking_over_time=seen(1.0)[1])
+    if not lasts > 0.0:
+        return found
+    # Means: motions that are prescribed need torques that jump with every link.
+    late = time_weights(t, t[-1] - LAST * lasts)
+    most = 2.0 * float(params.info["strain_tension"])  # all it can hold
+    pull = min(most, float(np.max(np.abs(late @ torque) / radii)))
+    power = float(np.max(np.abs(late @ (torque * omega))))
+    return attrs.evolve(found, pull=pull, power=power)
 
 
 def _vibration(run: Run) -> float:
@@ -361,7 +373,9 @@ def _vibration(run: Run) -> float:
 
     Where small differences grow exponentially, other meshes vibrate as much at other phases.
     """
-    rows, n_p = _looks(run, LAST), len(run.params.pulleys)
+    t, n_p = run.t, len(run.params.pulleys)
+    rows = np.flatnonzero(t >= t[-1] - LAST * (t[-1] - t[0]))
+    rows = rows[:: 1 + rows.size // LOOKS]
     tension = span_tension(run.contact.pulley[rows], run.joints.force[rows], n_p)
     tension = tension[:, np.isfinite(tension).all(axis=0)]
     return math.sqrt(float(np.mean(np.var(tension, axis=0)))) if tension.size else 0.0
@@ -369,33 +383,26 @@ def _vibration(run: Run) -> float:
 
 def _of_mesh(run: Run) -> dict[str, float]:
     """Estimate the errors of the mesh, from the speeds, torques and losses of a run."""
-    params, t, pull, power = run.params, run.t, 0.0, 0.0
-    sampled = t.size > 1 and t[-1] > t[0] and run._has("pulleys.omega")
-    sampled &= run._has("pulleys.torque")
-    tension = float(params.info["strain_tension"])
-    if sampled:
-        # Means: motions that are prescribed need torques that jump with every link.
-        late = time_weights(t, t[-1] - LAST * (t[-1] - t[0]))
-        radii = np.array([pulley.radius for pulley in params.pulleys])
-        torque = run.pulleys.torque
-        pull = min(2.0 * tension, float(np.max(np.abs(late @ torque) / radii)))  # all it can hold
-        power = float(np.max(np.abs(late @ (torque * run.pulleys.omega))))
+    params, t, seen = run.params, run.t, run._running
+    if seen is None:
+        return {}
+    shaking = {"tension": seen.shaking_over_time, "span_mean": seen.shaking}
     found = {
-        name: sanity.mesh_error(params, shaking(run, last), pull)[name]
-        for name, last in (("tension", 1.0), ("span_mean", LAST))
+        name: sanity.mesh_error(params, shaken, seen.pull)[name] for name, shaken in shaking.items()
     }
+    tension = float(params.info["strain_tension"])
     if run.stats.growth > 0.0 and run._has("joints.force") and run._has("contact.pulley"):
         found["tension"] = max(found["tension"], _vibration(run) / tension)
-    if not sampled or not run._has("energy") or run.energy is None:
+    if not seen.power > 0.0 or not run._has("energy") or run.energy is None:
         return found
-    first = int(np.argmax(late > 0.0))
+    first = int(np.argmax(time_weights(t, t[-1] - LAST * (t[-1] - t[0])) > 0.0))
     losses = (run.energy.contact_loss, run.energy.friction_loss)
     lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
     lost /= float(t[-1] - t[first])
-    carried = mean_rim_speed(run) * max(pull, FAINT * tension)
+    carried = seen.speed * max(seen.pull, FAINT * tension)
     half = 0.5 / params.belt.n_bodies  # a link at the ends of arcs, in the belt's forces and means
-    if power > 0.0 and carried > 0.0:
-        found |= {"power": lost / power + half, "friction": lost / carried + half}
+    if carried > 0.0:
+        found |= {"power": lost / seen.power + half, "friction": lost / carried + half}
     return found
 
 

@@ -32,12 +32,12 @@ def check_samples(
     n_mounts: int,
     energy_terms: int,
     friction: bool,
-    names: Collection[str] | None = None,
+    names: Collection[str],
 ) -> int:
     """Give the memory that the samples of a run need [byte], if it is available, or very little.
 
     ``energy_terms`` is the number of columns of the ledger, 0: it is not kept. ``names`` are the
-    outputs that the core is asked for, None: all but the tension of spans.
+    outputs that the core is asked for.
 
     Raises:
         MemoryError: It is not; the message says what is needed, what is available, what to try.
@@ -51,8 +51,8 @@ def check_samples(
         "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
     }
     sizes = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}
-    sizes |= {"pulley": 4 * n_bodies, "span_tension": 8 * n_pulleys}
-    row = sum(sizes[name] for name in (set(sizes) - {"span_tension"} if names is None else names))
+    sizes |= {"pulley": 4 * n_bodies, "span_tension": 8 * n_pulleys, "across": 8}
+    row = sum(sizes[name] for name in names)
     needed = n_t * row
     there = _lately(available, int(time.monotonic()))
     if there is None or needed > _LITTLE * there:

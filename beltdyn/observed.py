@@ -6,14 +6,12 @@ or changed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import sanity
-from .accuracy_report import mean_rim_speed, shaking
 from .checks import Array
 from .gross_slip import durations, gross_slip
 from .naming import span_name
@@ -38,11 +36,11 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
         moved: Pulleys whose motion is prescribed, whose torque nobody has set.
     """
     if result.t.size == 0:
-        return ()
+        return tuple(_mesh(result))
     with np.errstate(all="ignore"):  # a failed run may end with huge numbers
         found = {
             "no_friction": _no_friction(result),
-            "mesh": _landing(result),
+            "mesh": _mesh(result),
             "units": _torques(result, moved),
             "full_slip": _full_slip(result, moved),
             "slack_span": _slack_spans(result),
@@ -68,21 +66,12 @@ def _no_friction(result: Result) -> Iterator[RunWarning]:
         )
 
 
-def _landing(result: Result) -> Iterator[RunWarning]:
-    """Warn of a mesh that is fine enough at rest, but whose links shake the belt as they land."""
-    params, error = result.params, result.accuracy["span_mean"].space
-    speed = mean_rim_speed(result)
-    shaken, rest = shaking(result), sanity.mesh_error(params)["span_mean"]
-    if error is None or error < sanity.MESH or shaken < max(rest, 0.5 * error):
-        return
-    links = sanity.links(params.belt.n_bodies * math.sqrt(error / sanity.FINE_MESH))
-    yield RunWarning(
-        code="mesh",
-        text=f"links that land at {speed:.3g} m/s shake the belt: mean tensions may be off by some "
-        f"{sanity.percent(error)}, losses in the contact are of these blows; {links} makes "
-        f"tensions right to about {sanity.percent(sanity.FINE_MESH)}",
-        accuracy=True,
-    )
+def _mesh(result: Result) -> Iterator[RunWarning]:
+    """Warn by the error of the mesh that the result tells, of a run that failed by that at rest."""
+    params, error, seen = result.params, result.accuracy["span_mean"].space, result._running
+    if error is None or seen is None:
+        return sanity.of_mesh(params)
+    return sanity.of_mesh(params, error, seen.shaking, seen.speed)
 
 
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:

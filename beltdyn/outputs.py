@@ -3,6 +3,7 @@
 A warning of full slip needs ``contact.pulley``, ``.normal``, ``.friction``, ``.velocity`` and
 ``pulleys.torque``; of a slack span "span_tension" or both "joints.force" and "contact.pulley"; of
 torques out of scale ``pulleys.torque``, of a driven pulley without friction ``.omega`` as well.
+The error of the mesh, and its warning, are of what every run samples.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from collections.abc import Collection
 from . import _core
 from .histories import GROUPS
 
-__all__ = ["LEDGER", "SPANS", "array_names", "chosen", "has", "of_core", "unchecked"]
+__all__ = ["EVERY_RUN", "LEDGER", "SPANS", "array_names", "chosen", "has", "of_core", "unchecked"]
 
 #: Computed from joints and contact, and the ledger, which is one output; the rest are arrays.
 SPANS, LEDGER = "span_tension", "energy"
+#: What the core is asked for in any case, 2 n_p + 1 numbers a sample.
+EVERY_RUN = ("omega", "torque", "across")
 
 #: What is looked for in the samples of a run, and the outputs that it is found in.
 _LOOKED_FOR = {
@@ -90,15 +93,13 @@ def has(names: Collection[str] | None, name: str) -> bool:
 
 
 def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
-    """Give the names that the core is asked for.
-
-    The ledger needs the power of the torques, for the energy that passed.
-    """
+    """Give the names that the core is asked for."""
     if names is None:
-        every = ["pulley", *(name for name, *_ in _core.OUTPUTS)]
-        return tuple(name for name in every if ledger or name != LEDGER)
-    needed = {name.rpartition(".")[2] for name in names}
-    return tuple(sorted(needed | ({"omega", "torque"} if LEDGER in names else set())))
+        every = {"pulley", *(name for name, *_ in _core.OUTPUTS)}
+        needed = every if ledger else every - {LEDGER}
+    else:
+        needed = {name.rpartition(".")[2] for name in names}
+    return tuple(sorted(needed | set(EVERY_RUN)))
 
 
 def unchecked(names: Collection[str] | None, friction: bool) -> tuple[str, ...]:

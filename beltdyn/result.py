@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, exported, html, labelled, saved
-from .accuracy_report import Accuracy, known, rounded
+from .accuracy_report import Accuracy, Running, known, rounded, running
 from .arcs import Arcs, arcs_of
 from .averages import LAST
 from .checks import Array, close_to, flag, real_array
@@ -113,6 +113,8 @@ class Result:
     warnings: tuple[RunWarning, ...] = ()
     outputs: tuple[str, ...] | None = None
     unchecked: tuple[str, ...] = ()
+    #: None of one read from a file, which has the accuracy that follows from it.
+    _running: Running | None = None
     accuracy: Accuracy = attrs.field()
     #: Of a run asked for these, and not for the forces of all joints.
     _sampled_spans: Array | None = None
@@ -135,6 +137,7 @@ class Result:
         *,
         params: Params,
         outputs: tuple[str, ...] | None,
+        final_state: State,
         **others: Any,
     ) -> Result:
         t = t[:samples]
@@ -148,7 +151,18 @@ class Result:
             names=outputs,
         )
         spans = done.get("span_tension")
-        return cls(t=t, params=params, outputs=outputs, sampled_spans=spans, **groups, **others)
+        with np.errstate(all="ignore"):  # a failed run may end with huge numbers
+            seen = running(params, t, done, final_state)
+        return cls(
+            t=t,
+            params=params,
+            outputs=outputs,
+            final_state=final_state,
+            sampled_spans=spans,
+            running=seen,
+            **groups,
+            **others,
+        )
 
     def _keeping(self, outputs: tuple[str, ...] | None) -> Result:
         """Give the same run with some of its arrays alone."""

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import Any
 
 import attrs
 
-__all__ = ["AccuracyWarning", "BeltdynWarning", "RunWarning", "distinct", "issue", "silenced"]
+__all__ = [
+    "AccuracyWarning",
+    "BeltdynWarning",
+    "RunWarning",
+    "distinct",
+    "is_error",
+    "issue",
+    "silenced",
+]
 
 
 class BeltdynWarning(UserWarning):
@@ -121,8 +131,27 @@ def issue(noticed: Iterable[RunWarning], stacklevel: int) -> None:
     if _SILENT.get():
         return
     for one in noticed:
-        category = AccuracyWarning if one.accuracy else BeltdynWarning
-        warnings.warn(str(one), category, stacklevel=stacklevel + 1)
+        warnings.warn(str(one), _category(one), stacklevel=stacklevel + 1)
+
+
+def is_error(one: RunWarning, stacklevel: int) -> bool:
+    """Tell whether a filter turns a warning into an error, issued as by :func:`issue`."""
+
+    def fits(pattern: Any, text: str) -> bool:  # those that Python begins with are plain texts
+        return pattern is None or bool(
+            pattern == text if isinstance(pattern, str) else pattern.match(text)
+        )
+
+    module = sys._getframe(stacklevel).f_globals.get("__name__", "")
+    for action, message, category, where, line in warnings.filters:
+        of_it = issubclass(_category(one), category) and fits(message, str(one))
+        if of_it and fits(where, module) and not line:
+            return action == "error"
+    return False
+
+
+def _category(one: RunWarning) -> type[BeltdynWarning]:
+    return AccuracyWarning if one.accuracy else BeltdynWarning
 
 
 def distinct(of_runs: Iterable[Iterable[RunWarning]]) -> list[RunWarning]:

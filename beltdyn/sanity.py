@@ -28,6 +28,7 @@ __all__ = [
     "mesh_error",
     "mesh_loss",
     "mesh_share",
+    "of_mesh",
     "percent",
     "shaken",
     "shaking_seen",
@@ -267,28 +268,47 @@ def _stiff_enough(params: Drive, allowed: Array) -> float:
     return high
 
 
+def of_mesh(
+    params: Drive, error: float | None = None, landing: float = 0.0, speed: float = 0.0
+) -> Iterator[RunWarning]:
+    """Warn of a mesh whose error in mean tensions is 2 % or more.
+
+    Args:
+        params: The drive.
+        error: The error, of a run; None: that at rest.
+        landing: The part of it that is of links that land.
+        speed: Of the belt, in a run [m/s].
+    """
+    rest, paper = mesh_error(params)["span_mean"], params.belt.mesh == "paper"
+    error = rest if error is None else error
+    if error < MESH:
+        return
+    ends = max(0.0, error - rest - landing)
+    lost = ", creep by several times that"
+    if landing >= max(rest, ends):
+        why = f"links that land at {speed:.3g} m/s shake the belt"
+        lost = ", losses in the contact are of these blows"
+    elif ends > rest:
+        why = f"{bodies(params)} are few for this load, which takes a part of a link of each arc"
+    elif paper:
+        why = f"{params.belt.n_bodies} straight links are longer than the arcs they lie on"
+    else:
+        why = f"{bodies(params)} are few for pulleys as small as these"
+    # square / finer^2 + ends / finer = allowed; tan a / a - 1 falls faster: it is enough
+    allowed, square = MESH if paper else FINE_MESH, error - ends
+    finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
+    yield RunWarning(
+        code="mesh",
+        text=f"{why}: mean tensions may be off by some {percent(error)}{lost}; "
+        f"{links(params.belt.n_bodies * finer)} makes tensions right to about {percent(allowed)}"
+        + (f". {PAPERS_MESH}" if paper else ""),
+        accuracy=True,
+    )
+
+
 def _of_belt(params: Drive) -> Iterator[RunWarning]:
     belt, info = params.belt, params.info
-    share = mesh_error(params)["span_mean"]
-    if share > MESH and belt.mesh == "joint":
-        yield RunWarning(
-            code="mesh",
-            text=f"{bodies(params)} are few for pulleys as small as these: mean tensions may "
-            f"be off by some {percent(share)}, creep by several times that; "
-            f"{links(belt.n_bodies * math.sqrt(share / FINE_MESH))} makes tensions right to about "
-            f"{percent(FINE_MESH)}",
-            accuracy=True,
-        )
-    elif share > MESH:
-        yield RunWarning(
-            code="mesh",
-            text=f"{belt.n_bodies} straight links are longer than the arcs they lie on and raise "
-            f"the tension at rest by some {percent(share)}; "
-            # tan a / a - 1 grows faster than a^2, so this number is enough
-            f"{links(belt.n_bodies * math.sqrt(share / MESH))} keeps that below "
-            f"{percent(MESH)}. {PAPERS_MESH}",
-            accuracy=True,
-        )
+    yield from of_mesh(params)
     strain = info["strain"]
     if strain > STRAIN:
         path = info["path_length"]

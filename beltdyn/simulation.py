@@ -29,7 +29,7 @@ from .outputs import LEDGER, chosen, of_core, unchecked
 from .params import Params
 from .progress import over_time
 from .result import Result
-from .run_warnings import RunWarning, issue
+from .run_warnings import RunWarning, is_error, issue
 from .scene import Scene
 from .settling import CHUNK, check_initial, check_params, positive_or_none, settle
 from .start_of_run import Start
@@ -195,7 +195,8 @@ def simulate(
         MemoryError: The samples do not fit into memory; raised before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``: those of the drive
             alone, but ``mesh``, before the run, the rest after it; :class:`beltdyn.RunWarning`
-            lists all.
+            lists all. A filter that makes errors of them raises what the drive at rest has,
+            ``mesh`` too, before the run.
         Exception: Whatever ``torque_fn`` or a motion raises comes out unchanged, from ctypes, cffi
             and Numba callbacks as well; what was computed is in its attribute ``result``, None
             before the run has begun (as while settling).
@@ -334,9 +335,10 @@ def _simulate(
     )
 
     # Before settling, which may take long, and may fail for the very reason they name.
-    of_drive = params._noticed
-    if expected is not None:
-        of_drive = expected.without_mesh(of_drive)
+    of_drive = tuple(one for one in params._noticed if one.code != "mesh")
+    for one in params._noticed:  # of its mesh a run knows more, and warns at its end
+        if one.code == "mesh" and expected is None and is_error(one, stacklevel=3):
+            issue([one], stacklevel=3)
     issue(of_drive, stacklevel=3)
     settle_start = time.perf_counter()
     state = initial
@@ -355,7 +357,7 @@ def _simulate(
             **options,
         )
     try:
-        arrays = sim.sample(times) if outputs is None else sim.sample(times, names)
+        arrays = sim.sample(times, names)
         before = Spent(settle=settle_time)
         if recorder is not None:
             with _nothing_computed(params):
@@ -409,17 +411,20 @@ def _simulate(
             unchecked=unchecked(outputs, params.has_friction),
             final_state=State._from_core(sim.state()),
         )
+        if expected is not None:
+            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(expected))
         of_core = [RunWarning(**one) for one in sim.warnings]
         of_samples = observed.observe(seen, motions)
         if any(one.code == "slack_span" for one in of_samples):
-            seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None))
+            unknown = tuple(attrs.evolve(one, time=None) for one in seen.accuracy.errors)
+            accuracy = attrs.evolve(seen.accuracy, errors=unknown)
+            seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None), accuracy=accuracy)
         if seen.stats.error is not None:  # links that chatter then have no consequence
             notes = tuple(_excused(one, stats.error) for one in of_core if one.code == "chatter")
-            seen = attrs.evolve(seen, accuracy=attrs.evolve(seen.accuracy, notes=notes))
+            accuracy = seen.accuracy
+            accuracy = attrs.evolve(accuracy, notes=(*accuracy.notes, *notes))
+            seen = attrs.evolve(seen, accuracy=accuracy)
             of_core = [one for one in of_core if one.code != "chatter"]
-        if expected is not None:
-            of_samples = expected.without_mesh(of_samples)
-            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(expected))
         of_file = () if recorder is None else recorder.warnings
         return attrs.evolve(seen, warnings=(*of_drive, *of_core, *of_samples, *of_file))
 

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from tiers import first
 
 import beltdyn as bd
-from beltdyn import accuracy_report, cli, sanity
+from beltdyn import cli, sanity
 from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, verification, with_links
 from beltdyn.accuracy.space import space_error
 from beltdyn.accuracy_report import SPACE_FLOOR, TIME_FLOOR
@@ -196,6 +196,27 @@ def test_when_the_check_in_time_begins_changes_nothing(monkeypatch: pytest.Monke
     assert found[0] == found[1] == found[2]
 
 
+def shaken(run: bd.Result) -> float:
+    """By how much links that land raise the mean tension, from the velocities that are kept."""
+    late = run.t >= run.t[-1] - 0.2 * (run.t[-1] - run.t[0])
+    belt, radii = run.belt, np.array([pulley.radius for pulley in run.params.pulleys])
+    across = belt.vy * np.cos(belt.phi) - belt.vx * np.sin(belt.phi)
+    square = np.mean(np.where(run.contact.pulley < 0, across, 0.0)[late] ** 2)
+    rims = np.abs(run.pulleys.omega[late] * radii).max(axis=1)
+    speed = math.sqrt(np.mean(rims**2))
+    return sanity.shaking_seen(run.params, speed, float(square), float(run.t[-1] - run.t[0]))
+
+
+@pytest.mark.parametrize("mesh", ["paper", "joint"])
+def test_what_shakes_a_belt_is_known_whatever_is_kept(mesh: str) -> None:
+    """Of links and, on the other mesh, of the masses of a string."""
+    run, bare = (bd.simulate(*short(mesh), outputs=one) for one in (None, ()))
+    assert run._running == bare._running
+    # of a quarter of the samples there, of all here
+    assert bare._running.shaking == pytest.approx(shaken(run), rel=0.03)
+    assert {one.quantity for one in bare.accuracy.errors if one.space} == {"tension", "span_mean"}
+
+
 def test_without_verification_there_is_what_costs_nothing() -> None:
     scene = short("paper")
     run = bd.simulate(*scene)
@@ -204,7 +225,7 @@ def test_without_verification_there_is_what_costs_nothing() -> None:
     late = run.t >= run.t[-1] - 0.2 * (run.t[-1] - run.t[0])
     torque = np.abs(run.pulleys.torque[late].mean(axis=0))
     radii = np.array([pulley.radius for pulley in scene.params.pulleys])
-    shaking = accuracy_report.shaking(run)
+    shaking = run._running.shaking
     of_mesh = sanity.mesh_error(scene.params, shaking, float(np.max(torque / radii)))
     # means by equal weights here, by the trapezoidal rule there
     assert known["span_mean"].space == pytest.approx(of_mesh["span_mean"], rel=1e-4)

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 import beltdyn as bd
-from beltdyn import _core, cli, memory
+from beltdyn import _core, cli, memory, outputs
 
 MANY = 400_000
 
@@ -42,7 +42,7 @@ def test_samples_beyond_memory_are_refused_before_anything_runs(
     with pytest.raises(MemoryError) as caught:
         bd.simulate(*scene, t_eval=np.linspace(0.0, 1.0, 5 * MANY))
     assert str(caught.value) == (
-        "t_eval is too long for the memory: the 2000000 samples need 3.1 GB, and 1.5 GB are "
+        "t_eval is too long for the memory: the 2000000 samples need 3.12 GB, and 1.5 GB are "
         "available; take fewer times, or run in parts, each from the final_state of the one before"
     )
 
@@ -53,12 +53,13 @@ def test_what_the_samples_take_is_what_is_asked_for(
     for ledger in (True, False):
         params, terms = scene.params, scene.torque_fn.terms()
         run = _core.Simulation(params._model, start._to_core(params), terms, 1.0, ledger=ledger)
-        arrays = run.sample(np.linspace(0.0, 1.0, 100)).values()
+        names = outputs.of_core(None, ledger)
+        arrays = run.sample(np.linspace(0.0, 1.0, 100), names).values()
         held = sum(array.nbytes for array in arrays)
         # What building the ledger takes besides, columns like the times.
         besides = 100 * 8 * 12 if ledger else 0
         columns = len(scene.params._model.energy_terms) if ledger else 0
-        assert memory.check_samples(100, 12, 2, 0, columns, friction=True) == held + besides
+        assert memory.check_samples(100, 12, 2, 0, columns, True, names) == held + besides
     monkeypatch.setattr(memory, "available", lambda: held)
     assert bd.simulate(*scene[:2], 1e-3, t_eval=np.linspace(0, 1e-3, 100), ledger=False).success
     monkeypatch.setattr(memory, "available", lambda: held - 1)

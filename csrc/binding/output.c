@@ -57,6 +57,7 @@ static const char *const all_names[] = {
 #undef X
         "pulley",
     "span_tension",
+    "across",
 };
 
 static int is_output(const char *name) {
@@ -122,6 +123,7 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
 #undef X
           {"pulley", NULL, &output->pulley, width[WIDTH_LINKS], 0, 1},
       {"span_tension", &output->span_tension, NULL, width[WIDTH_PULLEYS], 0, 0},
+      {"across", &output->across, NULL, 1, 0, 0},
   };
   for (size_t k = 0; k < sizeof rows_of / sizeof rows_of[0]; k++) {
     const int wanted = names ? is_named(names, rows_of[k].name) : rows_of[k].by_default;

@@ -291,18 +291,19 @@ static void sim_dealloc(PyObject *object) {
 
 /* --- samples --------------------------------------------------------------------------------- */
 
-PyDoc_STRVAR(sample_doc,
-             "sample($self, /, t, outputs=None)\n--\n\n"
-             "Attach sample times; once, before the first advance().\n\n"
-             "t: times [s], shape (n_t,), non-decreasing and within the run. outputs: names of\n"
-             "those to compute and keep; None: all but \"span_tension\". Returns a dict of\n"
-             "arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the ledger;\n"
-             "\"load\" of shape (n_t, n_p, 2)),\n"
-             "\"pulley\" (int32: the pulley the link touches, or -1), \"span_tension\" (as\n"
-             "span_tension()). The run fills them row by\n"
-             "row; rows not yet written hold NaN and -1. They stay valid after the simulation.\n"
-             "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
-             "KeyboardInterrupt while it fills them: it may then be called again.");
+PyDoc_STRVAR(
+    sample_doc,
+    "sample($self, /, t, outputs=None)\n--\n\n"
+    "Attach sample times; once, before the first advance().\n\n"
+    "t: times [s], shape (n_t,), non-decreasing and within the run. outputs: names of\n"
+    "those to compute and keep; None: all but \"span_tension\" and \"across\". Returns a\n"
+    "dict of arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the\n"
+    "ledger; \"load\" of shape (n_t, n_p, 2)), \"pulley\" (int32: the pulley the link\n"
+    "touches, or -1), \"span_tension\" (as span_tension()), \"across\" (as bd_output). The\n"
+    "run fills them row by row; rows not yet written hold NaN and -1. They stay valid\n"
+    "after the simulation.\n"
+    "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
+    "KeyboardInterrupt while it fills them: it may then be called again.");
 
 static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
   char *names[] = {"t", "outputs", NULL};

@@ -464,6 +464,33 @@ static void outputs_of_spans(bd_plan *plan, const double *y, double *row) {
   bd_span_tension(lay->n, plan->touched, plan->best, lay->np, row);
 }
 
+/* After plan->touched. Of a mass of a string, across the bar behind it. */
+static double across(const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const double *phi = lay->string ? NULL : bd_cfield(lay, y, F_PHI);
+  double sum = 0.0;
+  for (int i = 0; i < lay->n; ++i) {
+    if (plan->touched[i] >= 0) {
+      continue;
+    }
+    double c, s;
+    if (phi) {
+      c = cos(phi[i]);
+      s = sin(phi[i]);
+    } else {
+      const int next = i + 1 < lay->n ? i + 1 : 0;
+      const double dx = x[next] - x[i], dy = yy[next] - yy[i], length = hypot(dx, dy);
+      c = dx / length;
+      s = dy / length;
+    }
+    const double v = vy[i] * c - vx[i] * s;
+    sum += v * v;
+  }
+  return sum / lay->n;
+}
+
 /* Of every pulley, also where one link touches two of them. */
 static void outputs_of_loads(const bd_plan *plan, const double *y, double *row) {
   for (int j = 0; j < plan->model->lay.np; ++j) {
@@ -529,7 +556,7 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
   if (out->load) {
     outputs_of_loads(plan, y, out->load + 2 * k * (size_t)lay->np);
   }
-  if (!in_full && !out->normal && !out->pulley && !out->span_tension) {
+  if (!in_full && !out->normal && !out->pulley && !out->span_tension && !out->across) {
     return;
   }
   for (size_t i = 0; i < n; ++i) {
@@ -568,6 +595,9 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
   }
   if (out->span_tension) {
     outputs_of_spans(plan, y, out->span_tension + k * (size_t)lay->np);
+  }
+  if (out->across) {
+    out->across[k] = across(plan, y);
   }
 }
 

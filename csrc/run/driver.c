@@ -16,6 +16,11 @@
 
 /* --- one step -------------------------------------------------------------------------------- */
 
+/* Samples of a run at which velocities across the links are looked at, 100 in its last fifth: all
+ * change their mean square by 1 to 3 %, and searching what touches takes as long as a sample of
+ * little else. */
+#define LOOKS 500
+
 static int sample(bd_sim *sim, double t, double *y) {
   const bd_layout *lay = &sim->stepper.model->lay;
   int code = bd_motion_put(&sim->stepper.plan, t, y, &sim->stepper.report.failure);
@@ -26,8 +31,12 @@ static int sample(bd_sim *sim, double t, double *y) {
                            y + lay->omega, sim->stepper.plan.torque, &sim->stepper.report.failure);
   }
   if (code == BD_OK) {
+    bd_output output = sim->output;
+    if (sim->next_sample % (1 + sim->n_samples / LOOKS) != 0) {
+      output.across = NULL;
+    }
     bd_observe(&sim->stepper.plan, y, sim->stepper.turns, sim->stepper.plan.torque, sim->e0,
-               &sim->output, sim->next_sample++);
+               &output, sim->next_sample++);
   }
   return code;
 }
