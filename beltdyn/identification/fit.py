@@ -12,15 +12,16 @@ import attrs
 import numpy as np
 
 from ..accuracy.space import ASSUMED
-from ..checks import Array, flag, integer, one_of, pair, real
+from ..checks import Array, flag, integer
 from ..params import Params
 from ..pools import as_pool
 from ..run_warnings import distinct, issue
 from . import linear
 from .experiment import Target
 from .free import Free, Parameter, resolve
-from .losses import LOSSES, cost_and_weights
-from .report import Identification, IdentificationInterrupted, confidence_of
+from .losses import cost_and_weights
+from .options import Options
+from .report import Identification, IdentificationInterrupted
 from .trials import Rig, Trial
 
 __all__ = ["identify"]
@@ -143,15 +144,16 @@ def identify(
     if not isinstance(params, Params):
         raise TypeError(f"params must be a Params, got {type(params).__name__}")
     parameters = resolve(params, free)
-    options = _Options(
-        confidence=confidence_of(confidence),
-        limit=_above("limit", limit, 1.0),
-        central=one_of("jac", jac, ("3-point", "2-point")) == "3-point",
-        step=_step(diff_step),
-        loss=one_of("loss", loss, LOSSES),
-        prior=_prior(parameters, prior),
+    options = Options.checked(
+        parameters,
+        confidence=confidence,
+        limit=limit,
+        jac=jac,
+        diff_step=diff_step,
+        tol=tol,
+        loss=loss,
+        prior=prior,
     )
-    tol = _above("tol", tol, 0.0)
     most, count = integer("max_nfev", max_nfev, 1), integer("starts", starts, 1)
     flag("mesh", mesh)
     if workers is not None and executor is not None:
@@ -163,7 +165,7 @@ def identify(
         search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)
         try:
             search.begin()
-            success, message = search.run(least_squares, tol, most, count)
+            success, message = search.run(least_squares, most, count)
             shift, note = search.mesh() if mesh else (None, "not asked for")
         except KeyboardInterrupt as error:
             if search.best is None:
@@ -175,16 +177,6 @@ def identify(
         found = search.report(success, message, shift, note)
     issue(distinct(run.warnings for run in found.results.values()), stacklevel=2)
     return found
-
-
-@attrs.frozen(kw_only=True)
-class _Options:
-    confidence: float
-    limit: float
-    central: bool
-    step: float
-    loss: str
-    prior: tuple[tuple[int, float, float], ...]
 
 
 @attrs.frozen(eq=False)
@@ -209,7 +201,7 @@ class _Search:
         self,
         rig: Rig,
         parameters: tuple[Parameter, ...],
-        options: _Options,
+        options: Options,
         show: Callable[[int, float], None],
     ) -> None:
         self.rig = rig
@@ -258,14 +250,14 @@ class _Search:
             raise trial.error
 
     def run(
-        self, least_squares: Callable[..., Any], tol: float, max_nfev: int, starts: int
+        self, least_squares: Callable[..., Any], max_nfev: int, starts: int
     ) -> tuple[bool, str]:
         """Search from several points, and from what fits better than where that ended."""
         guess = self._sigma.copy()
 
         def search(u: Array) -> None:
             self._sigma[:] = guess
-            success, message = self._search(least_squares, tol, max_nfev, u)
+            success, message = self._search(least_squares, max_nfev, u)
             assert self.best is not None
             sigma, active = self._sigma.copy(), self._active
             self._ends.append(_End(self.best, sigma, self._slopes, active, success, message))
@@ -380,7 +372,7 @@ class _Search:
         return moved, ""
 
     def _search(
-        self, least_squares: Callable[..., Any], tol: float, max_nfev: int, u: Array
+        self, least_squares: Callable[..., Any], max_nfev: int, u: Array
     ) -> tuple[bool, str]:
         """Search from a point; repeat it as long as the estimates of unknown sigmas change."""
         for _ in range(_PASSES):
@@ -393,8 +385,8 @@ class _Search:
                 method="trf",
                 x_scale=1.0,
                 loss=self.options.loss,
-                ftol=tol,
-                xtol=tol,
+                ftol=self.options.tol,
+                xtol=self.options.tol,
                 gtol=1e-12,
                 max_nfev=max(1, max_nfev - self._nfev),
             )
@@ -575,39 +567,6 @@ class _Search:
             parameters=self.parameters,
             curves=frozenset(name for name, target in rig.targets.items() if target.is_curve),
         )
-
-
-def _above(name: str, value: object, least: float) -> float:
-    number = real(name, value)
-    if number <= least:
-        raise ValueError(f"{name} must be > {least:g}, got {number:g}")
-    return number
-
-
-def _step(value: object) -> float:
-    step = _above("diff_step", value, 0.0)
-    if step >= 1.0:
-        raise ValueError(f"diff_step must be < 1, got {step:g}")
-    return step
-
-
-def _prior(
-    parameters: Sequence[Parameter], prior: Mapping[str, tuple[float, float]] | None
-) -> tuple[tuple[int, float, float], ...]:
-    """Give index, coordinate and its standard deviation."""
-    names = [part.name for part in parameters]
-    rows = []
-    for name, given in (prior or {}).items():
-        if name not in names:
-            raise ValueError(f"prior {name!r} is not free; free are {', '.join(names)}")
-        part = parameters[names.index(name)]
-        value, std = pair(f"prior {name!r}", given, part.unit)
-        if std <= 0.0:
-            raise ValueError(f"prior {name!r}: the standard deviation must be > 0, got {std:g}")
-        if part.log and value <= 0.0:
-            raise ValueError(f"prior {name!r}: the value must be > 0, got {value:g}")
-        rows.append((names.index(name), part.coordinate(value), part.deviation(std, value)))
-    return tuple(rows)
 
 
 @contextmanager
