@@ -18,7 +18,7 @@ import pytest
 import beltdyn as bd
 from beltdyn import sanity
 from beltdyn.accuracy_report import rounded
-from beltdyn.report import Rows, brief
+from beltdyn.report import Rows, brief, digits
 from beltdyn.report.rows import MountRow, Spread
 from beltdyn.report.text import _fitted, tables
 
@@ -472,8 +472,8 @@ def test_numbers_have_the_digits_that_their_error_leaves(
     assert rounded(value, error) == expected
 
 
-#: Columns of what the drive gives, of whole degrees, of counts, of losses (two digits each) beside
-#: what is put in, and of what has the place of another number.
+#: Columns of what the drive gives, of whole degrees, of counts, of losses, which have an error of
+#: their own, beside what is put in, and of what has the place of another number.
 GIVEN = {
     "wrap deg",
     "mm",
@@ -526,6 +526,25 @@ def test_no_number_is_printed_to_more_places_than_its_error_leaves() -> None:
     # a speed and a torque that are set are exact, and so printed
     exact = attrs.evolve(one, pulleys=report().pulleys)
     assert " -5.000 " in str(exact) and " 954.9 " in str(exact), "load and speed that are set"
+
+
+def test_losses_and_friction_in_use_have_the_digits_of_their_errors() -> None:
+    """Of losses that of the efficiency; of friction that of the logarithm of the ratio."""
+    told = attrs.evolve(report(), efficiency_error=1e-4)
+    put_in = sum(one.power for one in told.powers if one.kind == "in")
+    for lost, digits_left in ((0.1 * put_in, 4), (1e-3 * put_in, 2), (1e-5 * put_in, 2)):
+        shown = float(digits.loss(told, 1.2345 * lost))
+        assert shown == rounded(1.2345 * lost, 1e-4 * put_in)[0]
+        assert shown == float(f"{1.2345 * lost:.{digits_left - 1}e}")
+    row = next(one for one in told.pulleys if one.used and one.used_range)
+    for error in (1e-6, 1e-2):
+        one = attrs.evolve(told, tension_error=error)
+        off = digits.tension_off(one) * abs(1.0 / row.slack - 1.0 / row.tight)
+        off *= row.used / math.log(row.ratio)
+        expected, _ = rounded(100.0 * row.used, 100.0 * max(1e-3, off))
+        assert float(digits.used(one, row)[0]) == pytest.approx(expected, rel=1e-12)
+    slack = attrs.evolve(row, used_range=Spread(row.used, 0.1, math.inf))
+    assert digits.used(told, slack)[2] == "slack"
 
 
 @pytest.mark.filterwarnings("ignore:mesh:UserWarning")

@@ -16,11 +16,10 @@ from .digits import (
     number,
     of_speed,
     of_tension,
-    percent,
     placed,
     within,
 )
-from .rows import Power, PulleyRow, SpanRow, Told
+from .rows import PulleyRow, SpanRow, Told
 from .text import _NOTHING, _OF_KIND, _STILL, _TO_RPM, Table, _direction, _without, columns, opening
 
 __all__ = ["html", "lines"]
@@ -135,7 +134,7 @@ def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
         load,
         most,
         _direction(row.hub_direction),
-        percent(row.used, 0),
+        digits.used(report, row)[0] if row.used is not None else NONE,
         digits.margin(report, row.margin),
         digits.margin(report, row.least_margin),
     )
@@ -235,11 +234,12 @@ def _balance(report: Told) -> str:
     put_in, lost = total("in"), total("lost")
     error, of_losses = report.power_error, report.efficiency_error or 0.0
     ends = [within(one, error and error * put_in) for one in (put_in, total("out"))]
-    told = f"{ends[0]} W put in, {ends[1]} W taken off, {number(lost, 2)} W lost"
+    told = f"{ends[0]} W put in, {ends[1]} W taken off, {digits.loss(report, lost)} W lost"
     parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
     shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
     if shown:
-        told += f" (most: {', '.join(map(_loss, shown))})"
+        named = (f"{one.name} {digits.loss(report, one.power)}" for one in shown)
+        told += f" (most: {', '.join(named)})"
     rest = put_in - total("out") - lost
     if report.efficiency is not None and abs(rest) > max(_SMALL * put_in, _unit(put_in, error)):
         parts = [one for one in report.powers if one.kind in ("stored", "left")]
@@ -260,10 +260,6 @@ def _unit(put_in: float, error: float | None) -> float:
     """Give the place to which what is put in is shown: half of it is lost at either end."""
     shown, places = rounded(put_in, error and error * put_in)
     return 10.0 ** (math.floor(math.log10(shown)) + 1 - places)
-
-
-def _loss(one: Power) -> str:
-    return f"{one.name} {number(one.power, 2)}"
 
 
 def _named(report: Told) -> list[str]:

@@ -19,6 +19,7 @@ __all__ = [
     "between",
     "history_off",
     "line_frequency",
+    "loss",
     "margin",
     "number",
     "of_mount",
@@ -36,6 +37,7 @@ __all__ = [
     "string_frequency",
     "tension_off",
     "torque",
+    "used",
     "within",
 ]
 
@@ -213,11 +215,29 @@ def margin(report: Told, value: float | None) -> str:
 
 
 def ratio(report: Told, row: PulleyRow) -> str:
-    """Give a ratio of tensions, both of which are off by the same."""
+    """Give a ratio of tensions."""
+    return within(row.ratio, _of_ratio(report, row), 3)
+
+
+def _of_ratio(report: Told, row: PulleyRow) -> float | None:
+    """Give the error of a ratio of tensions, both of which are off by the same; None: not known."""
     off = tension_off(report)
     if row.ratio is None or off is None or not row.slack:
-        return number(row.ratio, 2)
-    return within(row.ratio, off * abs(row.ratio - 1.0) / row.slack, 3)
+        return None
+    return off * abs(row.ratio - 1.0) / row.slack
+
+
+def used(report: Told, row: PulleyRow) -> tuple[str, str, str]:
+    """Give the friction in use, the logarithm of a ratio, in percent, and its least and most.
+
+    The most of it is "slack" where it is infinite.
+    """
+    off, part, ratio = _of_ratio(report, row), row.used, row.ratio
+    if part and ratio and off is not None:  # of the logarithm over the ratio's; a tenth at best
+        off = max(1e-3, off * part / (ratio * math.log(ratio)))
+    mean = row.used_range if part is None else Spread(part, part, part)
+    told = placed(mean, off and off / part if part else None, 100.0, row.used_range, part or None)
+    return told[0], told[1], told[2].replace("none", "slack")
 
 
 def string_frequency(report: Told, row: SpanRow, digits: int = 4) -> str:
@@ -244,6 +264,20 @@ def power(report: Told, value: Spread | None) -> str:
     largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
     error = report.power_error
     return within(value.mean, error and error * largest)
+
+
+def loss(report: Told, power: float, value: float | None = None) -> str:
+    """Give what is lost, in all or by one cause, which is off by no more than all of it.
+
+    Args:
+        report: The report.
+        power: What is lost [W].
+        value: What is told in its place, a share of what is put in.
+    """
+    put_in = sum(one.power for one in report.powers if one.kind == "in")
+    value = power if value is None else value
+    share = report.efficiency_error
+    return within(value, share and share * put_in * abs(value / power))
 
 
 def slip_torque(report: Told, row: PulleyRow) -> str:

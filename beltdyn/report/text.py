@@ -159,8 +159,8 @@ def _slip(report: Told) -> Table:
             digits.belt_torque(report, row),
             digits.ratio(report, row),
             number(row.limit, 3),
-            percent(row.used, 0),
-            _percents(row.used_range),
+            (part := digits.used(report, row))[0] if row.used is not None else NONE,
+            between(part[1:]) if row.used_range is not None else NONE,
             digits.margin(report, row.margin),
             digits.margin(report, row.least_margin),
             digits.margin(report, row.own_margin),
@@ -382,9 +382,10 @@ def _powers(report: Told) -> Table:
     largest = max((row.power for row in report.powers if row.kind in ("in", "out")), default=0.0)
 
     def shown(row: Power, value: float) -> str:
-        """Losses have two digits: what one of them lacks another one may have."""
         if abs(value) < 0.005:
             return "0.00"
+        if row.kind == "lost":
+            return digits.loss(report, row.power, value)
         error = None if row.kind not in ("in", "out") else report.power_error
         return within(value, error and error * largest * abs(value / row.power))
 
