@@ -230,8 +230,10 @@ def get(name: str) -> Scene:
         ValueError: There is none; the message lists the names.
     """
     key = name.replace("_", "-").lower()
-    family, _, of_hard = key.rpartition("/")
+    family, _, of_hard = key.partition("/")
     if family == "hard":
+        if not of_hard:
+            raise ValueError("hard scenes are called hard/NAME; `beltdyn scenes --hard` lists them")
         if of_hard not in hard:
             raise ValueError(
                 f"no hard scene is called {of_hard!r}{close_to(of_hard, hard)}; "
@@ -239,8 +241,9 @@ def get(name: str) -> Scene:
             )
         return hard[of_hard]
     if key not in _SCENES:
+        known = [*_SCENES, *(f"hard/{one}" for one in hard)]
         raise ValueError(
-            f"no scene is called {name!r}{close_to(key, _SCENES)}; there are "
+            f"no scene is called {name!r}{close_to(key, known)}; there are "
             f"{', '.join(_SCENES)}, and the hard ones that `beltdyn scenes --hard` lists"
         )
     return _SCENES[key]()

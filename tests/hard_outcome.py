@@ -21,7 +21,8 @@ import random_drives
 import beltdyn as bd
 from beltdyn import run_warnings
 
-#: solved: finished, invariants kept, and the error at most FACTOR times what it claims.
+#: solved: finished, theory and invariants kept, and the error, where a reference exists, at most
+#: FACTOR times what it claims.
 #: said: finished, less accurate than that or of unknown accuracy, and warns of that by name.
 #: refused: ended by an error that names time and reason and hands over what was computed.
 #: budget: more steps than such a run should need.
@@ -32,6 +33,8 @@ KINDS = ("solved", "said", "refused", "budget", "unjudged", "quiet", "broken")
 FACTOR = 5.0
 #: Where neither an estimate nor a tolerance claims anything, with FACTOR: a tenth.
 UNCLAIMED = 0.1 / FACTOR
+#: A claim above this share of the tension claims nothing.
+MOST_CLAIMED = 0.1
 #: Where nothing moves, claims may be below what rounding does to a reference.
 ROUNDING = 1e-9
 #: Share of the energy transmitted that the ledger may be off without, and with, a warning.
@@ -269,6 +272,8 @@ class Judge:
             right = False
         elif found.deviation is not None:
             right = right is not False
+        if said and (found.claim or 0.0) > MOST_CLAIMED:
+            right = None
         if right:
             kind = "solved"
         elif said:

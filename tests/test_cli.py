@@ -103,7 +103,8 @@ def test_scenes_version_and_help() -> None:
     assert result.exit_code == 0
     for name in bd.scenes.names():
         assert name in result.stdout
-    assert len(result.stdout.splitlines()) == len(bd.scenes.names())
+    *_, blank, last = result.stdout.splitlines()
+    assert (blank, last.partition(" made")[0]) == ("", f"and {len(bd.scenes.hard)}")
     assert call("--version").stdout.strip().endswith(bd.__version__)
     for arguments in (["--help"], ["run", "--help"], ["run", "-h"]):
         assert call(*arguments).exit_code == 0
@@ -127,6 +128,9 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
     wrong: list[tuple[tuple[object, ...], list[str]]] = [
         (("run", "nope"), ["beltdyn: no scene is called 'nope'", *bd.scenes.names()]),
         (("run", "Kubas-case1"), ["(did you mean 'kubas-case-1'?)"]),
+        (("run", "sigma-1e8"), ["(did you mean 'hard/sigma-1e8'?)"]),
+        (("run", "hard"), ["called hard/NAME"]),
+        (("scenes", "--hard", "layout"), ["(did you mean 'layouts'?)"]),
         (("run", tmp_path / "none.toml"), ["none.toml", "No such file"]),
         (("run", tmp_path / "mispelt.tml"), ["no file", "(did you mean 'misspelt.toml'?)"]),
         (("run", kind), ["friction.kind must be", "(did you mean 'dahl'?)"]),

@@ -43,7 +43,10 @@ def test_the_default_method_solves_nearly_all() -> None:
 
 
 def test_the_judge_tells_what_is_wrong() -> None:
-    """Forces off by a hundredth without a word are quiet, a friction beyond its bound is broken."""
+    """Forces off by a hundredth without a word are quiet, a friction beyond its bound is broken.
+
+    A claim of ten times the tension, with a warning, is not solved by being kept.
+    """
     judge = Judge(bd.scenes.hard["sigma-1e6"])
     run = judge.run("auto")
     assert judge.judge(run).kind == "solved"
@@ -51,6 +54,8 @@ def test_the_judge_tells_what_is_wrong() -> None:
     warned = attrs.evolve(run.outcome, warnings=("chatter",))
     off = attrs.evolve(run, force=1.01 * run.force, outcome=warned)
     assert judge.judge(off).kind == "said"
+    warned = attrs.evolve(run.outcome, warnings=("undamped",), claim=10.0)
+    assert judge.judge(attrs.evolve(run, outcome=warned)).kind == "said"
     result = judge.scene.run()
     for part, changes in {
         "contact": {"mu": 1.1 * result.contact.mu, "normal": -result.contact.normal},

@@ -11,6 +11,7 @@ import click
 from .. import __version__, accuracy, scenes
 from ..accuracy.quantities import QUANTITIES
 from ..checkpoints import Checkpoint, Fresh
+from ..checks import close_to
 from ..explaining import explain
 from ..hard import SCENES as HARD
 from ..hard import HardScene
@@ -49,25 +50,52 @@ def main() -> None:
     beltdyn.scenes.kubas_case_1().to_toml("drive.toml"), and read results with
     beltdyn.Result.load("drive.npz").
 
-    Exit codes: 0 done, 1 the run failed or a file could not be written, 2 bad input, 130
-    interrupted (Ctrl-C or SIGTERM). What was computed before is written in each case. Warnings
-    go to stderr after the results and do not change the exit code.
+    Exit codes: 0 done (a hard scene may have to end in an error), 1 the run failed or a file could
+    not be written, 2 bad input, 130 interrupted (Ctrl-C or SIGTERM). What was computed before
+    is written in each case. Warnings go to stderr after the results and do not change the exit
+    code.
     """
 
 
 @main.command("scenes")
-@click.option("--hard", is_flag=True, help="List the hard ones: their names, families, failures.")
-def list_scenes(hard: bool) -> None:
-    """List the named scenes; with --hard those that are made to break an integrator.
-
-    Each hard one is called hard/NAME, and told by what it provokes.
-    """
+@click.option(
+    "--hard",
+    is_flag=False,
+    flag_value="all",
+    metavar="[FAMILY]",
+    help="List the hard ones, or those of a family: what each provokes.",
+)
+def list_scenes(hard: str | None) -> None:
+    """List the named scenes; with --hard those that are made to break an integrator."""
+    if hard is not None:
+        _list_hard(hard)
+        return
     rows = [(name, scenes.describe(name)) for name in scenes.names()]
-    if hard:
-        rows = [(f"hard/{one.name}", f"{one.family}: {one.provokes}") for one in HARD.values()]
     width = max(len(name) for name, _ in rows)
     for name, text in rows:
         click.echo(f"{name:<{width}}  {text}")
+    click.echo(f"\nand {len(HARD)} made to break an integrator: beltdyn scenes --hard")
+
+
+def _list_hard(family: str) -> None:
+    """List the hard scenes of a family, or "all"."""
+    families = list(dict.fromkeys(one.family for one in HARD.values()))
+    if family not in ("all", *families):
+        stop(
+            f"--hard: no family is called {family!r}{close_to(family, families)}; there are "
+            f"{', '.join(families)}",
+            BAD_INPUT,
+        )
+    found = [one for one in HARD.values() if family in ("all", one.family)]
+    click.echo(f"{len(found)} scenes made to break an integrator; run one: beltdyn run hard/NAME")
+    width, last = max(map(len, HARD)), ""
+    for one in found:
+        if one.family != last:
+            last = one.family
+            click.echo(f"\n{last}")
+        ends = "" if one.expects is None else " [ends in an error]"
+        text = f"  {one.name:<{width}}  {one.provokes}{ends}"
+        click.echo(fill(text, 96, subsequent_indent=" " * (width + 4)))
 
 
 @main.command()
@@ -198,7 +226,7 @@ def run(
         if isinstance(found, HardScene):
             told = found
             options |= _of_hard(context, found, error, budget)
-        with running(written_to, checkpoint, lambda: found.params):
+        with running(written_to, checkpoint, lambda: found.params, told):
             if isinstance(found, HardScene):
                 options["initial"] = found.initial()
             if error is not None:
@@ -223,11 +251,19 @@ def run(
             click.echo(f"{fill('Chosen for' + result.message.partition('; chosen for')[2], 88)}.\n")
         print_result(scene, result, last, written, full=full, verbose=verbose)
         if told is not None:
-            click.echo(f"\n{told.told}")
             off = told.deviation(result) if outputs is None and suggestion is None else None
-            if off is not None:
-                click.echo(f"off it   by {off:.2g} of what is allowed")
+            click.echo(f"\n{told.told}{_kept(off)}")
     warn(result.warnings, quiet)
+
+
+def _kept(off: float | None) -> str:
+    """Tell whether a run keeps what its scene must; laws enforce limits, which are then reached."""
+    if off is None:
+        return ""
+    if not off <= 1.0:
+        return f"\nNOT KEPT deviation {off:.2g} times what is allowed"
+    reached = "the limit is reached, not passed"
+    return f"\nkept     {reached if off > 0.999 else f'deviation {off:.2g} of what is allowed'}"
 
 
 def _of_hard(

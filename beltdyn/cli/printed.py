@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ import click
 from .. import sanity
 from ..accuracy_report import Accuracy
 from ..errors import Interrupted, SimulationError
+from ..hard import HardScene
 from ..params import Params
 from ..result import Result
 from ..run_warnings import silenced
@@ -35,7 +37,10 @@ def _hint(checkpoint: Path | None) -> str:
 
 @contextmanager
 def running(
-    outputs: Outputs, checkpoint: Path | None, drive: Callable[[], Params] | None
+    outputs: Outputs,
+    checkpoint: Path | None,
+    drive: Callable[[], Params] | None,
+    scene: HardScene | None = None,
 ) -> Iterator[None]:
     """Let a run be interrupted; where it does not finish, write what there is and stop.
 
@@ -43,6 +48,7 @@ def running(
         outputs: The files that were asked for.
         checkpoint: The file it is written to as it goes, with which it can go on.
         drive: Gives the drive, whose warnings are told where there is no result.
+        scene: The hard scene that is run; an error in which it must end is no failure.
     """
     try:
         with interruptible(), silenced():
@@ -54,6 +60,11 @@ def running(
             warn(ended.result.warnings, outputs.quiet)
         elif failed and drive is not None:
             warn(sanity.check(drive()), outputs.quiet)
+        if isinstance(ended, SimulationError) and scene and ended.symbol == scene.expects:
+            click.echo(f"{ended}{written}")
+            if not outputs.quiet:
+                click.echo(f"\n{scene.told}\nkept     it ends in {ended.symbol}, as it must")
+            sys.exit(0)
         if failed:
             stop(f"{ended}{written}", FAILED)
         hint = _hint(checkpoint) if ended.result else ""

@@ -32,7 +32,8 @@ def _loaded(law: Friction, t_end: float = 0.03) -> Scene:
 def _stiff(law: Friction, within: str, limit: str = "mu_k") -> Entry:
     """Enter a law that is developed within so little slip, or so low a slip velocity."""
     return Entry(
-        f"Friction is developed within {within}: steps that follow the belt's waves overshoot it.",
+        f"{type(law).__name__} friction is developed within {within}: steps that follow the "
+        "belt's waves overshoot it.",
         f"Friction stays within its limit, |mu| <= {limit}.",
         lambda: _loaded(law),
         theory=theory.friction_limit,
@@ -65,8 +66,8 @@ SCENES: dict[str, Entry] = {
     "sigma-1e7": _stiff(Dahl(mu_k=0.6, sigma=1e7), "60 nm of slip"),
     "sigma-1e8": _stiff(Dahl(mu_k=0.6, sigma=1e8), "6 nm of slip"),
     "sigma-tiny": Entry(
-        "Friction of sigma = 2 1/m is developed after 0.3 m of slip: what takes a belt that slips "
-        "for one in full slip takes the limit for the force.",
+        "Friction of sigma = 2 1/m is developed after 0.3 m of slip: code that takes "
+        "friction for its limit wherever a belt slips is far off.",
         "mu of a link is mu_k (1 - exp(-sigma x / mu_k)) after the slip x.",
         lambda: _loaded(Dahl(mu_k=0.6, sigma=2.0)),
         theory=theory.dahl_curve,

@@ -49,9 +49,9 @@ SCENES: dict[str, Entry] = {
     "back-side": Entry(
         "An idler on the back of the belt bends it the other way: contact from both sides within "
         "a few links.",
-        "The energy balance closes to 2 %.",
+        "The load on the idler is 2 T sin(theta / 2).",
         lambda: _idler(0.03),
-        theory=theory.balance,
+        theory=theory.idler_load,
     ),
     "idler-that-just-touches": Entry(
         "An idler that presses the span by 1 mm, so that the belt bends round it at a joint: "

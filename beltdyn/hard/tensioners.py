@@ -40,9 +40,9 @@ SCENES: dict[str, Entry] = {
     "stops-hit-hard": Entry(
         "An arm runs into a stop of 10 MN m/rad without damping: a blow of 30 us that begins and "
         "ends within a step.",
-        "The energy balance closes to 2 %.",
+        "The stop does not damp: the arm leaves it as fast as it came, to 5 %.",
         lambda: _arm(stops=(-0.01, 0.01), stop_stiffness=1e7, damping=0.02),
-        theory=theory.balance,
+        theory=theory.rebound,
     ),
     "soft-arm": Entry(
         "An arm whose spring hardly has a stiffness of its own: a constant torque against the "

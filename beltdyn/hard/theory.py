@@ -12,7 +12,8 @@ from typing import cast
 import numpy as np
 
 from ..friction import Dahl
-from ..histories import EnergyLedger
+from ..histories import EnergyLedger, MountHistory
+from ..mounts import Arm
 from ..result import Result
 from ..torques import PiecewiseLinear
 from .hard_scene import HardScene
@@ -27,7 +28,9 @@ __all__ = [
     "free_spin_up",
     "friction_limit",
     "held_by_drag",
+    "idler_load",
     "momentum",
+    "rebound",
     "statics",
     "string_frequency",
     "symmetric",
@@ -175,6 +178,35 @@ def held_by_drag(scene: HardScene, result: Result) -> float:
     turned = result.pulleys.theta[-1, 1] - result.pulleys.theta[half, 1]
     speed = scene.params.pulleys[1].radius * abs(turned) / (result.t[-1] - result.t[half])
     return float(speed / (10.0 * scene.params.info["drag_speed"]))
+
+
+def idler_load(scene: HardScene, result: Result) -> float:
+    """Check the load that a belt puts on pulley 1, an idler which it turns round: 2 T sin(theta/2).
+
+    Means over the last half, T that of the spans on both sides.
+    """
+    part = _last(result, 0.5)
+    load = np.hypot(*np.mean(result.pulleys.load[part, 1], axis=0))
+    tension = float(np.mean(result.span_tension[part, :2]))
+    due = 2.0 * tension * math.sin(0.5 * float(scene.params.route.wraps[1]))
+    return float(abs(load - due) / (MESH * due))
+
+
+def rebound(scene: HardScene, result: Result) -> float:
+    """Check that an arm leaves a stop without damping as fast as it came.
+
+    To 5 %: samples are farther apart than the blow lasts, and the belt changes the arm's speed by
+    2 % between two.
+    """
+    mounts = cast(MountHistory, result.mounts)
+    speed, travel = mounts.travel_speed[:, 0], mounts.travel[:, 0]
+    arm = cast(Arm, next(p.mount for p in scene.params.pulleys if p.mount is not None))
+    near = np.abs(travel) > 0.9 * cast(tuple[float, float], arm.stops)[1]
+    turns = np.flatnonzero(near[2:-1] & (speed[2:-1] * speed[3:] < 0.0))
+    if turns.size == 0:
+        return math.inf
+    came, left = (np.max(np.abs(speed[k : k + 3])) for k in (turns[0], turns[0] + 3))
+    return float(abs(left / came - 1.0) / 0.05)
 
 
 def balance(scene: HardScene, result: Result) -> float:

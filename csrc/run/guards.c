@@ -46,7 +46,7 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
     int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
     if (turns != model->winding[j]) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "contact", t, -1, j, turns,
-                        "the belt no longer runs round %s at t = %.9g s: %s",
+                        "the belt no longer runs round %s by t = %.9g s: %s",
                         bd_pulley_label(model, j).text, t,
                         2.0 * model->info.link_length > model->radius[j]
                             ? "its links are too long for this radius, raise belt.n_bodies"
