@@ -212,6 +212,19 @@ def test_short_steps_beside_long_ones_are_few() -> None:
     assert 4000 < run.stats.twin_steps < 6000 and run.stats.growth == 0.0
 
 
+@pytest.mark.filterwarnings("ignore:(mesh|full_slip)")
+@pytest.mark.parametrize("belt", ["paper", "string"])
+def test_growth_while_a_belt_lets_go(belt: str) -> None:
+    """It sticks, then slips for a millisecond: off by 45 claims and by 3 between two looks."""
+    scene = bd.scenes.hard["stribeck-dahl"].with_belt(belt)
+    assert scene is not None
+    with pytest.warns(bd.AccuracyWarning, match="^growth: small differences"):
+        run = scene.run()
+    (growth,) = (one for one in run.warnings if one.code == "growth")
+    assert run.stats.error is None
+    assert growth.t is not None and growth.t < scene.t_end / 2.0  # it lets go a second time
+
+
 def test_a_torque_function_is_not_called_for_the_twin() -> None:
     """Every call is one of the run's own, for its steps, its derivatives, its looks."""
     params, state = drive(contact_damping=100.0)

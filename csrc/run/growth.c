@@ -15,8 +15,9 @@
  * one at its end; in a short run one is all of it. Where links come and go many times as often as
  * the belt's travel brings them, or friction is so stiff that each reversal is a jump, or the
  * belt's vibrations last for long, periods are longer, and one begins as soon as twins have made
- * less than a fifth of the steps. Friction that falls with slip velocity makes differences grow now
- * here, now there, and only while it slips: there they make half of the steps.
+ * less than a fifth of the steps. Friction that falls with slip velocity makes a belt stick for
+ * long and let go within a millisecond, in which a difference grows 10^5 times, to be small again
+ * soon: there the twin runs all the time, and is compared after every step.
  *
  * Steps of implicit methods that are longer than a radian of the belt's vibrations damp these, the
  * twin's as well: what grows so fast that only they would show it is missed by both (a crossed belt
@@ -52,8 +53,8 @@ static const double FIRST = 25.0;  /* when the first begins */
 static const double LATER = 4.0;   /* each other begins at so many times the time of the last */
 static const double LAST = 6.5;    /* and the last one so long before the end */
 /* Where growth is suspected: share of all steps, made by twins, below which the next period begins
- * at once, and above which one ends; the same where friction falls. */
-static const double SUSPECTED = 0.2, ENOUGH = 0.5, FALLING = 0.5, ENOUGH_FALLING = 1.0;
+ * at once, and above which one ends. */
+static const double SUSPECTED = 0.2, ENOUGH = 0.5;
 /* Growth is suspected: contacts gained or lost over those that the belt's travel makes; stretch of
  * a joint over the slip in which friction saturates; rounds in which the lowest wave decays by e.
  */
@@ -340,7 +341,7 @@ static void follow(bd_sim *sim) {
     return;
   }
   double rounds = (sim->stepper.t - t->t_begin) / bd_round_time(sim->stepper.model);
-  if (rounds < t->next_look && sim->stepper.t < sim->t_end) {
+  if (rounds < t->next_look && !t->falls && sim->stepper.t < sim->t_end) {
     return;
   }
   t->next_look = next_look(sim);
@@ -356,9 +357,9 @@ static void follow(bd_sim *sim) {
   int calm =
       !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
   t->excused |= t->times_chattered > 0 && rounds > USUAL && difference <= t->grown;
-  int dear = rounds > USUAL && !rises && !t->whole &&
-             (double)t->steps > (t->falls ? ENOUGH_FALLING : ENOUGH) * (double)sim->stats.steps;
-  if (difference > t->grown || rounds > MOST || calm || dear) {
+  int dear = rounds > USUAL && !rises && !t->whole && !t->falls &&
+             (double)t->steps > ENOUGH * (double)sim->stats.steps;
+  if (t->grows || rounds > MOST || calm || dear) {
     t->active = 0;
   }
 }
@@ -451,8 +452,9 @@ void bd_twin_follow(bd_sim *sim) {
     return;
   }
   double rounds = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model);
-  int due = (t->times_chattered > 0 || t->stiff || t->light || t->falls) && rounds > LEAST &&
-            (double)t->steps <= (t->falls ? FALLING : SUSPECTED) * (double)sim->stats.steps;
+  const int few = (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
+  const int suspected = t->times_chattered > 0 || t->stiff || t->light;
+  const int due = (t->falls || (suspected && few)) && rounds > LEAST;
   int last = !t->last && sim->t_end - sim->stepper.t < LAST * bd_round_time(sim->stepper.model) &&
              rounds > LAST;
   if (rounds > t->next_begin || due || last) {
