@@ -97,7 +97,9 @@ static int accept(bd_sim *sim, double h, double t_new) {
     code = sim->stepper.now->finish(&sim->stepper, h, t_new);
   }
   if (code == BD_OK) {
-    bd_torque_functions_push_torque(&sim->stepper, h);
+    code = bd_torque_functions_push_torque(&sim->stepper, h);
+  }
+  if (code == BD_OK) {
     code = sample_step(sim, h, t_new);
   }
   if (code != BD_OK) {
@@ -346,7 +348,8 @@ static int try_step(bd_sim *sim, trial *t) {
   if (code == BD_OK && !stepper->fixed && !sim->settling && stepper->now->implicit) {
     t->error = fmax(t->error, unseen_error(sim, t->h));
   }
-  bd_torque_functions_after_try(stepper, t->h, t->error);
+  const int looked = bd_torque_functions_after_try(stepper, t->h, t->error);
+  code = code == BD_OK ? looked : code;
   int within = isfinite(t->error) && t->error <= t->tolerance;
   t->least = stepper->fixed ? 0.0 : bd_torque_functions_shortest_step(stepper);
   t->rough = !within && !stepper->fixed && isfinite(t->error) &&

@@ -191,14 +191,16 @@ static int check_joints(bd_sim *sim, double gap, int link) {
   return BD_OK;
 }
 
-/* Energy that passed so far: fed in, lost or stored, whichever is more; and a twentieth of what
- * preload holds, for drives in which hardly anything happens: 2 % of that is 0.05 % of the tension.
+/* Energy that passed so far: fed in, lost or stored, whichever is more; and, for drives in which
+ * hardly anything happens, a twentieth of what preload holds: 2 % of that is 0.05 % of the tension;
+ * more where tensions may be off by more than a fortieth, which is twice as much of their energy.
  */
 double bd_guard_energy(const bd_sim *sim) {
+  const double share = fmax(0.05, 2.0 * sim->stepper.rtol);
   const bd_model *model = sim->stepper.model;
   const double strain = model->geometry.code == BD_OK ? model->info.strain : 0.0;
   const double preload = 0.5 * model->belt.axial_stiffness * strain * strain * model->belt.length;
-  return sim->guard.passed + 0.05 * preload + 1e-12 * fabs(sim->e0);
+  return sim->guard.passed + share * preload + 1e-12 * fabs(sim->e0);
 }
 
 static int check_balance(bd_sim *sim, double energy) {

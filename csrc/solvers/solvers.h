@@ -270,10 +270,10 @@ double bd_torque_functions_shortest_step(const bd_stepper *stepper);
 double bd_torque_functions_extra_error(const bd_stepper *stepper, double h);
 /* Before and after every try. */
 void bd_torque_functions_before_try(bd_stepper *stepper);
-void bd_torque_functions_after_try(bd_stepper *stepper, double h, double error);
+int bd_torque_functions_after_try(bd_stepper *stepper, double h, double error);
 /* Keeps the torque just evaluated: at the start of a step, where it was not known; at its end. */
 void bd_torque_functions_set_torque(bd_stepper *stepper);
-void bd_torque_functions_push_torque(bd_stepper *stepper, double h);
+int bd_torque_functions_push_torque(bd_stepper *stepper, double h);
 /* Warns of a sample at t, inside the step of length h just made, whose torque no step has seen. */
 void bd_torque_functions_check_sample(bd_stepper *stepper, double t, double h);
 

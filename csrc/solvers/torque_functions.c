@@ -323,20 +323,31 @@ static double blamed(double jump, double h) {
 
 /* Counts the torques that jump, by what would matter over the shortest step. A try of length h that
  * errs by more than the torque can be blamed for does so for another reason: then it may be the
- * speeds that jump, and the torque with them. */
-static void count_changes(bd_stepper *stepper, double h, double error, const double *one,
-                          const double *other) {
+ * speeds that jump, and the torque with them. Half way along the step one that jumps is near either
+ * end, one that follows time and speeds between them, however fast they change. */
+static int count_changes(bd_stepper *stepper, double h, double error, const double *one,
+                         const double *other) {
   const bd_torque_functions *functions = &stepper->functions;
   const double tolerance = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol),
                least = shortest_for_jumps(stepper);
+  int code = BD_OK, looked = 0;
   for (int j = 0; functions->ranges > 1 && j < stepper->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
     double range = fmax(functions->range[j], functions->most[j] - functions->least[j]);
-    if (speed_error(stepper, j, change, least) > tolerance && change > 0.5 * range &&
-        error <= blamed(speed_error(stepper, j, change, 1.0), h)) {
+    if (!(speed_error(stepper, j, change, least) > tolerance && change > 0.5 * range &&
+          error <= blamed(speed_error(stepper, j, change, 1.0), h))) {
+      continue;
+    }
+    code = looked ? BD_OK : torque_along(stepper, h, 0.5, functions->look);
+    if (code != BD_OK) {
+      return code;
+    }
+    looked = 1;
+    if (fabs(2.0 * functions->look[j] - one[j] - other[j]) > 0.5 * change) {
       count_jump(stepper, j, change);
     }
   }
+  return code;
 }
 
 void bd_torque_functions_before_try(bd_stepper *stepper) {
@@ -347,19 +358,19 @@ void bd_torque_functions_before_try(bd_stepper *stepper) {
   }
 }
 
-void bd_torque_functions_after_try(bd_stepper *stepper, double h, double error) {
+int bd_torque_functions_after_try(bd_stepper *stepper, double h, double error) {
   bd_torque_set *set = &stepper->plan.torques;
   const double least = shortest_for_jumps(stepper);
-  if (set->watched) {
+  const int watched = set->watched;
+  set->watched = 0;
+  if (watched) {
     widen(stepper, set->low, set->high);
   }
-  if (!set->watched || h > 1.1 * least) {
-    set->watched = 0;
-    return;
+  if (!watched || h > 1.1 * least) {
+    return BD_OK;
   }
-  set->watched = 0;
   stepper->functions.short_tries += h < 0.5 * least;
-  count_changes(stepper, h, error, set->low, set->high);
+  return count_changes(stepper, h, error, set->low, set->high);
 }
 
 double bd_torque_functions_shortest_step(const bd_stepper *stepper) {
@@ -407,14 +418,15 @@ void bd_torque_functions_set_torque(bd_stepper *stepper) {
          (size_t)stepper->model->lay.np * sizeof(double));
 }
 
-void bd_torque_functions_push_torque(bd_stepper *stepper, double h) {
+int bd_torque_functions_push_torque(bd_stepper *stepper, double h) {
   double *spare = stepper->functions.last;
   stepper->functions.last = stepper->functions.now;
   stepper->functions.now = spare;
   bd_torque_functions_set_torque(stepper);
   if (!stepper->plan.torques.smooth && h <= 1.1 * shortest_for_jumps(stepper)) {
-    count_changes(stepper, h, 0.0, stepper->functions.last, stepper->functions.now);
+    return count_changes(stepper, h, 0.0, stepper->functions.last, stepper->functions.now);
   }
+  return BD_OK;
 }
 
 int bd_torque_functions_jumping(const bd_stepper *stepper) {
