@@ -105,7 +105,7 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
  * many more. The share of the stability limit that an explicit step takes; if that was too much, it
  * is halved (retry). Centres move in, and settling is given up without progress, after so many
  * radians of the lowest transverse mode: the polygon of links holds a fine belt less. While there
- * is progress it goes on for MOST_PATIENCE times as long. */
+ * is progress it goes on for MOST_PATIENCE times as many steps. */
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
 static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0, MOST_PATIENCE = 4.0;
 /* After this share of the patience the gains of circulation are held for so many looks. */
@@ -492,7 +492,9 @@ static int check_rest(bd_settling *settling) {
   /* no progress for twice the time expected: give up */
   int hopeless = sim->stepper.t > settling->best_time + settling->patience &&
                  sim->stepper.t > sim->stepper.plan.move_time + settling->patience;
-  const double longest = sim->stepper.plan.move_time + MOST_PATIENCE * settling->patience;
+  /* as many steps in all, however short they had to become */
+  const double more = fmax(1.0, ldexp(MOST_PATIENCE, -settling->tries));
+  const double longest = sim->stepper.plan.move_time + more * settling->patience;
   if (sim->stepper.t >= sim->t_end && !hopeless && !(settling->options.max_time > 0.0) &&
       sim->t_end < 0.999 * longest) { /* in progress: as long again, by steps of the same length */
     sim->t_end += settling->patience;
