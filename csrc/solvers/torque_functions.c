@@ -321,10 +321,29 @@ static double blamed(double jump, double h) {
   return 4.0 * h * jump;
 }
 
+/* Largest changes of the torques over a quarter of the step, into functions->impulse. */
+static int change_by_quarters(bd_stepper *stepper, double h) {
+  bd_torque_functions *functions = &stepper->functions;
+  const int np = stepper->model->lay.np;
+  double *from = functions->begin, *to = functions->end;
+  memset(functions->impulse, 0, (size_t)np * sizeof *functions->impulse);
+  int code = torque_along(stepper, h, 0.0, from);
+  for (int k = 1; code == BD_OK && k <= 4; ++k) {
+    code = torque_along(stepper, h, 0.25 * k, to);
+    for (int j = 0; code == BD_OK && j < np; ++j) {
+      functions->impulse[j] = fmax(functions->impulse[j], fabs(to[j] - from[j]));
+    }
+    double *const kept = from;
+    from = to;
+    to = kept;
+  }
+  return code;
+}
+
 /* Counts the torques that jump, by what would matter over the shortest step. A try of length h that
  * errs by more than the torque can be blamed for does so for another reason: then it may be the
- * speeds that jump, and the torque with them. Half way along the step one that jumps is near either
- * end, one that follows time and speeds between them, however fast they change. */
+ * speeds that jump, and the torque with them. What jumps does so within a quarter of the step; what
+ * follows time and speeds changes there by less than half as much, a parabola by 7/16. */
 static int count_changes(bd_stepper *stepper, double h, double error, const double *one,
                          const double *other) {
   const bd_torque_functions *functions = &stepper->functions;
@@ -338,12 +357,12 @@ static int count_changes(bd_stepper *stepper, double h, double error, const doub
           error <= blamed(speed_error(stepper, j, change, 1.0), h))) {
       continue;
     }
-    code = looked ? BD_OK : torque_along(stepper, h, 0.5, functions->look);
+    code = looked ? BD_OK : change_by_quarters(stepper, h);
     if (code != BD_OK) {
       return code;
     }
     looked = 1;
-    if (fabs(2.0 * functions->look[j] - one[j] - other[j]) > 0.5 * change) {
+    if (functions->impulse[j] > 0.5 * change) {
       count_jump(stepper, j, change);
     }
   }
