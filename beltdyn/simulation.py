@@ -85,7 +85,8 @@ def simulate(
                 For fine belts, heavy damping, stiff contact
         lbdf2   linearly implicit BDF of order 2, one linear system a step, fixed step or error
                 control. For quick estimates (rtol >= 0.01: a second of the paper's case 1 in
-                16 ms, accurate to 1.5 %) and for very stiff friction
+                16 ms, accurate to 1.5 %) and for very stiff friction. From rtol = 0.05 on
+                looser ones change nothing
         lie     linearly implicit Euler method, fixed step or error control. Inaccurate, but the
                 most strongly damped; the other implicit methods fall back on it where they fail
         rk4     classical Runge-Kutta, fixed step; for comparison

@@ -100,7 +100,7 @@ def test_an_explicit_step_beyond_stability_ends_the_run(factor: float, rest: bd.
 
 @pytest.mark.parametrize(
     ("method", "rtol", "t_end"),
-    [("lbdf2", 0.06, 0.03), ("lbdf2", 0.3, 0.03), ("tsit5", 0.1, 0.0125)],
+    [("lbdf2", 0.06, 0.03), ("lbdf2", 0.3, 0.03), ("tsit5", 0.3, 0.0125)],
 )
 def test_loose_tolerances_keep_what_they_claim(method: str, rtol: float, t_end: float) -> None:
     """A fan run up by a motor, stiff contact: where a step of lbdf2 might err by all that a joint

@@ -403,7 +403,7 @@ def test_speeds_that_jump_in_a_trial_are_no_jump_of_the_torque() -> None:
     for: forces of 500 N became 1e6 N within a step.
     """
     params, torque, *_ = random_drives.draw(710427, "varied", 0.08 * random_drives.RADIANS)
-    run = {"initial": bd.settle(params), "rtol": 1e-4, "outputs": ("pulleys.omega",)}
+    run = {"initial": bd.settle(params), "rtol": 3e-5, "outputs": ("pulleys.omega",)}
     result = quiet(params, torque, 2.45e-3, **run)
     assert "rough_torque" not in {one.code for one in result.warnings}
 
