@@ -114,7 +114,7 @@ SCENES: dict[str, Entry] = {
     "no-preload": Entry(
         "A belt of 0.1 N: the polygon of its links takes more length than there is strain, it "
         "comes to rest slack, and nothing presses it on its pulleys.",
-        "It is said that it has no tension, before it runs.",
+        "The run ends before its first step, in an error that the belt has no tension.",
         lambda: Scene(pair({"belt.preload": 0.1}), ramp(-0.002, 1e-5), 0.05),
         expects="BD_ERR_NOT_SETTLED",
     ),

@@ -78,7 +78,8 @@ SCENES: dict[str, Entry] = {
         theory=theory.balance,
     ),
     "an-hour": Entry(
-        "3600 s at low accuracy, three million rounds of a wave: rounding and errors add up.",
+        "3600 s at low accuracy, in which a stretch wave runs three million times round the belt: "
+        "rounding and errors add up.",
         "The spans carry the torque of the drag, T_1 - T_2 = M / R.",
         lambda: Scene(
             pair({"pulleys[*].drag": Drag(viscous=50.0)}),

@@ -64,7 +64,8 @@ SCENES: dict[str, Entry] = {
         theory=theory.balance,
     ),
     "swinging-weight": Entry(
-        "A weight of 60 kg swings on the belt, undamped, for 270 rounds of a wave.",
+        "A weight of 60 kg swings on the belt, undamped, for 0.3 s, in which a stretch wave runs "
+        "270 times round it.",
         "The energy balance closes to 2 %.",
         _weight,
         theory=theory.balance,
