@@ -30,7 +30,7 @@ _PILOT, _PATIENCE = 0.45, 0.6
 #: Up to this share pilots go on where nothing better is known though an error was not reached.
 _EARLY = 0.2
 #: A run is expected to take this share of what is left at most: forecasts err by less.
-_SAFE = 0.75
+_SAFE = 0.7
 #: Growth of the CPU time of settling with the number of links.
 _SETTLING = 2.0
 #: Errors that pilots are made for, one after the other as far as the budget allows.
