@@ -41,8 +41,8 @@ def test_signatures_have_the_types_of_the_fields(cls: type) -> None:
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
 def test_help_shows_no_notes_of_attrs(cls: type) -> None:
-    """But its fields, which attrs reads there, that their types are known once a drive was read from
-    a file, and what a class does after its arguments.
+    """But its fields, which attrs reads there, their types, resolved once a drive was read from a
+    file, and what a class does after its arguments.
     """
     noted = {name for name in dir(cls) if name.startswith("__attrs_")}
     assert noted <= {"__attrs_attrs__", "__attrs_types_resolved__", "__attrs_post_init__"}

@@ -287,7 +287,7 @@ def test_a_budget_that_is_not_used_up_buys_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    "budgets", ci_if(lambda row: len(row) > 2, [[0.006, 0.05], [0.006, 0.02, 0.05]])
+    "budgets", ci_if(lambda row: len(row) > 2, [[0.006, 0.03], [0.006, 0.02, 0.03]])
 )
 def test_more_budget_buys_more_accuracy_and_is_kept(budgets: list[float]) -> None:
     errors = []
