@@ -212,6 +212,12 @@ def test_short_steps_beside_long_ones_are_few() -> None:
     assert 4000 < run.stats.twin_steps < 6000 and run.stats.growth == 0.0
 
 
+def test_a_twin_takes_short_steps_only_as_long_as_it_must() -> None:
+    """A torque of noise jumps, which twins follow: with 36 steps to one of the run before."""
+    stats = bd.scenes.hard["noise"].run().stats
+    assert 0 < stats.twin_steps < 2 * stats.steps
+
+
 @pytest.mark.filterwarnings("ignore:(mesh|full_slip)")
 @pytest.mark.parametrize("belt", ["paper", "string"])
 def test_growth_while_a_belt_lets_go(belt: str) -> None:

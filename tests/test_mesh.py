@@ -140,6 +140,11 @@ def test_a_belt_of_too_few_links_for_close_pulleys_is_refused() -> None:
     with pytest.raises(ValueError, match=message):
         bd.settle(params(11, "joint"))
     assert bd.settle(params(12, "joint")).mu.shape == (12,)
+    behind = attrs.evolve(pulleys[1], center=(0.06, 0.0), side="outside")
+    touching = [pulleys[0], behind, attrs.evolve(pulleys[0], center=(0.25, 0.0))]
+    long = attrs.evolve(belt, length=None, preload=300.0, n_bodies=60)
+    with pytest.raises(ValueError, match="pulleys 0 and 1 at once; no number of links would be"):
+        attrs.evolve(base, belt=long, pulleys=touching)
 
 
 def test_a_record_of_the_other_mesh_is_refused() -> None:

@@ -43,8 +43,8 @@ SCENES: dict[str, Entry] = {
         theory=theory.balance,
     ),
     "axial-damping-x1000": Entry(
-        "Joints relax within 3 ns: an explicit step chosen by the belt's wave is ten thousand "
-        "times too long.",
+        "What neighbouring links differ by decays within 3 ns: an explicit step that follows the "
+        "belt's fastest wave is a thousand times too long.",
         "The spans carry T_1 - T_2 = M / R.",
         lambda: pulled(-6.0, {"belt.axial_damping": 2e3}, 0.1),
         theory=theory.statics,

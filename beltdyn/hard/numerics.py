@@ -70,9 +70,9 @@ SCENES: dict[str, Entry] = {
         theory=theory.energy_falls,
     ),
     "huge-steps": Entry(
-        "Steps of 4 ms, four rounds of a wave: an explicit method leaves the range of numbers, an "
-        "implicit one may settle on anything.",
-        "The energy balance closes to 2 %.",
+        "A step of 4 ms, four rounds of a wave, the first one where steps adapt, else all: an "
+        "explicit method leaves the range of numbers, an implicit one may settle on anything.",
+        "The energy balance closes to 2 %, or the run ends and says that its steps are too long.",
         lambda: Scene(pair(), ramp(), 0.1),
         options={"step": 4e-3},
         theory=theory.balance,

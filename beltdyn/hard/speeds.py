@@ -57,9 +57,9 @@ SCENES: dict[str, Entry] = {
         theory=theory.centrifugal,
     ),
     "lift-off": Entry(
-        "From 8000 to 12 000 1/min: beyond 54.8 m/s rho A v^2 exceeds 300 N, and the belt lifts "
-        "off its pulleys.",
-        "The energy balance closes to 2 %, whether it touches them or not.",
+        "From 8000 to 12 000 1/min the belt all but lifts off: from 54.8 m/s on rho A v^2 exceeds "
+        "the 300 N at rest, a stretch of 50 N more holds it, and links lose contact in the wraps.",
+        "The energy balance closes to 2 %, whether they touch or not.",
         lambda: _driven([838.0, 1257.0], [0.0, 0.05], _FINE),
         start=_running,
         theory=theory.balance,

@@ -369,12 +369,13 @@ static void check_room(bd_model *model) {
       }
     }
   }
-  bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first,
-             info->n_bodies,
-             "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
-             "%s at once; belt.n_bodies >= %.0f are short enough",
-             info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
-             ceil(JOINT_REACH * model->belt.length / tangent_between(model, first, second)));
+  bd_fail_at(
+      &model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first, info->n_bodies,
+      "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
+      "%s at once; %s would be short enough",
+      info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
+      bd_links_label(JOINT_REACH * model->belt.length / tangent_between(model, first, second))
+          .text);
 }
 
 /* Origin of the core's coordinates along one axis: 0 for a scene near it, so that positions pass

@@ -93,6 +93,8 @@ int bd_names_check(const bd_scene *scene, bd_error *err);
 void bd_names_copy(bd_name *names, int np, const bd_pulley *pulleys);
 /* Two of them: pulleys 0 and 3, or pulley "crank" and pulley 3. */
 bd_label bd_pulleys_label(const bd_model *model, int j, int k);
+/* So many links at least, as advice; none where that is more than a belt may have. */
+bd_label bd_links_label(double least);
 
 /* --- friction.c ------------------------------------------------------------------------------- */
 

@@ -2,6 +2,7 @@
  *
  * Names of pulleys: their rules, and what messages call a pulley.
  */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -74,6 +75,14 @@ bd_label bd_pulleys_label(const bd_model *model, int j, int k) {
              bd_pulley_label(model, j).text, LONGEST, bd_pulley_label(model, k).text);
   } else {
     snprintf(label.text, sizeof label.text, "pulleys %d and %d", j, k);
+  }
+  return label;
+}
+
+bd_label bd_links_label(double least) {
+  bd_label label = {"no number of links"};
+  if (least <= BD_MAX_LINKS) {
+    snprintf(label.text, sizeof label.text, "belt.n_bodies >= %.0f", ceil(least));
   }
   return label;
 }

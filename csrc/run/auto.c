@@ -24,6 +24,11 @@ static const double LEAST = 4.0;
 enum { JUDGE = 128, WARM_UP = 16, FIRST_LOOK = 2000, LAST_LOOK = 32000 };
 /* The other method must be this much cheaper. */
 static const double MARGIN = 1.25;
+/* Explicit steps so many times dearer than joints ask for are held by something stiffer, as
+ * friction, and leave it vibrating: implicit ones need hundreds of steps to be as long as they can
+ * be. */
+static const double HELD = 10.0;
+enum { LONG_WARM_UP = 512 };
 /* From this tolerance on the second order is the cheapest; and where friction saturates within so
  * small a part of a joint's stretch that every reversal is a jump, which no order gets past. */
 static const double COARSE = 0.02, JUMPS = 100.0;
@@ -124,11 +129,13 @@ void bd_auto_watch(bd_sim *sim) {
   ++c->steps[c->now];
   c->time[c->now] += sim->stepper.t - c->t_before;
   c->t_before = sim->stepper.t;
-  if (since < WARM_UP) {
+  const int held = c->per_second[AUTO_EXPLICIT] > HELD * explicit_cost(sim);
+  const long warm_up = held && c->now == AUTO_IMPLICIT ? LONG_WARM_UP : WARM_UP;
+  if (since < warm_up) {
     c->tries_judge = tries(sim);
     c->t_judge = sim->stepper.t;
   }
-  if (since < WARM_UP + JUDGE) {
+  if (since < warm_up + JUDGE) {
     return;
   }
   double seen = cost_of(sim, sim->stepper.method) * (double)(tries(sim) - c->tries_judge) /
@@ -145,7 +152,7 @@ void bd_auto_watch(bd_sim *sim) {
   }
   /* shorter steps than the joints ask for: the contact's stiffness, or the tolerance */
   c->doubtful |= seen > 1.5 * explicit_cost(sim) && seen > implicit_cost(sim, LEAST);
-  if (seen > 10.0 * explicit_cost(sim)) {
+  if (seen > HELD * explicit_cost(sim)) {
     c->look_after = FIRST_LOOK; /* by far: looking can only help */
   }
   double other = c->per_second[AUTO_IMPLICIT];

@@ -134,7 +134,10 @@ static double next_stop(bd_sim *sim) {
 int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, double longest) {
   /* of which a quarter still moves the time */
   const double least = fmax(1e-3 * (t_new - sim->stepper.t), 8.0 * DBL_EPSILON * fabs(t_new));
-  double h = (t_new - sim->stepper.t) / fmax(1.0, ceil((t_new - sim->stepper.t) / longest)), error;
+  const double whole =
+      (t_new - sim->stepper.t) / fmax(1.0, ceil((t_new - sim->stepper.t) / longest));
+  const double calm = 1.0 / 64.0; /* of the error: twice the step makes 32 times as much of it */
+  double h = whole, error;
   next_stop(sim);
   sim->stepper.plan.t_piece = t_piece;
   while (sim->stepper.t < t_new) {
@@ -155,6 +158,7 @@ int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, d
     if (code != BD_OK) {
       return code;
     }
+    h = error < calm * tolerance ? fmin(2.0 * h, whole) : h;
   }
   return BD_OK;
 }

@@ -412,9 +412,10 @@ static int check_laid(bd_sim *sim, bd_error *err) {
       return bd_fail_at(
           err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j, model->info.link_length,
           "no link touches %s: the belt bends round it between two links of "
-          "%.3g m; belt.n_bodies >= %.0f makes sure that one does",
+          "%.3g m; %s would make sure that one does",
           bd_pulley_label(model, j).text, model->info.link_length,
-          ceil(model->belt.length / (model->wraps[j].wrap * model->contact_radius[j])));
+          bd_links_label(model->belt.length / (model->wraps[j].wrap * model->contact_radius[j]))
+              .text);
     }
   }
   return code;
