@@ -196,8 +196,8 @@ def test_every_error_of_a_run_says_when_where_why_and_what_to_try(
     ("numbers", "message"),
     [
         ({"mu": 0.5}, "the friction state of link \\d+ is 0.5, where 0 is most"),
-        ({"joint_loss": -9.0, "friction_loss": 9.0}, "dampers of joint_loss have given"),
-        ({"contact_loss": -9.0, "friction_loss": 9.0}, "dampers of contact_loss have given"),
+        ({"joint_loss": -9.0, "friction_loss": 9.0}, "dampers of the joints have given"),
+        ({"contact_loss": -9.0, "friction_loss": 9.0}, "dampers of the contact have given"),
     ],
 )
 def test_what_no_drive_has_ends_a_run(numbers: dict[str, float], message: str) -> None:

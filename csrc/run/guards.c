@@ -203,6 +203,15 @@ double bd_guard_energy(const bd_sim *sim) {
   return sim->guard.passed + share * preload + 1e-12 * fabs(sim->e0);
 }
 
+int bd_guard_out_of_balance(bd_sim *sim, const char *field, double energy, const char *what) {
+  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_BALANCE, field, sim->stepper.t, -1, -1,
+                    energy, "%s %.3g J by t = %.9g s, where %.3g J passed through the drive: %s",
+                    what, fabs(energy), sim->stepper.t, sim->guard.passed,
+                    sim->stepper.fixed
+                        ? "the fixed step is too long, take a shorter one or an adaptive method"
+                        : "take a tighter rtol or another method");
+}
+
 static int check_balance(bd_sim *sim, double energy) {
   bd_guard *guard = &sim->guard;
   const double *work = sim->stepper.y + sim->stepper.model->lay.work;
@@ -217,14 +226,7 @@ static int check_balance(bd_sim *sim, double energy) {
   sim->stats.balance = fabs(share) > fabs(sim->stats.balance) ? share : sim->stats.balance;
   /* the work of a torque that jumps all the time is known no better than the torque */
   if (!(share <= BD_MOST_BALANCE) && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
-    return bd_fail_at(
-        &sim->stepper.report.failure, BD_ERR_BALANCE, "energy", sim->stepper.t, -1, -1, residual,
-        "the integration has added %.3g J by t = %.9g s, where %.3g J passed through the "
-        "drive: %s",
-        residual, sim->stepper.t, guard->passed,
-        sim->stepper.fixed ? "the fixed step is too long, take a shorter one or an adaptive "
-                             "method"
-                           : "take a tighter rtol or another method");
+    return bd_guard_out_of_balance(sim, "energy", residual, "the integration has added");
   }
   /* and needs no second warning */
   if (fabs(share) > most && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {

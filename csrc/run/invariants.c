@@ -233,18 +233,18 @@ static double given_back(const bd_model *model) {
 }
 
 /* dy: the rate of the belt. Powers are sums of squares, but for the rounding of contact's elastic
- * force; what was lost since the start is as good as the balance of energy. */
+ * force; what was lost since the start is as good as the balance of energy, and a matter of it. */
 static int check_losses(bd_sim *sim, const double *dy) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   static const struct {
     int work, power; /* power: never negative at any instant */
-    const char *name;
-  } dampers[] = {{W_joint_loss, 1, "joint_loss"},
-                 {W_contact_loss, 1, "contact_loss"},
-                 {W_drag_loss, 1, "drag_loss"},
-                 {W_mount_loss, 0, "mount_loss"}};
+    const char *name, *given;
+  } dampers[] = {{W_joint_loss, 1, "joint_loss", "dampers of the joints have given"},
+                 {W_contact_loss, 1, "contact_loss", "dampers of the contact have given"},
+                 {W_drag_loss, 1, "drag_loss", "drag has given"},
+                 {W_mount_loss, 0, "mount_loss", "dampers of mounts have given"}};
   double elastic = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     elastic += bd_contact_rounding_of(plan, sim->stepper.y, j).magnitude;
@@ -262,8 +262,7 @@ static int check_losses(bd_sim *sim, const double *dy) {
                     dampers[k].name, power);
     }
     if (!within(sim, gained, BD_MOST_BALANCE * bd_guard_energy(sim) + given_back(model))) {
-      return broken(sim, dampers[k].name, -1, -1, -gained, "dampers of %s have given %.3g J",
-                    dampers[k].name, gained);
+      return bd_guard_out_of_balance(sim, dampers[k].name, -gained, dampers[k].given);
     }
   }
   return BD_OK;

@@ -115,6 +115,8 @@ int bd_guard_check(bd_sim *sim);
 /* What the balance of energy is measured by: what passed so far [J]; and how much of it may be
  * missing, or have appeared, before the run ends. */
 double bd_guard_energy(const bd_sim *sim);
+/* Fails: `what` ("... has added") an energy that the integration made. */
+int bd_guard_out_of_balance(bd_sim *sim, const char *field, double energy, const char *what);
 #define BD_MOST_BALANCE 0.5
 /* By which factor local errors add up over a run. */
 double bd_guard_adds_up(const bd_sim *sim);
