@@ -64,7 +64,7 @@ def test_its_class_and_parameters() -> None:
     ):
         with pytest.raises(error, match=message):
             law(**wrong)
-    assert str(law()).splitlines()[:2] == ["BoucWen", "  law    bouc_wen"]
+    assert str(law()).splitlines()[:2] == ["BoucWen", "  kind   bouc_wen"]
     assert "stiffness at rest, the slope dmu/ds at mu = 0" in str(drive())
     assert "a friction coefficient of mu_k = 50" in str(drive(law(mu_k=50.0)))
     assert {"friction.mu_k", "friction.sigma"} <= set(names.numbers(drive()))
