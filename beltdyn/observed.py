@@ -139,17 +139,23 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
         return
     params, n_p = result.params, len(result.params.pulleys)
     tension = result._span_tension(rows)
+    off = np.zeros((rows.size, n_p), dtype=bool)  # the belt, its pulley
+    if of_joints and has(result.outputs, "contact.pulley"):
+        touched = result.contact.pulley[rows]
+        off = np.stack([~(touched == j).any(axis=1) for j in range(n_p)], axis=1)
     lasts = durations(result.t)
     for k in range(n_p):
         slack = np.zeros(result.t.size, dtype=bool)
-        slack[rows] = tension[:, k] <= 0.0
+        slack[rows] = (tension[:, k] <= 0.0) | off[:, k] | off[:, (k + 1) % n_p]
         if not slack.any():
             continue
         first, last, whole = _when(result.t, lasts, slack)
+        least = np.min(tension[:, k], where=tension[:, k] <= 0.0, initial=np.inf)
+        down = f"down to {least:.3g} N" if least <= 0.0 else "the belt off a pulley at its end"
         yield RunWarning(
             code="slack_span",
             text=f"span {k}, from {params.label(k)} to {params.label((k + 1) % n_p)}, is slack, "
-            f"down to {np.nanmin(tension[:, k]):.3g} N, {whole} between t = {first:.4g} and "
+            f"{down}, {whole} between t = {first:.4g} and "
             f"{last:.4g} s; {_tighter(params)} or lower the torque; "
             "how a slack span becomes tight again may depend on very small differences, so "
             "the error is unknown",

@@ -294,6 +294,30 @@ def test_a_slack_span() -> None:
     assert calm.joints.force.min() > 0.0 and not found(calm, "slack_span")
 
 
+def test_spans_of_a_belt_off_its_pulley_are_slack() -> None:
+    """An axis moves in by more than the belt is stretched: spans have no joints that are free of
+    both pulleys then, and no tension (NaN), which is no reason to call them tight.
+    """
+    path = bd.Path(t=[0.0, 0.01], displacement=[(0.0, 0.0), (-2.5e-3, 0.0)])
+    pulleys = [
+        bd.Pulley(center=(x, 0.0), radius=0.06, inertia=0.002, mount=mount)
+        for x, mount in ((0.0, None), (0.25, path))
+    ]
+    belt = bd.Belt(preload=300.0, n_bodies=60, linear_density=0.1, axial_stiffness=60e3,
+                   axial_damping=2.0)  # fmt: skip
+    params = bd.Params(belt=belt, pulleys=pulleys, friction=bd.Dahl(mu_k=0.6, sigma=1e4))
+    result = run(params, steady(0.0), 0.015)
+    off = [~(result.contact.pulley == j).any(axis=1) for j in (0, 1)]
+    slack = (off[0] | off[1]) & (result.joints.force <= 0.0).any(axis=1)
+    assert slack.any() and not (result.span_tension <= 0.0).any()
+    warned = found(result, "slack_span")
+    assert {one.where for one in warned} == {"span 0", "span 1"} and result.stats.error is None
+    assert all(one.t == result.t[np.flatnonzero(slack)[0]] for one in warned)
+    told = str(result.report().text(full=True))
+    assert "where a span has no tension, see the notes" in " ".join(told.split())
+    assert "none goes slack" not in told
+
+
 def test_each_is_issued_once_with_its_category_and_kept(tmp_path: Path) -> None:
     """Silence ends with its block."""
     params = drive(links=60)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..mounts import Arm, Path, Slider
 from ..scene import Scene
 from ..torques import PiecewiseLinear
@@ -29,9 +31,11 @@ def _weight() -> Scene:
 
 def _jump() -> Scene:
     """Let an axis jump by 2 mm within 50 us, and back."""
+    near = 50e-6 * np.arange(-5, 7)  # points of a spline that holds still before and after a jump
+    ahead = np.where(near <= 0.0, 0.0, -2e-3)
     path = Path(
-        t=(0.0, 5e-3, 5.05e-3, 0.015, 0.01505, 0.02),
-        displacement=((0.0, 0.0), (0.0, 0.0), (-2e-3, 0.0), (-2e-3, 0.0), (0.0, 0.0), (0.0, 0.0)),
+        t=[0.0, *(5e-3 + near), *(15e-3 + near), 0.02],
+        displacement=[(x, 0.0) for x in (0.0, *ahead, *(-2e-3 - ahead), 0.0)],
     )
     return Scene(pair({"pulleys[1].mount": path}), ramp(), 0.02)
 

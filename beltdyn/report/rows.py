@@ -106,6 +106,8 @@ class SpanRow:
         tension: Mean of the free joints; least and largest in its middle, of running means over the
             passing of a link [N].
         of_run: Mean tension of its joints over all of the run, the least and the largest [N].
+        absent: Share of the samples of the run in which it has no tension, as no link of it is free
+            between its pulleys or none touches one of them.
         frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
             None: none does.
         amplitude: Of that line [N].
@@ -120,6 +122,7 @@ class SpanRow:
     length: float | None
     tension: Spread | None = None
     of_run: Spread | None = None
+    absent: float = 0.0
     frequency: float | None = None
     amplitude: float | None = None
     link_passing: bool | None = False

@@ -130,6 +130,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
         if spans is not None:
             whole = run.span_tension[:, k]
             there = whole[~np.isnan(whole)]
+            row["absent"] = 1.0 - there.size / whole.size
             if there.size:
                 mean = float(mean_over(time_weights(run.t), whole))
                 row["of_run"] = Spread(mean, float(there.min()), float(there.max()))

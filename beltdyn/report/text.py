@@ -270,6 +270,8 @@ def _spans(report: Told) -> Table:
         assert most.of_run is not None and least.of_run is not None
         ends = (within(one, tension_off(report)) for one in (most.of_run.most, least.of_run.least))
         slack = "none goes slack" if least.of_run.least > 0.0 else "it goes slack"
+        if any(row.absent for row in report.spans) and least.of_run.least > 0.0:
+            slack = "but where a span has no tension, see the notes"
         remarks.append(
             f"In all of the run: at most {next(ends)} N ({most.name}), at least {next(ends)} N "
             f"({least.name}; {slack}); means over the span."
