@@ -112,9 +112,12 @@ def first_length(scene: Scene, line: float, preload: float) -> Rest:
             f"{_core.MAX_STRAIN:g}; at most {most:.4g} N are allowed for EA = {stiffness:.4g} N"
         )
     if preload < least:
+        why = "straight links, longer than the arcs they lie on,", "take more of them"
+        if scene[0][4] > 0.0:
+            why = f"bending, and {why[0]}", f"{why[1]}, or less belt.bending_stiffness"
         raise ValueError(
-            f"belt.preload is too small: {preload:.6g} N, but straight links, longer than the arcs "
-            f"they lie on, alone tension the belt to {least:.4g} N: take more of them"
+            f"belt.preload is too small: {preload:.6g} N, but {why[0]} alone tension the belt to "
+            f"{least:.4g} N: {why[1]}"
         )
     strain, found = _solve(
         tension, preload, preload / stiffness, stiffness, (_SLACK, _MOST_STRAIN), 1e-12, 60

@@ -200,6 +200,7 @@ def test_bad_input_is_refused_before_anything_runs(monkeypatch: pytest.MonkeyPat
         ({"preload": "400"}, TypeError, "preload must be a real number"),
         ({"preload": 2e4}, ValueError, "preload is too large: 20000 N would stretch"),
         ({"preload": 50.0, "mesh": "paper"}, ValueError, "preload is too small: 50 N, but s"),
+        ({"preload": 50.0, "bending_stiffness": 1.0}, ValueError, "preload .* but bending, and s"),
     ):
         with pytest.raises(error, match=f"^belt.{message}"):
             drive(**belt)

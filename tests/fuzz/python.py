@@ -278,8 +278,11 @@ def changed(given: Bytes, tree: Any) -> Any:
     return value(given)
 
 
-#: What calls are documented to raise, with what the objects handed over raise themselves.
-DOCUMENTED = (TypeError, ValueError, RuntimeError, MemoryError, SimulationError, Hostile)
+#: What calls are documented to raise, OverflowError of integers beyond C's as Python's own do (the
+#: package checks them before), with what the objects handed over raise themselves.
+DOCUMENTED = (
+    TypeError, ValueError, OverflowError, RuntimeError, MemoryError, SimulationError, Hostile
+)  # fmt: skip
 
 
 def binding() -> Callable[[bytes], None]:
