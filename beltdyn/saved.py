@@ -19,7 +19,7 @@ from .histories import GROUPS, Stats
 from .outputs import LEDGER, SPANS, chosen
 from .params import Params
 from .run_warnings import RunWarning
-from .state import State
+from .state import ROWS, State, saved_shape
 
 __all__ = ["read", "write"]
 
@@ -279,9 +279,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     for name, size in _FINAL.items():
         if size == "MOUNTS" and n_m == 0 and name not in values:
             continue  # files of earlier versions
-        shape: tuple[int, ...] = (sizes.get(size, n_b),)
-        if size == "STATES" and params.info["n_states"] > 1:
-            shape = (int(params.info["n_states"]), n_b)
+        shape = saved_shape(size, values[name]) if size in ROWS else (sizes.get(size, n_b),)
         final[name.removeprefix("final_state.")] = npz.number_array(
             name, values[name], np.float64, shape
         )

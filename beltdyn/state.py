@@ -23,6 +23,8 @@ __all__ = ["State", "Tensions", "belt_speed"]
 RIMS = 0.01
 
 _SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
+#: Those that can have several rows, each of all links.
+ROWS = ("STATES", "SLOTS")
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
@@ -31,7 +33,7 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     def array(name: str) -> dict[str, Any]:
         like = {"PULLEYS": "theta", "MOUNTS": "travel"}.get(_SIZES[name], "x")
 
-        several = _SIZES[name] == "STATES"  # one row for each state of a law that has several
+        several = _SIZES[name] in ROWS
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
             expected = getattr(state, like).shape
@@ -60,9 +62,10 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     ]
 
 
-def _saved_shape(values: Mapping[str, Any], name: str) -> tuple[int, ...]:
-    shape: tuple[int, ...] = np.shape(values[name])
-    return shape if _SIZES[name] == "STATES" and len(shape) == 2 else (np.size(values[name]),)
+def saved_shape(size: str, value: Any) -> tuple[int, ...]:
+    """Shape that a field of this size has in a file: of several rows, or of one."""
+    shape: tuple[int, ...] = np.shape(value)
+    return shape if size in ROWS and len(shape) == 2 else (np.size(value),)
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
@@ -146,8 +149,9 @@ class State:
         mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
             Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
             of an elastic/plastic one; 0 of laws without a state. Of a law with several, such as
-            MaxwellSlip, a row for each (n_states, n_b).
-        slip: Slip displacements since contact began (n_b,) [m].
+            MaxwellSlip, a row for each (n_states, n_b). Where spans are so short that a joint of
+            two links touches both of their pulleys, all rows of one pulley, then of the other.
+        slip: Slip displacements since contact began (n_b,) [m]; with such spans (2, n_b) or more.
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
         travel: Travels of the mounts (n_m,) [rad or m]: of an arm its angle, of a slider its
@@ -256,14 +260,14 @@ class State:
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
         # Without friction the core has no friction state; mu and slip are zero then.
         fields = {name: state[name] for name in _SIZES if np.size(state[name])}
-        several = [name for name in fields if _SIZES[name] == "STATES"]
-        for name in several:
+        for name in (name for name in fields if _SIZES[name] in ROWS):
             if fields[name].size > fields["x"].size:
                 fields[name] = fields[name].reshape(-1, fields["x"].size)
         return cls(**{"t": state["t"], **fields, **changes})
 
     def _to_core(self, params: Params) -> dict[str, Any]:
-        counts = {"SLOTS": int(params.has_friction), "STATES": int(params.info["n_states"])}
+        slots, states = int(params.info["n_slots"]), int(params.info["n_states"])
+        counts = {"SLOTS": slots, "STATES": slots * states}
 
         def flat(name: str, size: str) -> Array:
             value: Array = getattr(self, name)
@@ -274,9 +278,9 @@ class State:
                 if value.any():
                     rows = value.size // value.shape[-1]
                     raise ValueError(
-                        f"initial.{name} must have {count} row(s), one for each state of the "
-                        f"friction laws, got {rows}: is it of a drive with other laws? Settle "
-                        "this one, or give a state with zeros"
+                        f"initial.{name} must have {count} row(s), {states} state(s) of the "
+                        f"friction laws at {slots} pulley(s) at once, got {rows}: is it of "
+                        "another drive? Settle this one, or give a state with zeros"
                     )
                 return np.zeros(count * value.shape[-1])
             return value.ravel()
@@ -306,7 +310,9 @@ class State:
 
         def build(values: dict[str, Any]) -> State:
             fields: dict[str, Any] = {
-                name: npz.number_array(name, values[name], np.float64, _saved_shape(values, name))
+                name: npz.number_array(
+                    name, values[name], np.float64, saved_shape(size, values[name])
+                )
                 for name, size in _SIZES.items()
                 if size != "MOUNTS" or name in values  # not in the files of earlier versions
             }

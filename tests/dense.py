@@ -237,13 +237,21 @@ def vector_of_oracle(oracle: reference.Reference, state: dict[str, Any], slots: 
     return y
 
 
+def by_slot(pairs: Array, slots: Array) -> Array:
+    """Friction of pairs (..., n_p, n_b) as the core keeps it: of each slot its rows of links."""
+    rows = np.moveaxis(pairs.reshape(-1, *pairs.shape[-2:]), 1, 0)
+    out = np.zeros((1 + max(slots), *rows.shape[1:]))
+    np.add.at(out, slots, rows)
+    return out.ravel()
+
+
 def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) -> Vector:
     """The oracle's right-hand side in the core's layout; slots: of each pulley.
 
     Core and oracle keep friction by slot and by pair: every pulley is given what its slot holds,
     and of the rates of a slot's pulleys, of which one at most is touched, the sum is taken.
     """
-    n, n_p = oracle.n_bodies, oracle.n_pulleys
+    n_p = oracle.n_pulleys
     names = ("x", "y", "phi")[: oracle.freedoms]
     held = [name for name in ("mu", "slip") if layout.sizes[name]]
 
@@ -258,9 +266,7 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
             out[name], out[f"v{name}"] = d_links[0, row], d_links[1, row]
         parts = {"mu": d_memory[:-1], "slip": d_memory[-1:]}
         for name in held:
-            by_slot = np.zeros((layout.sizes[name] // (len(parts[name]) * n), len(parts[name]), n))
-            np.add.at(by_slot, slots, np.moveaxis(parts[name], 1, 0))
-            out[name] = by_slot
+            out[name] = by_slot(parts[name], slots)
         return layout.pack(out)
 
     return rate
@@ -268,14 +274,18 @@ def rate_of_oracle(oracle: reference.Reference, layout: Layout, slots: Array) ->
 
 def slots_of(oracle: reference.Reference) -> Array:
     """Friction slot of each pulley: the first that none before it has that it overlaps, or with
-    which it could touch one joint of two links, which may gape by half a link.
+    which it could touch one joint of two links (MODEL section 8).
     """
     slots = np.zeros(oracle.n_pulleys, dtype=int)
-    between = 2.5 * oracle.l0 if oracle.mesh == "joint" else 0.0
+    between = 4.0 * oracle.l0 if oracle.mesh == "joint" else 0.0
+    places = np.array(oracle.centers)
+    for (j, mount), q in zip(oracle.mounts.items(), oracle.rest, strict=True):
+        places[j] = mount.place(q, places[j])
     for j in range(oracle.n_pulleys):
-        apart = np.hypot(*(oracle.centers[:j] - oracle.centers[j]).T)
+        apart = np.hypot(*(places[:j] - places[j]).T)
         reach = oracle.contact_radii
-        span = np.sqrt(np.maximum(apart**2 - (reach[:j] - reach[j]) ** 2, 0.0))
-        taken = set(slots[:j][(apart < reach[:j] + reach[j]) | (span < between)])
+        ends = reach * (1 if oracle.sides is None else oracle.sides)
+        span = np.sqrt(np.maximum(apart**2 - (ends[:j] - ends[j]) ** 2, 0.0))
+        taken = set(slots[:j][(apart < reach[:j] + reach[j]) | (span <= between)])
         slots[j] = next(slot for slot in range(j + 1) if slot not in taken)
     return slots

@@ -154,7 +154,7 @@ def moved(
 
 def renumbered(params: bd.Params, state: bd.State, first: int) -> bd.State:
     """From another link; links that come to stand behind take the winding along."""
-    rolled = {name: np.roll(getattr(state, name), -first) for name in LINKS}
+    rolled = {name: np.roll(getattr(state, name), -first, axis=-1) for name in LINKS}
     rolled["phi"][-first:] += 2 * np.pi * params.info["winding"]
     return attrs.evolve(state, **rolled)
 
@@ -204,7 +204,7 @@ def test_mirrored(start: Start) -> None:
     signs = {"x": 1.0, "vx": 1.0, "y": -1.0, "vy": -1.0, "vphi": -1.0, "phi": -1.0}
     changes = {name: sign * getattr(state, name)[back] for name, sign in signs.items()}
     changes["phi"] = changes["phi"] - turn
-    changes |= {"mu": -state.mu[contact], "slip": -state.slip[contact]}
+    changes |= {"mu": -state.mu[..., contact], "slip": -state.slip[..., contact]}
     changes |= {"theta": -state.theta[order], "omega": -state.omega[order]}
     if params.mounted:
         of_mounts = signs_of_mounts(params, mirrored=True)

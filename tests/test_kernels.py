@@ -118,13 +118,7 @@ def check_rates(
     mu = rng.uniform(-0.5, 0.5, touch.shape) * touch
     y = oracle.pack(state | {"mu": mu})
     expected = oracle.unpack(oracle.rhs(0.0, y, lambda t, theta, omega: torque))
-
-    def by_slot(pairs: np.ndarray) -> np.ndarray:
-        out = np.zeros((1 + max(slots), n_bodies))
-        np.add.at(out, slots, pairs)
-        return out.ravel()
-
-    state |= {"mu": by_slot(mu), "slip": by_slot(0.0 * mu)}
+    state |= {"mu": dense.by_slot(mu, slots), "slip": dense.by_slot(0.0 * mu, slots)}
     for level in available(monkeypatch):
         monkeypatch.setenv("BELTDYN_KERNELS", level)
         model = _core.Model(  # Params would refuse so few links on these pulleys
@@ -137,7 +131,7 @@ def check_rates(
         rate = model.rate(state, torque)
         for name in expected.keys() & {"x", "y", "phi", "vx", "vy", "vphi", "omega", "mu", "slip"}:
             want = np.asarray(expected[name])
-            want = by_slot(want) if want.ndim == 2 else want
+            want = dense.by_slot(want, slots) if want.ndim == 2 else want
             error = np.max(np.abs(rate[name] - want))
             assert error <= 1e-11 * np.max(np.abs(want)), (n_bodies, level, name)
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import reference
 from bridge import fields, oracle_of
-from dense import MOUNT_STATES
+from dense import MOUNT_STATES, by_slot, slots_of
 from laws import EXAMPLES, with_laws
 from oracle_drives import shaken
 from reference_line import tension_at_rest
@@ -74,9 +74,8 @@ def at_random(params: bd.Params, seed: int) -> tuple[String, reference.Array, di
     ruled = np.array([law is not None for law in oracle.laws])[:, None]
     memory = oracle.memory(y)
     memory[-1] *= ruled
-    rubbed = slice(None) if ruled.any() else slice(0, 0)
-    by_mass = memory.sum(axis=1)
-    state["mu"], state["slip"] = by_mass[: params.info["n_states"]].ravel(), by_mass[-1, rubbed]
+    for key, part in {"mu": memory[: params.info["n_states"]], "slip": memory[-1:]}.items():
+        state[key] = by_slot(part if ruled.any() else part[:0], slots_of(oracle))
     state["phi"], state["vphi"] = oracle.angles(y)
     return oracle, y, state
 
@@ -97,7 +96,7 @@ def test_rates_at_every_level(name: str, monkeypatch: pytest.MonkeyPatch) -> Non
             for key in ("x", "y", "vx", "vy", "theta", "omega", "mu", "slip", *MOUNT_STATES):
                 want = np.asarray(expected[key])
                 if key in ("mu", "slip"):
-                    want = want.sum(axis=-2).ravel()[: np.size(state[key])]
+                    want = by_slot(want, slots_of(oracle))[: np.size(state[key])]
                 scale = np.max(np.abs(want), initial=0.0)
                 apart = np.max(np.abs(np.ravel(rate[key]) - want), initial=0.0)
                 assert apart <= 1e-10 * scale, (key, level, seed)
@@ -111,8 +110,7 @@ def test_outputs_are_the_oracles(name: str) -> None:
     names, n = {field.name for field in attrs.fields(bd.State)}, oracle.n_bodies
     given = {key: value for key, value in state.items() if key in names}
     given |= {key: np.zeros(n) for key in ("mu", "slip") if not np.size(state[key])}
-    if oracle.n_states > 1:
-        given["mu"] = given["mu"].reshape(-1, n)
+    given |= {key: np.reshape(given[key], (-1, n)) for key in ("mu", "slip")}
     start = bd.State(**given)
     still = bd.Viscous([0.0] * oracle.n_pulleys)
     result = bd.simulate(params, still, start.t + 1e-9, initial=start, t_eval=[start.t])

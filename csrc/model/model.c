@@ -131,8 +131,10 @@ static double contact_radius(const bd_model *model, int j) {
          (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
 
-/* Of links: along links a joint of two may gape, so half a link is added. */
-static const double JOINT_REACH = 2.5;
+/* Of links, along links. A joint touches two pulleys at once by the far ends of its two links, each
+ * of which dips into its circle for half a link as a chord, further where the belt sinks in. A span
+ * shorter than the least is refused; the longest shared one leaves room for pulleys that move. */
+static const double LEAST_SPAN = 2.5, SHARED_SPAN = 4.0;
 
 double bd_tangent_length(const bd_model *model, int j, int k, double apart) {
   const double r = model->contact_radius[j], other = model->contact_radius[k];
@@ -145,14 +147,18 @@ static double tangent_between(const bd_model *model, int j, int k) {
                            hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]));
 }
 
-double bd_joint_reach(const bd_model *model) {
-  return model->along_links ? JOINT_REACH * model->belt.length / model->belt.n_bodies : 0.0;
+/* Of a span between pulleys that can hold one link, or joint, at once: its length in links. */
+static double links_between(const bd_model *model, int j, int k) {
+  return tangent_between(model, j, k) * model->belt.n_bodies / model->belt.length;
 }
 
-/* Whether two pulleys can hold the same link at once, or along links the same joint of two. */
+double bd_least_span(const bd_model *model, int j, int k) {
+  const double links = model->slot[j] == model->slot[k] ? LEAST_SPAN + 0.5 : LEAST_SPAN;
+  return model->along_links ? links * model->belt.length / model->belt.n_bodies : 0.0;
+}
+
 static int share_links(const bd_model *model, int j, int k) {
-  const double tangent = tangent_between(model, j, k);
-  return tangent == 0.0 || tangent < bd_joint_reach(model);
+  return links_between(model, j, k) <= (model->along_links ? SHARED_SPAN : 0.0);
 }
 
 /* These need slots of their own; all others share. Greedy colouring; one slot for every scene with
@@ -354,28 +360,29 @@ static void check_line(bd_model *model) {
   }
 }
 
-/* A link's state has one place for the friction of each pulley that it touches. */
 static void check_room(bd_model *model) {
   const bd_info *info = &model->info;
-  int first = 0, second = 1;
-  if (model->geometry.code != BD_OK || !model->has_friction || model->colours < 2) {
-    return;
-  }
+  int first = 0, second = 0;
+  double shortest = (double)INFINITY;
   for (int j = 0; j < model->lay.np; ++j) {
-    for (int k = j + 1; k < model->lay.np; ++k) {
-      if (tangent_between(model, j, k) < tangent_between(model, first, second)) {
-        first = j;
-        second = k;
+    for (int k = 0; k < j; ++k) {
+      const double links = links_between(model, k, j);
+      if (links < shortest) {
+        shortest = links;
+        first = k;
+        second = j;
       }
     }
   }
-  bd_fail_at(
-      &model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first, info->n_bodies,
-      "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
-      "%s at once; %s would be short enough",
-      info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
-      bd_links_label(JOINT_REACH * model->belt.length / tangent_between(model, first, second))
-          .text);
+  if (model->geometry.code == BD_OK && model->has_friction &&
+      (shortest == 0.0 || (model->along_links && shortest < LEAST_SPAN))) {
+    bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first,
+               info->n_bodies,
+               "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
+               "%s at once; %s would be short enough",
+               info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
+               bd_links_label(LEAST_SPAN / shortest * info->n_bodies).text);
+  }
 }
 
 /* Origin of the core's coordinates along one axis: 0 for a scene near it, so that positions pass

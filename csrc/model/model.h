@@ -179,10 +179,9 @@ double bd_running_radius(const bd_model *model, int j, double tension, double sp
 /* --- model.c ---------------------------------------------------------------------------------- */
 
 /* Length of the tangent by which the belt would go from one pulley to the other if their axes were
- * so far apart, 0: they overlap; and below which two links, or along links the joint of two, could
- * touch both. */
+ * so far apart, 0: they overlap; and the least at which their contacts are told apart. */
 double bd_tangent_length(const bd_model *model, int j, int k, double apart);
-double bd_joint_reach(const bd_model *model);
+double bd_least_span(const bd_model *model, int j, int k);
 /* Tension of the belt at rest round the pulleys as they stand in cx, cy, 0 if it is slack; NaN and
  * the reason in `err` if it has no line. Sets wraps. */
 double bd_model_tension(bd_model *model, bd_error *err);

@@ -247,7 +247,7 @@ static int check_room(const bd_plan *plan, double t, int m, bd_error *err) {
     }
     const double apart = hypot(moved->x - other->x, moved->y - other->y);
     const double span = bd_tangent_length(model, j, k, apart);
-    if (span == 0.0 || (plan->friction_on && span < bd_joint_reach(model))) {
+    if (span == 0.0 || (plan->friction_on && span < bd_least_span(model, j, k))) {
       return bd_fail_at(
           err, BD_ERR_OFF_PULLEY, "mount", t, -1, j, apart,
           "%s on its mount has come within %.3g m of %s at t = %.9g s, %s: stops "
