@@ -189,7 +189,9 @@ static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots
   lay->np = np;
   lay->slots = slots;
   lay->states = states;
-  lay->stride = BD_HALO + (n + 1 + BD_LANES - 1) / BD_LANES * BD_LANES;
+  /* An odd number of cache lines, so that the same link's entries of all blocks do not share sets
+   * of the cache. */
+  lay->stride = BD_LANES * ((BD_HALO + n + 1 + BD_LANES - 1) / BD_LANES | 1);
   lay->theta = bd_block(lay, F_MU + slots * (states + 1)) * lay->stride;
   lay->omega = lay->theta + np;
   lay->mounted = mounted;
