@@ -178,4 +178,23 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
                     const bd_torque *torque, double t_end, const bd_options *options,
                     bd_error *err);
 
+/* --- circulation.c --------------------------------------------------------------------------- */
+
+typedef struct bd_circulation_place {
+  double at, force; /* [shares of a link], [m/s^2] */
+  int known;
+} bd_circulation_place;
+
+/* Of a belt that settles; it is looked at now and then, with the rate of the stopped belt. */
+typedef struct bd_circulation {
+  double force, speed, time; /* at the last look; time: of the last move, of a belt that is moved */
+  double stiffness;          /* as seen */
+  double at, step;           /* how far it has been moved; by how much next [shares of a link] */
+  bd_circulation_place ends[2]; /* last places with a force ahead, back */
+  int last, tries, moves;       /* which of them is the last one; moves between them, and all */
+} bd_circulation;
+
+void bd_circulation_begin(bd_circulation *circulation, bd_sim *sim);
+void bd_circulation_look(bd_circulation *circulation, bd_sim *sim, const double *dy);
+
 #endif

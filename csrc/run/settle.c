@@ -27,11 +27,9 @@ struct bd_settling {
   double start_turns;
   double flow; /* stress-free length of belt that runs past a point [m/s] */
   int tries, at_rest, status;
-  double force, speed, time; /* of circulation at the last check */
-  double stiffness;          /* of circulation, as seen */
-  int looks;                 /* at it, since its gains were changed */
-  double patience;           /* how long to wait for less than the least residual so far, */
-  double best, best_time;    /* that residual, and when it was seen */
+  bd_circulation circulation;
+  double patience;        /* how long to wait for less than the least residual so far, */
+  double best, best_time; /* that residual, and when it was seen */
   bd_error failure;
 };
 
@@ -108,9 +106,6 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
  * is progress it goes on for MOST_PATIENCE times as many steps. */
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
 static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0, MOST_PATIENCE = 4.0;
-/* After this share of the patience the gains of circulation are held for so many looks. */
-static const double HELD_AFTER = 0.25;
-enum { HELD = 16 };
 
 static const bd_method *method_for(const bd_model *model, int friction, double flow, double *step) {
   const bd_method *explicit = bd_method_find("rk4");
@@ -325,6 +320,7 @@ static void set_up(bd_settling *settling, double step) {
   if (!sim->stepper.method->implicit) {
     sim->stepper.plan.links.damping = easiest_damping(model);
   }
+  bd_circulation_begin(&settling->circulation, sim);
   /* Damping by the force has no say in an equilibrium; where a link comes in fast it makes the
    * contact stiffer than steps are chosen for, and links are thrown off for ever. */
   for (int j = 0; j < model->lay.np; ++j) {
@@ -343,36 +339,6 @@ static void set_up(bd_settling *settling, double step) {
   sim->options.step = step;
   sim->options.ledger = 0;
   sim->stepper.fixed = 1;
-}
-
-/* Without friction the belt slides round its pulleys almost freely, and with friction a drive whose
- * pulleys are free circulates so, against a stiffness that comes from the polygon of links alone
- * and is thousands of times below all others. It is measured, from how the force along the belt
- * changes with the distance travelled since the last check, and circulation is given the inertia
- * and damping that bring it to rest as fast as the slowest of the other motions allows. A change of
- * these changes the force at once, which passes for stiffness and brings the next change: where
- * that goes on, as on some fine belts, they are held until it has died down. */
-static void tune_circulation(bd_settling *settling, const double *dy) {
-  const bd_sim *sim = settling->sim;
-  bd_plan *plan = &settling->sim->stepper.plan;
-  double force = bd_plan_circulation(plan, dy), speed = bd_plan_circulation(plan, sim->stepper.y);
-  double travel = 0.5 * (speed + settling->speed) * (sim->stepper.t - settling->time);
-  const int held = sim->stepper.t > plan->move_time + HELD_AFTER * settling->patience &&
-                   ++settling->looks < HELD;
-  /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
-  if (!held && sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
-      fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
-    settling->looks = 0;
-    /* the estimate falls only slowly: gains that follow the position would feed energy in */
-    double seen = fabs(force - settling->force) / fabs(travel), pace = plan->mass_damping / 16.0;
-    settling->stiffness = fmax(seen, 0.9 * settling->stiffness);
-    plan->circulation_inertia_scale = fmin(1e4, fmax(1.0, pace * pace / settling->stiffness));
-    plan->circulation_damping =
-        fmin(plan->mass_damping, 2.0 * fmax(pace, sqrt(settling->stiffness)));
-  }
-  settling->force = force;
-  settling->speed = speed;
-  settling->time = sim->stepper.t;
 }
 
 /* Takes all velocities out of y; returns the largest, of link ends and rims [m/s]. */
@@ -449,7 +415,7 @@ static int check_rest(bd_settling *settling) {
     return code;
   }
   ++sim->stepper.nfev;
-  tune_circulation(settling, dy);
+  bd_circulation_look(&settling->circulation, sim, dy);
   for (int i = 0; i < lay->n; ++i) {
     double fx = bd_field(lay, dy, F_VX)[i], fy = bd_field(lay, dy, F_VY)[i];
     double turning = lay->string ? 0.0 : bd_field(lay, dy, F_VPHI)[i];
@@ -530,10 +496,7 @@ static int retry(bd_settling *settling) {
   bd_sim_restart(sim, settling->start, settling->start_turns);
   settling->best = INFINITY;
   settling->best_time = sim->stepper.t;
-  settling->force = settling->speed = settling->time = settling->stiffness = 0.0;
-  settling->looks = 0;
-  sim->stepper.plan.circulation_damping = 0.0;
-  sim->stepper.plan.circulation_inertia_scale = 1.0;
+  bd_circulation_begin(&settling->circulation, sim);
   return 1;
 }
 
