@@ -75,13 +75,16 @@ def test_a_random_drive_is_right_or_says_so(seed: int, kind: str) -> None:
         (1302, "any", (DEAR, RADIANS)),
         *(pytest.param(seed, "any", (DEAR, RADIANS), marks=IN_CI) for seed in (1174, 1687)),
         (534268, "varied", (DEAR, 0.02 * random_drives.RADIANS)),  # 1.4 rounds of a wave
+        (726200, "varied", (DEAR, 0.16 * random_drives.RADIANS)),  # links land, in two rounds of 59
+        (727815, "varied", (DEAR, 0.16 * random_drives.RADIANS)),  # a belt sticks, and lets go
+        pytest.param(727399, "varied", (DEAR, 0.16 * random_drives.RADIANS), marks=IN_CI),
     ],
 )
 def test_drives_that_were_off_unsaid(seed: int, kind: str, length: tuple[float, ...]) -> None:
     """Found by the benchmark, at its length of run or with `--short`: quietly off by more than five
-    claims once; what grew, grew towards the end.
+    claims once; what grew, grew towards the end, or within a round or two of a wave.
     """
-    assert said_or_right(judged.judge(seed, kind, *length))
+    assert said_or_right(judged.judge(seed, kind, *length, many=kind == "varied"))
 
 
 @pytest.mark.parametrize("seeds", [DEFAULT["calm"], pytest.param(CALM, marks=IN_CI)])

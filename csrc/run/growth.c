@@ -17,7 +17,9 @@
  * belt's vibrations last for long, periods are longer, and one begins as soon as twins have made
  * less than a fifth of the steps. Friction that falls with slip velocity makes a belt stick for
  * long and let go within a millisecond, in which a difference grows 10^5 times, to be small again
- * soon: there the twin runs all the time, and is compared after every step.
+ * soon: there the twin runs all the time, and is compared after every step. While the belt sticks
+ * a displacement decays, to next to nothing in what will let go; the run's errors do not, for it
+ * makes new ones, and so the twin is displaced anew in every round in which nothing has grown.
  *
  * Steps of implicit methods that are longer than a radian of the belt's vibrations damp these, the
  * twin's as well: what grows so fast that only they would show it is missed by both (a crossed belt
@@ -41,6 +43,7 @@
 static const double DISPLACEMENT = 0.01, FIXED_ERROR = 0.03, ERRORS = 2.0, LARGE = 0.05;
 /* Times in rounds of a stretch wave along the belt. */
 static const double LOOK = 2.0;   /* between two comparisons */
+static const double FRESH = 1.0;  /* between two displacements where friction falls */
 static const double LEAST = 4.0;  /* shortest comparison period, if growth is below QUIET */
 static const double USUAL = 10.0; /* usual one, if growth is below CALM */
 static const double MOST = 60.0;  /* longest one: growth first has to overtake what decays */
@@ -185,11 +188,16 @@ static double apart(const bd_sim *one, const bd_sim *other) {
 /* --- when to look ---------------------------------------------------------------------------- */
 
 /* Over some rounds of a wave: contacts gained and lost, and those that the travel of the fastest
- * rim makes, two a link and pulley, and two more a pulley for what sways at its ends. */
+ * rim makes, two a link and pulley, and two more a pulley for what sways at its ends. A twin begins
+ * as soon as they are too many: within these rounds links that land may be all that makes
+ * differences grow. */
 static void watch_contacts(bd_sim *sim) {
   bd_twin *twin = &sim->twin;
   const bd_layout *lay = &sim->stepper.model->lay;
-  if (sim->stepper.t - twin->t_events < 4.0 * bd_round_time(sim->stepper.model)) {
+  const int over = sim->stepper.t - twin->t_events >= 4.0 * bd_round_time(sim->stepper.model);
+  const double changed = (double)(sim->stepper.plan.contacts_changed - twin->events);
+  const double at_rest = 4.0 * lay->np;
+  if (!over && (twin->chatters || changed <= CHATTER * at_rest)) {
     return;
   }
   double travel = 0.0;
@@ -197,15 +205,17 @@ static void watch_contacts(bd_sim *sim) {
     double arc =
         sim->stepper.model->radius[j] * fabs(sim->stepper.y[lay->theta + j] - twin->theta[j]);
     travel = fmax(travel, arc);
-    twin->theta[j] = sim->stepper.y[lay->theta + j];
   }
-  double expected = 2.0 * lay->np * (travel / sim->stepper.model->info.link_length + 2.0);
-  double changed = (double)(sim->stepper.plan.contacts_changed - twin->events);
+  double expected = 2.0 * lay->np * travel / sim->stepper.model->info.link_length + at_rest;
   int chatters = changed > CHATTER * expected;
   if (chatters && !twin->chatters) {
     twin->t_chatter = twin->t_events;
   }
   twin->chatters = chatters;
+  if (!over) {
+    return;
+  }
+  memcpy(twin->theta, sim->stepper.y + lay->theta, (size_t)lay->np * sizeof *twin->theta);
   twin->times_chattered += chatters;
   if (twin->times_chattered >= OFTEN) {
     bd_warn(
@@ -257,8 +267,9 @@ static double displace(bd_sim *sim, bd_sim *twin) {
 
 static double next_look(const bd_sim *sim) {
   const double run = sim->t_end - sim->t0, round = bd_round_time(sim->stepper.model);
+  const double look = sim->twin.falls ? FRESH : LOOK;
   return (sim->stepper.t - sim->twin.t_begin) / round +
-         (sim->twin.whole ? fmin(LOOK, run / (LOOKS * round)) : LOOK);
+         (sim->twin.whole ? fmin(look, run / (LOOKS * round)) : look);
 }
 
 static void begin(bd_sim *sim) {
@@ -341,16 +352,17 @@ static void follow(bd_sim *sim) {
     return;
   }
   double rounds = (sim->stepper.t - t->t_begin) / bd_round_time(sim->stepper.model);
-  if (rounds < t->next_look && !t->falls && sim->stepper.t < sim->t_end) {
+  const int looks = rounds >= t->next_look;
+  if (!looks && !t->falls && sim->stepper.t < sim->t_end) {
     return;
   }
-  t->next_look = next_look(sim);
+  t->next_look = looks ? next_look(sim) : t->next_look;
   const double difference = apart(still, t->sim) / t->apart;
   t->least = fmin(t->least, fmax(DECAYED, difference));
   const double growth = difference / t->least;
   const int rises = growth > CALM && difference > t->before;
   t->before = difference;
-  t->most = fmax(t->most, t->whole ? growth : difference);
+  t->most = fmax(t->most, t->whole || t->falls ? growth : difference);
   if (difference > t->grown) {
     conclude(sim, difference);
   }
@@ -361,6 +373,10 @@ static void follow(bd_sim *sim) {
              (double)t->steps > ENOUGH * (double)sim->stats.steps;
   if (t->grows || rounds > MOST || calm || dear) {
     t->active = 0;
+  } else if (t->falls && looks && difference < 1.0) {
+    displace(sim, t->sim);
+    bd_stepper_reset(&t->sim->stepper);
+    t->least = t->before = 1.0;
   }
 }
 
@@ -453,7 +469,7 @@ void bd_twin_follow(bd_sim *sim) {
   }
   double rounds = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model);
   const int few = (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
-  const int suspected = t->times_chattered > 0 || t->stiff || t->light;
+  const int suspected = t->chatters || t->times_chattered > 0 || t->stiff || t->light;
   const int due = (t->falls || (suspected && few)) && rounds > LEAST;
   int last = !t->last && sim->t_end - sim->stepper.t < LAST * bd_round_time(sim->stepper.model) &&
              rounds > LAST;
