@@ -506,8 +506,7 @@ def test_no_number_is_printed_to_more_places_than_its_error_leaves() -> None:
     angle, force = Spread(0.123456, 0.12012, 0.12789), Spread(12.3456, -1.23456, 23.4567)
     arm = MountRow(name="idler", kind="arm", travel=angle, to_stop=angle, spring=force, belt=force)
     rows = [  # as speeds and torques are that are not set
-        attrs.evolve(one, speed=_swings(one.speed), torque=_swings(one.torque))
-        for one in report().pulleys
+        attrs.evolve(one, prescribed=False, torque=_swings(one.torque)) for one in report().pulleys
     ]
     told = attrs.evolve(report(), mounts=Rows([arm]), pulleys=Rows(rows))
     for error, most in ((1e-5, 4), (0.33, 2)):
@@ -523,9 +522,11 @@ def test_no_number_is_printed_to_more_places_than_its_error_leaves() -> None:
                     assert shown <= most, (table.title, heading, cells)
                     seen = max(seen, shown)
         assert seen == most
-    # a speed and a torque that are set are exact, and so printed
+    # a speed and a torque that are set are exact, and so printed; a speed where it varies too
     exact = attrs.evolve(one, pulleys=report().pulleys)
     assert " -5.000 " in str(exact) and " 954.9 " in str(exact), "load and speed that are set"
+    run_up = " ".join(result().report(1.0).text(full=True).split())
+    assert " crank 835.6 87.5 0.0 to 100.0 " in run_up
 
 
 def test_losses_and_friction_in_use_have_the_digits_of_their_errors() -> None:

@@ -31,6 +31,7 @@ class PulleyRow:
 
     Attributes:
         name: Its name, "pulley 3" of one that has none.
+        prescribed: Whether its motion was given, and its speed is exact.
         speed: Angular velocity, counter-clockwise [rad/s].
         torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
         power: Power of that torque, positive where it drives [W].
@@ -69,6 +70,7 @@ class PulleyRow:
     """
 
     name: str
+    prescribed: bool = False
     speed: Spread | None = None
     torque: Spread | None = None
     power: Spread | None = None
