@@ -51,7 +51,8 @@ class PulleyRow:
         ratio: ``tight`` over ``slack`` [1].
         limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1]. Where
             friction falls with slip velocity, mu here and below is that of fast slip.
-        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1].
+        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1];
+            None, as ``ratio``, where less than a link lies on it.
         used_range: The same of the instants, without what links do that pass; infinite where its
             slack span goes slack.
         margin: Factor by which all mean torques can grow before it slips in full [1]; infinite if
