@@ -19,7 +19,7 @@ import beltdyn as bd
 from beltdyn import sanity
 from beltdyn.accuracy_report import rounded
 from beltdyn.report import Rows, brief, digits
-from beltdyn.report.rows import MountRow, Spread
+from beltdyn.report.rows import RESIDUAL, MountRow, Spread
 from beltdyn.report.text import _fitted, tables
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
@@ -322,6 +322,18 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     left = attrs.evolve(told.powers["error of sampling"], power=0.2 * put_in)
     powers = Rows(left if one.name == left.name else one for one in powers)
     assert re.search(r"; the rest, \d+ W: error of sampling", _words(told, powers=powers))
+
+    def of(factor: float, residual: float) -> str:
+        def one(row: Any) -> Any:
+            power = factor * row.power if row.kind == "lost" else row.power
+            return attrs.evolve(row, power=residual if row.name == RESIDUAL else power)
+
+        return _words(told, powers=Rows(map(one, told.powers)))
+
+    lost = sum(one.power for one in told.powers if one.kind == "lost")
+    assert f"{digits.loss(told, lost)} W lost (most" in of(1.0, 0.9 * lost)
+    assert re.search(r"off, less than some [\d.]+ W lost; ", of(0.1, -0.9 * lost))
+    assert f"{digits.loss(told, lost)} W given back by friction" in of(-1.0, 0.9 * lost)
     spans = Rows(
         attrs.evolve(told.spans[0], frequency=99.0, link_passing=passing)
         for passing in (True, None, False)

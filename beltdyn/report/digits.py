@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..accuracy_report import Accuracy, rounded
 from ..checks import Array
-from .rows import Creep, MountRow, PulleyRow, SpanRow, Spread, Told
+from .rows import RESIDUAL, Creep, MountRow, PulleyRow, SpanRow, Spread, Told
 
 __all__ = [
     "NONE",
@@ -21,6 +21,7 @@ __all__ = [
     "history_off",
     "line_frequency",
     "loss",
+    "lost",
     "margin",
     "number",
     "of_mount",
@@ -279,6 +280,20 @@ def loss(report: Told, power: float, value: float | None = None) -> str:
     value = power if value is None else value
     share = report.efficiency_error
     return within(value, share and share * put_in * abs(value / power))
+
+
+def lost(report: Told) -> tuple[str, bool]:
+    """Say what is lost in all, and whether more than what the energy ledger cannot account for.
+
+    Friction gives back what it had stored where links stick; dampers give nothing back.
+    """
+    power = sum(one.power for one in report.powers if one.kind == "lost")
+    unknown = abs(report.powers[RESIDUAL].power)
+    if abs(power) < unknown:
+        return f"less than some {number(unknown, 2)} W lost", False
+    if power < 0.0:
+        return f"{loss(report, -power)} W given back by friction, which had stored it", False
+    return f"{loss(report, power)} W lost", True
 
 
 def slip_torque(report: Told, row: PulleyRow) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from .. import _core, sanity
 from ..mounts import Arm, Slider, friction_stiffness
 from .digits import number
-from .rows import Power
+from .rows import RESIDUAL, Power
 from .touching import Touching
 from .window import Window
 
@@ -93,7 +93,7 @@ def power_rows(
     stored = rate(energy.total) + held
     rows.append(("change of what is stored", "stored", stored))
     rows.append(("error of sampling", "left", float(np.sum(powers)) - rate(energy.drive)))
-    rows.append(("not accounted for (residual)", "left", -rate(energy.residual)))
+    rows.append((RESIDUAL, "left", -rate(energy.residual)))
     efficiency = error = None
     if not put_in > 0.0:
         notes.append("no efficiency: no pulley puts power in, in this window")

@@ -11,7 +11,21 @@ import attrs
 from ..accuracy_report import Accuracy
 from ..run_warnings import RunWarning
 
-__all__ = ["Creep", "Cycle", "MountRow", "Power", "PulleyRow", "Rows", "SpanRow", "Spread", "Told"]
+__all__ = [
+    "RESIDUAL",
+    "Creep",
+    "Cycle",
+    "MountRow",
+    "Power",
+    "PulleyRow",
+    "Rows",
+    "SpanRow",
+    "Spread",
+    "Told",
+]
+
+#: Name of the power that the energy ledger lacks: its error.
+RESIDUAL = "not accounted for (residual)"
 
 _Row = TypeVar("_Row")
 
