@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, exported, html, labelled, saved
-from .accuracy_report import Accuracy, Running, known, rounded, running
+from .accuracy_report import Accuracy, Running, known, running
 from .arcs import Arcs, arcs_of
 from .averages import LAST, mean_over, time_weights
 from .checks import Array, close_to, flag, real_array
@@ -33,6 +33,7 @@ from .outputs import has
 from .params import Params
 from .places import AlongBelt, along, momentum_flux, routes
 from .report import Report, creep_of, make_report, speed_errors
+from .rounding import rounded
 from .run_warnings import RunWarning
 from .sanity import PAPERS_MESH, bodies
 from .spans import span_tension

@@ -17,10 +17,10 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import sanity
-from beltdyn.accuracy_report import rounded
 from beltdyn.report import Rows, brief, digits
 from beltdyn.report.rows import RESIDUAL, MountRow, Spread
 from beltdyn.report.text import _fitted, tables
+from beltdyn.rounding import percent, rounded
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -482,6 +482,15 @@ def test_numbers_have_the_digits_that_their_error_leaves(
     value: float, error: float | None, expected: tuple[float, int]
 ) -> None:
     assert rounded(value, error) == expected
+
+
+def test_shares_in_percent_have_no_exponent() -> None:
+    """Powers, errors, frequencies, warnings: 1e+02 % of what was put in was stored in a run-up."""
+    shares = (3.14e-4, 0.0994, 0.0996, 0.996, 1.0, 2.713, -2.0)
+    texts = ["0.031 %", "9.9 %", "10 %", "100 %", "100 %", "271 %", "-200 %"]
+    assert [percent(one) for one in shares] == texts
+    run_up = " ".join(result(0.08).report().notes)
+    assert re.search(r"no efficiency: what is stored changes by \d+ W .*, (9\d|100) % of", run_up)
 
 
 #: Columns of what the drive gives, of whole degrees, of counts, of losses, which have an error of

@@ -6,8 +6,8 @@ import math
 import textwrap
 from collections.abc import Iterator
 
-from ..accuracy_report import rounded
 from ..html import paragraphs
+from ..rounding import rounded
 from ..sanity import PAPERS_MESH
 from . import digits, text
 from .digits import (

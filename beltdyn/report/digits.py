@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accuracy_report import Accuracy, rounded
+from ..accuracy_report import Accuracy
 from ..checks import Array
+from ..rounding import rounded
 from .rows import RESIDUAL, Creep, MountRow, PulleyRow, SpanRow, Spread, Told
 
 __all__ = [

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import _core, sanity
 from ..mounts import Arm, Slider, friction_stiffness
+from ..rounding import percent
 from .digits import number
 from .rows import RESIDUAL, Power
 from .touching import Touching
@@ -100,7 +101,7 @@ def power_rows(
     elif abs(stored) > STORED * put_in:
         notes.append(
             f"no efficiency: what is stored changes by {number(abs(stored), 2)} W in this window, "
-            f"{100.0 * abs(stored) / put_in:.2g} % of what is put in"
+            f"{percent(abs(stored) / put_in)} of what is put in"
         )
     else:
         efficiency = 1.0 - lost / put_in

@@ -231,9 +231,9 @@ static int check_balance(bd_sim *sim, double energy) {
   /* and needs no second warning */
   if (fabs(share) > most && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
     bd_warn(&sim->stepper.report, BD_WARN_balance, sim->stepper.t, -1, -1,
-            "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
+            "%.3g J, %.*g %% of the energy that passed through the drive, %s by t = %.6g s: "
             "take %s, or compare with another method",
-            fabs(residual), 100.0 * fabs(share),
+            fabs(residual), fabs(share) < 0.0995 ? 2 : 3, 100.0 * fabs(share),
             residual < 0.0 ? "have been lost by the integration"
                            : "have been added by the integration",
             sim->stepper.t, sim->stepper.fixed ? "a shorter step" : "a tighter rtol");
