@@ -190,7 +190,7 @@ class Accuracy:
         ]
         told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
         if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
-            told += " (tensions: of the mean of all spans)"
+            told += " (of time, mesh and contact together; tensions: of the mean of all spans)"
         unknown = [
             SHORT.get(one.quantity, one.quantity) for one in self.errors if one.total is None
         ]

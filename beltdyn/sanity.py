@@ -299,7 +299,7 @@ def of_mesh(
     finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
     yield RunWarning(
         code="mesh",
-        text=f"{why}: mean tensions may be off by some {percent(error)}{lost}; "
+        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{lost}; "
         f"{links(params.belt.n_bodies * finer)} makes tensions right to about {percent(allowed)}"
         + (f". {PAPERS_MESH}" if paper else ""),
         accuracy=True,
