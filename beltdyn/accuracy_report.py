@@ -13,6 +13,7 @@ from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
 from .histories import ContactHistory, EnergyLedger, JointHistory, Stats
+from .rounding import percent
 from .sanity import Drive
 from .spans import span_tension
 from .state import State
@@ -26,7 +27,6 @@ __all__ = [
     "QuantityError",
     "Running",
     "known",
-    "rounded",
     "running",
 ]
 
@@ -190,7 +190,7 @@ class Accuracy:
         ]
         told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
         if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
-            told += " (tensions: of the mean of all spans)"
+            told += " (of time, mesh and contact together; tensions: of the mean of all spans)"
         unknown = [
             SHORT.get(one.quantity, one.quantity) for one in self.errors if one.total is None
         ]
@@ -406,27 +406,11 @@ def _of_mesh(run: Run) -> dict[str, float]:
     return found
 
 
-def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
-    """Round a number to the place of the first digit of its error; give it and its digits.
-
-    Args:
-        value: The number.
-        error: Its error, in its unit; None or NaN, not known, leaves two digits.
-        digits: The most; the least are two.
-    """
-    left = 2
-    if error is not None and math.isfinite(error) and math.isfinite(value) and value != 0.0:
-        of_error = math.log10(max(error, 1e-300))
-        left = 1 + math.floor(math.log10(abs(value))) - math.floor(of_error)
-    left = min(max(left, 2), digits)
-    return float(f"{value:.{left - 1}e}"), left
-
-
 def _share(value: float | None, floor: float) -> str:
     if value is None:
         return "-"
     if value == 0.0:
         return "0 %"
     if value <= floor:
-        return f"< {100.0 * floor:.2g} %"
-    return f"{100.0 * value:.2g} %" if value < 0.995 else f"{100.0 * value:.0f} %"
+        return f"< {percent(floor)}"
+    return percent(value)

@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike
 
 from .checks import Array
 from .parts import Belt, Contact, Pulley
+from .rounding import percent
 from .route import Route
 
 __all__ = ["Compliance", "Drive", "complete", "compliance", "compliance_error", "describe"]
@@ -259,14 +260,14 @@ def describe(params: Drive) -> str:
         effect = ", which is made up for: it runs on the pulleys' radii at the preload"
     else:
         effect = (
-            f", which takes {100 * params.info['contact_strain']:.2g} % off the strain, "
-            f"{-found.tension_change:.3g} N ({-100 * found.relative_tension_change:.2g} %) off "
+            f", which takes {percent(params.info['contact_strain'])} off the strain, "
+            f"{-found.tension_change:.3g} N ({percent(-found.relative_tension_change)}) off "
             "the tension"
         )
         if ratio > 0.0:
             effect += f" and changes the speed ratio by up to {100 * ratio:.1g} %"
     return (
         f"sinking into the pulleys: {1e3 * depth:.2g} mm on {params.label(worst)} "
-        f"({100 * share:.2g} % of its radius){effect}; adds some {100 * found.creep_share:.2g} % "
+        f"({percent(share)} of its radius){effect}; adds some {percent(found.creep_share)} "
         "to creep"
     )

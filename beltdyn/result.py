@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, exported, html, labelled, saved
-from .accuracy_report import Accuracy, Running, known, rounded, running
+from .accuracy_report import Accuracy, Running, known, running
 from .arcs import Arcs, arcs_of
-from .averages import LAST
+from .averages import LAST, mean_over, time_weights
 from .checks import Array, close_to, flag, real_array
 from .histories import (
     GROUPS,
@@ -33,20 +33,13 @@ from .outputs import has
 from .params import Params
 from .places import AlongBelt, along, momentum_flux, routes
 from .report import Report, creep_of, make_report, speed_errors
+from .rounding import rounded
 from .run_warnings import RunWarning
 from .sanity import PAPERS_MESH, bodies
 from .spans import span_tension
 from .state import State
 
 __all__ = ["Result"]
-
-
-def _mean(values: Array) -> Array:
-    """Mean over time, without NaN; NaN where there is nothing else."""
-    there = ~np.isnan(values)
-    count = there.sum(axis=0)
-    total = np.where(there, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
@@ -85,6 +78,7 @@ class Result:
         status: "finished", "failed" or "interrupted".
         message: How the run ended, in words.
         params: The drive.
+        prescribed: Names of the pulleys whose motion was given, and is exact.
         final_state: State at the end of the run or, if it did not finish, at the last step; pass
             it as ``initial`` to continue.
         warnings: Everything found that a user may not expect, or that may make the results less
@@ -110,6 +104,7 @@ class Result:
     message: str
     params: Params
     final_state: State
+    prescribed: tuple[str, ...] = ()
     warnings: tuple[RunWarning, ...] = ()
     outputs: tuple[str, ...] | None = None
     unchecked: tuple[str, ...] = ()
@@ -393,19 +388,20 @@ class Result:
         of_tension, of_creep = (self.accuracy[one].known for one in ("span_mean", "creep"))
         if self.t.size:
             late = self.t >= self.t[-1] - LAST * (self.t[-1] - self.t[0])
+            weights = time_weights(self.t[late])
             rows.append(("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"))
             if self._has("pulleys.omega"):
-                speeds = self.pulleys.omega[late].mean(axis=0)
-                errors = speed_errors(self.accuracy, self.pulleys.omega[late])
+                speeds = mean_over(weights, self.pulleys.omega[late])
+                errors = speed_errors(self.accuracy, speeds, np.isin(names, self.prescribed))
                 rows.append(("  pulley speeds", listed(speeds, errors, names, " rad/s")))
             if self._has("span_tension"):
-                means = _mean(self.span_tension[late])
+                means = mean_over(weights, self.span_tension[late])
                 error = of_tension and of_tension * abs(float(np.nanmean(means)))
                 tensions = listed(means, error, spans, " N")
                 rows.append(("  span tensions", tensions))
             moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
             if self.mounts is not None and moving and self._has("mounts.travel"):
-                travel = self.mounts.travel[late].mean(axis=0)
+                travel = mean_over(weights, self.mounts.travel[late])
                 for m, _ in moving:  # two spans of the belt move it
                     if of_tension:
                         travel[m] = rounded(travel[m], 2.0 * of_tension * abs(travel[m]))[0]

@@ -17,6 +17,7 @@ from . import _core, compliance
 from .checks import Array
 from .friction import Friction
 from .parts import Contact
+from .rounding import percent
 from .rules import rules_of
 from .run_warnings import RunWarning
 
@@ -29,7 +30,6 @@ __all__ = [
     "mesh_loss",
     "mesh_share",
     "of_mesh",
-    "percent",
     "shaken",
     "shaking_seen",
     "units",
@@ -241,7 +241,7 @@ def describe_mesh(params: Drive) -> str:
     if belt.mesh == "paper":
         strain = float(params.info["mesh_strain"])
         return (
-            f"{belt.n_bodies} straight links, longer than their arcs, add {100 * strain:.2g} % of "
+            f"{belt.n_bodies} straight links, longer than their arcs, add {percent(strain)} of "
             f"strain, {strain * belt.axial_stiffness:.3g} N ({percent(error['span_mean'])}); "
             f"{landing}"
         )
@@ -299,7 +299,7 @@ def of_mesh(
     finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
     yield RunWarning(
         code="mesh",
-        text=f"{why}: mean tensions may be off by some {percent(error)}{lost}; "
+        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{lost}; "
         f"{links(params.belt.n_bodies * finer)} makes tensions right to about {percent(allowed)}"
         + (f". {PAPERS_MESH}" if paper else ""),
         accuracy=True,
@@ -465,11 +465,6 @@ def _stiffness(friction: Friction) -> str:
 def units(text: str, where: str, t: float | None = None) -> RunWarning:
     """Give a warning of the code "units"."""
     return RunWarning(code="units", text=text, where=where, t=t)
-
-
-def percent(share: float) -> str:
-    """Give a share in percent."""
-    return f"{100.0 * share:.2g} %" if share < 0.0995 else f"{100.0 * share:.0f} %"
 
 
 def _up(value: float, digits: int) -> float:

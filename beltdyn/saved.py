@@ -63,8 +63,7 @@ def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
         "stats": attrs.asdict(result["stats"]),
         "warnings": [attrs.asdict(one) for one in result["warnings"]],
         "accuracy": attrs.asdict(result["accuracy"]),
-        "outputs": result["outputs"],
-        "unchecked": result["unchecked"],
+        **{name: result[name] for name in ("outputs", "unchecked", "prescribed")},
     }
     values: dict[str, Any] = {"t": result["t"]}
     for group in GROUPS:
@@ -221,6 +220,7 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
         # Not in the files of earlier versions, whose results then have what is known of any run.
         **({"accuracy": _accuracy("accuracy", table["accuracy"])} if "accuracy" in table else {}),
         "outputs": _outputs("outputs", table.get("outputs")),
+        "prescribed": _texts("prescribed", table.get("prescribed", [])),
         "unchecked": _texts("unchecked", table.get("unchecked", [])),
     }
 

@@ -408,6 +408,7 @@ def _simulate(
             status=status,
             message=message,
             params=params,
+            prescribed=tuple(params.pulley_names[k] for k in motions),
             outputs=outputs,
             unchecked=unchecked(outputs, params.has_friction),
             final_state=State._from_core(sim.state()),

@@ -17,10 +17,10 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import sanity
-from beltdyn.accuracy_report import rounded
 from beltdyn.report import Rows, brief, digits
-from beltdyn.report.rows import MountRow, Spread
+from beltdyn.report.rows import RESIDUAL, MountRow, Spread
 from beltdyn.report.text import _fitted, tables
+from beltdyn.rounding import percent, rounded
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -322,6 +322,18 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     left = attrs.evolve(told.powers["error of sampling"], power=0.2 * put_in)
     powers = Rows(left if one.name == left.name else one for one in powers)
     assert re.search(r"; the rest, \d+ W: error of sampling", _words(told, powers=powers))
+
+    def of(factor: float, residual: float) -> str:
+        def one(row: Any) -> Any:
+            power = factor * row.power if row.kind == "lost" else row.power
+            return attrs.evolve(row, power=residual if row.name == RESIDUAL else power)
+
+        return _words(told, powers=Rows(map(one, told.powers)))
+
+    lost = sum(one.power for one in told.powers if one.kind == "lost")
+    assert f"{digits.loss(told, lost)} W lost (most" in of(1.0, 0.9 * lost)
+    assert re.search(r"off, less than some [\d.]+ W lost; ", of(0.1, -0.9 * lost))
+    assert f"{digits.loss(told, lost)} W given back by friction" in of(-1.0, 0.9 * lost)
     spans = Rows(
         attrs.evolve(told.spans[0], frequency=99.0, link_passing=passing)
         for passing in (True, None, False)
@@ -472,6 +484,15 @@ def test_numbers_have_the_digits_that_their_error_leaves(
     assert rounded(value, error) == expected
 
 
+def test_shares_in_percent_have_no_exponent() -> None:
+    """Powers, errors, frequencies, warnings: 1e+02 % of what was put in was stored in a run-up."""
+    shares = (3.14e-4, 0.0994, 0.0996, 0.996, 1.0, 2.713, -2.0)
+    texts = ["0.031 %", "9.9 %", "10 %", "100 %", "100 %", "271 %", "-200 %"]
+    assert [percent(one) for one in shares] == texts
+    run_up = " ".join(result(0.08).report().notes)
+    assert re.search(r"no efficiency: what is stored changes by \d+ W .*, (9\d|100) % of", run_up)
+
+
 #: Columns of what the drive gives, of whole degrees, of counts, of losses, which have an error of
 #: their own, beside what is put in, and of what has the place of another number.
 GIVEN = {
@@ -506,8 +527,7 @@ def test_no_number_is_printed_to_more_places_than_its_error_leaves() -> None:
     angle, force = Spread(0.123456, 0.12012, 0.12789), Spread(12.3456, -1.23456, 23.4567)
     arm = MountRow(name="idler", kind="arm", travel=angle, to_stop=angle, spring=force, belt=force)
     rows = [  # as speeds and torques are that are not set
-        attrs.evolve(one, speed=_swings(one.speed), torque=_swings(one.torque))
-        for one in report().pulleys
+        attrs.evolve(one, prescribed=False, torque=_swings(one.torque)) for one in report().pulleys
     ]
     told = attrs.evolve(report(), mounts=Rows([arm]), pulleys=Rows(rows))
     for error, most in ((1e-5, 4), (0.33, 2)):
@@ -523,9 +543,11 @@ def test_no_number_is_printed_to_more_places_than_its_error_leaves() -> None:
                     assert shown <= most, (table.title, heading, cells)
                     seen = max(seen, shown)
         assert seen == most
-    # a speed and a torque that are set are exact, and so printed
+    # a speed and a torque that are set are exact, and so printed; a speed where it varies too
     exact = attrs.evolve(one, pulleys=report().pulleys)
     assert " -5.000 " in str(exact) and " 954.9 " in str(exact), "load and speed that are set"
+    run_up = " ".join(result().report(1.0).text(full=True).split())
+    assert " crank 835.6 87.5 0.0 to 100.0 " in run_up
 
 
 def test_losses_and_friction_in_use_have_the_digits_of_their_errors() -> None:

@@ -197,6 +197,10 @@ def test_lines_of_sines_and_of_a_moving_string() -> None:
     random = np.random.default_rng(2)
     assert all(dominant(T, random.normal(size=T.size)) is None for _ in range(200))
     assert dominant(T, 3.0 + T + 0.2 * T**2) is None
+    # nor what the window does not hold three periods of, as reports say
+    lines = [dominant(T, np.sin(2.0 * np.pi * one * T)) for one in np.arange(2.5, 3.5, 0.02)]
+    found = [line.frequency for line in lines if line is not None]
+    assert found and 3.0 <= min(found) < 3.1
     assert dominant(T, np.full(T.size, 7.0)) is None
     assert dominant(T[:6], np.sin(T[:6])) is None
     # Waves go out at c - v and come back at c + v: the period is the sum of both times

@@ -243,6 +243,17 @@ def test_wraps_and_limits_are_those_of_the_belt_line_and_of_euler() -> None:
     assert any("mounts.travel not asked for" in note for note in told.notes)
 
 
+@pytest.mark.filterwarnings("ignore:long_links")
+def test_a_wrap_of_less_than_a_link_has_no_friction_in_use() -> None:
+    """Nothing holds its spans apart while no link touches it: that was 531 % of its friction."""
+    told = bd.scenes.hard["grazing"].run().report()
+    grazed, others = told.pulleys["pulley 1"], (told.pulleys["pulley 0"], told.pulleys["pulley 2"])
+    assert grazed.links < 1.0 and grazed.tight is not None
+    assert grazed.used is grazed.used_range is grazed.ratio is None
+    assert all(0.0 < one.used < 0.1 for one in others)
+    assert any(note.startswith("pulley 1: less than a link lies on it") for note in told.notes)
+
+
 def test_a_margin_is_of_what_friction_falls_to() -> None:
     """Where it falls with slip velocity: a load that grows slowly slips there and not far beyond,
     long before what friction at rest would hold, which is said as well.

@@ -82,9 +82,12 @@ def test_what_is_saved_is_loaded(result: bd.Result, good: Arrays, path: Path) ->
     assert again.stats == result.stats and again.final_state == result.final_state
     assert again.belt.x.flags.writeable, "the arrays of a result may be worked with"
     assert good["belt.x"].shape == (N_T, 24)
-    early = bd.simulate(result.params, bd.Viscous([0.0, 0.0]), 1e-4, t_eval=[0.0])
+    held = {1: bd.PiecewiseLinear([0.0], [0.0])}
+    early = bd.simulate(result.params, bd.Viscous([0.0, 0.0]), 1e-4, held, t_eval=[0.0])
     early.save(path)
-    assert bd.Result.load(path).final_state.t == 1e-4, "not that of the last sample"
+    again = bd.Result.load(path)
+    assert again.final_state.t == 1e-4, "not that of the last sample"
+    assert again.prescribed == (result.params.pulley_names[1],)
     for state in (bd.settle(result.params), result.final_state):
         state.save(path)
         loaded = bd.State.load(path)

@@ -13,8 +13,8 @@ from ..accuracy_report import Expected
 from ..checks import Array
 from ..params import Params
 from ..result import Result
+from ..rounding import percent
 from ..run_warnings import RunWarning
-from ..sanity import percent
 from ..scene import Scene
 from ..state import State
 from .pilot import Forecast, Pilot

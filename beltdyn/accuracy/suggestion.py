@@ -11,7 +11,7 @@ from ..accuracy_report import Expected
 from ..checks import positive
 from ..compliance import compliance_error
 from ..params import Params
-from ..sanity import percent
+from ..rounding import percent
 from ..scene import Scene
 from ..simulation import settle, simulate
 from .pilot import Forecast, Pilot

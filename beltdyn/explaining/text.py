@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
+from ..rounding import percent
 from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut
 from .cost import StateSize, Step
 from .effects import Effect
@@ -126,7 +127,7 @@ def _ablation(ablation: Ablation, window: Window) -> list[str]:
     lines += _wrapped(
         "Changes are those of means and ranges over this time: of spans over the mean tension, of "
         f"pulleys over the highest speed. {ends} Errors include {RUNS:g} times that of the runs, "
-        f"{_percent(ablation.own_error)}."
+        f"{percent(ablation.own_error)}."
         + (
             " CPU times are of one run each: small differences are chance." * (ablation.rounds == 1)
         ),
@@ -139,8 +140,8 @@ def _row(row: LeftOut) -> tuple[str, ...]:
     cpu_time = f"{100.0 * row.cpu_time:+.0f} %"
     if not row.exercised:
         return row.name, *("-" for _ in ANSWERS), cpu_time, "not exercised", ""
-    changes = [_percent(row.change[name]) for name in ANSWERS]
-    bounds = ("no bound", "") if row.warned else (_percent(row.error), _percent(row.bound))
+    changes = [percent(row.change[name]) for name in ANSWERS]
+    bounds = ("no bound", "") if row.warned else (percent(row.error), percent(row.bound))
     return row.name, *changes, cpu_time, *bounds
 
 
@@ -154,20 +155,20 @@ def _advice(ablation: Ablation, error: float) -> list[str]:
         rows = [("at", "left out", "changed", "error", "CPU time")]
         rows += [
             (
-                _percent(level),
+                percent(level),
                 row.name,
-                _percent(max(row.change.values())),
-                _percent(row.error),
+                percent(max(row.change.values())),
+                percent(row.error),
                 f"{100.0 * row.cpu_time:+.0f} %",
             )
             for level, _, row in ablation.sets
         ]
         lines += _table(rows, "><>>>")
-        dear = [_percent(level) for level, _, row in ablation.sets if row.cpu_time > NO_GAIN]
+        dear = [percent(level) for level, _, row in ablation.sets if row.cpu_time > NO_GAIN]
         if dear:
             lines += _wrapped(f"At {', '.join(dear)} no CPU time is saved: nothing is gained.", 2)
         if not ablation.advice:
-            lines += _wrapped(f"At {_percent(error)}, which was asked for, none.", 2)
+            lines += _wrapped(f"At {percent(error)}, which was asked for, none.", 2)
     if idle:
         lines += _wrapped(
             f"Not exercised, they did nothing in this window, of which nothing follows: "
@@ -181,22 +182,17 @@ def _why_none(ablation: Ablation, most: float) -> str:
     """Say why nothing was left out together that stays within the largest error looked at."""
     small = [row for row in ablation.rows if row.exercised and row.error <= most]
     if not small:
-        return f"None may be left out at an error of {_percent(most)} or less."
+        return f"None may be left out at an error of {percent(most)} or less."
     named = ", ".join(
-        f"{row.name} ({_percent(row.error)}, CPU time {100.0 * row.cpu_time:+.0f} %)"
+        f"{row.name} ({percent(row.error)}, CPU time {100.0 * row.cpu_time:+.0f} %)"
         for row in small
     )
     if all(row.cpu_time > NO_GAIN for row in small):
-        return f"Nothing is gained by what may be left out at {_percent(most)} or less: {named}."
+        return f"Nothing is gained by what may be left out at {percent(most)} or less: {named}."
     return (
-        f"By the table alone may be left out at {_percent(most)} or less: {named}. Left out of "
+        f"By the table alone may be left out at {percent(most)} or less: {named}. Left out of "
         "more of the run it was beyond that, or there was no time to try it."
     )
-
-
-def _percent(share: float) -> str:
-    percent = 100.0 * share
-    return f"{percent:.0f} %" if percent >= 100.0 else f"{percent:.2g} %"
 
 
 def _ns(seconds: float) -> str:

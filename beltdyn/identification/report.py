@@ -15,6 +15,7 @@ from ..checks import Array, flag, real
 from ..errors import Interrupted
 from ..params import Params
 from ..result import Result
+from ..rounding import percent
 from . import linear
 from .free import Parameter
 from .linear import Combination
@@ -333,9 +334,9 @@ class Identification:
         )
 
     def __str__(self) -> str:
-        percent = f"{100 * self.confidence:.4g} %"
+        level = f"{100 * self.confidence:.4g} %"
         std = self.std
-        rows = [["parameter", "value", "", f"{percent} interval", "one std", "mesh", ""]]
+        rows = [["parameter", "value", "", f"{level} interval", "one std", "mesh", ""]]
         for part in self._parameters:
             low, high = self.intervals[part.name]
             rows.append(
@@ -402,7 +403,7 @@ def _spread(part: Parameter, std: float) -> str:
     if not part.log:
         return f"{std:.2g} {part.unit}".rstrip()
     if std < 0.3:
-        return f"{100.0 * std:.2g} %"
+        return percent(std)
     return f"factor {math.exp(std):.3g}" if std < 7.0 else "unlimited"
 
 

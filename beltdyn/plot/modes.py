@@ -12,6 +12,7 @@ from matplotlib.patheffects import withStroke
 
 from ..checks import Array, integer, positive
 from ..naming import span_name
+from ..rounding import percent
 from ..vibration import FrequencyResponse, Modes
 from . import style
 from .animation import Animation
@@ -79,10 +80,9 @@ class _ModePicture:
         style.dress(ax, "x [m]", "y [m]")
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.08)
-        damping = 100.0 * modes.damping[k]
         style.set_title_within(
             ax,
-            f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {damping:.2g} %\n"
+            f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {percent(modes.damping[k])}\n"
             f"{style.plain(modes.names[k])}",
         )
 

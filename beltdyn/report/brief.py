@@ -6,8 +6,8 @@ import math
 import textwrap
 from collections.abc import Iterator
 
-from ..accuracy_report import rounded
 from ..html import paragraphs
+from ..rounding import rounded
 from ..sanity import PAPERS_MESH
 from . import digits, text
 from .digits import (
@@ -231,16 +231,17 @@ def _balance(report: Told) -> str:
     def total(kind: str) -> float:
         return sum(one.power for one in report.powers if one.kind == kind)
 
-    put_in, lost = total("in"), total("lost")
+    put_in = total("in")
+    lost, known = digits.lost(report)
     error, of_losses = report.power_error, report.efficiency_error or 0.0
     ends = [within(one, error and error * put_in) for one in (put_in, total("out"))]
-    told = f"{ends[0]} W put in, {ends[1]} W taken off, {digits.loss(report, lost)} W lost"
+    told = f"{ends[0]} W put in, {ends[1]} W taken off, {lost}"
     parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
     shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
-    if shown:
+    if shown and known:
         named = (f"{one.name} {digits.loss(report, one.power)}" for one in shown)
         told += f" (most: {', '.join(named)})"
-    rest = put_in - total("out") - lost
+    rest = put_in - total("out") - total("lost")
     if report.efficiency is not None and abs(rest) > max(_SMALL * put_in, _unit(put_in, error)):
         parts = [one for one in report.powers if one.kind in ("stored", "left")]
         most = max(parts, key=lambda one: abs(one.power)).name

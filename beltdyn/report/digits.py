@@ -6,10 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..accuracy_report import Accuracy, rounded
+from ..accuracy_report import Accuracy
 from ..checks import Array
-from .rows import Creep, MountRow, PulleyRow, SpanRow, Spread, Told
+from ..rounding import rounded
+from .rows import RESIDUAL, Creep, MountRow, PulleyRow, SpanRow, Spread, Told
 
 __all__ = [
     "NONE",
@@ -20,6 +22,7 @@ __all__ = [
     "history_off",
     "line_frequency",
     "loss",
+    "lost",
     "margin",
     "number",
     "of_mount",
@@ -141,14 +144,14 @@ def of_tension(
     return placed(value, off and spans * off / abs(value.mean), ends=ends, size=value.mean)
 
 
-def speed_errors(accuracy: Accuracy, speeds: Array) -> Array:
-    """Give the errors of the mean speeds of pulleys, from their samples (n_t, n_p) [rad/s].
+def speed_errors(accuracy: Accuracy, speeds: Array, prescribed: NDArray[np.bool_]) -> Array:
+    """Give the errors of the mean speeds of pulleys (n_p,) [rad/s].
 
-    Those that are set have none; beside one the others are off by a creep at most.
+    Those that are prescribed have none; beside one the others are off by a creep at most.
     """
-    size, share = np.abs(speeds.mean(axis=0)), _of_loads(accuracy)
-    held = np.ptp(speeds, axis=0) <= ROUNDING * size
-    return np.where(held, 0.0, size * (min(share, CREEPS) if held.any() else share))
+    share = _of_loads(accuracy)
+    share = min(share, CREEPS) if prescribed.any() else share
+    return np.where(prescribed, 0.0, share * np.abs(speeds))
 
 
 def _of_loads(accuracy: Accuracy) -> float:
@@ -161,21 +164,21 @@ def _of_loads(accuracy: Accuracy) -> float:
 
 
 def given(value: Spread | None) -> bool:
-    """Tell what is set, a constant speed or torque: a result of links varies by more."""
+    """Tell what is set, a constant torque: a result of links varies by more."""
     return value is not None and value.most - value.least <= ROUNDING * abs(value.mean)
 
 
 def of_speed(report: Told, row: PulleyRow) -> float:
-    """Give the error of a pulley's speed [1]: beside one that is given at most what it loses."""
-    if given(row.speed):
+    """Give the error of a pulley's speed [1]: beside a prescribed one at most what it loses."""
+    if row.prescribed:
         return 0.0
     slower = [abs(one.slower) for one in report.creep if one.name == row.name]
     return slower[0] if slower and _led(report) else _of_loads(report.accuracy)
 
 
 def _led(report: Told) -> bool:
-    """Tell whether the speed of the driving pulley is given."""
-    return any(given(row.speed) for row in report.pulleys if row.name == report.driver)
+    """Tell whether the speed of the driving pulley is prescribed."""
+    return any(row.prescribed for row in report.pulleys if row.name == report.driver)
 
 
 def torque(report: Told, row: PulleyRow) -> tuple[str, str, str]:
@@ -278,6 +281,20 @@ def loss(report: Told, power: float, value: float | None = None) -> str:
     value = power if value is None else value
     share = report.efficiency_error
     return within(value, share and share * put_in * abs(value / power))
+
+
+def lost(report: Told) -> tuple[str, bool]:
+    """Say what is lost in all, and whether more than what the energy ledger cannot account for.
+
+    Friction gives back what it had stored where links stick; dampers give nothing back.
+    """
+    power = sum(one.power for one in report.powers if one.kind == "lost")
+    unknown = abs(report.powers[RESIDUAL].power)
+    if abs(power) < unknown:
+        return f"less than some {number(unknown, 2)} W lost", False
+    if power < 0.0:
+        return f"{loss(report, -power)} W given back by friction, which had stored it", False
+    return f"{loss(report, power)} W lost", True
 
 
 def slip_torque(report: Told, row: PulleyRow) -> str:

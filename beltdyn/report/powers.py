@@ -6,8 +6,9 @@ import numpy as np
 
 from .. import _core, sanity
 from ..mounts import Arm, Slider, friction_stiffness
+from ..rounding import percent
 from .digits import number
-from .rows import Power
+from .rows import RESIDUAL, Power
 from .touching import Touching
 from .window import Window
 
@@ -93,14 +94,14 @@ def power_rows(
     stored = rate(energy.total) + held
     rows.append(("change of what is stored", "stored", stored))
     rows.append(("error of sampling", "left", float(np.sum(powers)) - rate(energy.drive)))
-    rows.append(("not accounted for (residual)", "left", -rate(energy.residual)))
+    rows.append((RESIDUAL, "left", -rate(energy.residual)))
     efficiency = error = None
     if not put_in > 0.0:
         notes.append("no efficiency: no pulley puts power in, in this window")
     elif abs(stored) > STORED * put_in:
         notes.append(
             f"no efficiency: what is stored changes by {number(abs(stored), 2)} W in this window, "
-            f"{100.0 * abs(stored) / put_in:.2g} % of what is put in"
+            f"{percent(abs(stored) / put_in)} of what is put in"
         )
     else:
         efficiency = 1.0 - lost / put_in

@@ -44,7 +44,7 @@ def pulley_rows(
         margins: Whether to look for margins to slip.
     """
     params, run = window.params, window.run
-    rows = [PulleyRow(name=name) for name in params.pulley_names]
+    rows = [PulleyRow(name=name, prescribed=name in run.prescribed) for name in params.pulley_names]
     notes: list[str] = []
     for names, of in (
         (("pulleys.omega",), _speeds),

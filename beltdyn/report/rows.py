@@ -11,7 +11,21 @@ import attrs
 from ..accuracy_report import Accuracy
 from ..run_warnings import RunWarning
 
-__all__ = ["Creep", "Cycle", "MountRow", "Power", "PulleyRow", "Rows", "SpanRow", "Spread", "Told"]
+__all__ = [
+    "RESIDUAL",
+    "Creep",
+    "Cycle",
+    "MountRow",
+    "Power",
+    "PulleyRow",
+    "Rows",
+    "SpanRow",
+    "Spread",
+    "Told",
+]
+
+#: Name of the power that the energy ledger lacks: its error.
+RESIDUAL = "not accounted for (residual)"
 
 _Row = TypeVar("_Row")
 
@@ -31,6 +45,7 @@ class PulleyRow:
 
     Attributes:
         name: Its name, "pulley 3" of one that has none.
+        prescribed: Whether its motion was given, and its speed is exact.
         speed: Angular velocity, counter-clockwise [rad/s].
         torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
         power: Power of that torque, positive where it drives [W].
@@ -50,7 +65,8 @@ class PulleyRow:
         ratio: ``tight`` over ``slack`` [1].
         limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1]. Where
             friction falls with slip velocity, mu here and below is that of fast slip.
-        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1].
+        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1];
+            None, as ``ratio``, where less than a link lies on it.
         used_range: The same of the instants, without what links do that pass; infinite where its
             slack span goes slack.
         margin: Factor by which all mean torques can grow before it slips in full [1]; infinite if
@@ -69,6 +85,7 @@ class PulleyRow:
     """
 
     name: str
+    prescribed: bool = False
     speed: Spread | None = None
     torque: Spread | None = None
     power: Spread | None = None

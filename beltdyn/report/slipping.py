@@ -98,6 +98,8 @@ class _Slipping:
         self.mu = np.array(self.params._slip_limits[0], dtype=float)
         self.reached = friction_limits(window, touching)
         self.radii = np.array([pulley.radius for pulley in self.params.pulleys])
+        # A shorter wrap is now and then without a link, and nothing holds its spans apart.
+        self.holds = wraps * self.radii >= self.params.info["link_length"]
         self.notes: list[str] = []
         width = touching.passing(window)
         self.tensions = window.smoothed(spans, width)
@@ -128,7 +130,8 @@ class _Slipping:
         with np.errstate(divide="ignore", invalid="ignore"):
             used = np.log(tight / slack) / (self.mu * self.wraps)
         used = np.where(slack > 0.0, used, np.inf)
-        return np.where(np.isnan(pull) | np.isnan(before) | (self.mu == 0.0), np.nan, used)
+        unknown = np.isnan(pull) | np.isnan(before) | (self.mu == 0.0) | ~self.holds
+        return np.where(unknown, np.nan, used)
 
     def _ratios(self, tension: Array, rows: list[PulleyRow]) -> list[PulleyRow]:
         params = self.params
@@ -139,7 +142,12 @@ class _Slipping:
         for k, row in enumerate(rows):
             tight, slack = max(pull[k], pull[k - 1]), min(pull[k], pull[k - 1])
             changes: dict[str, Any] = {"tight": float(tight), "slack": float(slack)}
-            if slack > 0.0:
+            if not self.holds[k]:
+                self.notes.append(
+                    f"{params.label(k)}: less than a link lies on it, and when none does friction "
+                    "does not hold its spans apart: no ratio of tensions, no friction in use"
+                )
+            elif slack > 0.0:
                 changes["ratio"] = float(tight / slack)
             else:
                 self.notes.append(
@@ -149,7 +157,7 @@ class _Slipping:
             if self.mu[k] > 0.0:
                 with np.errstate(over="ignore"):  # of a belt that cannot slip: unlimited
                     changes["limit"] = float(np.exp(self.mu[k] * self.wraps[k]))
-                if slack > 0.0:
+                if slack > 0.0 and self.holds[k]:
                     changes["used"] = float(mean[k])
                 history = self.over_time[:, k]
                 there = history[~np.isnan(history)]
@@ -209,8 +217,6 @@ class _Slipping:
         in_mean = (self.mu > 0.0) & (np.abs(torque) / self.radii > scale)
         used = np.nanmax(np.nan_to_num(self.over_time), axis=0)
         swings = (self.mu > 0.0) & (most / self.radii > scale) & (used > SWINGS)
-        # A shorter wrap is now and then without a link, and nothing holds its spans apart.
-        swings &= self.wraps * self.radii >= params.info["link_length"]
         working = in_mean | swings
         if not working.any():
             self.notes.append("no margin to slip: the belt hands on no torque in this window")

@@ -70,6 +70,8 @@ def dominant(t: Array, values: Array) -> Line | None:
         return None
     left, middle, right = np.log(np.maximum(near, 1e-300 + 1e-30 * near[1]))
     shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    if k + shift < LEAST * n / (n - 1):  # a window of n - 1 intervals
+        return None
     step = 1.0 / (n * (t[-1] - t[0]) / (n - 1))
     # A sine on a bin has A n / 4 there, half of it in both neighbours; off a bin the same in all.
     whole = power[max(1, k - 2) : k + 3].sum()

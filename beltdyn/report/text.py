@@ -25,7 +25,7 @@ from .digits import (
     tension_off,
     within,
 )
-from .rows import Power, PulleyRow, Spread, Told
+from .rows import RESIDUAL, Power, PulleyRow, Spread, Told
 
 __all__ = ["Table", "columns", "html", "lines", "of_paper", "of_tables", "opening", "tables"]
 
@@ -37,6 +37,8 @@ _STILL, _NOTHING = 1e-6, 1e-9
 DOUBT, FAINT = 0.1, 1e-5
 #: Part of the speed lost from which on a negative share of friction is explained.
 LITTLE = 0.01
+#: Part of the largest power that is as good as none: half a place of 100.00 %.
+_PART = 5e-5
 #: A part over the whole of what is put in, beyond which parts are no shares of it.
 TURNED = 0.05
 #: Links on a wrap from which on arcs and ratios are right to some percent.
@@ -382,9 +384,10 @@ def _powers(report: Told) -> Table:
     shares = all(abs(row.share or 0.0) <= 1.0 + TURNED for row in report.powers)
 
     largest = max((row.power for row in report.powers if row.kind in ("in", "out")), default=0.0)
+    nothing = _PART * max(abs(row.power) for row in report.powers)
 
-    def shown(row: Power, value: float) -> str:
-        if abs(value) < 0.005:
+    def shown(row: Power, value: float, least: float = 0.005) -> str:
+        if abs(value) <= least:
             return "0.00"
         if row.kind == "lost":
             return digits.loss(report, row.power, value)
@@ -394,7 +397,7 @@ def _powers(report: Told) -> Table:
     rows = [
         (
             f"{kinds[row.kind]} {row.name}".strip(),
-            shown(row, row.power),
+            shown(row, row.power, min(0.005, nothing)),
             shown(row, 100.0 * (row.share or 0.0)) if shares else NONE,
         )
         for row in report.powers
@@ -402,9 +405,12 @@ def _powers(report: Told) -> Table:
     remarks: tuple[str, ...] = ()
     if not shares:
         remarks = ("No percentages: more is taken off or stored than is put in.",)
+    unknown = abs(report.powers[RESIDUAL].power)
+    if any(row.name.startswith("friction on") and row.power < -unknown for row in report.powers):
+        remarks += ("lost < 0: friction gives back what it had stored.",)
     if report.efficiency is not None:
         error = report.efficiency_error or 0.0
-        remarks = (
+        remarks += (
             f"Efficiency {within(100.0 * report.efficiency, 100.0 * error)} %: what is put in "
             f"less what is lost. The error is some {number(100.0 * error, 2)} %: so much may be "
             "lost by links as they land, in the contact's damping; more links tell.",

@@ -71,6 +71,10 @@ class Run(Sampled, Protocol):
         """What is known of its accuracy."""
 
     @property
+    def prescribed(self) -> tuple[str, ...]:
+        """Names of the pulleys whose motion was given."""
+
+    @property
     def warnings(self) -> tuple[RunWarning, ...]:
         """What was found that a user may not expect."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..checks import Array, integer, positive, share_of_run
 from ..naming import index_of
 from ..optional import scipy_module
+from ..rounding import percent
 from .fourier import amplitude_spectrum, even_step, folded, spectrogram
 from .signals import signal
 from .sources import HARMONICS, NEAR, Source, belt_turning, lines_at, sources
@@ -199,7 +200,7 @@ class Spectrum:
 
 def _by(source: Source) -> str:
     """Say by how much a source changes its speed, if that is a share of it."""
-    return f", by {100.0 * source.spread:.2g} %" if source.spread < 1.0 else ""
+    return f", by {percent(source.spread)}" if source.spread < 1.0 else ""
 
 
 @attrs.frozen(eq=False, kw_only=True)

@@ -10,6 +10,7 @@ import numpy as np
 from .. import html
 from ..checks import Array
 from ..params import Params
+from ..rounding import percent
 from ..state import State
 from .linear import Complex
 from .participation import Participation
@@ -141,12 +142,12 @@ class Modes:
         if self.phases == 1 and off.size:
             rows.append(
                 f"  mode(s) {', '.join(map(str, off))}: off by some "
-                f"{100.0 * self.mesh_error.max():.2g} % for the phase of the mesh, which "
+                f"{percent(self.mesh_error.max())} for the phase of the mesh, which "
                 "phases=12 averages out"
             )
         elif self.phases == 1 and self.mesh_error.size:
-            most = 100.0 * self.mesh_error.max()
-            rows.append(f"  the phase of the mesh changes frequencies by {most:.2g} % at most")
+            most = percent(self.mesh_error.max())
+            rows.append(f"  the phase of the mesh changes frequencies by {most} at most")
         for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
         if self.decay.size > STILL:

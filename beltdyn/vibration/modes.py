@@ -10,6 +10,7 @@ import numpy as np
 from ..checks import Array, flag, integer, positive
 from ..naming import ByPulley, by_index
 from ..params import Params
+from ..rounding import percent
 from ..run_warnings import BeltdynWarning
 from ..state import State
 from ..torques import TorqueLike
@@ -263,7 +264,7 @@ def linear_drive(
     off, what = imbalance(params, state, torque, prescribed)
     if off > UNBALANCED:
         _warn(
-            f"not_in_equilibrium: {what} has a force left over of {100.0 * off:.2g} % of the "
+            f"not_in_equilibrium: {what} has a force left over of {percent(off)} of the "
             "belt's tension: this is about a state that does not last"
         )
     if phases == 1 or passing_of(params, state._to_core(params)) == 0.0:

@@ -231,9 +231,9 @@ static int check_balance(bd_sim *sim, double energy) {
   /* and needs no second warning */
   if (fabs(share) > most && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
     bd_warn(&sim->stepper.report, BD_WARN_balance, sim->stepper.t, -1, -1,
-            "%.3g J, %.2g %% of the energy that passed through the drive, %s by t = %.6g s: "
+            "%.3g J, %.*g %% of the energy that passed through the drive, %s by t = %.6g s: "
             "take %s, or compare with another method",
-            fabs(residual), 100.0 * fabs(share),
+            fabs(residual), fabs(share) < 0.0995 ? 2 : 3, 100.0 * fabs(share),
             residual < 0.0 ? "have been lost by the integration"
                            : "have been added by the integration",
             sim->stepper.t, sim->stepper.fixed ? "a shorter step" : "a tighter rtol");
@@ -268,11 +268,13 @@ void bd_guard_begin(bd_sim *sim) {
 static void check_steps(bd_sim *sim) {
   const double error = sim->stats.local_error;
   if (sim->stepper.fixed && error > 0.5) {
-    bd_warn(
-        &sim->stepper.report, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
-        "steps of %.3g s have errors of %.2g of the tension or more, seen by t = %.6g s: take a "
-        "shorter step, or leave step out and ask for an rtol",
-        sim->options.step > 0.0 ? sim->options.step : sim->stepper.h, error, sim->stepper.t);
+    const bd_method *method = sim->stepper.method;
+    bd_warn(&sim->stepper.report, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
+            "steps of %.3g s have errors of up to %.2g of the tension%s, seen by t = %.6g s: take "
+            "a shorter step, or leave step out and ask for an rtol",
+            sim->options.step > 0.0 ? sim->options.step : sim->stepper.h, error,
+            method->error_order > method->order ? "" : ", by a formula of lower order than theirs",
+            sim->stepper.t);
   }
   if (!sim->stepper.fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->stepper.rtol) {
     bd_warn(

@@ -1,0 +1,28 @@
+"""Numbers as texts have the digits that their errors leave; shares in percent have no exponent."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["percent", "rounded"]
+
+
+def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
+    """Round a number to the place of the first digit of its error; give it and its digits.
+
+    Args:
+        value: The number.
+        error: Its error, in its unit; None or NaN, not known, leaves two digits.
+        digits: The most; the least are two.
+    """
+    left = 2
+    if error is not None and math.isfinite(error) and math.isfinite(value) and value != 0.0:
+        of_error = math.log10(max(error, 1e-300))
+        left = 1 + math.floor(math.log10(abs(value))) - math.floor(of_error)
+    left = min(max(left, 2), digits)
+    return float(f"{value:.{left - 1}e}"), left
+
+
+def percent(share: float) -> str:
+    """Give a share in percent, to two digits or to the whole."""
+    return f"{100.0 * share:.2g} %" if abs(share) < 0.0995 else f"{100.0 * share:.0f} %"
