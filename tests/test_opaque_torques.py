@@ -397,6 +397,27 @@ def test_an_explicit_step_sees_a_jump_within_it() -> None:
         assert result.stats.error is not None and off <= result.stats.error, t_jump
 
 
+def test_a_steep_smooth_torque_is_none_that_steps_do_not_follow() -> None:
+    """A viscous load on a pulley of next to no inertia: between the ends of a step its speed is
+    right to the tolerance, which the load's slope makes more torque than steps saw.
+    """
+    base = drives.plain()
+    light = (base.pulleys[0], attrs.evolve(base.pulleys[1], inertia=1e-6))
+    params = attrs.evolve(base, belt=attrs.evolve(base.belt, n_bodies=24), pulleys=light)
+    run = {"motion": {0: bd.PiecewiseLinear([0.0, 0.1], [0.0, 50.0])}, "method": "rodas4"}
+    result, exact = (
+        quiet(params, torque, 0.05, rtol=rtol, **run)
+        for torque, rtol in (
+            (lambda t, theta, omega: [0.0, -0.2 * omega[1]], 1e-2),
+            (bd.Viscous([0.0, 0.2]), 1e-6),
+        )
+    )
+    assert not [one.code for one in result.warnings if "torque" in one.code]
+    off = np.abs(result.joints.force - exact.joints.force)
+    assert result.stats.error is not None
+    assert np.sqrt(np.mean(off**2)) <= result.stats.error * exact.joints.force.mean()
+
+
 def test_speeds_that_jump_in_a_trial_are_no_jump_of_the_torque() -> None:
     """A viscous torque within limits, links that chatter under falling friction: trials of rodas4
     with wild speeds, rejected as they are, passed for jumps of the torque, and later one of them

@@ -27,7 +27,8 @@
  * swing by what that time is worth, and a warning says so.
  *
  * Samples inside a step show the torque at times at which no step has called it: a difference that
- * would have moved a pulley is a named warning.
+ * would have moved a pulley, against its inertia and the damping that the step knew of, is a named
+ * warning. The speed at a sample is right to the tolerance only, and a steep torque with it.
  *
  * Guarded by tests/test_opaque_torques.py.
  */
@@ -469,7 +470,9 @@ void bd_torque_functions_check_sample(bd_stepper *stepper, double t, double h) {
     double low = fmin(set->low[j], functions->now[j]), high = fmax(set->high[j], functions->now[j]);
     double beyond = fmax(low - torque, torque - high);
     double scale = fmax(fabs(stepper->y[lay->omega + j]), 1.0 / stepper->weights[lay->omega + j]);
-    if (beyond * h / stepper->model->inertia[j] > 0.02 * scale) {
+    double damping =
+        stepper->now->implicit ? fmax(0.0, -stepper->newton.by_omega[j * lay->np + j]) : 0.0;
+    if (beyond * h > 0.02 * scale * (stepper->model->inertia[j] + h * damping)) {
       bd_warn(&stepper->report, BD_WARN_torque, t, -1, j,
               "the torque function gives %.4g N m on %s at t = %.9g s, where the step "
               "round it saw %.4g to %.4g N m: it changes faster than steps of %.3g s follow; "
