@@ -147,6 +147,14 @@ static double tangent_between(const bd_model *model, int j, int k) {
                            hypot(model->cx[j] - model->cx[k], model->cy[j] - model->cy[k]));
 }
 
+double bd_tightest_radius(const bd_model *model) {
+  double tightest = model->radius[0];
+  for (int j = 1; j < model->lay.np; ++j) {
+    tightest = fmin(tightest, model->radius[j]);
+  }
+  return tightest;
+}
+
 /* Of a span between pulleys that can hold one link, or joint, at once: its length in links. */
 static double links_between(const bd_model *model, int j, int k) {
   return tangent_between(model, j, k) * model->belt.n_bodies / model->belt.length;

@@ -178,6 +178,7 @@ double bd_running_radius(const bd_model *model, int j, double tension, double sp
 
 /* --- model.c ---------------------------------------------------------------------------------- */
 
+double bd_tightest_radius(const bd_model *model);
 /* Length of the tangent by which the belt would go from one pulley to the other if their axes were
  * so far apart, 0: they overlap; and the least at which their contacts are told apart. */
 double bd_tangent_length(const bd_model *model, int j, int k, double apart);

@@ -10,7 +10,11 @@
 #include "run/run.h"
 
 void bd_circulation_begin(bd_circulation *circulation, bd_sim *sim) {
-  *circulation = (bd_circulation){0};
+  const double FINE = 0.1; /* angle of a link on its pulley */
+  const bd_model *model = sim->stepper.model;
+  *circulation =
+      (bd_circulation){.fine = sim->stepper.method->implicit && !sim->stepper.plan.friction_on &&
+                               model->info.link_length < FINE * bd_tightest_radius(model)};
   sim->stepper.plan.circulation_damping = 0.0;
   sim->stepper.plan.circulation_inertia_scale = 1.0;
 }
@@ -74,11 +78,6 @@ static void seek(bd_circulation *c, bd_sim *sim, double force) {
   ++c->moves;
 }
 
-/* Of the slowest of the other motions [1/s]. */
-static double pace_of(const bd_plan *plan) {
-  return plan->mass_damping / 16.0;
-}
-
 /* The stiffness is measured, from how the force along the belt changes with the distance travelled
  * since the last look, and circulation is given the inertia and damping that bring it to rest as
  * fast as the slowest of the other motions allows. */
@@ -90,7 +89,7 @@ static void tune(bd_circulation *c, bd_sim *sim, double force) {
   if (sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
       fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
     /* the estimate falls only slowly: gains that follow the position would feed energy in */
-    const double seen = fabs(force - c->force) / fabs(travel), pace = pace_of(plan);
+    const double seen = fabs(force - c->force) / fabs(travel), pace = plan->mass_damping / 16.0;
     c->stiffness = fmax(seen, 0.9 * c->stiffness);
     plan->circulation_inertia_scale = fmin(1e4, fmax(1.0, pace * pace / c->stiffness));
     plan->circulation_damping = fmin(plan->mass_damping, 2.0 * fmax(pace, sqrt(c->stiffness)));
@@ -100,17 +99,19 @@ static void tune(bd_circulation *c, bd_sim *sim, double force) {
   c->time = sim->stepper.t;
 }
 
-/* Steps of a belt that is given time follow its motions; a fine belt without friction that takes
- * longer is held and moved, unless that does not find its place: where links are long, it jumps. */
+/* Fine belts without friction that have not come to rest soon are held and moved. Coarse ones jump
+ * as links come on and off. */
 void bd_circulation_look(bd_circulation *circulation, bd_sim *sim, const double *dy) {
   enum { MOST_MOVES = 60 };
-  const double MOVED_AFTER = 60.0;
+  const double SOON = 60.0;
   bd_plan *plan = &sim->stepper.plan;
   const double force = bd_plan_circulation(plan, dy);
   const double given = (sim->stepper.t - plan->move_time) * plan->mass_damping;
-  const double soft = circulation->stiffness / (pace_of(plan) * pace_of(plan));
-  if (given < MOVED_AFTER || plan->friction_on || !sim->stepper.method->implicit || !(soft < 1.0) ||
-      circulation->moves > MOST_MOVES) {
+  if (circulation->moves > MOST_MOVES) { /* in vain */
+    bd_circulation_begin(circulation, sim);
+    circulation->fine = 0;
+  }
+  if (!circulation->fine || given < SOON) {
     tune(circulation, sim, force);
     return;
   }

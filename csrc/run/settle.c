@@ -64,19 +64,11 @@ static double pressed_by(const bd_model *model) {
          info->link_length;
 }
 
-static double tightest_radius(const bd_model *model) {
-  double tightest = model->radius[0];
-  for (int j = 1; j < model->lay.np; ++j) {
-    tightest = fmin(tightest, model->radius[j]);
-  }
-  return tightest;
-}
-
 /* Largest |lambda| of a link on its joints and a pulley, for a fixed explicit step. The contact
  * stiffens with penetration. */
 static double fastest_mode(const bd_model *model, int friction, double flow) {
   const bd_info *info = &model->info;
-  const double pressed = pressed_by(model), normal = pressed / tightest_radius(model);
+  const double pressed = pressed_by(model), normal = pressed / bd_tightest_radius(model);
   double lowest;
   bd_friction_stiffness steepest = {0.0, 0.0, 0.0};
   for (int j = 0; friction && j < model->lay.np; ++j) {
@@ -291,7 +283,7 @@ static int check_options(const bd_model *model, const bd_settle_options *options
  * both sides of a gap. */
 static double rounding(const bd_model *model) {
   const bd_info *info = &model->info;
-  const double normal = info->strain_tension * info->link_length / tightest_radius(model);
+  const double normal = info->strain_tension * info->link_length / bd_tightest_radius(model);
   const double stiff = 2.0 * info->joint_stiffness +
                        bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
   return 0.25 * DBL_EPSILON * info->path_length * stiff / info->strain_tension;
