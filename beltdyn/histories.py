@@ -330,7 +330,7 @@ class Stats:
             long implicit steps damp out: 0.3 % of the tension of the paper's drive near its limit
             with 60 links, part of the error of such a mesh.
         local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
-            errors are controlled. With fixed steps, their error, of "rk4" that of a formula of order
+            errors are controlled. With fixed steps their error, of "rk4" that of a formula of order
             3, many times its own: from 0.5 on there is a warning, and it is at least 1 if some
             had to be repeated with shorter ones. None if none was estimated, as in the first steps
             of "lbdf2" and "lie".
