@@ -187,7 +187,7 @@ typedef struct bd_circulation_place {
 
 /* Of a belt that settles; it is looked at now and then, with the rate of the stopped belt. */
 typedef struct bd_circulation {
-  int fine;                     /* whether it may be moved */
+  int fine;                  /* whether it may be moved */
   double force, speed, time; /* at the last look; time: of the last move, of a belt that is moved */
   double stiffness;          /* as seen */
   double at, step;           /* how far it has been moved; by how much next [shares of a link] */
