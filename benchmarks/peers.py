@@ -14,7 +14,7 @@ grouped differences. Where a solver has a choice of linear solvers, all are trie
 and the cheapest is used for the others. Tolerances are absolute, on the scale that matters for
 joint forces, a joint's stretch: relative to coordinates they would be a thousand times too loose.
 BLAS is held to one thread. Models are checked first: against the oracle of the tests, which knows
-neither, to rounding, and the Jacobian against differences.
+neither, and the Jacobian against differences (`peers_check.py`).
 
 A peer cannot reset mu when a link leaves its pulley; its model lets mu decay there. So peers have a
 reference of their own, on which two of them agree, and the report gives its distance from the
@@ -39,6 +39,7 @@ import common
 import numba_model
 import numpy as np
 import numpy_model
+import peers_check
 import scipy.integrate
 import scipy.sparse
 from numba_model import BAND, Compiled
@@ -46,9 +47,6 @@ from numpy_model import FIELDS, Drive
 from sksundae.cvode import CVODE
 
 import beltdyn as bd
-
-sys.path.insert(0, str(common.HERE.parent / "tests"))
-import bridge
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 TARGETS = (2e-2, 5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -257,46 +255,6 @@ class Problem:
 
         return jacobian
 
-    # ------------------------------------------------------------ checks
-
-    def check(self, case: common.Case) -> list[str]:
-        """Both models against the tests' oracle, the Jacobian against differences."""
-        d, y, t = self.drive, self.y0, self.t0
-        oracle = bridge.oracle_of(case.params)
-        state = oracle.pack(bridge.fields(case.start))
-        truth = oracle.unpack(oracle.rhs(t, state, case.torque))
-        truth["mu"] = truth["mu"].sum(axis=0)
-        exact = np.concatenate([truth[name] for name in (*FIELDS, "theta", "omega")])
-        # A joint's pull has the rounding of coordinates, times its stiffness.
-        pull = d.c_tra * np.max(np.abs(y[: 2 * d.n])) + d.b_tra * np.max(
-            np.abs(y[3 * d.n : 5 * d.n])
-        )
-        names = dict.fromkeys((*FIELDS, "theta", "omega"), 1.0)
-        names |= {"vx": pull / d.mass, "vy": pull / d.mass, "vphi": pull * d.half / d.inertia,
-                  "mu": d.sigma, "omega": pull}  # fmt: skip
-        rounding = d.per_variable(names)
-        model, compiled = self.plain(t, y), np.empty_like(y)
-        compiled[self.natural.order] = self.natural.rhs(t, y[self.natural.order])
-        off = [float(np.max(np.abs(x - exact) / rounding)) for x in (model, compiled)]
-
-        z, scale = y[self.natural.order], self.weights[self.natural.order]
-        jacobian = self.natural.jacobian(t, z).toarray() * scale
-        step, columns = 1e-6, []
-        for k in range(z.size):
-            shift = np.zeros(z.size)
-            shift[k] = step * scale[k]
-            columns.append((self.natural.rhs(t, z + shift) - self.natural.rhs(t, z - shift))
-                           / (2 * step))  # fmt: skip
-        difference = np.abs(jacobian - np.stack(columns, axis=1))
-        slack = float(np.max(difference / np.max(np.abs(jacobian), axis=1, keepdims=True)))
-        # Differences at 1e-6 of the stretch leave some 1e-7 of a row's largest entry.
-        if max(off) > 1e-14 or slack > 1e-5:
-            raise AssertionError(f"models differ: {off[0]:.1e}, {off[1]:.1e}, Jacobian {slack:.1e}")
-        return [
-            f"checked against the oracle: NumPy model to {off[0]:.0e}, Numba model to "
-            f"{off[1]:.0e} of its rounding's scale; Jacobian against differences to {slack:.0e}"
-        ]
-
 
 def dense(jacobian: Any) -> Any:
     return lambda t, y: jacobian(t, y).toarray()
@@ -439,7 +397,7 @@ def main() -> None:
         "; ".join(f"{name} {version(name)}" for name in ("scipy", "numba", "scikit-sundae")),
         f"medians of up to {effort['repeats']} interleaved repeats; mu decays at "
         f"{numpy_model.DECAY:g} 1/s off the pulleys in the peers' model",
-        *problem.check(case),
+        peers_check.check(problem, case),
     ]
 
     mine = common.reference(case)
