@@ -33,6 +33,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
+from itertools import pairwise
 from typing import Any
 
 import common
@@ -52,6 +53,8 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 TARGETS = (2e-2, 5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
 TOLERANCES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-7)
 SURVEY = 1e-3  # the tolerance at which a peer's options are compared
+#: Knots of a torque up to which solvers are begun anew at each.
+PIECES = 20
 RELATIVE = 2.3e-14  # the least SciPy takes: weights are absolute
 
 #: (tolerance, end of the window) -> states at the start and at the sample times before that end
@@ -97,37 +100,41 @@ class Problem:
         return np.append(self.times[self.times < end], end)
 
     def scipy(self, method: str, rhs: Any, order: np.ndarray, **options: Any) -> Solve:
-        y0, weights = self.y0[order], self.weights[order]
+        weights = self.weights[order]
 
         def solve(tolerance: float, end: float) -> np.ndarray:
-            # SciPy's own differences try ever larger steps where nothing changes, as in theta.
-            with np.errstate(over="ignore", invalid="ignore"):
+            def piece(times: np.ndarray, y: np.ndarray) -> np.ndarray:
+                before = np.nextafter(times[-1], times[0])
                 found = scipy.integrate.solve_ivp(
-                    rhs,
-                    (self.t0, end),
-                    y0,
+                    lambda t, y: rhs(min(t, before), y),
+                    (times[0], times[-1]),
+                    y,
                     method=method,
-                    t_eval=self.until(end),
+                    t_eval=times,
                     rtol=RELATIVE,
                     atol=tolerance * weights,
                     **options,
                 )
-            if not found.success:
-                raise RuntimeError(found.message)
-            return self._natural_order(found.y.T, order)
+                if not found.success:
+                    raise RuntimeError(found.message)
+                return np.asarray(found.y.T)
+
+            # SciPy's own differences try ever larger steps where nothing changes, as in theta.
+            with np.errstate(over="ignore", invalid="ignore"):
+                return self._in_pieces(piece, end, order)
 
         return solve
 
     def cvode(self, method: str, order: int, model: Compiled, **options: Any) -> Solve:
-        y0, weights = self.y0[model.order], self.weights[model.order]
-
-        def rhs(t: float, y: np.ndarray, dy: np.ndarray) -> None:
-            model.rhs_into(t, y, dy)
+        weights = self.weights[model.order]
 
         def solve(tolerance: float, end: float) -> np.ndarray:
-            with warnings.catch_warnings():
-                # That a pattern's own differences go unused where there is a Jacobian.
-                warnings.simplefilter("ignore")
+            def piece(times: np.ndarray, y: np.ndarray) -> np.ndarray:
+                before = np.nextafter(times[-1], times[0])
+
+                def rhs(t: float, y: np.ndarray, dy: np.ndarray) -> None:
+                    model.rhs_into(min(t, before), y, dy)
+
                 solver = CVODE(
                     rhs,
                     method=method,
@@ -137,14 +144,34 @@ class Problem:
                     max_num_steps=10**8,
                     **options,
                 )
-            found = solver.solve(self.until(end), y0)
-            if not found.success:
-                raise RuntimeError(found.message)
-            return self._natural_order(found.y, model.order)
+                found = solver.solve(times, y)
+                if not found.success:
+                    raise RuntimeError(found.message)
+                # Of two times alone it gives every step.
+                return np.asarray(found.y if times.size > 2 else found.y[[0, -1]])
+
+            with warnings.catch_warnings():
+                # That a pattern's own differences go unused where there is a Jacobian.
+                warnings.simplefilter("ignore")
+                return self._in_pieces(piece, end, model.order)
 
         return solve
 
-    def _natural_order(self, states: np.ndarray, order: Any) -> np.ndarray:
+    def _in_pieces(self, piece: Any, end: float, order: np.ndarray) -> np.ndarray:
+        """States in NumPy's order; begun anew where the torque jumps or bends, if that is seldom.
+
+        A solver does not see a torque that comes and goes within a step, and its user knows when.
+        """
+        knots = np.unique(self.drive.knots)
+        knots = knots[(knots > self.t0) & (knots < end)]
+        edges = [self.t0, *(knots if len(knots) <= PIECES else ()), end]
+        y, found = self.y0[order], [self.y0[order][None]]
+        for begin, stop in pairwise(edges):
+            inside = self.times[(self.times > begin) & (self.times < stop)]
+            states = piece(np.array([begin, *inside, stop]), y)
+            y = states[-1].copy()  # contiguous: another layout would be compiled anew
+            found.append(states[1:-1])
+        states = np.vstack([*found, y])
         natural = np.empty_like(states)
         natural[:, order] = states
         return natural
