@@ -64,8 +64,8 @@ class Drive:
         """
         p, info, n_p = scene.params, scene.params.info, len(scene.params.pulleys)
         laws = [p.friction_on(k) for k in range(n_p)]
-        law = laws[0] or bd.Dahl(mu_k=1.0, sigma=1e-300)  # mu stays at 0
-        knots, torque, viscous = _torques(scene.torque_fn, n_p)
+        law = laws[0] or bd.Dahl(mu_k=1.0, sigma=1.0)
+        knots, torque, viscous = _torques(scene.torque_fn, p)
         for fault, is_so in {
             "the mesh of joints": p.belt.mesh != "paper",
             "another friction law than Dahl's": not isinstance(law, bd.Dahl),
@@ -99,7 +99,7 @@ class Drive:
             c2=info["contact_linear"],
             b=info["contact_damping"],
             mu_k=law.mu_k,
-            sigma=law.sigma,
+            sigma=law.sigma if laws[0] else 0.0,  # mu stays at 0
             gravity=p.gravity,
             knots=knots,
             torque=torque,
@@ -114,20 +114,26 @@ class Drive:
     def pack(self, state: bd.State) -> np.ndarray:
         return np.concatenate([getattr(state, name) for name in (*FIELDS, "theta", "omega")])
 
-    def per_variable(self, values: dict[str, float]) -> np.ndarray:
-        """A vector like the state with one number for each field."""
+    def split(self, y: np.ndarray) -> list[np.ndarray]:
+        """Views of the fields of a state vector, then of theta and omega."""
+        end = len(FIELDS) * self.n
+        return [*y[:end].reshape(len(FIELDS), self.n), *y[end:].reshape(2, self.n_p)]
+
+    def per_variable(self, values: dict[str, Any]) -> np.ndarray:
+        """A vector like the state with one number for each field, or one for each pulley."""
         links = [np.full(self.n, values[name]) for name in FIELDS]
         return np.concatenate([*links, *(np.full(self.n_p, values[k]) for k in ("theta", "omega"))])
 
 
-def _torques(torque: bd.TorqueLike, n_p: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _torques(torque: bd.TorqueLike, params: bd.Params) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Knots (n_k,), torques there (n_k, n_p), two knots at a jump, and viscous coefficients."""
+    n_p = len(params.pulleys)
     viscous, given = np.zeros(n_p), None
     for part in getattr(torque, "parts", [torque]):
         if isinstance(part, bd.Viscous):
             viscous = viscous + part.coefficients
-        elif isinstance(part, bd.Load) and part.coulomb == part.quadratic == 0.0:
-            viscous[part.pulley] += part.viscous
+        elif isinstance(part, bd.Load) and not (part.coulomb or part.quadratic or part.factor):
+            viscous[params.pulley_index(part.pulley)] += part.viscous
         elif isinstance(part, bd.PiecewiseLinear) and given is None:
             given = part
         else:
@@ -135,7 +141,8 @@ def _torques(torque: bd.TorqueLike, n_p: int) -> tuple[np.ndarray, np.ndarray, n
     if given is None:
         return np.zeros(1), np.zeros((1, n_p)), viscous
     values = np.zeros((given.t.size, n_p))
-    values[:, slice(None) if given.pulley is None else given.pulley] = np.squeeze(given.values)
+    of = slice(None) if given.pulley is None else params.pulley_index(given.pulley)
+    values[:, of] = np.squeeze(given.values)
     return np.array(given.t), values, viscous
 
 

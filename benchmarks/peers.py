@@ -14,7 +14,7 @@ grouped differences. Where a solver has a choice of linear solvers, all are trie
 and the cheapest is used for the others. Tolerances are absolute, on the scale that matters for
 joint forces, a joint's stretch: relative to coordinates they would be a thousand times too loose.
 BLAS is held to one thread. Models are checked first: against the oracle of the tests, which knows
-neither, to rounding, and the Jacobian against differences.
+neither, and the Jacobian against differences (`peers_check.py`).
 
 A peer cannot reset mu when a link leaves its pulley; its model lets mu decay there. So peers have a
 reference of their own, on which two of them agree, and the report gives its distance from the
@@ -33,12 +33,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
+from itertools import pairwise
 from typing import Any
 
 import common
 import numba_model
 import numpy as np
 import numpy_model
+import peers_check
 import scipy.integrate
 import scipy.sparse
 from numba_model import BAND, Compiled
@@ -47,13 +49,12 @@ from sksundae.cvode import CVODE
 
 import beltdyn as bd
 
-sys.path.insert(0, str(common.HERE.parent / "tests"))
-import bridge
-
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 TARGETS = (2e-2, 5e-3, 1e-3, 1e-4, 1e-5, 1e-6)
 TOLERANCES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-7)
 SURVEY = 1e-3  # the tolerance at which a peer's options are compared
+#: Knots of a torque up to which solvers are begun anew at each.
+PIECES = 20
 RELATIVE = 2.3e-14  # the least SciPy takes: weights are absolute
 
 #: (tolerance, end of the window) -> states at the start and at the sample times before that end
@@ -99,37 +100,41 @@ class Problem:
         return np.append(self.times[self.times < end], end)
 
     def scipy(self, method: str, rhs: Any, order: np.ndarray, **options: Any) -> Solve:
-        y0, weights = self.y0[order], self.weights[order]
+        weights = self.weights[order]
 
         def solve(tolerance: float, end: float) -> np.ndarray:
-            # SciPy's own differences try ever larger steps where nothing changes, as in theta.
-            with np.errstate(over="ignore", invalid="ignore"):
+            def piece(times: np.ndarray, y: np.ndarray) -> np.ndarray:
+                before = np.nextafter(times[-1], times[0])
                 found = scipy.integrate.solve_ivp(
-                    rhs,
-                    (self.t0, end),
-                    y0,
+                    lambda t, y: rhs(min(t, before), y),
+                    (times[0], times[-1]),
+                    y,
                     method=method,
-                    t_eval=self.until(end),
+                    t_eval=times,
                     rtol=RELATIVE,
                     atol=tolerance * weights,
                     **options,
                 )
-            if not found.success:
-                raise RuntimeError(found.message)
-            return self._natural_order(found.y.T, order)
+                if not found.success:
+                    raise RuntimeError(found.message)
+                return np.asarray(found.y.T)
+
+            # SciPy's own differences try ever larger steps where nothing changes, as in theta.
+            with np.errstate(over="ignore", invalid="ignore"):
+                return self._in_pieces(piece, end, order)
 
         return solve
 
     def cvode(self, method: str, order: int, model: Compiled, **options: Any) -> Solve:
-        y0, weights = self.y0[model.order], self.weights[model.order]
-
-        def rhs(t: float, y: np.ndarray, dy: np.ndarray) -> None:
-            model.rhs_into(t, y, dy)
+        weights = self.weights[model.order]
 
         def solve(tolerance: float, end: float) -> np.ndarray:
-            with warnings.catch_warnings():
-                # That a pattern's own differences go unused where there is a Jacobian.
-                warnings.simplefilter("ignore")
+            def piece(times: np.ndarray, y: np.ndarray) -> np.ndarray:
+                before = np.nextafter(times[-1], times[0])
+
+                def rhs(t: float, y: np.ndarray, dy: np.ndarray) -> None:
+                    model.rhs_into(min(t, before), y, dy)
+
                 solver = CVODE(
                     rhs,
                     method=method,
@@ -139,14 +144,34 @@ class Problem:
                     max_num_steps=10**8,
                     **options,
                 )
-            found = solver.solve(self.until(end), y0)
-            if not found.success:
-                raise RuntimeError(found.message)
-            return self._natural_order(found.y, model.order)
+                found = solver.solve(times, y)
+                if not found.success:
+                    raise RuntimeError(found.message)
+                # Of two times alone it gives every step.
+                return np.asarray(found.y if times.size > 2 else found.y[[0, -1]])
+
+            with warnings.catch_warnings():
+                # That a pattern's own differences go unused where there is a Jacobian.
+                warnings.simplefilter("ignore")
+                return self._in_pieces(piece, end, model.order)
 
         return solve
 
-    def _natural_order(self, states: np.ndarray, order: Any) -> np.ndarray:
+    def _in_pieces(self, piece: Any, end: float, order: np.ndarray) -> np.ndarray:
+        """States in NumPy's order; begun anew where the torque jumps or bends, if that is seldom.
+
+        A solver does not see a torque that comes and goes within a step, and its user knows when.
+        """
+        knots = np.unique(self.drive.knots)
+        knots = knots[(knots > self.t0) & (knots < end)]
+        edges = [self.t0, *(knots if len(knots) <= PIECES else ()), end]
+        y, found = self.y0[order], [self.y0[order][None]]
+        for begin, stop in pairwise(edges):
+            inside = self.times[(self.times > begin) & (self.times < stop)]
+            states = piece(np.array([begin, *inside, stop]), y)
+            y = states[-1].copy()  # contiguous: another layout would be compiled anew
+            found.append(states[1:-1])
+        states = np.vstack([*found, y])
         natural = np.empty_like(states)
         natural[:, order] = states
         return natural
@@ -256,46 +281,6 @@ class Problem:
             return matrix
 
         return jacobian
-
-    # ------------------------------------------------------------ checks
-
-    def check(self, case: common.Case) -> list[str]:
-        """Both models against the tests' oracle, the Jacobian against differences."""
-        d, y, t = self.drive, self.y0, self.t0
-        oracle = bridge.oracle_of(case.params)
-        state = oracle.pack(bridge.fields(case.start))
-        truth = oracle.unpack(oracle.rhs(t, state, case.torque))
-        truth["mu"] = truth["mu"].sum(axis=0)
-        exact = np.concatenate([truth[name] for name in (*FIELDS, "theta", "omega")])
-        # A joint's pull has the rounding of coordinates, times its stiffness.
-        pull = d.c_tra * np.max(np.abs(y[: 2 * d.n])) + d.b_tra * np.max(
-            np.abs(y[3 * d.n : 5 * d.n])
-        )
-        names = dict.fromkeys((*FIELDS, "theta", "omega"), 1.0)
-        names |= {"vx": pull / d.mass, "vy": pull / d.mass, "vphi": pull * d.half / d.inertia,
-                  "mu": d.sigma, "omega": pull}  # fmt: skip
-        rounding = d.per_variable(names)
-        model, compiled = self.plain(t, y), np.empty_like(y)
-        compiled[self.natural.order] = self.natural.rhs(t, y[self.natural.order])
-        off = [float(np.max(np.abs(x - exact) / rounding)) for x in (model, compiled)]
-
-        z, scale = y[self.natural.order], self.weights[self.natural.order]
-        jacobian = self.natural.jacobian(t, z).toarray() * scale
-        step, columns = 1e-6, []
-        for k in range(z.size):
-            shift = np.zeros(z.size)
-            shift[k] = step * scale[k]
-            columns.append((self.natural.rhs(t, z + shift) - self.natural.rhs(t, z - shift))
-                           / (2 * step))  # fmt: skip
-        difference = np.abs(jacobian - np.stack(columns, axis=1))
-        slack = float(np.max(difference / np.max(np.abs(jacobian), axis=1, keepdims=True)))
-        # Differences at 1e-6 of the stretch leave some 1e-7 of a row's largest entry.
-        if max(off) > 1e-14 or slack > 1e-5:
-            raise AssertionError(f"models differ: {off[0]:.1e}, {off[1]:.1e}, Jacobian {slack:.1e}")
-        return [
-            f"checked against the oracle: NumPy model to {off[0]:.0e}, Numba model to "
-            f"{off[1]:.0e} of its rounding's scale; Jacobian against differences to {slack:.0e}"
-        ]
 
 
 def dense(jacobian: Any) -> Any:
@@ -439,7 +424,7 @@ def main() -> None:
         "; ".join(f"{name} {version(name)}" for name in ("scipy", "numba", "scikit-sundae")),
         f"medians of up to {effort['repeats']} interleaved repeats; mu decays at "
         f"{numpy_model.DECAY:g} 1/s off the pulleys in the peers' model",
-        *problem.check(case),
+        peers_check.check(problem, case),
     ]
 
     mine = common.reference(case)
