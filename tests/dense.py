@@ -277,7 +277,7 @@ def slots_of(oracle: reference.Reference) -> Array:
     which it could touch one joint of two links (MODEL section 8).
     """
     slots = np.zeros(oracle.n_pulleys, dtype=int)
-    between = 4.0 * oracle.l0 if oracle.mesh == "joint" else 0.0
+    between = 3.5 * oracle.l0 if oracle.mesh == "joint" else 0.0
     places = np.array(oracle.centers)
     for (j, mount), q in zip(oracle.mounts.items(), oracle.rest, strict=True):
         places[j] = mount.place(q, places[j])

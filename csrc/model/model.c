@@ -134,7 +134,7 @@ static double contact_radius(const bd_model *model, int j) {
 /* Of links, along links. A joint touches two pulleys at once by the far ends of its two links, each
  * of which dips into its circle for half a link as a chord, further where the belt sinks in. A span
  * shorter than the least is refused; the longest shared one leaves room for pulleys that move. */
-static const double LEAST_SPAN = 2.5, SHARED_SPAN = 4.0;
+static const double LEAST_SPAN = 2.5, SHARED_SPAN = 3.5;
 
 double bd_tangent_length(const bd_model *model, int j, int k, double apart) {
   const double r = model->contact_radius[j], other = model->contact_radius[k];
