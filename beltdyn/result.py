@@ -57,7 +57,7 @@ class Result:
         mounts    travel, travel_speed, ..., belt_force            (n_t, n_m)
         energy    kinetic, ..., residual, passed                   (n_t,)
 
-    ``span_tension`` is NaN where no link touches one of the span's two pulleys.
+    ``span_tension`` is NaN where no link is free in the span or none touches one of its pulleys.
     From these: ``hub_load()``, ``along_belt()`` in places fixed in space, ``arcs`` of contact, slip
     and stick.
 
@@ -179,10 +179,11 @@ class Result:
         """Mean joint force of the free span that follows each pulley (n_t, n_p) [N].
 
         Span k runs from pulley k on to the next pulley in the numbering of the links. Only joints
-        between two links that touch nothing count. NaN where a span has none, and where no link
-        touches one of its pulleys, as now and then on a wrap of less than a link or two: take
-        ``numpy.nanmean``; reports leave these samples out and say how many they are. It is a mean
-        over all of these joints, also where a belt with bending stiffness runs off its pulleys:
+        between two links that touch nothing count, of a span with a single such link the joint
+        before it. NaN where a span has none, and where no link touches one of its pulleys, as now
+        and then on a wrap of less than a link or two: take ``numpy.nanmean``; reports leave these
+        samples out and say how many they are. It is a mean over all of these joints, also where a
+        belt with bending stiffness runs off its pulleys:
         there the force is up to EI / (2 r^2) less than in the middle of the span.
         """
         return self._span_tension(slice(None))

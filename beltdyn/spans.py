@@ -17,9 +17,10 @@ __all__ = ["Coordinates", "coordinates", "joint_points", "mid_span", "span_tensi
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
     """Give the mean joint force of the free span that follows each pulley (n_t, n_p) [N].
 
-    Only joints between two links that touch nothing count, and not where links have lifted off
-    within a wrap. Those where a belt with bending stiffness runs off a pulley, EI / (2 r^2) below
-    the middle of the span at most, are among them; :func:`mid_span` gives the middle.
+    Only joints between two links that touch nothing count, of a span with a single such link the
+    joint before it, and not where links have lifted off within a wrap. Those where a belt with
+    bending stiffness runs off a pulley, EI / (2 r^2) below the middle of the span at most, are
+    among them; :func:`mid_span` gives the middle.
 
     Args:
         touched: The pulley that each link touches, or -1 (n_t, n_b).

@@ -18,7 +18,7 @@ from .naming import ByPulley
 from .outputs import chosen
 from .params import Params
 from .scene import Scene
-from .state import State
+from .state import SIZES, State, saved_shape
 from .torques import TorqueLike, Viscous
 
 __all__ = ["Start", "pack", "unpack"]
@@ -196,13 +196,12 @@ def _expected(values: list[Any] | None) -> Expected | None:
 
 
 def _initial(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any], params: Params) -> State:
-    n_states = int(params.info["n_states"])
-    fields = {}
-    for saved, name in _INITIAL.items():
-        shape: tuple[int, ...] = arrays[saved].shape
-        if len(shape) != 1 and not (name == "mu" and len(shape) == 2 and shape[0] == n_states):
-            raise ValueError(f"{saved} has the shape {shape}")
-        fields[name] = npz.number_array(saved, arrays[saved], np.float64, shape)
+    fields = {
+        name: npz.number_array(
+            saved, arrays[saved], np.float64, saved_shape(SIZES[name], arrays[saved])
+        )
+        for saved, name in _INITIAL.items()
+    }
     state = State(**fields, t=meta["t"], residual=meta["residual"])
     state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
     return state

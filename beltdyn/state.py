@@ -22,7 +22,7 @@ __all__ = ["State", "Tensions", "belt_speed"]
 #: it runs and creep make of them, and less than slip.
 RIMS = 0.01
 
-_SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
+SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
 
@@ -31,9 +31,9 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     """Give every field its converter, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
-        like = {"PULLEYS": "theta", "MOUNTS": "travel"}.get(_SIZES[name], "x")
+        like = {"PULLEYS": "theta", "MOUNTS": "travel"}.get(SIZES[name], "x")
 
-        several = _SIZES[name] in ROWS
+        several = SIZES[name] in ROWS
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
             expected = getattr(state, like).shape
@@ -58,7 +58,7 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
         }
 
     return [
-        field.evolve(**(array if field.name in _SIZES else number)(field.name)) for field in fields
+        field.evolve(**(array if field.name in SIZES else number)(field.name)) for field in fields
     ]
 
 
@@ -205,7 +205,7 @@ class State:
     ) -> None:
         """Raise ValueError unless the state is one of that many links, pulleys and mounts."""
         sizes = {"PULLEYS": n_pulleys, "MOUNTS": n_mounts}
-        for name, size in _SIZES.items():
+        for name, size in SIZES.items():
             shape = getattr(self, name).shape
             expected = (sizes.get(size, n_bodies),)
             if shape[-1:] != expected:
@@ -259,8 +259,8 @@ class State:
     @classmethod
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
         # Without friction the core has no friction state; mu and slip are zero then.
-        fields = {name: state[name] for name in _SIZES if np.size(state[name])}
-        for name in (name for name in fields if _SIZES[name] in ROWS):
+        fields = {name: state[name] for name in SIZES if np.size(state[name])}
+        for name in (name for name in fields if SIZES[name] in ROWS):
             if fields[name].size > fields["x"].size:
                 fields[name] = fields[name].reshape(-1, fields["x"].size)
         return cls(**{"t": state["t"], **fields, **changes})
@@ -274,18 +274,25 @@ class State:
             count = counts.get(size, 1)
             if count == 0:
                 return np.empty(0)
-            if value.size != count * value.shape[-1]:
-                if value.any():
-                    rows = value.size // value.shape[-1]
-                    raise ValueError(
-                        f"initial.{name} must have {count} row(s), {states} state(s) of the "
-                        f"friction laws at {slots} pulley(s) at once, got {rows}: is it of "
-                        "another drive? Settle this one, or give a state with zeros"
-                    )
+            if value.size == count * value.shape[-1]:
+                return value.ravel()
+            if not value.any():
                 return np.zeros(count * value.shape[-1])
-            return value.ravel()
+            each = count // slots  # rows of a slot
+            rows = value.size // value.shape[-1]
+            if rows % each or rows // each != self.slip.size // self.n_bodies:
+                raise ValueError(
+                    f"initial.{name} must have {count} row(s), one for each state of the "
+                    f"friction laws, got {rows}: is it of a drive with other laws? Settle "
+                    "this one, or give a state with zeros"
+                )
+            # of another number of slots: of each link what it has; a run leaves it to the pulley
+            # that the link touches
+            by_slot = value.reshape(-1, each, self.n_bodies)
+            most = np.abs(by_slot).argmax(axis=0)[None]
+            return np.tile(np.take_along_axis(by_slot, most, axis=0)[0], (slots, 1)).ravel()
 
-        return {"t": self.t, **{name: flat(name, size) for name, size in _SIZES.items()}}
+        return {"t": self.t, **{name: flat(name, size) for name, size in SIZES.items()}}
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file, exactly to ``path``.
@@ -293,7 +300,7 @@ class State:
         Raises:
             OSError: It cannot be written; a file that was there before is unchanged.
         """
-        values: dict[str, Any] = {name: getattr(self, name) for name in (*_SIZES, "t")}
+        values: dict[str, Any] = {name: getattr(self, name) for name in (*SIZES, "t")}
         if self.residual is not None:
             values["residual"] = self.residual
         npz.write(path, values)
@@ -313,7 +320,7 @@ class State:
                 name: npz.number_array(
                     name, values[name], np.float64, saved_shape(size, values[name])
                 )
-                for name, size in _SIZES.items()
+                for name, size in SIZES.items()
                 if size != "MOUNTS" or name in values  # not in the files of earlier versions
             }
             for name in ("t", "residual"):
@@ -321,4 +328,4 @@ class State:
                     fields[name] = float(npz.number_array(name, values[name], np.float64, ()))
             return cls(**fields)
 
-        return npz.read(path, "State", (*_SIZES, "t", "residual"), build)
+        return npz.read(path, "State", (*SIZES, "t", "residual"), build)

@@ -430,7 +430,8 @@ typedef struct bd_output {
 
 /* Mean force of the joints of the free span that follows each pulley (np); of one that has no free
  * joint, NaN. touched, force: of a sample, pulley and force of n links. Only joints between two
- * links that touch nothing count, and not where links have lifted off within a wrap. */
+ * links that touch nothing count, and not where links have lifted off within a wrap; of a span with
+ * a single such link the joint before it. */
 void bd_span_tension(int n, const int32_t *touched, const double *force, int np, double *tension);
 
 enum {

@@ -112,7 +112,7 @@
   X(int, n_bodies, "links")                                                                        \
   X(int, n_pulleys, "pulleys")                                                                     \
   X(int, n_mounts, "pulleys with a mount")                                                         \
-  X(int, n_slots, "friction slots per link: 1 unless pulleys overlap; 0 without friction")         \
+  X(int, n_slots, "friction slots per link: 1 unless spans are short; 0 without friction")         \
   X(int, n_states, "states of friction in a slot: the most that a law in use has")                 \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
   X(double, length, "stress-free length of the belt, L [m]")                                       \

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import reference
+from reference_line import belt_line, depth
 from reference_mounts import Sprung
 
 from beltdyn import _core
@@ -277,15 +278,25 @@ def slots_of(oracle: reference.Reference) -> Array:
     which it could touch one joint of two links (MODEL section 8).
     """
     slots = np.zeros(oracle.n_pulleys, dtype=int)
-    between = 3.5 * oracle.l0 if oracle.mesh == "joint" else 0.0
     places = np.array(oracle.centers)
     for (j, mount), q in zip(oracle.mounts.items(), oracle.rest, strict=True):
         places[j] = mount.place(q, places[j])
+    radii, reach, sides = oracle.radii, oracle.contact_radii, oracle.sides
+    try:
+        path = belt_line(places, radii, oracle.length, oracle.n_bodies, sides)[-1]
+    except ValueError:  # no drive
+        path = oracle.length
+    tension = 2.0 * oracle.axial_stiffness * max(path / oracle.length - 1.0, 0.0)
+    pressure = tension * (1.0 + tension / oracle.axial_stiffness) / radii
+    depths = np.array([depth(one, oracle.contact) for one in pressure])
+    dips = np.sqrt(0.25 + 2.0 * radii * depths / oracle.l0**2)
+    moves = np.isin(np.arange(oracle.n_pulleys), oracle.mounted)
     for j in range(oracle.n_pulleys):
         apart = np.hypot(*(places[:j] - places[j]).T)
-        reach = oracle.contact_radii
-        ends = reach * (1 if oracle.sides is None else oracle.sides)
+        ends = reach * (1 if sides is None else sides)
         span = np.sqrt(np.maximum(apart**2 - (ends[:j] - ends[j]) ** 2, 0.0))
-        taken = set(slots[:j][(apart < reach[:j] + reach[j]) | (span <= between)])
+        between = (2.0 + dips[:j] + dips[j] + 0.5 * (moves[:j] | moves[j])) * oracle.l0
+        close = span <= (between if oracle.mesh == "joint" else 0.0)
+        taken = set(slots[:j][(apart < reach[:j] + reach[j]) | close])
         slots[j] = next(slot for slot in range(j + 1) if slot not in taken)
     return slots

@@ -280,17 +280,21 @@ def spans_by_hand(touched: NDArray[np.int32], force: Array, n_p: int) -> Array:
     """Look both ways from every joint for the next link on a pulley."""
     n_b = touched.size
     found: list[list[float]] = [[] for _ in range(n_p)]
+    single: list[list[float]] = [[] for _ in range(n_p)]  # before single free links
     for i in range(n_b):
-        if touched[i] >= 0 or touched[i - 1] >= 0:
+        if touched[i] >= 0:
             continue
         back = next((k for k in range(1, n_b) if touched[(i - k) % n_b] >= 0), None)
         on = next((k for k in range(n_b) if touched[(i + k) % n_b] >= 0), None)
         if back is None or on is None:
             continue
         before, after = touched[(i - back) % n_b], touched[(i + on) % n_b]
-        if before != after or n_p == 1:
+        if (before != after or n_p == 1) and back > 1:
             found[before].append(float(force[i]))
-    return np.array([np.mean(some) if some else np.nan for some in found])
+        elif (before != after or n_p == 1) and on == 1:
+            single[before].append(float(force[i]))
+    each = zip(found, single, strict=True)
+    return np.array([np.mean(some or one) if some or one else np.nan for some, one in each])
 
 
 @pytest.mark.parametrize("n_p", [1, 2, 3, 5])

@@ -131,10 +131,8 @@ static double contact_radius(const bd_model *model, int j) {
          (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
 
-/* Of links, along links. A joint touches two pulleys at once by the far ends of its two links, each
- * of which dips into its circle for half a link as a chord, further where the belt sinks in. A span
- * shorter than the least is refused; the longest shared one leaves room for pulleys that move. */
-static const double LEAST_SPAN = 2.5, SHARED_SPAN = 3.5;
+/* [links] A span shorter than this is refused. */
+static const double LEAST_SPAN = 2.5;
 
 double bd_tangent_length(const bd_model *model, int j, int k, double apart) {
   const double r = model->contact_radius[j], other = model->contact_radius[k];
@@ -160,13 +158,30 @@ static double links_between(const bd_model *model, int j, int k) {
   return tangent_between(model, j, k) * model->belt.n_bodies / model->belt.length;
 }
 
+/* How far the belt dips into pulley j beyond its tangent: half a link as a chord, further as it
+ * sinks in, here under twice the tension at rest [links]. */
+static double dip(const bd_model *model, int j) {
+  const double length = model->info.link_length;
+  const double depth = model->geometry.code == BD_OK && model->info.strain_tension > 0.0
+                           ? contact_depth(model, j, 2.0 * model->info.strain_tension)
+                           : 0.0;
+  return sqrt(0.25 + 2.0 * model->radius[j] * depth / (length * length));
+}
+
+/* A joint of two links touches two pulleys at once by their far ends. */
+static double least_apart(const bd_model *model, int j, int k) {
+  return model->along_links ? 2.0 + dip(model, j) + dip(model, k) : 0.0;
+}
+
 double bd_least_span(const bd_model *model, int j, int k) {
-  const double links = model->slot[j] == model->slot[k] ? LEAST_SPAN + 0.5 : LEAST_SPAN;
+  const double links = model->slot[j] == model->slot[k] ? least_apart(model, j, k) : LEAST_SPAN;
   return model->along_links ? links * model->belt.length / model->belt.n_bodies : 0.0;
 }
 
 static int share_links(const bd_model *model, int j, int k) {
-  return links_between(model, j, k) <= (model->along_links ? SHARED_SPAN : 0.0);
+  const double ROOM = 0.5; /* for axes that move */
+  const int moves = model->mount_of && (model->mount_of[j] >= 0 || model->mount_of[k] >= 0);
+  return links_between(model, j, k) <= least_apart(model, j, k) + (moves ? ROOM : 0.0);
 }
 
 /* These need slots of their own; all others share. Greedy colouring; one slot for every scene with

@@ -21,8 +21,8 @@ void bd_span_tension(int n, const int32_t *touched, const double *force, int np,
   }
   /* more than one stretch of free links may follow a pulley: hence the whole ring for each */
   for (int j = 0; first >= 0 && j < np; ++j) {
-    double sum = 0.0;
-    int joints = 0;
+    double sum = 0.0, before = 0.0; /* before: in front of single free links */
+    int joints = 0, singles = 0;
     for (int done = 0; done < n;) {
       const int at = on_ring(first + done, n), from = touched[at];
       int free = 0; /* links until the next that touches a pulley */
@@ -30,12 +30,17 @@ void bd_span_tension(int n, const int32_t *touched, const double *force, int np,
         ++free;
       }
       const int to = touched[on_ring(at + free + 1, n)];
-      for (int q = 2; from == j && (from != to || np == 1) && q <= free; ++q) {
+      const int spans = from == j && (from != to || np == 1);
+      if (spans && free == 1) {
+        before += force[on_ring(at + 1, n)];
+        ++singles;
+      }
+      for (int q = 2; spans && q <= free; ++q) {
         sum += force[on_ring(at + q, n)];
         ++joints;
       }
       done += free + 1;
     }
-    tension[j] = joints > 0 ? sum / joints : (double)NAN;
+    tension[j] = joints > 0 ? sum / joints : singles > 0 ? before / singles : (double)NAN;
   }
 }

@@ -52,7 +52,8 @@ static void seek(bd_circulation *c, bd_sim *sim, double force) {
   const double since = (sim->stepper.t - c->time) * sim->stepper.plan.mass_damping;
   const int steady = fabs(force - c->force) <= STEADY * fabs(force);
   c->force = force;
-  if (force == 0.0 || since < SOON || !(steady || since > LATE)) {
+  if (force == 0.0 || since < SOON || !steady) {
+    c->fine &= since <= LATE;
     return;
   }
   const int side = force < 0.0;
@@ -80,14 +81,20 @@ static void seek(bd_circulation *c, bd_sim *sim, double force) {
 
 /* The stiffness is measured, from how the force along the belt changes with the distance travelled
  * since the last look, and circulation is given the inertia and damping that bring it to rest as
- * fast as the slowest of the other motions allows. */
+ * fast as the slowest of the other motions allows. A change of these changes the force at once,
+ * which passes for stiffness and brings the next change: where that goes on, they are held until it
+ * has died down. */
 static void tune(bd_circulation *c, bd_sim *sim, double force) {
+  enum { HELD = 16 };
   bd_plan *plan = &sim->stepper.plan;
   const double speed = bd_plan_circulation(plan, sim->stepper.y);
   const double travel = 0.5 * (speed + c->speed) * (sim->stepper.t - c->time);
+  const double held_after = sim->stepper.method->implicit ? 2500.0 : 500.0;
+  const double given = (sim->stepper.t - plan->move_time) * plan->mass_damping;
+  const int held = given > held_after && ++c->looks < HELD;
   /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
-  if (sim->stepper.t > plan->move_time + 30.0 / plan->mass_damping &&
-      fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
+  if (!held && given > 30.0 && fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
+    c->looks = 0;
     /* the estimate falls only slowly: gains that follow the position would feed energy in */
     const double seen = fabs(force - c->force) / fabs(travel), pace = plan->mass_damping / 16.0;
     c->stiffness = fmax(seen, 0.9 * c->stiffness);
@@ -107,8 +114,9 @@ void bd_circulation_look(bd_circulation *circulation, bd_sim *sim, const double 
   bd_plan *plan = &sim->stepper.plan;
   const double force = bd_plan_circulation(plan, dy);
   const double given = (sim->stepper.t - plan->move_time) * plan->mass_damping;
-  if (circulation->moves > MOST_MOVES) { /* in vain */
-    bd_circulation_begin(circulation, sim);
+  if (plan->circulation_inertia_scale == 0.0 &&
+      (circulation->moves > MOST_MOVES || !circulation->fine)) {
+    bd_circulation_begin(circulation, sim); /* moved in vain */
     circulation->fine = 0;
   }
   if (!circulation->fine || given < SOON) {

@@ -190,6 +190,7 @@ typedef struct bd_circulation {
   int fine;                  /* whether it may be moved */
   double force, speed, time; /* at the last look; time: of the last move, of a belt that is moved */
   double stiffness;          /* as seen */
+  int looks;                 /* since gains were changed */
   double at, step;           /* how far it has been moved; by how much next [shares of a link] */
   bd_circulation_place ends[2]; /* last places with a force ahead, back */
   int last, tries, moves;       /* which of them is the last one; moves between them, and all */
