@@ -162,9 +162,8 @@ static double links_between(const bd_model *model, int j, int k) {
  * sinks in, here under twice the tension at rest [links]. */
 static double dip(const bd_model *model, int j) {
   const double length = model->info.link_length;
-  const double depth = model->geometry.code == BD_OK && model->info.strain_tension > 0.0
-                           ? contact_depth(model, j, 2.0 * model->info.strain_tension)
-                           : 0.0;
+  const double tension = 2.0 * model->info.strain_tension;
+  const double depth = tension > 0.0 ? contact_depth(model, j, tension) : 0.0;
   return sqrt(0.25 + 2.0 * model->radius[j] * depth / (length * length));
 }
 
