@@ -191,13 +191,19 @@ class Accuracy:
         told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
         if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
             told += " (of time, mesh and contact together; tensions: of the mean of all spans)"
-        unknown = [
-            SHORT.get(one.quantity, one.quantity) for one in self.errors if one.total is None
-        ]
-        if not unknown:
+        unknown = {
+            part: [
+                SHORT.get(one.quantity, one.quantity)
+                for one in self.errors
+                if one.total is None and (one.space is None) == (part == "of")
+            ]
+            for part in ("of", "in time of")
+        }
+        if not any(unknown.values()):
             return f"{told}."
+        names = ", ".join(f"{part} {', '.join(some)}" for part, some in unknown.items() if some)
         how = "" if self.verified else " (verify=True measures them)"
-        return f"{told}{'; ' if known else ''}not known of {', '.join(unknown)}{how}."
+        return f"{told}{'; ' if known else ''}not known {names}{how}."
 
     def _in_time(self, one: QuantityError) -> str:
         share = _share(one.time, TIME_FLOOR)
@@ -284,6 +290,8 @@ class Run(Protocol):
     def stats(self) -> Stats: ...
     @property
     def params(self) -> Drive: ...
+    @property
+    def prescribed(self) -> tuple[str, ...]: ...
     @property
     def _running(self) -> Running | None: ...
     def _has(self, name: str) -> bool: ...
@@ -402,7 +410,9 @@ def _of_mesh(run: Run) -> dict[str, float]:
     carried = seen.speed * max(seen.pull, FAINT * tension)
     half = 0.5 / params.belt.n_bodies  # a link at the ends of arcs, in the belt's forces and means
     if carried > 0.0:
-        found |= {"power": lost / seen.power + half, "friction": lost / carried + half}
+        # set torques know nothing of the ends of arcs, those that a motion needs do
+        of_torques = half if run.prescribed else 0.0
+        found |= {"power": lost / seen.power + of_torques, "friction": lost / carried + half}
     return found
 
 

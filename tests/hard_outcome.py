@@ -117,7 +117,8 @@ def invariants(result: bd.Result) -> dict[str, float]:
         found["ledger"] = result.stats.balance / (BALANCE_WARNED if warned else BALANCE)
         # Not those of mounts: dry friction in a pivot hands back what its bristles hold.
         names = ("joint_loss", "contact_loss", "drag_loss")
-        slack = np.max(np.abs(energy.residual)) + 1e-7 * np.max(energy.passed + energy.total)
+        of_all = np.max(energy.passed + np.abs(energy.total))  # gravity makes totals negative
+        slack = np.max(np.abs(energy.residual)) + 1e-7 * of_all
         for loss in (getattr(energy, name) for name in names):
             if loss is not None:
                 fall = np.max(np.maximum.accumulate(loss) - loss)

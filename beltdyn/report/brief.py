@@ -236,10 +236,10 @@ def _balance(report: Told) -> str:
     error, of_losses = report.power_error, report.efficiency_error or 0.0
     ends = [within(one, error and error * put_in) for one in (put_in, total("out"))]
     told = f"{ends[0]} W put in, {ends[1]} W taken off, {lost}"
-    parts = sorted((one for one in report.powers if one.kind == "lost"), key=lambda one: -one.power)
-    shown = [one for one in parts[:_LOSSES] if one.power > _SMALL * put_in]
+    parts = sorted(report.powers, key=lambda one: -abs(one.power))
+    shown = [one for one in parts if one.kind == "lost" and abs(one.power) > _SMALL * put_in]
     if shown and known:
-        named = (f"{one.name} {digits.loss(report, one.power)}" for one in shown)
+        named = (f"{one.name} {digits.loss(report, one.power)}" for one in shown[:_LOSSES])
         told += f" (most: {', '.join(named)})"
     rest = put_in - total("out") - total("lost")
     if report.efficiency is not None and abs(rest) > max(_SMALL * put_in, _unit(put_in, error)):
@@ -267,6 +267,8 @@ def _named(report: Told) -> list[str]:
     """Name each warning once, with how many pulleys or spans it is of."""
     codes = [one.code for one in report.warnings]
     return [
-        f"{code} ({codes.count(code)})" if codes.count(code) > 1 else code
+        f"{code} ({codes.count(code)})"
+        if codes.count(code) > 1
+        else code + ", foreseen" * text.foreseen(report, code)
         for code in dict.fromkeys(codes)
     ]

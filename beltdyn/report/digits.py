@@ -291,7 +291,7 @@ def lost(report: Told) -> tuple[str, bool]:
     power = sum(one.power for one in report.powers if one.kind == "lost")
     unknown = abs(report.powers[RESIDUAL].power)
     if abs(power) < unknown:
-        return f"less than some {number(unknown, 2)} W lost", False
+        return f"less than some {number(abs(power) + unknown, 2)} W lost", False
     if power < 0.0:
         return f"{loss(report, -power)} W given back by friction, which had stored it", False
     return f"{loss(report, power)} W lost", True

@@ -482,8 +482,8 @@ def lines(report: Told) -> list[str]:
             found += _wrapped(remark)
     if report.warnings:
         found += ["", "Warnings of the run"]
-        for warning in report.warnings:
-            found += _wrapped(str(warning))
+        for warning in _warnings(report):
+            found += _wrapped(warning)
     if report.notes:
         found += ["", "Not told, and to be kept in mind"]
         for note in report.notes:
@@ -525,6 +525,16 @@ def _fitted(rows: list[tuple[str, ...]]) -> list[list[tuple[str, ...]]]:
     return [rows]
 
 
+def _warnings(report: Told) -> list[str]:
+    later = " (foreseen; the errors of this run are measured)"
+    return [f"{one}{later if foreseen(report, one.code) else ''}" for one in report.warnings]
+
+
+def foreseen(report: Told, code: str) -> bool:
+    """Whether a warning has an estimate of what has been measured since."""
+    return code == "mesh" and report.accuracy.verified
+
+
 def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ")
 
@@ -533,7 +543,7 @@ def html(report: Told) -> str:
     """Give a report as HTML, for notebooks."""
     parts = [*paragraphs(opening(report)), *of_tables(tables(report))]
     for title, texts in (
-        ("Warnings of the run", [str(one) for one in report.warnings]),
+        ("Warnings of the run", _warnings(report)),
         ("Not told, and to be kept in mind", report.notes),
     ):
         if texts:

@@ -183,8 +183,7 @@ static int share_links(const bd_model *model, int j, int k) {
   return links_between(model, j, k) <= least_apart(model, j, k) + (moves ? ROOM : 0.0);
 }
 
-/* These need slots of their own; all others share. Greedy colouring; one slot for every scene with
- * pulleys apart. */
+/* These need slots of their own; all others share: greedy colouring. */
 static int colour_pulleys(const bd_model *model) {
   int np = model->lay.np, slots = 1;
   for (int j = 0; j < np; ++j) {

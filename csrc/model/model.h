@@ -254,6 +254,9 @@ void bd_state_export(const bd_model *model, const double *y, double turns, bd_st
 void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi);
 /* Moves whole turns from phi to *turns once they would cost digits. */
 void bd_state_wind(const bd_layout *lay, double *y, double *turns);
+/* The first link whose angle does not run on from that of the one before, -1: none. Angles close
+ * with the winding: a step near a turn is one wrapped away. */
+int bd_state_wrapped(const bd_model *model, const double *phi, double *turn);
 /* First non-finite entry by name and index; NULL if none. */
 const char *bd_state_bad(const bd_layout *lay, const double *y, int *body, int *pulley);
 /* What errors of a row of the table are measured by, in slot or on pulley k; INFINITY: they are

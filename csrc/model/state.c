@@ -106,18 +106,26 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
   return BD_OK;
 }
 
-/* Angles run on continuously and close with the winding: a step near a turn is one wrapped away. */
-static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
+int bd_state_wrapped(const bd_model *model, const double *phi, double *turn) {
   const int n = model->lay.string ? 0 : model->lay.n;
   for (int i = 0; i < n; ++i) {
     double closing = i == 0 ? 2.0 * BD_PI * model->info.winding : 0.0;
-    double turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
-    if (fabs(turn) > 1.5 * BD_PI || fabs(phi[i]) > LARGEST_ANGLE) {
-      return bd_fail_at(err, BD_ERR_STATE, "phi", (double)NAN, i, -1, turn,
-                        "state phi must run on continuously round the ring, never wrapped, and "
-                        "within +-1e9; from link %d to link %d it turns by %g rad",
-                        i > 0 ? i - 1 : n - 1, i, turn);
+    *turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
+    if (fabs(*turn) > 1.5 * BD_PI || fabs(phi[i]) > LARGEST_ANGLE) {
+      return i;
     }
+  }
+  return -1;
+}
+
+static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
+  double turn;
+  const int i = bd_state_wrapped(model, phi, &turn);
+  if (i >= 0) {
+    return bd_fail_at(err, BD_ERR_STATE, "phi", (double)NAN, i, -1, turn,
+                      "state phi must run on continuously round the ring, never wrapped, and "
+                      "within +-1e9; from link %d to link %d it turns by %g rad",
+                      i > 0 ? i - 1 : model->lay.n - 1, i, turn);
   }
   return BD_OK;
 }

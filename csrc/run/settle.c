@@ -364,6 +364,14 @@ static int check_laid(bd_sim *sim, bd_error *err) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
   int code = bd_guard_winding(&sim->stepper.plan, sim->stepper.y, err, sim->stepper.t);
+  double turn;
+  const int over = bd_state_wrapped(model, bd_cfield(lay, sim->stepper.y, F_PHI), &turn);
+  if (code == BD_OK && over >= 0) {
+    return bd_fail_at(err, BD_ERR_NOT_SETTLED, "settle", sim->stepper.t, over, -1, turn,
+                      "link %d has turned over: links of %.3g m are too long for the pulleys, "
+                      "raise belt.n_bodies",
+                      over, model->info.link_length);
+  }
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double stored = 0.0;
     if (!bd_add_contact_energy(&sim->stepper.plan, sim->stepper.y, j, &stored)) {
