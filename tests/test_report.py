@@ -498,7 +498,7 @@ def test_powers_have_one_error() -> None:
 def test_shares_in_percent_have_no_exponent() -> None:
     """Powers, errors, frequencies, warnings: 1e+02 % of what was put in was stored in a run-up."""
     shares = (1e-9, 3.14e-4, 0.0994, 0.0996, 0.996, 1.0, 2.713, -2.0)
-    texts = ["below 0.0001 %", "0.031 %", "9.9 %", "10 %", "100 %", "100 %", "271 %", "-200 %"]
+    texts = ["<0.0001 %", "0.031 %", "9.9 %", "10 %", "100 %", "100 %", "271 %", "-200 %"]
     assert [percent(one) for one in shares] == texts
     run_up = " ".join(result(0.08).report().notes)
     assert re.search(r"no efficiency: what is stored changes by \d+ W .*, (9\d|100) % of", run_up)
