@@ -12,7 +12,7 @@ from .histories import BeltHistory, ContactHistory
 from .params import Params
 from .spans import coordinates, joint_points
 
-__all__ = ["SLIP_FROM", "Arcs", "arcs_of", "contact_points", "in_slip", "slipping", "turns"]
+__all__ = ["SLIP_FROM", "Arcs", "arcs_of", "contact_points", "full_friction", "in_slip", "turns"]
 
 #: Share of the friction in full slip from which on a link counts as slipping. Laws with a state
 #: approach full slip over a way of some mu_k / sigma, of Dahl's 1 - exp(-x sigma / mu_k): 95 % are
@@ -39,15 +39,22 @@ class Arcs:
     of the most it could give at higher speed. On a pulley without friction all of the wrap slips. A
     link on two pulleys belongs to the one with the larger normal force.
 
+    Links that land shake the belt. Where it creeps more slowly than that it creeps back in between,
+    friction falls each time, and on coarse meshes no link may be left above 95 %: ``returning``
+    tells of it. Where that is more than a few percent, the arc of slip is too small.
+
     Attributes:
         wrap: Arc of contact [rad].
         slip: The part of it that slips [rad].
         stick: The rest of it [rad].
+        returning: Of the part with half of the friction in full slip or more, the share on which
+            friction falls, as the belt creeps back [1].
     """
 
     wrap: Array
     slip: Array
     stick: Array
+    returning: Array
 
     def __repr__(self) -> str:
         return f"Arcs(wrap, slip, stick: {self.wrap.shape})"
@@ -71,22 +78,14 @@ def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
     return np.interp(np.abs(velocity), speed, coefficients)
 
 
-def slipping(
-    params: Params,
-    touched: NDArray[np.int32],
-    mu: Array,
-    velocity: Array | None,
-    share: float = SLIP_FROM,
-) -> NDArray[np.bool_]:
-    """Tell which links slip, by the rule of :class:`Arcs`; those that touch nothing do not.
+def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | None) -> Array:
+    """Return the friction coefficients in full slip of links; any where nothing is touched.
 
     Args:
         params: The drive.
         touched: The pulley that each link touches, or -1 (..., n_b).
-        mu: Friction coefficients, friction over normal force (..., n_b) [1].
         velocity: Slip velocities (..., n_b) [m/s]; None: not known, full slip is then that at high
             speed.
-        share: Share of the friction in full slip from which on a link slips.
     """
     kinetic, _ = params._slip_limits
     full = kinetic[touched]
@@ -97,7 +96,7 @@ def slipping(
             held = in_slip(law, float(kinetic[k]), velocity)
         if held is not None:
             full = np.where(touched == k, held, full)
-    return np.asarray((touched >= 0) & (np.abs(mu) >= share * full))
+    return np.asarray(full)
 
 
 def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
@@ -129,20 +128,25 @@ def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers:
     """
     n_t, n_b = contact.pulley.shape
     n_p = len(params.pulleys)
-    wrap, slip = np.zeros((n_t, n_p)), np.zeros((n_t, n_p))
+    wrap, slip, returning = (np.zeros((n_t, n_p)) for _ in range(3))
     size = max(1, _BLOCK // n_b)
     for begin in range(0, n_t, size):
         rows = slice(begin, begin + size)
         touched, normal = contact.pulley[rows], contact.normal[rows]
         points = contact_points(params, belt, rows)
         axes = centers[rows] if len(centers) > 1 else centers
-        slips = slipping(params, touched, contact.mu[rows], contact.velocity[rows])
+        full = full_friction(params, touched, contact.velocity[rows])
+        rubs, falls = np.abs(contact.mu[rows]), contact.mu[rows] * contact.velocity[rows] < 0.0
         for k in range(n_p):
             on = touched == k
             angles = _angles(params, points - axes[:, k, None, :], on, normal)
             wrap[rows, k] = angles.sum(axis=1)
-            slip[rows, k] = np.where(slips, angles, 0.0).sum(axis=1)
-    return Arcs(wrap=wrap, slip=slip, stick=wrap - slip)
+            slip[rows, k] = np.where(rubs >= SLIP_FROM * full, angles, 0.0).sum(axis=1)
+            much = np.where(rubs >= 0.5 * full, angles, 0.0)
+            whole = much.sum(axis=1)
+            back = np.where(falls, much, 0.0).sum(axis=1)
+            np.divide(back, whole, out=returning[rows, k], where=whole > 0.0)
+    return Arcs(wrap=wrap, slip=slip, stick=wrap - slip, returning=returning)
 
 
 def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) -> Array:

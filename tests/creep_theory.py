@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 
@@ -132,3 +133,37 @@ def two_pulley_benchmark() -> Creep:
         mu=0.5,
     )
     return steady(drive, 12.0, lambda omega: 2.0 * omega + 25.0)
+
+
+def dahl_slip_arc(
+    enters: float, leaves: float, mu: float, sigma: float, stiffness: float, share: float
+) -> float:
+    """The angle with this share of Dahl's friction or more, by the forces at both ends [rad].
+
+    dH/dphi = +-mu' H, and what the belt creeps stretches bristles: dmu'/dphi = sigma (1 - mu'/mu)
+    times R |H - H_enters| / EA. They begin on the mode that grows as exp(phi sqrt(sigma R H / EA)).
+
+    Args:
+        enters, leaves: H where the belt runs on, and off [N].
+        mu, sigma: Of the friction law; ``sigma`` times the radius [1].
+        stiffness: EA [N].
+        share: Share of ``mu``.
+    """
+    sign = math.copysign(1.0, leaves - enters)
+    rate, first = math.sqrt(sigma * enters / stiffness), 1e-4 * mu
+
+    def along(_phi: float, y: np.ndarray) -> list[float]:
+        return [sign * y[1] * y[0], sigma * (1.0 - y[1] / mu) * abs(y[0] - enters) / stiffness]
+
+    def ends(_phi: float, y: np.ndarray) -> float:
+        return float(y[0] - leaves)
+
+    ends.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(
+        along,
+        (0.0, 20.0),
+        [enters * (1.0 + sign * first / rate), first],
+        events=[lambda _phi, y: y[1] - share * mu, ends],
+        rtol=1e-8,
+    )
+    return float(found.t_events[1][0] - found.t_events[0][0])

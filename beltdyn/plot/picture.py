@@ -16,7 +16,7 @@ from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from ..arcs import slipping
+from ..arcs import full_friction
 from ..checks import Array, pair, real
 from ..outputs import has
 from ..result import Result
@@ -297,8 +297,9 @@ class DrivePicture:
         known = has(self._result.outputs, "contact.velocity")
         velocity = contact.velocity[rows] if known else None
         touched, mu = contact.pulley[rows], contact.mu[rows]
-        slips = slipping(self._result.params, touched, mu, velocity, self._slip_from)
-        return touched >= 0, slips
+        full = full_friction(self._result.params, touched, velocity)
+        on = touched >= 0
+        return on, on & (np.abs(mu) >= self._slip_from * full)
 
     def _rim_arcs(self, row: int, chosen: NDArray[np.bool_]) -> list[Array]:
         """One polyline per run of links of the same state on the same pulley."""

@@ -303,12 +303,13 @@ def slip_torque(report: Told, row: PulleyRow) -> str:
     return within(row.slip_torque, share and share * abs(row.slip_torque or 0.0))
 
 
-def slip_arc(row: PulleyRow) -> str:
-    """Give the arc of slip in degrees: of links that slip or do not, to a link's angle."""
-    if row.slip_arc is None:
-        return NONE
-    link = 0.0 if not row.wrap or not row.links else row.wrap / row.links
-    return signed(f"{math.degrees(row.slip_arc):.{0 if math.degrees(link) > 1.0 else 1}f}")
+def slip_arc(row: PulleyRow) -> tuple[str, str]:
+    """Give the arc of slip and its error in degrees, to tenths where that leaves them."""
+    if row.slip_arc is None or row.slip_error is None:
+        return NONE, NONE
+    arc, off = math.degrees(row.slip_arc), math.degrees(row.slip_error)
+    places = 0 if off >= 1.0 else 1
+    return signed(f"{arc:.{places}f}"), f"{off:.{places}f}"
 
 
 def at_rest(report: Told) -> str:

@@ -33,6 +33,7 @@ _UNITS: dict[type, dict[str, str]] = {
         "hub_direction": "rad",
         "wrap": "rad",
         "slip_arc": "rad",
+        "slip_error": "rad",
         "tight": "N",
         "slack": "N",
         "slip_torque": "N m",

@@ -58,7 +58,9 @@ class PulleyRow:
         wrap: Angle of the belt line on it, with mounts at their mean places [rad].
         links: How many links long that is [1].
         slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
-        slip_share: That over the wrap, from the links in contact (:class:`beltdyn.arcs.Arcs`) [1].
+        slip_error: Its error: a quarter of a link, and what links that land may have taken from it
+            where the belt creeps back (``Arcs.returning``), to a factor of three [rad].
+        slip_share: The arc over the wrap, from links in contact (:class:`beltdyn.arcs.Arcs`) [1].
         slip_range: Least and largest of it, without what links do that pass.
         tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
         slack: The same of the other one [N].
@@ -95,6 +97,7 @@ class PulleyRow:
     wrap: float | None = None
     links: float | None = None
     slip_arc: float | None = None
+    slip_error: float | None = None
     slip_share: float | None = None
     slip_range: Spread | None = None
     tight: float | None = None

@@ -122,7 +122,7 @@ def _loads(report: Told) -> Table:
             between(load[1:]),
             _direction(row.hub_direction),
             _degrees(row.wrap),
-            digits.slip_arc(row),
+            *digits.slip_arc(row),
             percent(row.slip_share, 0),
             _percents(row.slip_range),
         )
@@ -135,6 +135,7 @@ def _loads(report: Told) -> Table:
         "towards deg",
         "wrap deg",
         "slip arc deg",
+        "+-",
         "% of wrap",
         "range",
     )
@@ -148,7 +149,8 @@ def _loads(report: Told) -> Table:
     if any(row.slip_arc is not None for row in report.pulleys):
         remarks += (
             "A link slips with 95 % of full friction or more. One that creeps carries less while "
-            "its friction builds up, so the arc is smaller than the part of friction in use.",
+            "its friction builds up, so the arc is smaller than the part of friction in use. +-: "
+            "what the mesh may put it off by, to a factor of three.",
         )
     title = "Hub loads; wrap by the belt line; slip by the links in contact"
     return Table(title, heading, rows, remarks)
