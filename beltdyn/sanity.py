@@ -235,19 +235,22 @@ def bodies(params: Drive) -> str:
 def describe_mesh(params: Drive) -> str:
     """Say in one line what the error of the mesh is."""
     belt, error = params.belt, mesh_error(params)
-    # a run knows its speed; here, from which one on landing links are the larger part
+    # a run knows its speed and load; here, from which speed on landing links are the larger part
     fast = math.sqrt(error["span_mean"] / max(shaken(params, 1.0), 1e-300))
-    landing = f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed"
+    running = (
+        f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed, "
+        f"loads up to {percent(1.0 / belt.n_bodies)}"  # all the tension: mesh_error, pull 2 T
+    )
     if belt.mesh == "paper":
         strain = float(params.info["mesh_strain"])
         return (
             f"{belt.n_bodies} straight links, longer than their arcs, add {percent(strain)} of "
             f"strain, {strain * belt.axial_stiffness:.3g} N ({percent(error['span_mean'])}); "
-            f"{landing}"
+            f"{running}"
         )
     return (
-        f"with {bodies(params)} some {percent(error['span_mean'])} of the mean tension, "
-        f"{percent(error['tension'])} of its history, several times that of creep; {landing}; "
+        f"with {bodies(params)} some {percent(error['span_mean'])} of the mean tension at rest, "
+        f"{percent(error['tension'])} of its history, several times that of creep; {running}; "
         "known to a factor of three"
     )
 
@@ -280,7 +283,7 @@ def of_mesh(
         speed: Of the belt, in a run [m/s].
     """
     rest, paper = mesh_error(params)["span_mean"], params.belt.mesh == "paper"
-    error = rest if error is None else error
+    when, error = (" at rest", rest) if error is None else ("", error)
     if error < MESH:
         return
     ends = max(0.0, error - rest - landing)
@@ -299,9 +302,9 @@ def of_mesh(
     finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
     yield RunWarning(
         code="mesh",
-        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{lost}; "
-        f"{links(params.belt.n_bodies * finer)} makes tensions right to about {percent(allowed)}"
-        + (f". {PAPERS_MESH}" if paper else ""),
+        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{when}"
+        f"{lost}; {links(params.belt.n_bodies * finer)} makes tensions right to about "
+        f"{percent(allowed)}{when}" + (f". {PAPERS_MESH}" if paper else ""),
         accuracy=True,
     )
 
