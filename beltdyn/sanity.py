@@ -130,7 +130,8 @@ def mesh_share(params: Drive) -> float:
 def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[str, float]:
     """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
 
-    At rest both are, on the paper's mesh, :func:`mesh_share`. On a mesh of joints they are what
+    At rest both are, on the paper's mesh, :func:`mesh_share`; where friction keeps it on the
+    pulleys, as near full slip, spans have down to a third of it. On a mesh of joints they are what
     remains although its joints lie where the polygon is as long as the belt line: of links partly
     on a pulley, and of how the belt was laid. That was measured to be a small part, much the same
     from drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the
