@@ -73,6 +73,9 @@ def test_slip_in_full_within_a_steady_mean_is_told() -> None:
     assert row.least_margin <= 1.0 and row.margin <= 1.0
     assert any(note.startswith("full_slip: pulley 0 slips") for note in told.notes)
     assert "pulley 0 slips first, now" in str(told)
+    # by its means it would hold more: that torque is told apart from the margin
+    assert abs(row.slip_torque) > 2.0 * row.margin * abs(row.belt_torque)
+    assert "A margin of 1 at less torque" in told.text(full=True)
     # The other one holds, by less than its means have it.
     assert 1.0 < other.least_margin < 0.6 * other.margin
     assert held_by_less(told) and held_by_less(run.report())
@@ -91,6 +94,8 @@ def test_slip_in_full_within_a_steady_mean_is_told() -> None:
     other = told.pulleys[1]
     assert row.margin < 0.95 * other.margin < math.inf
     assert other.own_margin == pytest.approx(row.margin, rel=1e-3)
+    assert row.slip_torque == pytest.approx(row.margin * row.belt_torque, rel=1e-3)
+    assert "A margin of 1" not in told.text(full=True)
     grown = row.margin * other.belt_torque
     assert other.own_slip_torque == pytest.approx(grown, rel=1e-3)
 

@@ -74,7 +74,8 @@ class PulleyRow:
             window.
         sticking_margin: Where friction falls with slip velocity, the same by the most that it has
             in the window [1]: it is lost as soon as something makes the pulley slip.
-        slip_torque: Torque of the belt on it then [N m].
+        slip_torque: Torque of the belt on it in full slip by the means [N m]: that of the mean
+            times ``margin``, but where slip at moments of the window has used this up.
         slip_tensions: Tensions of its tight and slack span then [N].
         least_margin: The same factor at its worst instant, that of the most friction in use [1].
         worst_time: That instant [s].

@@ -178,6 +178,14 @@ def _slip(report: Told) -> Table:
     ]
     if any(row.margin is not None and math.isinf(row.margin) for row in report.pulleys):
         remarks.append("later: others slip in full, or a span goes slack, long before it would.")
+    if any(
+        (row.margin or math.inf) * abs(row.belt_torque or 0.0) < 0.98 * abs(row.slip_torque or 0.0)
+        for row in report.pulleys
+    ):
+        remarks.append(
+            "slips at: by the means. A margin of 1 at less torque is of a pulley that has slipped "
+            "in full at moments of the window."
+        )
     first = report.first_to_slip
     if first is not None:
         remarks.append(f"{first.name} slips first, {when(report, first)}.")
