@@ -77,7 +77,8 @@ def _mesh(result: Result) -> Iterator[RunWarning]:
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, pulleys = result.params, result.pulleys
     info = params.info
-    tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
+    added = params.belt.axial_stiffness * info["mesh_strain"]
+    tension = params.belt.preload or info["strain_tension"] + added
     carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
     size = np.abs(pulleys.torque)
     size[:, list(moved)] = 0.0

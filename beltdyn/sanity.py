@@ -66,10 +66,12 @@ FEW_LINKS = 1.5
 #: Wheels of cable cars and mine hoists, the largest there are, have radii of 2 to 4 m [m].
 RADIUS = 5.0
 #: I of a disc is pi/2 rho h R^4: here of water (1000 kg/m^3), 1 um thick [kg/m^2]. Lengths in mm
-#: make I/R^4 1e12 times too small; a "massless" pulley stays well above. An inertia that is too
-#: large (in kg mm^2, a million times) is not doubted: flywheels, generators and pulleys that are to
-#: keep their speed whatever happens have inertias as large.
+#: make I/R^4 1e12 times too small; a "massless" pulley stays well above.
 DISC = 0.5 * math.pi * 1000.0 * 1e-6
+#: I / (2 T R^2) is the time in which all that the belt transmits gives a pulley 1 m/s at its rim:
+#: 0.0004 to 0.08 s of machines with their flywheels; a quarter of an hour to 10 m/s is no drive. In
+#: kg mm^2 inertias are a million times too large [s^2/m].
+HEAVY = 100.0
 #: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it is
 #: slack rather than tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in
 #: g/m divide it by 32 [m/s].
@@ -326,7 +328,7 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
         yield RunWarning(
             code="strain",
             text=f"the belt is stretched by {percent(strain)} at rest, to "
-            f"{info['strain_tension']:.3g} N, with EA taken as constant: is {asked} {gives} "
+            f"{_preload(params):.4g} N, with EA taken as constant: is {asked} {gives} "
             f"{percent(STRAIN)}",
         )
 
@@ -380,8 +382,13 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
         )
 
 
+def _preload(params: Drive) -> float:
+    """Give the preload that was asked for, or that of the belt's length [N]."""
+    return float(params.belt.preload or params.info["strain_tension"])
+
+
 def _of_units(params: Drive) -> Iterator[RunWarning]:
-    belt, info = params.belt, params.info
+    belt, tension = params.belt, _preload(params)
     large = max(range(len(params.pulleys)), key=lambda k: params.pulleys[k].radius)
     radius = params.pulleys[large].radius
     light = min(
@@ -402,10 +409,19 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
             "are lengths in mm?",
             params.label(light),
         )
-    wave = math.sqrt(info["strain_tension"] / belt.linear_density)
+    slowest = [pulley.inertia / (2.0 * tension * pulley.radius**2) for pulley in params.pulleys]
+    heavy = int(np.argmax(slowest))
+    if slowest[heavy] > HEAVY:
+        yield units(
+            f"{params.label(heavy)} has {params.pulleys[heavy].inertia:.3g} kg m^2, to which all "
+            f"that a belt of {tension:.4g} N transmits gives 1 m/s in {slowest[heavy]:.3g} s: is "
+            "it in kg mm^2? (To hold a speed, prescribe the motion.)",
+            params.label(heavy),
+        )
+    wave = math.sqrt(tension / belt.linear_density)
     if wave < WAVE_LOW:
         yield units(
-            f"a preload of {info['strain_tension']:.3g} N is little for a belt of "
+            f"a preload of {tension:.4g} N is little for a belt of "
             f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
             "kN, or linear_density in g/m or kg/m^3 (density times cross-section is needed)?",
             "belt",
