@@ -239,6 +239,11 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     words = " ".join(str(told).split())
     assert re.search(r"when all loads have grown 2\.00?-fold at the worst instant", words)
     assert not re.search("(later|inf)-fold", told.text(full=True))
+    alike = (("a", 2.0), ("b", 2.01), ("c", 2.1))
+    three = [attrs.evolve(rows[0], name=one, margin=m, least_margin=m) for one, m in alike]
+    told = attrs.evolve(report(), pulleys=type(rows)(three))
+    for text in (str(told), told.text(full=True)):
+        assert " a and b slip together, when" in text and "slips first" not in text
     params, torque, _, motion = bd.scenes.serpentine(60)
     told = bd.simulate(params, torque, 0.02, motion=motion).report(1.0)
     text = told.text(full=True)

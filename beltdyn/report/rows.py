@@ -113,6 +113,12 @@ class PulleyRow:
     own_margin: float | None = None
     own_slip_torque: float | None = None
 
+    @property
+    def least(self) -> float:
+        """The least of ``margin`` and ``least_margin``; infinite if neither is known [1]."""
+        known = [one for one in (self.margin, self.least_margin) if one is not None]
+        return min(known, default=math.inf)
+
 
 @attrs.frozen(kw_only=True)
 class SpanRow:
@@ -284,12 +290,6 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
         return tuple(str(getattr(row, "name", "")) for row in self)
 
 
-def _least(row: PulleyRow) -> float:
-    """Give the least margin that is known of a pulley; infinite if none is."""
-    known = [one for one in (row.margin, row.least_margin) if one is not None]
-    return min(known, default=math.inf)
-
-
 @attrs.frozen(kw_only=True)
 class Told:
     """What a report holds; :class:`Report` describes it."""
@@ -324,6 +324,5 @@ class Told:
     @property
     def first_to_slip(self) -> PulleyRow | None:
         """The pulley with the least margin, of means or instants; None if none slips."""
-        known = [(_least(row), row) for row in self.pulleys]
-        finite = [(margin, row) for margin, row in known if math.isfinite(margin)]
-        return min(finite, key=lambda one: one[0], default=(0.0, None))[1]
+        finite = [row for row in self.pulleys if math.isfinite(row.least)]
+        return min(finite, key=lambda row: row.least, default=None)
