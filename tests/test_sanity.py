@@ -245,6 +245,8 @@ def test_full_slip_says_where_when_and_how_much() -> None:
     flywheel = run(params, torque, t_end)
     driving, driven = found(flywheel, "full_slip")
     assert (driving.where, driven.where) == ("pulley 0", "pulley 1")
+    # A pulley without a torque has none to be lowered.
+    assert driving.text.endswith("or lower the torque") and "lower" not in driven.text
     # The belt sticks while torque builds up, over 20 ms, and again once it has dropped, 0.12 s on.
     assert 0.0 < driving.t < 0.02
     sticking = flywheel.slip[-100:, 1]  # but for the driving pulley's swing against the flywheel
