@@ -338,6 +338,14 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     lost = sum(one.power for one in told.powers if one.kind == "lost")
     assert f"{digits.loss(told, lost)} W lost (most" in of(1.0, 0.9 * lost)
     assert re.search(r"off, less than some [\d.]+ W lost; ", of(0.1, -0.9 * lost))
+    # nor is more known of it than its error, and nothing of shares where nothing is put in
+    error = 2.0 * lost / put_in
+    assert f"less than some {digits.number(3.0 * lost, 2)} W lost" in _words(
+        told, efficiency_error=error
+    )
+    bare = attrs.evolve(told, powers=Rows(attrs.evolve(one, share=None) for one in told.powers))
+    (power,) = (one for one in tables(bare) if one.title.startswith("Power"))
+    assert {row[2] for row in power.rows} == {"-"}
     assert f"{digits.loss(told, lost)} W given back by friction" in of(-1.0, 0.9 * lost)
     spans = Rows(
         attrs.evolve(told.spans[0], frequency=99.0, link_passing=passing)

@@ -430,7 +430,7 @@ def _powers(report: Told) -> Table:
         (
             f"{kinds[row.kind]} {row.name}".strip(),
             shown(row, row.power, min(0.005, nothing)),
-            shown(row, 100.0 * (row.share or 0.0)) if shares else NONE,
+            NONE if row.share is None or not shares else shown(row, 100.0 * row.share),
         )
         for row in report.powers
     ]
