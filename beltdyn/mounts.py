@@ -306,7 +306,8 @@ class Path(Printable):
         t: Times (n_t,) [s], n_t >= 2, increasing. Before the first and after the last the axis
             stands still.
         displacement: Of the axis from the pulley's place at these times (n_t, 2) [m]; the first is
-            (0, 0). The belt settles where the axis is at t = 0.
+            (0, 0). The belt settles where the axis is at t = 0. Where points are steep the spline
+            goes beyond them; ``print(params)`` says by how much.
 
     Raises:
         TypeError: Not real numbers.

@@ -77,7 +77,8 @@ def _mesh(result: Result) -> Iterator[RunWarning]:
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, pulleys = result.params, result.pulleys
     info = params.info
-    tension = params.belt.axial_stiffness * (info["strain"] + info["mesh_strain"])
+    added = params.belt.axial_stiffness * info["mesh_strain"]
+    tension = params.belt.preload or info["strain_tension"] + added
     carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
     size = np.abs(pulleys.torque)
     size[:, list(moved)] = 0.0
@@ -112,12 +113,15 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         carried = float(found.carried[k]) * pulley.radius
         given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
         of_set = f", of up to {given:.3g} N m set" if given > carried and k not in moved else ""
+        # without a torque of its own it slips for its inertia and its drag
+        less = ", lay more belt round it or change speed more slowly"
+        less = " or lower the torque" if given > 0.0 else less
         yield RunWarning(
             code="full_slip",
             text=f"{params.label(k)} slips over its whole wrap, by {found.way[k]:.2g} m, {whole} "
             f"between t = {first:.4g} and {last:.4g} s, which dissipates {found.lost[k]:.3g} J: "
             f"friction transmits {carried:.3g} N m in the mean of that time{of_set}; "
-            f"{_tighter(params)} or lower the torque",
+            f"{_tighter(params)}{less}",
             t=first,
             where=params.label(k),
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -339,6 +339,7 @@ class Params:
             *([found] if found else []),
             f"tensioned {self.tensioning.describe(self.pulley_names)}",
             *self._mounts_at_rest(),
+            *self._paths_beyond(),
             f"belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
             f"tension at rest {info['mean_tension']:.4g} N",
             f"error of the mesh: {sanity.describe_mesh(self)}",
@@ -364,6 +365,24 @@ class Params:
             if (mount := self.pulleys[k].mount) is not None and not isinstance(mount, Path)
         ]
         return [f"mounts rest at {', '.join(rest)} from their places"] if rest else []
+
+    def _paths_beyond(self) -> Iterator[str]:
+        """Say by how much the splines of paths go beyond their points, if by 1 % of their way."""
+        travel = np.array(self._model.rest)
+        for m, k in enumerate(self.mounted):
+            if not isinstance(path := self.pulleys[k].mount, Path):
+                continue
+            n, places = path.t.size, []
+            for t in np.interp(np.arange(8 * n - 7) / 8.0, np.arange(n), path.t):
+                travel[m] = t
+                places.append(self.centers(travel)[k])
+            whole, way = np.ptp(places, axis=0), np.ptp(places[::8], axis=0)
+            beyond = float(np.max(whole - way))
+            if beyond > 0.01 * float(np.max(way)):
+                yield (
+                    f"path of {self.label(k)}: its spline ranges {1e3 * beyond:.2g} mm further "
+                    "than its points: take more of them, to round off what is steep"
+                )
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> Params:

@@ -138,8 +138,8 @@ def find_length(scene: Scene, line: float, preload: float, tensioning: Tensionin
         tensioning: How it is brought under preload.
 
     Returns:
-        The length, and the tension that was settled with it. Where the belt does not come to rest,
-        those of :func:`first_length`: settling it again tells why.
+        The length, and the tension that was settled with it. Where the belt comes to rest at no
+        length, those of :func:`first_length`: settling it again tells why.
 
     Raises:
         ValueError: The belt cannot have that tension to 0.1 %, or not run on the pulleys at all.
@@ -148,18 +148,25 @@ def find_length(scene: Scene, line: float, preload: float, tensioning: Tensionin
     start = line / first.length - 1.0
     nearby = 1e-3 * start
     slope = (_closed_form(scene, line / (1.0 + start + nearby)) - first.tension) / nearby
+    settled: list[tuple[float, float]] = []
+
+    def tension(strain: float) -> float:
+        settled.append((strain, rest_tension(scene, line / (1.0 + strain), tensioning)))
+        return settled[-1][1]
+
+    bounds = (_SLACK, _MOST_STRAIN)
     try:
-        strain, found = _solve(
-            lambda strain: rest_tension(scene, line / (1.0 + strain), tensioning),
-            preload, start, slope, (_SLACK, _MOST_STRAIN), CLOSE, MOST,
-        )  # fmt: skip
+        strain, found = _solve(tension, preload, start, slope, bounds, CLOSE, MOST)
     except RuntimeError:
-        return first
+        if not settled:
+            return first
+        strain, found = min(settled, key=lambda one: abs(one[1] - preload))
     if abs(found / preload - 1.0) > PROMISED:
         raise ValueError(
             f"belt.preload of {preload:.6g} N cannot be met within 0.1 %: the nearest tension at "
             f"which the belt comes to rest is {found:.6g} N. Links this long stand on the pulleys "
-            f"as a polygon, whose tension jumps; take more than {scene[0][0]} links"
+            "as a polygon, whose tension jumps, or the belt's weight tensions its spans: take more "
+            f"than {scene[0][0]} links, or more preload"
         )
     return Rest(line / (1.0 + strain), found)
 

@@ -66,10 +66,12 @@ FEW_LINKS = 1.5
 #: Wheels of cable cars and mine hoists, the largest there are, have radii of 2 to 4 m [m].
 RADIUS = 5.0
 #: I of a disc is pi/2 rho h R^4: here of water (1000 kg/m^3), 1 um thick [kg/m^2]. Lengths in mm
-#: make I/R^4 1e12 times too small; a "massless" pulley stays well above. An inertia that is too
-#: large (in kg mm^2, a million times) is not doubted: flywheels, generators and pulleys that are to
-#: keep their speed whatever happens have inertias as large.
+#: make I/R^4 1e12 times too small; a "massless" pulley stays well above.
 DISC = 0.5 * math.pi * 1000.0 * 1e-6
+#: I / (2 T R^2) is the time in which all that the belt transmits gives a pulley 1 m/s at its rim:
+#: 0.0004 to 0.08 s of machines with their flywheels; a quarter of an hour to 10 m/s is no drive. In
+#: kg mm^2 inertias are a million times too large [s^2/m].
+HEAVY = 100.0
 #: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it is
 #: slack rather than tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in
 #: g/m divide it by 32 [m/s].
@@ -130,7 +132,8 @@ def mesh_share(params: Drive) -> float:
 def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[str, float]:
     """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
 
-    At rest both are, on the paper's mesh, :func:`mesh_share`. On a mesh of joints they are what
+    At rest both are, on the paper's mesh, :func:`mesh_share`; where friction keeps it on the
+    pulleys, as near full slip, spans have down to a third of it. On a mesh of joints they are what
     remains although its joints lie where the polygon is as long as the belt line: of links partly
     on a pulley, and of how the belt was laid. That was measured to be a small part, much the same
     from drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the
@@ -235,19 +238,22 @@ def bodies(params: Drive) -> str:
 def describe_mesh(params: Drive) -> str:
     """Say in one line what the error of the mesh is."""
     belt, error = params.belt, mesh_error(params)
-    # a run knows its speed; here, from which one on landing links are the larger part
+    # a run knows its speed and load; here, from which speed on landing links are the larger part
     fast = math.sqrt(error["span_mean"] / max(shaken(params, 1.0), 1e-300))
-    landing = f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed"
+    running = (
+        f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed, "
+        f"loads up to {percent(1.0 / belt.n_bodies)}"  # all the tension: mesh_error, pull 2 T
+    )
     if belt.mesh == "paper":
         strain = float(params.info["mesh_strain"])
         return (
             f"{belt.n_bodies} straight links, longer than their arcs, add {percent(strain)} of "
             f"strain, {strain * belt.axial_stiffness:.3g} N ({percent(error['span_mean'])}); "
-            f"{landing}"
+            f"{running}"
         )
     return (
-        f"with {bodies(params)} some {percent(error['span_mean'])} of the mean tension, "
-        f"{percent(error['tension'])} of its history, several times that of creep; {landing}; "
+        f"with {bodies(params)} some {percent(error['span_mean'])} of the mean tension at rest, "
+        f"{percent(error['tension'])} of its history, several times that of creep; {running}; "
         "known to a factor of three"
     )
 
@@ -280,7 +286,7 @@ def of_mesh(
         speed: Of the belt, in a run [m/s].
     """
     rest, paper = mesh_error(params)["span_mean"], params.belt.mesh == "paper"
-    error = rest if error is None else error
+    when, error = (" at rest", rest) if error is None else ("", error)
     if error < MESH:
         return
     ends = max(0.0, error - rest - landing)
@@ -299,9 +305,9 @@ def of_mesh(
     finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
     yield RunWarning(
         code="mesh",
-        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{lost}; "
-        f"{links(params.belt.n_bodies * finer)} makes tensions right to about {percent(allowed)}"
-        + (f". {PAPERS_MESH}" if paper else ""),
+        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{when}"
+        f"{lost}; {links(params.belt.n_bodies * finer)} makes tensions right to about "
+        f"{percent(allowed)}{when}" + (f". {PAPERS_MESH}" if paper else ""),
         accuracy=True,
     )
 
@@ -322,7 +328,7 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
         yield RunWarning(
             code="strain",
             text=f"the belt is stretched by {percent(strain)} at rest, to "
-            f"{info['strain_tension']:.3g} N, with EA taken as constant: is {asked} {gives} "
+            f"{_preload(params):.4g} N, with EA taken as constant: is {asked} {gives} "
             f"{percent(STRAIN)}",
         )
 
@@ -376,8 +382,13 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
         )
 
 
+def _preload(params: Drive) -> float:
+    """Give the preload that was asked for, or that of the belt's length [N]."""
+    return float(params.belt.preload or params.info["strain_tension"])
+
+
 def _of_units(params: Drive) -> Iterator[RunWarning]:
-    belt, info = params.belt, params.info
+    belt, tension = params.belt, _preload(params)
     large = max(range(len(params.pulleys)), key=lambda k: params.pulleys[k].radius)
     radius = params.pulleys[large].radius
     light = min(
@@ -398,10 +409,19 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
             "are lengths in mm?",
             params.label(light),
         )
-    wave = math.sqrt(info["strain_tension"] / belt.linear_density)
+    slowest = [pulley.inertia / (2.0 * tension * pulley.radius**2) for pulley in params.pulleys]
+    heavy = int(np.argmax(slowest))
+    if slowest[heavy] > HEAVY:
+        yield units(
+            f"{params.label(heavy)} has {params.pulleys[heavy].inertia:.3g} kg m^2, to which all "
+            f"that a belt of {tension:.4g} N transmits gives 1 m/s in {slowest[heavy]:.3g} s: is "
+            "it in kg mm^2? (To hold a speed, prescribe the motion.)",
+            params.label(heavy),
+        )
+    wave = math.sqrt(tension / belt.linear_density)
     if wave < WAVE_LOW:
         yield units(
-            f"a preload of {info['strain_tension']:.3g} N is little for a belt of "
+            f"a preload of {tension:.4g} N is little for a belt of "
             f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
             "kN, or linear_density in g/m or kg/m^3 (density times cross-section is needed)?",
             "belt",

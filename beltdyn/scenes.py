@@ -87,8 +87,9 @@ def kubas_case_1() -> Scene:
     oscillation. The notebook has the intervals, where the paper's numbers contradict each other,
     and which number a drive that rests without holding its pulleys would miss (row 11).
 
-    The mesh is the paper's, whose straight links raise the tension by a quarter: spans of 122 and
-    1118 N. The drive's own numbers, with ``Belt(mesh="joint")``, are 69 and 1069 N.
+    The mesh is the paper's, whose straight links raise the tension by a quarter at rest, that of
+    the spans under this load by 9 %: they have 122 and 1118 N. The drive's own numbers, with
+    ``Belt(mesh="joint")``, are 69 and 1069 N.
     """
     torque = PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
     return Scene(_kubas_drive(1e4), torque + Viscous([0.0, 100.0 / (2.0 * math.pi)]), 1.0)

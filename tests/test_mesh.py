@@ -360,6 +360,10 @@ def test_the_papers_drive_has_its_own_numbers_on_the_default_mesh() -> None:
         for text in (bd.scenes.kubas_case_1.__doc__, README.read_text()):
             assert "{:.0f} and {:.0f} N".format(*expected) in " ".join(str(text).split())
         assert ("  mesh" in dict(run.summary())) is (mesh == "paper")
+        if mesh == "paper":  # what is estimated, and what it is
+            whole, off = run.accuracy["span_mean"].total, 1240.0 / 1138.0 - 1.0
+            told = f"error of {percent(whole)} is the paper's", f"is {percent(off)} of the mean"
+            assert all(text in " ".join(README.read_text().split()) for text in told)
 
 
 def landing(
@@ -404,6 +408,10 @@ def test_links_that_land_are_in_the_estimate() -> None:
     shaken = sanity.shaken(run.params, float(speed))
     twice = sanity.mesh_error(run.params, shaken)["span_mean"]
     assert twice == pytest.approx(2.0 * at_rest, rel=0.1)  # of two digits
+    # and what is said before a run is of rest, but for the most that a load takes
+    whole = sanity.mesh_error(run.params, pull=2.0 * run.params.info["strain_tension"])
+    (line,) = (one for one in str(run.params).splitlines() if "error of the mesh" in one)
+    assert f"loads up to {percent(whole['span_mean'] - at_rest)}" in line and "at rest" in line
     once = sanity.shaken(run.params, 30.0)
     assert sanity.shaken(run.params, 15.0) == pytest.approx(once / 4.0)
 
@@ -485,7 +493,7 @@ def test_a_warning_names_links_enough_for_one_percent() -> None:
         return [one for one in found if one.code == "mesh"]
 
     (one,) = noticed(30)
-    assert one.accuracy and "30 links are few" in one.text
+    assert one.accuracy and "30 links are few" in one.text and "% at rest" in one.text
     (number,) = re.findall(r"n_bodies = (\d+)", one.text)
     enough = sanity.mesh_error(scene_of("U", int(number), "joint").params)["span_mean"]
     fewer = sanity.mesh_error(scene_of("U", int(number) - 10, "joint").params)["span_mean"]

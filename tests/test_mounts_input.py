@@ -5,10 +5,12 @@ single numbers: test_params.py; text and files: test_drive_table.py.
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import attrs
 import mounted_drives as drives
+import numpy as np
 import pytest
 
 import beltdyn as bd
@@ -100,3 +102,17 @@ def test_a_spring_too_strong_for_the_layout_is_named() -> None:
     message = r"travel of 0\.\d+ m the belt has no line .* or crosses itself\); another preload"
     with pytest.raises(ValueError, match=message):
         bd.Params(belt=belt, pulleys=pulleys)
+
+
+def test_a_path_says_where_its_spline_goes_beyond_its_points() -> None:
+    """Of a jump by many times itself; of points that go evenly not at all."""
+    for t, far in ((0.0101, True), (0.02, False)):
+        way = ((0.0, 0.0), (0.0, 0.0), (1e-3, 0.0), (1e-3, 0.0))
+        way = way if far else ((0.0, 0.0), (3e-4, 0.0), (7e-4, 0.0), (1e-3, 0.0))
+        params = drives.take_up(bd.Path(t=(0.0, 0.01, t, t + 0.01), displacement=way))
+        times = np.linspace(0.0, t + 0.01, 20001)
+        beyond = np.ptp([params.centers([one])[1, 0] for one in times]) - 1e-3
+        found = re.search(r"spline ranges (\S+) mm further than its points", str(params))
+        assert (found is not None) is far
+        if found:
+            assert float(found[1]) == pytest.approx(1e3 * beyond, rel=0.1)  # at 8 places a piece

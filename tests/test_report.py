@@ -239,6 +239,11 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     words = " ".join(str(told).split())
     assert re.search(r"when all loads have grown 2\.00?-fold at the worst instant", words)
     assert not re.search("(later|inf)-fold", told.text(full=True))
+    alike = (("a", 2.0), ("b", 2.01), ("c", 2.1))
+    three = [attrs.evolve(rows[0], name=one, margin=m, least_margin=m) for one, m in alike]
+    told = attrs.evolve(report(), pulleys=type(rows)(three))
+    for text in (str(told), told.text(full=True)):
+        assert " a and b slip together, when" in text and "slips first" not in text
     params, torque, _, motion = bd.scenes.serpentine(60)
     told = bd.simulate(params, torque, 0.02, motion=motion).report(1.0)
     text = told.text(full=True)
@@ -333,6 +338,14 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     lost = sum(one.power for one in told.powers if one.kind == "lost")
     assert f"{digits.loss(told, lost)} W lost (most" in of(1.0, 0.9 * lost)
     assert re.search(r"off, less than some [\d.]+ W lost; ", of(0.1, -0.9 * lost))
+    # nor is more known of it than its error, and nothing of shares where nothing is put in
+    error = 2.0 * lost / put_in
+    assert f"less than some {digits.number(3.0 * lost, 2)} W lost" in _words(
+        told, efficiency_error=error
+    )
+    bare = attrs.evolve(told, powers=Rows(attrs.evolve(one, share=None) for one in told.powers))
+    (power,) = (one for one in tables(bare) if one.title.startswith("Power"))
+    assert {row[2] for row in power.rows} == {"-"}
     assert f"{digits.loss(told, lost)} W given back by friction" in of(-1.0, 0.9 * lost)
     spans = Rows(
         attrs.evolve(told.spans[0], frequency=99.0, link_passing=passing)

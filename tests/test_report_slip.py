@@ -73,6 +73,9 @@ def test_slip_in_full_within_a_steady_mean_is_told() -> None:
     assert row.least_margin <= 1.0 and row.margin <= 1.0
     assert any(note.startswith("full_slip: pulley 0 slips") for note in told.notes)
     assert "pulley 0 slips first, now" in str(told)
+    # by its means it would hold more: that torque is told apart from the margin
+    assert abs(row.slip_torque) > 2.0 * row.margin * abs(row.belt_torque)
+    assert "A margin of 1 at less torque" in told.text(full=True)
     # The other one holds, by less than its means have it.
     assert 1.0 < other.least_margin < 0.6 * other.margin
     assert held_by_less(told) and held_by_less(run.report())
@@ -91,6 +94,8 @@ def test_slip_in_full_within_a_steady_mean_is_told() -> None:
     other = told.pulleys[1]
     assert row.margin < 0.95 * other.margin < math.inf
     assert other.own_margin == pytest.approx(row.margin, rel=1e-3)
+    assert row.slip_torque == pytest.approx(row.margin * row.belt_torque, rel=1e-3)
+    assert "A margin of 1" not in told.text(full=True)
     grown = row.margin * other.belt_torque
     assert other.own_slip_torque == pytest.approx(grown, rel=1e-3)
 
@@ -252,6 +257,13 @@ def test_a_wrap_of_less_than_a_link_has_no_friction_in_use() -> None:
     assert grazed.used is grazed.used_range is grazed.ratio is None
     assert all(0.0 < one.used < 0.1 for one in others)
     assert any(note.startswith("pulley 1: less than a link lies on it") for note in told.notes)
+    # Where it slips for a moment, it has a margin, none, and not none for want of a load.
+    params = bd.scenes.hard["grazing"].params
+    turning = {0: bd.PiecewiseLinear([0.0, 0.02], [0.0, -60.0])}
+    load = bd.PiecewiseLinear([0.0, 0.02], [0.0, 8.0], 2)
+    told = bd.simulate(params, load, 0.06, turning, rtol=1e-3).report(0.6)
+    assert told.pulleys[1].margin == 1.0
+    assert not any("want of a load: pulley 1" in note for note in told.notes)
 
 
 def test_a_margin_is_of_what_friction_falls_to() -> None:
@@ -479,6 +491,7 @@ def test_what_bending_takes_off(bending_stiffness: float) -> None:
     said = [note for note in report.notes if "resists bending" in note]
     row = report.pulleys[0]
     assert row.slip_share > 0.999
+    assert row.used < 0.95 or not bending_stiffness, "which the note says"
     if bending_stiffness == 0.0:
         assert not said
         assert row.used == pytest.approx(1.0, abs=2e-3)

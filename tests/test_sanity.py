@@ -172,9 +172,15 @@ def test_units_of_machines_that_exist_are_not_doubted_and_wrong_ones_are(name: s
     params = MACHINES[name]
     assert "units" not in codes(params), sanity.check(params)
     # As heavy as pulleys may be, for a shaft and a motor or a flywheel turns with them.
-    heavy = [attrs.evolve(pulley, inertia=1e6 * pulley.inertia) for pulley in params.pulleys]
-    assert "units" not in codes(attrs.evolve(params, pulleys=heavy))
+    heavy, in_mm = (
+        attrs.evolve(
+            params, pulleys=[attrs.evolve(p, inertia=times * p.inertia) for p in params.pulleys]
+        )
+        for times in (1e3, 1e6)
+    )
+    assert "units" not in codes(heavy)
     for wrong, word in (
+        (in_mm, "kg mm^2"),
         (at_scale(params, 1e3), "mm"),
         (at_scale(params, axial_stiffness=1e-3), "kN"),
         (at_scale(params, linear_density=1e3), "g/m"),
@@ -201,6 +207,10 @@ def test_other_units() -> None:
     # that nothing is to slip.
     for mu_k, sigma in ((1.0, 1e3), (0.1, 1e4), (3.0, 1e4), (10.0, 1e4), (1e3, 1e4), (1e9, 1e4)):
         assert codes(drive(friction=bd.Dahl(mu_k=mu_k, sigma=sigma))) == []
+    # A preload is told as it was given, not as the strain of the belt line.
+    asked = attrs.evolve(drive().belt, length=None, preload=300.0, linear_density=15.0)
+    (one,) = [one for one in sanity.check(attrs.evolve(drive(), belt=asked)) if one.code == "units"]
+    assert "preload of 300 N" in one.text
     # Ten times Earth's gravity is a test rig.
     assert codes(drive(gravity=(0.0, -98.1))) == []
 
@@ -235,6 +245,8 @@ def test_full_slip_says_where_when_and_how_much() -> None:
     flywheel = run(params, torque, t_end)
     driving, driven = found(flywheel, "full_slip")
     assert (driving.where, driven.where) == ("pulley 0", "pulley 1")
+    # A pulley without a torque has none to be lowered.
+    assert driving.text.endswith("or lower the torque") and "lower" not in driven.text
     # The belt sticks while torque builds up, over 20 ms, and again once it has dropped, 0.12 s on.
     assert 0.0 < driving.t < 0.02
     sticking = flywheel.slip[-100:, 1]  # but for the driving pulley's swing against the flywheel

@@ -209,9 +209,7 @@ def _mounts(report: Told) -> Table:
 
 def _closing(report: Told) -> Iterator[str]:
     """Say in a sentence each: slip, power, errors, warnings, what else there is."""
-    first = report.first_to_slip
-    if first is not None:
-        yield f"Slip: {first.name} slips first, {text.when(report, first)}."
+    yield from (f"Slip: {one}" for one in text.slips(report))
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()

@@ -284,12 +284,13 @@ def loss(report: Told, power: float, value: float | None = None) -> str:
 
 
 def lost(report: Told) -> tuple[str, bool]:
-    """Say what is lost in all, and whether more than what the energy ledger cannot account for.
+    """Say what is lost in all, and whether more than its error and what the ledger lacks.
 
     Friction gives back what it had stored where links stick; dampers give nothing back.
     """
     power = sum(one.power for one in report.powers if one.kind == "lost")
-    unknown = abs(report.powers[RESIDUAL].power)
+    put_in = sum(one.power for one in report.powers if one.kind == "in")
+    unknown = max(abs(report.powers[RESIDUAL].power), (report.efficiency_error or 0.0) * put_in)
     if abs(power) < unknown:
         return f"less than some {number(abs(power) + unknown, 2)} W lost", False
     if power < 0.0:

@@ -189,8 +189,8 @@ def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
     if not told:
         return []
     return [
-        "limits and margins leave out that the belt resists bending, which takes off mu wrap: "
-        + ", ".join(told)
+        "limits, friction in use and margins leave out that the belt resists bending, which takes "
+        f"off mu wrap, so that full slip uses less than 100 %: {', '.join(told)}"
     ]
 
 

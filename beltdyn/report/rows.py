@@ -76,7 +76,8 @@ class PulleyRow:
             window.
         sticking_margin: Where friction falls with slip velocity, the same by the most that it has
             in the window [1]: it is lost as soon as something makes the pulley slip.
-        slip_torque: Torque of the belt on it then [N m].
+        slip_torque: Torque of the belt on it in full slip by the means [N m]: that of the mean
+            times ``margin``, but where slip at moments of the window has used this up.
         slip_tensions: Tensions of its tight and slack span then [N].
         least_margin: The same factor at its worst instant, that of the most friction in use [1].
         worst_time: That instant [s].
@@ -114,6 +115,12 @@ class PulleyRow:
     worst_time: float | None = None
     own_margin: float | None = None
     own_slip_torque: float | None = None
+
+    @property
+    def least(self) -> float:
+        """The least of ``margin`` and ``least_margin``; infinite if neither is known [1]."""
+        known = [one for one in (self.margin, self.least_margin) if one is not None]
+        return min(known, default=math.inf)
 
 
 @attrs.frozen(kw_only=True)
@@ -286,12 +293,6 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
         return tuple(str(getattr(row, "name", "")) for row in self)
 
 
-def _least(row: PulleyRow) -> float:
-    """Give the least margin that is known of a pulley; infinite if none is."""
-    known = [one for one in (row.margin, row.least_margin) if one is not None]
-    return min(known, default=math.inf)
-
-
 @attrs.frozen(kw_only=True)
 class Told:
     """What a report holds; :class:`Report` describes it."""
@@ -326,6 +327,5 @@ class Told:
     @property
     def first_to_slip(self) -> PulleyRow | None:
         """The pulley with the least margin, of means or instants; None if none slips."""
-        known = [(_least(row), row) for row in self.pulleys]
-        finite = [(margin, row) for margin, row in known if math.isfinite(margin)]
-        return min(finite, key=lambda one: one[0], default=(0.0, None))[1]
+        finite = [row for row in self.pulleys if math.isfinite(row.least)]
+        return min(finite, key=lambda row: row.least, default=None)

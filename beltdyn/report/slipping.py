@@ -221,7 +221,8 @@ class _Slipping:
         if not working.any():
             self.notes.append("no margin to slip: the belt hands on no torque in this window")
             return [self._capped(row, k) for k, row in enumerate(rows)]
-        idle = [row.name for k, row in enumerate(rows) if not working[k] and self.mu[k] > 0.0]
+        none = ~working & ~self.slips & (self.mu > 0.0)  # that of a pulley that slips is used up
+        idle = [row.name for k, row in enumerate(rows) if none[k]]
         if idle:
             self.notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
         rows = self._of_means(tension, torque, in_mean, rows)

@@ -27,7 +27,17 @@ from .digits import (
 )
 from .rows import RESIDUAL, Power, PulleyRow, Spread, Told
 
-__all__ = ["Table", "columns", "html", "lines", "of_paper", "of_tables", "opening", "tables"]
+__all__ = [
+    "Table",
+    "columns",
+    "html",
+    "lines",
+    "of_paper",
+    "of_tables",
+    "opening",
+    "slips",
+    "tables",
+]
 
 _WIDTH = 80
 _TO_RPM = 30.0 / math.pi
@@ -41,6 +51,8 @@ LITTLE = 0.01
 _PART = 5e-5
 #: A part over the whole of what is put in, beyond which parts are no shares of it.
 TURNED = 0.05
+#: Margins this near to each other are alike: losses on the way of the power are as large.
+TOGETHER = 1.01
 #: Links on a wrap from which on arcs and ratios are right to some percent.
 LINKS = 3.0
 
@@ -180,9 +192,15 @@ def _slip(report: Told) -> Table:
     ]
     if any(row.margin is not None and math.isinf(row.margin) for row in report.pulleys):
         remarks.append("later: others slip in full, or a span goes slack, long before it would.")
-    first = report.first_to_slip
-    if first is not None:
-        remarks.append(f"{first.name} slips first, {when(report, first)}.")
+    if any(
+        (row.margin or math.inf) * abs(row.belt_torque or 0.0) < 0.98 * abs(row.slip_torque or 0.0)
+        for row in report.pulleys
+    ):
+        remarks.append(
+            "slips at: by the means. A margin of 1 at less torque is of a pulley that has slipped "
+            "in full at moments of the window."
+        )
+    remarks += slips(report)
     heading = (
         "pulley",
         "torque N m",
@@ -208,7 +226,21 @@ def of_paper(report: Told) -> bool:
     return any(PAPERS_MESH in one.text for one in report.warnings)
 
 
-def when(report: Told, row: PulleyRow) -> str:
+def slips(report: Told) -> list[str]:
+    """Say which pulleys slip first, within what theory tells apart, and when; of none, nothing."""
+    first = report.first_to_slip
+    if first is None:
+        return []
+    alike = [one for one in report.pulleys if one.least <= TOGETHER * first.least]
+    names = (
+        [alike[0].name, f"{len(alike) - 1} others"] if len(alike) > 2 else [a.name for a in alike]
+    )
+    which = " and ".join(names) + (" slip together" if len(alike) > 1 else " slips first")
+    soonest = min(alike, key=lambda one: one.least if one.margin is None else one.margin)
+    return [f"{which}, {_when(report, soonest)}."]
+
+
+def _when(report: Told, row: PulleyRow) -> str:
     """Say when the first pulley slips: now, or at which torques."""
     margins = [one for one in (row.margin, row.least_margin) if one is not None]
     if min(margins) <= 1.02 < (row.sticking_margin or 0.0):
@@ -400,7 +432,7 @@ def _powers(report: Told) -> Table:
         (
             f"{kinds[row.kind]} {row.name}".strip(),
             shown(row, row.power, min(0.005, nothing)),
-            shown(row, 100.0 * (row.share or 0.0)) if shares else NONE,
+            NONE if row.share is None or not shares else shown(row, 100.0 * row.share),
         )
         for row in report.powers
     ]

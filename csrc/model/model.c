@@ -308,7 +308,7 @@ static void check_compensation(bd_model *model) {
     const double depth = contact_depth(model, j, model->info.strain_tension);
     if (!(depth <= MOST_RAISED * model->radius[j])) {
       bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "contact.compensate", (double)NAN, -1, j, depth,
-                 "contact.compensate: at the preload of %.3g N the belt sinks %.3g m into %s, at "
+                 "contact.compensate: at a tension of %.3g N the belt sinks %.3g m into %s, at "
                  "most %g of its radius can be compensated: contact.linear is too small",
                  model->info.strain_tension, depth, bd_pulley_label(model, j).text, MOST_RAISED);
       return;

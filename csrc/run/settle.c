@@ -228,7 +228,7 @@ static int check_speed(const bd_model *model, const bd_settle_options *options, 
   if (!bd_model_gives_way(model) && !(fabs(options->speed) < most)) {
     return bd_fail(err, BD_ERR_OPTION, "speed",
                    "speed must be below %.6g m/s, at which the belt leaves its pulleys: rho A v^2 "
-                   "is then all of its tension, %.4g N; got %.6g m/s",
+                   "is then all of its tension, %.4g N without their pressure; got %.6g m/s",
                    most, tension, options->speed);
   }
   if (options->friction) {
