@@ -25,10 +25,11 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
   if (set->n == 0) {
     return;
   }
-  double **const arrays[] = {&set->theta, &set->omega, &set->alpha, &set->jerk, &set->offset};
+  double **const arrays[] = {&set->theta, &set->omega, &set->alpha, &set->jerk};
   for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
     BD_CARVE(carver, *arrays[k], set->n);
   }
+  BD_KEEP(carver, set->offset, set->n);
   BD_CARVE(carver, set->of_pulley, np);
   BD_CARVE(carver, set->motions, set->n);
   for (size_t k = 0; k < set->n; ++k) {
