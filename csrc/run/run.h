@@ -33,8 +33,6 @@ void bd_auto_watch(bd_sim *sim);
 /* Goes on with the implicit method for good, where explicit steps get nowhere; 0: it does already.
  */
 int bd_auto_leave_explicit(bd_sim *sim);
-/* What was chosen and why, in a sentence. */
-void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 
 /* --- driver.c -------------------------------------------------------------------------------- */
 
@@ -162,6 +160,9 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
 int bd_sim_fail_floor(bd_sim *sim, double h);
 /* A fixed explicit step erred by so much. */
 int bd_sim_fail_fixed(bd_sim *sim, double h, double error);
+/* After a step: set torques that have no effect, and those beyond their tables. */
+void bd_sim_warn_of_torques(bd_sim *sim);
+
 /* --- create.c, driver.c ---------------------------------------------------------------------- */
 
 /* Refuses times that rounding would blur. */
