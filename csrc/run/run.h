@@ -145,6 +145,12 @@ void bd_twin_follow(bd_sim *sim);
 double bd_twin_magnifies(const bd_twin *twin);
 void bd_twin_free(bd_twin *twin);
 
+/* --- laying.c -------------------------------------------------------------------------------- */
+
+/* The state of a belt that lies along its line round the centres where the plan has them at the
+ * start, link 0 `shift` past its place [m]. */
+int bd_lay_belt(const bd_plan *plan, double shift, double *y, double *turns, bd_error *err);
+
 /* --- going.c --------------------------------------------------------------------------------- */
 
 /* Velocities of a belt that runs along itself at a speed in its spans, positions as they are, and
