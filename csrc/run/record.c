@@ -192,13 +192,7 @@ static uint64_t scene_of(const bd_sim *sim) {
   }
   for (int m = 0; m < model->lay.nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
-    ADD(mount->pulley);
-    ADD(mount->kind);
-    sum = hash(sum, mount->drawn, offsetof(bd_mounted, has_stops) - offsetof(bd_mounted, drawn));
-    ADD(mount->lowest);
-    ADD(mount->highest);
-    ADD(mount->stop_stiffness);
-    ADD(mount->stop_damping);
+    sum = hash(sum, mount, offsetof(bd_mounted, has_stops)); /* all numbers that were given */
     sum = hash(sum, mount->t, mount->n_t * sizeof *mount->t);
     sum = hash(sum, mount->points, 2 * mount->n_t * sizeof *mount->points);
   }
