@@ -33,6 +33,14 @@ void *bd_carve_kept(bd_carver *carver, size_t count, size_t size) {
   return carve(carver->kept, &carver->n_kept, count * size);
 }
 
+const double *bd_carve_copy(bd_carver *carver, const double *given, size_t count) {
+  double *copy = bd_carve(carver, count, sizeof *copy);
+  if (copy && count > 0) {
+    memcpy(copy, given, count * sizeof *copy);
+  }
+  return copy;
+}
+
 void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block) {
   bd_carve_rows(carver, lay, 1, block);
 }

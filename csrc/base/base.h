@@ -104,6 +104,9 @@ void *bd_carve_kept(bd_carver *carver, size_t count, size_t size);
 #define BD_KEEP(carver, pointer, count)                                                            \
   ((pointer) = bd_carve_kept((carver), (size_t)(count), sizeof *(pointer)))
 
+/* A copy of so many numbers. */
+const double *bd_carve_copy(bd_carver *carver, const double *given, size_t count);
+
 /* A block of the links' places, the halo before its first one. */
 void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block);
 /* Several, one after the other at the layout's stride; of 0 NULL. */

@@ -11,7 +11,7 @@
 /* --- harmonics.c ----------------------------------------------------------------------------- */
 
 /* A copy, whose arrays are carved. */
-void bd_harmonics_carve(bd_carver *carver, bd_harmonics *copy, const bd_harmonics *given);
+bd_harmonics bd_harmonics_carve(bd_carver *carver, const bd_harmonics *given);
 /* whose: of which of the torque terms or motions, for the message. */
 int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
                        size_t k, bd_error *err);
@@ -91,8 +91,7 @@ typedef struct bd_load_value {
 } bd_load_value;
 
 int bd_is_load(const bd_torque_term *term);
-/* The term's data, into arrays that are carved; into `copy`, of `given`. */
-void bd_load_carve(bd_carver *carver, bd_torque_term *copy, const bd_torque_term *given);
+int bd_has_points(const bd_torque_term *term); /* a table over speed */
 int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err);
 bd_load_value bd_load_at(const bd_torque_set *set, const bd_torque_term *term, const double *theta,
                          const double *omega);

@@ -151,13 +151,23 @@ static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice) {
 
 /* --- the scene ------------------------------------------------------------------------------- */
 
+static uint64_t hash_numbers(uint64_t sum, const double *numbers, size_t n) {
+  return hash(sum, numbers, n * sizeof *numbers);
+}
+
+static uint64_t hash_harmonics(uint64_t sum, const bd_harmonics *of) {
+  sum = hash_numbers(sum, of->orders, of->n);
+  sum = hash_numbers(sum, of->amplitudes, of->n);
+  return hash_numbers(sum, of->phases, of->n);
+}
+
 /* All parameters of a group. */
 static uint64_t hash_group(uint64_t sum, const char *group, const void *values) {
   double numbers[BD_MAX_ELEMENTS];
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     if (strcmp(bd_parameters[k].group, group) == 0) {
       const int n = bd_parameter_values(&bd_parameters[k], values, numbers);
-      sum = hash(sum, numbers, (size_t)n * sizeof *numbers);
+      sum = hash_numbers(sum, numbers, (size_t)n);
     }
   }
   return sum;
@@ -179,7 +189,7 @@ static uint64_t scene_of(const bd_sim *sim) {
   ADD(model->origin);
   const double *const arrays[] = {model->cx, model->cy, model->radius, model->inertia};
   for (int k = 0; k < 4; ++k) {
-    sum = hash(sum, arrays[k], np * sizeof(double));
+    sum = hash_numbers(sum, arrays[k], np);
   }
   sum = hash(sum, model->side, np * sizeof *model->side);
   for (size_t j = 0; j < np; ++j) {
@@ -193,35 +203,35 @@ static uint64_t scene_of(const bd_sim *sim) {
   for (int m = 0; m < model->lay.nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
     sum = hash(sum, mount, offsetof(bd_mounted, has_stops)); /* all numbers that were given */
-    sum = hash(sum, mount->t, mount->n_t * sizeof *mount->t);
-    sum = hash(sum, mount->points, 2 * mount->n_t * sizeof *mount->points);
+    sum = hash_numbers(sum, mount->t, mount->n_t);
+    sum = hash_numbers(sum, mount->points, 2 * mount->n_t);
   }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
+    const int load = bd_is_load(term);
     ADD(term->kind);
-    if (term->kind == BD_TORQUE_PIECEWISE) {
-      sum = hash(sum, term->t, term->n_t * sizeof(double));
-      sum = hash(sum, term->values, term->n_t * np * sizeof(double));
-    } else if (term->kind == BD_TORQUE_VISCOUS) {
-      sum = hash(sum, term->coefficients, np * sizeof(double));
-    } else if (bd_is_load(term)) {
+    sum = hash_numbers(sum, term->t, term->n_t);
+    sum = hash_numbers(sum, term->values, term->n_t * (load ? 1 : np));
+    sum = hash_numbers(sum, term->coefficients, term->kind == BD_TORQUE_VISCOUS ? np : 0);
+    sum = hash_numbers(sum, term->omega, term->n_points);
+    sum = hash_numbers(sum, term->torque, term->n_points);
+    sum = hash_harmonics(sum, &term->harmonics);
+    if (load) {
       ADD(term->pulley);
       ADD(term->of);
       ADD(term->against);
-      sum = hash(sum, term->t, 2 * term->n_t * sizeof(double)); /* the factors follow the times */
-      sum = hash(sum, term->omega, 2 * term->n_points * sizeof(double));
-      sum = hash(sum, term->harmonics.orders, 3 * term->harmonics.n * sizeof(double));
     }
   }
   for (size_t k = 0; k < set->motion.n; ++k) {
     const bd_motion *motion = &set->motion.motions[k];
     ADD(motion->pulley);
     ADD(motion->kind);
-    sum = hash(sum, motion->t, 2 * motion->n_t * sizeof(double)); /* the values follow the times */
-    sum = hash(sum, motion->harmonics.orders, 3 * motion->harmonics.n * sizeof(double));
+    sum = hash_numbers(sum, motion->t, motion->n_t);
+    sum = hash_numbers(sum, motion->values, motion->n_t);
+    sum = hash_harmonics(sum, &motion->harmonics);
     ADD(motion->fade);
   }
-  sum = hash(sum, set->breaks, set->n_breaks * sizeof(double));
+  sum = hash_numbers(sum, set->breaks, set->n_breaks);
   const char *method = sim->choice.method[0] ? "auto" : sim->stepper.method->name;
   sum = hash(sum, method, strlen(method));
   ADD(options->rtol);
