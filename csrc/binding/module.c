@@ -284,17 +284,12 @@ PyDoc_STRVAR(
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
     {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
-    {"friction_law", (PyCFunction)(void (*)(void))friction_law, METH_VARARGS | METH_KEYWORDS,
-     friction_law_doc},
+    BD_CORE_KEYWORDS("friction_law", friction_law, friction_law_doc),
     {"friction_states", friction_states, METH_O, friction_states_doc},
-    {"belt_line", (PyCFunction)(void (*)(void))bd_core_belt_line, METH_VARARGS | METH_KEYWORDS,
-     belt_line_doc},
-    {"dahl_slide", (PyCFunction)(void (*)(void))dahl_slide, METH_VARARGS | METH_KEYWORDS,
-     dahl_slide_doc},
-    {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,
-     dahl_path_doc},
-    {"span_tension", (PyCFunction)(void (*)(void))bd_core_span_tension,
-     METH_VARARGS | METH_KEYWORDS, bd_core_span_tension_doc},
+    BD_CORE_KEYWORDS("belt_line", bd_core_belt_line, belt_line_doc),
+    BD_CORE_KEYWORDS("dahl_slide", dahl_slide, dahl_slide_doc),
+    BD_CORE_KEYWORDS("dahl_path", dahl_path, dahl_path_doc),
+    BD_CORE_KEYWORDS("span_tension", bd_core_span_tension, bd_core_span_tension_doc),
     {NULL, NULL, 0, NULL},
 };
 
