@@ -19,11 +19,26 @@ void *BD_MALLOC(size_t size);
 void BD_FREE(void *block);
 #endif
 
-void *bd_carve(bd_carver *carver, size_t count, size_t size) {
-  size_t bytes = (count * size + BD_ALIGN - 1) / BD_ALIGN * BD_ALIGN;
-  void *piece = carver->base ? carver->base + carver->used : NULL;
-  carver->used += bytes;
+static void *carve(char *base, size_t *used, size_t bytes) {
+  void *piece = base ? base + *used : NULL;
+  *used += (bytes + BD_ALIGN - 1) / BD_ALIGN * BD_ALIGN;
   return piece;
+}
+
+void *bd_carve(bd_carver *carver, size_t count, size_t size) {
+  return carve(carver->base, &carver->used, count * size);
+}
+
+void *bd_carve_kept(bd_carver *carver, size_t count, size_t size) {
+  return carve(carver->kept, &carver->n_kept, count * size);
+}
+
+const double *bd_carve_copy(bd_carver *carver, const double *given, size_t count) {
+  double *copy = bd_carve(carver, count, sizeof *copy);
+  if (copy && count > 0) {
+    memcpy(copy, given, count * sizeof *copy);
+  }
+  return copy;
 }
 
 void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block) {

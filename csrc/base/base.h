@@ -90,15 +90,22 @@ static inline int bd_f_slip(const bd_layout *lay, int slot) {
 /* --- base.c ---------------------------------------------------------------------------------- */
 
 /* Objects are one block each: the same carving code runs twice, first with base NULL to add up the
- * size, then to hand out the pieces. */
+ * size, then to hand out the pieces. What a restart record keeps (run/record.c) is carved with
+ * BD_KEEP, in any order: it lies together behind all else, and its pointers stay. */
 typedef struct bd_carver {
-  char *base;
-  size_t used;
+  char *base, *kept;
+  size_t used, n_kept;
 } bd_carver;
 
 void *bd_carve(bd_carver *carver, size_t count, size_t size);
+void *bd_carve_kept(bd_carver *carver, size_t count, size_t size);
 #define BD_CARVE(carver, pointer, count)                                                           \
   ((pointer) = bd_carve((carver), (size_t)(count), sizeof *(pointer)))
+#define BD_KEEP(carver, pointer, count)                                                            \
+  ((pointer) = bd_carve_kept((carver), (size_t)(count), sizeof *(pointer)))
+
+/* A copy of so many numbers. */
+const double *bd_carve_copy(bd_carver *carver, const double *given, size_t count);
 
 /* A block of the links' places, the halo before its first one. */
 void bd_carve_links(bd_carver *carver, const bd_layout *lay, double **block);

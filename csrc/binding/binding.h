@@ -32,6 +32,10 @@ int bd_core_add_simulation(PyObject *module, bd_core_module *state);
 PyObject *bd_core_raise(int code, const bd_error *err);
 PyObject *bd_core_belt_line(PyObject *module, PyObject *args, PyObject *keywords);
 
+/* The row of a method that takes keywords. */
+#define BD_CORE_KEYWORDS(name, function, doc)                                                      \
+  { name, (PyCFunction)(void (*)(void))(function), METH_VARARGS | METH_KEYWORDS, doc }
+
 /* --- building -------------------------------------------------------------------------------- */
 
 /* Each takes the reference of value, which is NULL where an exception is set already. */

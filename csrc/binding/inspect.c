@@ -22,19 +22,12 @@ PyObject *bd_core_sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
     return NULL;
   }
   PyObject *dict = NULL;
-  int code = BD_OK;
   if (!bd_core_state_new(&state, &self->model->info)) {
-    code = bd_sim_state(self->sim, &state.state);
-    if (code >= 0) {
-      dict = bd_core_state_dict(&state, 1);
-    }
+    bd_sim_state(self->sim, &state.state);
+    dict = bd_core_state_dict(&state, 1);
     bd_core_state_release(&state);
   }
   bd_core_leave(self);
-  if (code < 0) {
-    const bd_error err = {.t = NAN, .body = -1, .pulley = -1, .value = NAN};
-    bd_core_raise(code, &err);
-  }
   return dict;
 }
 
@@ -99,34 +92,19 @@ PyObject *bd_core_sim_import(PyObject *object, PyObject *record) {
   return code < 0 ? NULL : Py_NewRef(Py_None);
 }
 
-static PyObject *sim_time(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
-  double t = bd_sim_time(self->sim);
-  bd_core_leave(self);
-  return PyFloat_FromDouble(t);
+/* --- properties ------------------------------------------------------------------------------ */
+
+static PyObject *read_time(bd_core_sim *self) {
+  return PyFloat_FromDouble(bd_sim_time(self->sim));
 }
 
-static PyObject *sim_samples(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
-  size_t n = bd_sim_samples(self->sim);
-  bd_core_leave(self);
-  return PyLong_FromSize_t(n);
+static PyObject *read_samples(bd_core_sim *self) {
+  return PyLong_FromSize_t(bd_sim_samples(self->sim));
 }
 
-static PyObject *sim_stats(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
+static PyObject *read_stats(bd_core_sim *self) {
   bd_stats stats = {0};
   bd_sim_stats(self->sim, &stats);
-  bd_core_leave(self);
   PyObject *dict = PyDict_New();
 #define X(type, name, text) BD_CORE_SET_NUMBER(dict, stats, name)
   BD_STATS(X)
@@ -134,25 +112,21 @@ static PyObject *sim_stats(PyObject *object, void *Py_UNUSED(closure)) {
   return dict;
 }
 
-static PyObject *sim_method(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
-  const char *name = bd_sim_method(self->sim);
-  bd_core_leave(self);
-  return PyUnicode_FromString(name);
+static PyObject *read_method(bd_core_sim *self) {
+  return PyUnicode_FromString(bd_sim_method(self->sim));
 }
 
-static PyObject *sim_choice(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
+static PyObject *read_choice(bd_core_sim *self) {
   char text[384];
   bd_sim_explain(self->sim, text, sizeof text);
-  bd_core_leave(self);
   return PyUnicode_FromString(text);
+}
+
+static PyObject *read_sizes(bd_core_sim *self) {
+  bd_sizes sizes;
+  bd_sim_sizes(self->sim, &sizes);
+  return Py_BuildValue("{s:n, s:n, s:n}", "state", (Py_ssize_t)sizes.state, "works",
+                       (Py_ssize_t)sizes.works, "bytes", (Py_ssize_t)sizes.bytes);
 }
 
 static PyObject *warning_dict(const bd_warning *w, const bd_model *model) {
@@ -169,19 +143,34 @@ static PyObject *warning_dict(const bd_warning *w, const bd_model *model) {
            : NULL;
 }
 
-static PyObject *sim_warnings(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
+static PyObject *read_warnings(bd_core_sim *self) {
   PyObject *list = PyList_New(0);
   bd_warning w;
   for (size_t k = 0; list && bd_sim_warning(self->sim, k, &w); k++) {
     list = bd_core_append(list, warning_dict(&w, self->model->model));
   }
-  bd_core_leave(self);
   return list;
 }
+
+/* A property: by one of the functions above, whose address the closure holds. */
+typedef PyObject *(*read_property)(bd_core_sim *self);
+
+static PyObject *sim_property(PyObject *object, void *closure) {
+  bd_core_sim *self = (bd_core_sim *)object;
+  if (bd_core_enter(self) < 0) {
+    return NULL;
+  }
+  PyObject *value = (*(const read_property *)closure)(self);
+  bd_core_leave(self);
+  return value;
+}
+
+#define PROPERTY(name, text)                                                                       \
+  {                                                                                                \
+#name, sim_property, NULL, text " RuntimeError while running.", &(read_property) {             \
+      read_##name                                                                                  \
+    }                                                                                              \
+  }
 
 /* Fixed when the simulation is made, so this may be read while it runs. */
 static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
@@ -199,18 +188,6 @@ static PyObject *sim_effects(PyObject *object, void *Py_UNUSED(closure)) {
     tuple = bd_core_put(tuple, k, PyLong_FromLong(rows[k]));
   }
   return tuple;
-}
-
-static PyObject *sim_sizes(PyObject *object, void *Py_UNUSED(closure)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (bd_core_enter(self) < 0) {
-    return NULL;
-  }
-  bd_sizes sizes;
-  bd_sim_sizes(self->sim, &sizes);
-  bd_core_leave(self);
-  return Py_BuildValue("{s:n, s:n, s:n}", "state", (Py_ssize_t)sizes.state, "works",
-                       (Py_ssize_t)sizes.works, "bytes", (Py_ssize_t)sizes.bytes);
 }
 
 const char bd_core_time_passes_doc[] =
@@ -249,22 +226,15 @@ PyObject *bd_core_sim_time_passes(PyObject *object, PyObject *argument) {
 }
 
 PyGetSetDef bd_core_sim_properties[] = {
-    {"time", sim_time, NULL, "Simulated time reached [s]. RuntimeError while running.", NULL},
-    {"samples", sim_samples, NULL, "Finished sample rows. RuntimeError while running.", NULL},
-    {"method", sim_method, NULL, "Integration method in use. RuntimeError while running.", NULL},
-    {"choice", sim_choice, NULL, "Why that method, a sentence. RuntimeError while running.", NULL},
+    PROPERTY(time, "Simulated time reached [s]."),
+    PROPERTY(samples, "Finished sample rows."),
+    PROPERTY(method, "Integration method in use."),
+    PROPERTY(choice, "Why that method, a sentence."),
+    PROPERTY(sizes, "Numbers in the state vector and works in it, bytes of the simulation."),
+    PROPERTY(stats, "Counters as in STATS, a new dict."),
+    PROPERTY(warnings, "What was noticed so far: dicts of code, text, t, where, accuracy."),
     {"passes", sim_passes, NULL, "Names of the passes of the plan, in order.", NULL},
     {"effects", sim_effects, NULL, "Rows of EFFECTS that the plan has, in order of its passes.",
-     NULL},
-    {"sizes", sim_sizes, NULL,
-     "Numbers in the state vector and works in it, bytes of the simulation. RuntimeError while "
-     "running.",
-     NULL},
-    {"stats", sim_stats, NULL, "Counters as in STATS, a new dict. RuntimeError while running.",
-     NULL},
-    {"warnings", sim_warnings, NULL,
-     "What was noticed so far: dicts of code, text, t, where, accuracy. RuntimeError while "
-     "running.",
      NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };

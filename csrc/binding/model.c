@@ -409,11 +409,10 @@ static PyObject *model_centers(PyObject *object, PyObject *travel) {
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"centers", model_centers, METH_O, centers_doc},
-    {"solve", (PyCFunction)(void (*)(void))model_solve, METH_VARARGS | METH_KEYWORDS, solve_doc},
-    {"set_going", (PyCFunction)(void (*)(void))model_set_going, METH_VARARGS | METH_KEYWORDS,
-     set_going_doc},
+    BD_CORE_KEYWORDS("solve", model_solve, solve_doc),
+    BD_CORE_KEYWORDS("set_going", model_set_going, set_going_doc),
     {"observe", model_observe, METH_O, observe_doc},
-    {"rate", (PyCFunction)(void (*)(void))model_rate, METH_VARARGS | METH_KEYWORDS, rate_doc},
+    BD_CORE_KEYWORDS("rate", model_rate, rate_doc),
     {NULL, NULL, 0, NULL},
 };
 

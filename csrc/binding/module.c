@@ -284,17 +284,12 @@ PyDoc_STRVAR(
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
     {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
-    {"friction_law", (PyCFunction)(void (*)(void))friction_law, METH_VARARGS | METH_KEYWORDS,
-     friction_law_doc},
+    BD_CORE_KEYWORDS("friction_law", friction_law, friction_law_doc),
     {"friction_states", friction_states, METH_O, friction_states_doc},
-    {"belt_line", (PyCFunction)(void (*)(void))bd_core_belt_line, METH_VARARGS | METH_KEYWORDS,
-     belt_line_doc},
-    {"dahl_slide", (PyCFunction)(void (*)(void))dahl_slide, METH_VARARGS | METH_KEYWORDS,
-     dahl_slide_doc},
-    {"dahl_path", (PyCFunction)(void (*)(void))dahl_path, METH_VARARGS | METH_KEYWORDS,
-     dahl_path_doc},
-    {"span_tension", (PyCFunction)(void (*)(void))bd_core_span_tension,
-     METH_VARARGS | METH_KEYWORDS, bd_core_span_tension_doc},
+    BD_CORE_KEYWORDS("belt_line", bd_core_belt_line, belt_line_doc),
+    BD_CORE_KEYWORDS("dahl_slide", dahl_slide, dahl_slide_doc),
+    BD_CORE_KEYWORDS("dahl_path", dahl_path, dahl_path_doc),
+    BD_CORE_KEYWORDS("span_tension", bd_core_span_tension, bd_core_span_tension_doc),
     {NULL, NULL, 0, NULL},
 };
 
@@ -326,44 +321,23 @@ static PyObject *table_of(size_t n, size_t width, const char *const *cells) {
   table_of(sizeof(cells) / sizeof(cells)[0], sizeof(cells)[0] / sizeof(cells)[0][0], (cells)[0])
 
 static PyObject *error_table(void) {
-  static const struct {
-    const char *symbol;
-    int code;
-    const char *kind, *text;
-  } rows[] = {
-#define X(symbol, kind, text) {#symbol, symbol, #kind, text},
-      BD_ERRORS(X)
+  PyObject *list = PyList_New(0);
+#define X(symbol, kind, text)                                                                      \
+  list = list ? bd_core_append(list, Py_BuildValue("(siss)", #symbol, symbol, #kind, text)) : NULL;
+  BD_ERRORS(X)
 #undef X
-  };
-  const size_t n = sizeof rows / sizeof rows[0];
-  PyObject *table = PyTuple_New((Py_ssize_t)n);
-  for (size_t i = 0; table && i < n; i++) {
-    PyObject *row =
-        Py_BuildValue("(siss)", rows[i].symbol, rows[i].code, rows[i].kind, rows[i].text);
-    table = bd_core_put(table, (Py_ssize_t)i, row);
-  }
-  return table;
+  return bd_core_tuple(list);
 }
 
 static PyObject *rule_table(void) {
-  static const struct {
-    const char *name, *wording;
-    double least;
-    int above;
-    double most;
-  } rows[] = {
-#define X(rule, wording, least, above, most) {#rule, wording, least, above, most},
-      BD_RULES(X)
+  PyObject *list = PyList_New(0);
+#define X(rule, wording, least, above, most)                                                       \
+  list = list ? bd_core_append(list, Py_BuildValue("(ssdOd)", #rule, wording, (double)(least),     \
+                                                   above ? Py_True : Py_False, (double)(most)))    \
+              : NULL;
+  BD_RULES(X)
 #undef X
-  };
-  const size_t n = sizeof rows / sizeof rows[0];
-  PyObject *table = PyTuple_New((Py_ssize_t)n);
-  for (size_t i = 0; table && i < n; i++) {
-    PyObject *row = Py_BuildValue("(ssdOd)", rows[i].name, rows[i].wording, rows[i].least,
-                                  rows[i].above ? Py_True : Py_False, rows[i].most);
-    table = bd_core_put(table, (Py_ssize_t)i, row);
-  }
-  return table;
+  return bd_core_tuple(list);
 }
 
 static PyObject *method_names(void) {

@@ -305,11 +305,37 @@ PyDoc_STRVAR(
     "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
     "KeyboardInterrupt while it fills them: it may then be called again.");
 
+static PyObject *attach_samples(bd_core_sim *self, PyArrayObject *t, PyObject *wanted) {
+  if (self->outputs || self->started) {
+    PyErr_SetString(PyExc_RuntimeError, self->outputs ? "the sample times are set already"
+                                                      : "sample times must be set before the run");
+    return NULL;
+  }
+  PyObject *dict = PyDict_New(), *keep = PyList_New(0);
+  const npy_intp n = PyArray_DIM(t, 0);
+  const int n_energy = self->ledger ? bd_model_energy_terms(self->model->model, NULL) : 0;
+  bd_error err = {0};
+  bd_output output = {0};
+  int failed = !dict || !keep ||
+               bd_core_output_new(&output, keep, dict, &self->model->info, n_energy, n, wanted) < 0;
+  if (!failed) {
+    const int code = bd_sim_set_output(self->sim, (size_t)n, PyArray_DATA(t), &output, &err);
+    failed = code < 0 && !bd_core_raise(code, &err);
+  }
+  if (failed) {
+    Py_CLEAR(dict);
+  } else {
+    self->outputs = Py_NewRef(keep);
+  }
+  Py_XDECREF(keep);
+  return dict;
+}
+
 static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
   char *names[] = {"t", "outputs", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
   const npy_intp any = BD_ANY;
-  PyObject *times, *outputs = Py_None;
+  PyObject *times, *outputs = Py_None, *dict = NULL;
   if (!PyArg_ParseTupleAndKeywords(args, keywords, "O|O:sample", names, &times, &outputs)) {
     return NULL;
   }
@@ -318,41 +344,12 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
     return NULL;
   }
   PyArrayObject *t = bd_convert_array(times, "t_eval", 1, &any);
-  if (!t) {
-    Py_XDECREF(wanted);
-    return NULL;
+  if (t && bd_core_enter(self) == 0) {
+    dict = attach_samples(self, t, wanted);
+    bd_core_leave(self);
   }
-  PyObject *dict = NULL, *keep = NULL;
-  if (bd_core_enter(self) < 0) {
-    goto out;
-  }
-  bd_error err = {0};
-  bd_output output = {0};
-  int code = BD_OK, ready = 0;
-  if (self->outputs || self->started) {
-    PyErr_SetString(PyExc_RuntimeError, self->outputs ? "the sample times are set already"
-                                                      : "sample times must be set before the run");
-  } else if ((dict = PyDict_New()) && (keep = PyList_New(0))) {
-    ready = !bd_core_output_new(&output, keep, dict, &self->model->info,
-                                self->ledger ? bd_model_energy_terms(self->model->model, NULL) : 0,
-                                PyArray_DIM(t, 0), wanted);
-  }
-  if (ready) {
-    code = bd_sim_set_output(self->sim, (size_t)PyArray_DIM(t, 0), PyArray_DATA(t), &output, &err);
-  }
-  if (!ready || code < 0) {
-    Py_CLEAR(dict);
-  } else {
-    self->outputs = Py_NewRef(keep);
-  }
-  bd_core_leave(self);
-  if (code < 0) {
-    bd_core_raise(code, &err);
-  }
-out:
-  Py_XDECREF(keep);
   Py_XDECREF(wanted);
-  Py_DECREF(t);
+  Py_XDECREF(t);
   return dict;
 }
 
@@ -478,9 +475,8 @@ static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
 static PyMethodDef sim_methods[] = {
     {"settle", (PyCFunction)(void (*)(void))sim_settle, METH_VARARGS | METH_KEYWORDS | METH_CLASS,
      settle_doc},
-    {"sample", (PyCFunction)(void (*)(void))sim_sample, METH_VARARGS | METH_KEYWORDS, sample_doc},
-    {"advance", (PyCFunction)(void (*)(void))sim_advance, METH_VARARGS | METH_KEYWORDS,
-     advance_doc},
+    BD_CORE_KEYWORDS("sample", sim_sample, sample_doc),
+    BD_CORE_KEYWORDS("advance", sim_advance, advance_doc),
     {"stop", sim_stop, METH_NOARGS, stop_doc},
     {"state", bd_core_sim_state, METH_NOARGS, bd_core_state_doc},
     {"export_record", bd_core_sim_export, METH_NOARGS, bd_core_export_doc},

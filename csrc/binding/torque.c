@@ -9,6 +9,7 @@
  */
 #include "binding/binding.h"
 
+#include <stddef.h>
 #include <string.h>
 
 /* --- what a callable returned ---------------------------------------------------------------- */
@@ -184,319 +185,249 @@ static int call_python_motion(double t, double *value, void *user) {
   return failed;
 }
 
-/* --- terms ----------------------------------------------------------------------------------- */
+/* --- terms and motions ----------------------------------------------------------------------- */
 
-/* Converts an array and keeps it until the core has copied it. */
-static const double *keep_array(bd_core_torque *out, PyObject *object, const char *name, int ndim,
-                                const npy_intp *shape, npy_intp *n_rows) {
-  PyArrayObject *array = bd_convert_array(object, name, ndim, shape);
-  if (!array) {
-    return NULL;
+/* What a place of a tuple holds: an array (n,) of any length, which goes to `count`; one (n,) or
+ * (n, pulleys) of that n; one (pulleys,); numbers, so many, copied; a pulley, of which the core
+ * says when it is out of range; an address, of code not 0; None or (times, factors); a callable. */
+enum { NOTHING, ARRAY, SAME, ROWS, BY_PULLEY, NUMBERS, PULLEY, ADDRESS, CODE, FACTOR, CALL };
+
+typedef struct {
+  int holds;
+  const char *name; /* in messages */
+  size_t offset, count;
+} item;
+
+typedef struct {
+  const char *name;
+  int kind;
+  item items[7];
+} form;
+
+#define TERM(member) offsetof(bd_torque_term, member)
+#define MOTION(member) offsetof(bd_motion, member)
+#define OF_PULLEY                                                                                  \
+  { PULLEY, "pulley", TERM(pulley), 0 }
+#define TIMES_FACTOR                                                                               \
+  { FACTOR, "factor", 0, 0 }
+#define SPEEDS                                                                                     \
+  { ARRAY, "speeds", TERM(omega), TERM(n_points) }
+#define TORQUES                                                                                    \
+  { SAME, "torques", TERM(torque), 0 }
+static const form term_forms[] = {
+    {"piecewise",
+     BD_TORQUE_PIECEWISE,
+     {{ARRAY, "times", TERM(t), TERM(n_t)}, {ROWS, "values", TERM(values), 0}}},
+    {"viscous", BD_TORQUE_VISCOUS, {{BY_PULLEY, "coefficients", TERM(coefficients), 0}}},
+    {"function",
+     BD_TORQUE_FUNCTION,
+     {{CODE, "function address", TERM(function), 0}, {ADDRESS, "user address", TERM(user), 0}}},
+    {"call", BD_TORQUE_CALL, {{CALL, "", 0, 0}}},
+    {"load",
+     BD_TORQUE_LOAD,
+     {OF_PULLEY, {NUMBERS, "coefficients", TERM(against), 3}, TIMES_FACTOR}},
+    {"table", BD_TORQUE_TABLE, {OF_PULLEY, SPEEDS, TORQUES, TIMES_FACTOR}},
+    {"harmonics",
+     BD_TORQUE_HARMONICS,
+     {OF_PULLEY,
+      {PULLEY, "of", TERM(of), 0},
+      {ARRAY, "orders", TERM(harmonics.orders), TERM(harmonics.n)},
+      {SAME, "amplitudes", TERM(harmonics.amplitudes), 0},
+      {SAME, "phases", TERM(harmonics.phases), 0},
+      TIMES_FACTOR}},
+    {"curve", BD_TORQUE_CURVE, {OF_PULLEY, SPEEDS, TORQUES, TIMES_FACTOR}},
+};
+/* Behind the pulley and the kind. */
+static const form motion_forms[] = {
+    {"piecewise",
+     BD_MOTION_PIECEWISE,
+     {{ARRAY, "", MOTION(t), MOTION(n_t)}, {SAME, "", MOTION(values), 0}}},
+    {"crank",
+     BD_MOTION_PIECEWISE,
+     {{ARRAY, "", MOTION(t), MOTION(n_t)},
+      {SAME, "", MOTION(values), 0},
+      {ARRAY, "orders", MOTION(harmonics.orders), MOTION(harmonics.n)},
+      {SAME, "amplitudes", MOTION(harmonics.amplitudes), 0},
+      {SAME, "phases", MOTION(harmonics.phases), 0},
+      {NUMBERS, "fade", MOTION(fade), 2}}},
+    {"speed", BD_MOTION_SPEED, {{CALL, "", 0, 0}}},
+    {"angle", BD_MOTION_ANGLE, {{CALL, "", 0, 0}}},
+};
+#define N_FORMS(forms) (sizeof(forms) / sizeof(forms)[0])
+
+/* The form of this name; NULL: there is none. */
+static const form *find_form(const form *forms, size_t n, PyObject *name) {
+  size_t k = 0;
+  while (k < n && PyUnicode_CompareWithASCIIString(name, forms[k].name)) {
+    ++k;
   }
-  int failed = PyList_Append(out->arrays, (PyObject *)array);
-  const double *data = PyArray_DATA(array);
-  if (n_rows) {
-    *n_rows = PyArray_DIM(array, 0);
+  return k < n ? &forms[k] : NULL;
+}
+
+static Py_ssize_t size_of(const form *shape) {
+  Py_ssize_t n = 0;
+  while (n < (Py_ssize_t)N_FORMS(shape->items) && shape->items[n].holds != NOTHING) {
+    ++n;
   }
-  Py_DECREF(array);
-  return failed ? NULL : data;
+  return n;
 }
 
 typedef struct {
   bd_core_torque *out;
-  bd_torque_term *term;
-  PyObject *tuple;
-  Py_ssize_t index; /* of the term, for messages */
-  npy_intp n_pulleys;
+  Py_ssize_t index; /* of the term or motion, for messages */
+  const bd_model *model;
+  npy_intp n_pulleys, n; /* n: of the last ARRAY */
+  bd_torque_term *term;  /* what is read, or */
+  bd_motion *motion;
 } reader;
 
-static int read_piecewise(const reader *in) {
-  char name[BD_NAME_SIZE];
-  npy_intp n_t = BD_ANY;
-  PyOS_snprintf(name, sizeof name, "torque[%zd] times", in->index);
-  in->term->t = keep_array(in->out, PyTuple_GET_ITEM(in->tuple, 1), name, 1, &n_t, &n_t);
-  if (!in->term->t) {
+/* Converts an array and keeps it until the core has copied it. */
+static int read_array_into(reader *in, void *record, PyObject *object, const char *name,
+                           const item *row) {
+  const int holds = row->holds;
+  const npy_intp dims[2] = {holds == ARRAY       ? BD_ANY
+                            : holds == BY_PULLEY ? in->n_pulleys
+                            : holds == NUMBERS   ? (npy_intp)row->count
+                                                 : in->n,
+                            in->n_pulleys};
+  PyArrayObject *array = bd_convert_array(object, name, holds == ROWS ? 2 : 1, dims);
+  if (!array) {
     return -1;
   }
-  const npy_intp shape[2] = {n_t, in->n_pulleys};
-  PyOS_snprintf(name, sizeof name, "torque[%zd] values", in->index);
-  in->term->values = keep_array(in->out, PyTuple_GET_ITEM(in->tuple, 2), name, 2, shape, NULL);
-  in->term->n_t = (size_t)n_t;
-  return in->term->values ? 0 : -1;
-}
-
-static int read_viscous(const reader *in) {
-  char name[BD_NAME_SIZE];
-  PyOS_snprintf(name, sizeof name, "torque[%zd] coefficients", in->index);
-  in->term->coefficients =
-      keep_array(in->out, PyTuple_GET_ITEM(in->tuple, 1), name, 1, &in->n_pulleys, NULL);
-  return in->term->coefficients ? 0 : -1;
-}
-
-/* The pulley of a term or motion; of one out of range the core says so. */
-static int read_pulley(PyObject *object, const char *name, int *out) {
-  long pulley;
-  if (bd_convert_long(object, name, &pulley) < 0) {
-    return -1;
+  const int failed = PyList_Append(in->out->arrays, (PyObject *)array);
+  const double *data = PyArray_DATA(array);
+  char *to = (char *)record + row->offset;
+  if (holds == NUMBERS) {
+    memcpy(to, data, row->count * sizeof *data);
+  } else {
+    memcpy(to, &data, sizeof data);
   }
-  *out = pulley >= 0 && pulley < BD_MAX_PULLEYS ? (int)pulley : -1;
-  return 0;
-}
-
-static int term_pulley(const reader *in, Py_ssize_t at, const char *what, int *out) {
-  char name[BD_NAME_SIZE];
-  PyOS_snprintf(name, sizeof name, "torque[%zd] %s", in->index, what);
-  return read_pulley(PyTuple_GET_ITEM(in->tuple, at), name, out);
-}
-
-/* One of the arrays (n,) of a term; n BD_ANY: as long as it is. */
-static const double *term_array(const reader *in, PyObject *object, const char *what, npy_intp *n) {
-  char name[BD_NAME_SIZE];
-  PyOS_snprintf(name, sizeof name, "torque[%zd] %s", in->index, what);
-  return keep_array(in->out, object, name, 1, n, n);
-}
-
-/* None, or (times, factors). */
-static int read_factor(const reader *in, Py_ssize_t at) {
-  PyObject *factor = PyTuple_GET_ITEM(in->tuple, at);
-  npy_intp n_t = BD_ANY;
-  if (factor == Py_None) {
-    return 0;
+  if (holds == ARRAY) {
+    in->n = PyArray_DIM(array, 0);
+    memcpy((char *)record + row->count, &(size_t){(size_t)in->n}, sizeof(size_t));
   }
-  if (!PyTuple_Check(factor) || PyTuple_GET_SIZE(factor) != 2) {
-    PyErr_Format(PyExc_TypeError, "torque[%zd] factor must be None or (times, factors), got %R",
-                 in->index, factor);
-    return -1;
-  }
-  in->term->t = term_array(in, PyTuple_GET_ITEM(factor, 0), "times", &n_t);
-  in->term->values =
-      in->term->t ? term_array(in, PyTuple_GET_ITEM(factor, 1), "factors", &n_t) : NULL;
-  in->term->n_t = (size_t)n_t;
-  return in->term->values ? 0 : -1;
+  Py_DECREF(array);
+  return failed;
 }
 
-static int read_load(const reader *in) {
-  PyObject *against = PyTuple_GET_ITEM(in->tuple, 2);
-  const npy_intp n = 3;
-  char name[BD_NAME_SIZE];
-  PyOS_snprintf(name, sizeof name, "torque[%zd] coefficients", in->index);
-  const double *values = keep_array(in->out, against, name, 1, &n, NULL);
-  if (!values) {
-    return -1;
-  }
-  in->term->against = (bd_drag){values[0], values[1], values[2]};
-  return term_pulley(in, 1, "pulley", &in->term->pulley) < 0 ? -1 : read_factor(in, 3);
-}
-
-static int read_table(const reader *in) {
-  npy_intp n = BD_ANY;
-  in->term->omega = term_array(in, PyTuple_GET_ITEM(in->tuple, 2), "speeds", &n);
-  in->term->torque =
-      in->term->omega ? term_array(in, PyTuple_GET_ITEM(in->tuple, 3), "torques", &n) : NULL;
-  in->term->n_points = (size_t)n;
-  return !in->term->torque || term_pulley(in, 1, "pulley", &in->term->pulley) < 0
-             ? -1
-             : read_factor(in, 4);
-}
-
-/* Orders, amplitudes and phases, from the place `at` of a tuple on; `whose`: for messages. */
-static int read_harmonics(bd_core_torque *out, PyObject *tuple, Py_ssize_t at, const char *whose,
-                          bd_harmonics *harmonics) {
-  static const char *const names[] = {"orders", "amplitudes", "phases"};
-  const double *arrays[3];
-  npy_intp n = BD_ANY;
-  for (int k = 0; k < 3; k++) {
-    char name[BD_NAME_SIZE];
-    PyOS_snprintf(name, sizeof name, "%.40s %s", whose, names[k]);
-    arrays[k] = keep_array(out, PyTuple_GET_ITEM(tuple, at + k), name, 1, &n, &n);
-    if (!arrays[k]) {
-      return -1;
-    }
-  }
-  *harmonics = (bd_harmonics){(size_t)n, arrays[0], arrays[1], arrays[2]};
-  return 0;
-}
-
-static int read_harmonic_torque(const reader *in) {
-  char whose[BD_NAME_SIZE];
-  PyOS_snprintf(whose, sizeof whose, "torque[%zd]", in->index);
-  return term_pulley(in, 1, "pulley", &in->term->pulley) < 0 ||
-                 term_pulley(in, 2, "of", &in->term->of) < 0 ||
-                 read_harmonics(in->out, in->tuple, 3, whose, &in->term->harmonics) < 0
-             ? -1
-             : read_factor(in, 6);
-}
-
-static int read_function(const reader *in) {
-  char name[BD_NAME_SIZE];
-  uintptr_t function, user;
-  PyOS_snprintf(name, sizeof name, "torque[%zd] function address", in->index);
-  if (bd_convert_address(PyTuple_GET_ITEM(in->tuple, 1), name, &function) < 0) {
-    return -1;
-  }
-  if (!function) {
-    PyErr_Format(PyExc_ValueError, "%s must not be 0", name);
-    return -1;
-  }
-  PyOS_snprintf(name, sizeof name, "torque[%zd] user address", in->index);
-  if (bd_convert_address(PyTuple_GET_ITEM(in->tuple, 2), name, &user) < 0) {
-    return -1;
-  }
-  in->term->function = (bd_torque_function)function;
-  in->term->user = (void *)user;
-  return 0;
-}
-
-static bd_core_call *keep_callable(bd_core_torque *out, PyObject *callable, const char *name) {
+static int read_call(const reader *in, PyObject *callable, const char *name) {
   if (!PyCallable_Check(callable)) {
     PyErr_Format(PyExc_TypeError, "%s must hold a callable, got %.100s", name,
                  Py_TYPE(callable)->tp_name);
-    return NULL;
-  }
-  bd_core_call *call = &out->calls[out->n_calls++];
-  call->callable = Py_NewRef(callable);
-  call->stop = out->torque.stop;
-  return call;
-}
-
-static int read_call(const reader *in) {
-  char name[BD_NAME_SIZE];
-  PyOS_snprintf(name, sizeof name, "torque[%zd]", in->index);
-  bd_core_call *call = keep_callable(in->out, PyTuple_GET_ITEM(in->tuple, 1), name);
-  if (!call) {
     return -1;
   }
+  bd_core_call *call = &in->out->calls[in->out->n_calls++];
+  call->callable = Py_NewRef(callable);
+  call->stop = in->out->torque.stop;
   call->n_pulleys = in->n_pulleys;
-  in->term->call = call_python;
-  in->term->user = call;
+  if (in->motion) {
+    call->pulley = bd_pulley_label(in->model, in->motion->pulley);
+    in->motion->call = call_python_motion;
+    in->motion->user = call;
+  } else {
+    in->term->call = call_python;
+    in->term->user = call;
+  }
   return 0;
 }
 
-static int read_term(reader *in) {
-  static const struct {
-    const char *name;
-    int kind;
-    Py_ssize_t n_arguments;
-    int (*read)(const reader *);
-  } kinds[] = {
-      {"piecewise", BD_TORQUE_PIECEWISE, 2, read_piecewise},
-      {"viscous", BD_TORQUE_VISCOUS, 1, read_viscous},
-      {"function", BD_TORQUE_FUNCTION, 2, read_function},
-      {"call", BD_TORQUE_CALL, 1, read_call},
-      {"load", BD_TORQUE_LOAD, 3, read_load},
-      {"table", BD_TORQUE_TABLE, 4, read_table},
-      {"harmonics", BD_TORQUE_HARMONICS, 6, read_harmonic_torque},
-      {"curve", BD_TORQUE_CURVE, 4, read_table},
-  };
-  if (!PyTuple_Check(in->tuple) || !PyTuple_GET_SIZE(in->tuple) ||
-      !PyUnicode_Check(PyTuple_GET_ITEM(in->tuple, 0))) {
-    PyErr_Format(PyExc_TypeError, "torque[%zd] must be a tuple that begins with its kind, got %R",
-                 in->index, in->tuple);
-    return -1;
-  }
-  PyObject *kind = PyTuple_GET_ITEM(in->tuple, 0);
-  const Py_ssize_t got = PyTuple_GET_SIZE(in->tuple) - 1;
-  for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++) {
-    if (PyUnicode_CompareWithASCIIString(kind, kinds[k].name)) {
-      continue;
-    }
-    if (got != kinds[k].n_arguments) {
-      PyErr_Format(PyExc_ValueError, "torque[%zd] of kind '%s' must have %zd argument%s, got %zd",
-                   in->index, kinds[k].name, kinds[k].n_arguments, PLURAL(kinds[k].n_arguments),
-                   got);
+static int read_place(reader *in, PyObject *object, const item *row) {
+  static const item factor[] = {{ARRAY, "times", TERM(t), TERM(n_t)},
+                                {SAME, "factors", TERM(values), 0}};
+  char name[BD_NAME_SIZE], *record = in->motion ? (char *)in->motion : (char *)in->term;
+  long pulley;
+  uintptr_t address;
+  PyOS_snprintf(name, sizeof name, "%s[%zd]%s%s", in->motion ? "motion" : "torque", in->index,
+                row->name[0] ? " " : "", row->name);
+  switch (row->holds) {
+  case PULLEY:
+    if (bd_convert_long(object, name, &pulley) < 0) {
       return -1;
     }
-    in->term->kind = kinds[k].kind;
-    return kinds[k].read(in);
+    pulley = pulley >= 0 && pulley < BD_MAX_PULLEYS ? pulley : -1;
+    memcpy(record + row->offset, &(int){(int)pulley}, sizeof(int));
+    return 0;
+  case ADDRESS:
+  case CODE:
+    if (bd_convert_address(object, name, &address) < 0) {
+      return -1;
+    }
+    if (!address && row->holds == CODE) {
+      PyErr_Format(PyExc_ValueError, "%s must not be 0", name);
+      return -1;
+    }
+    memcpy(record + row->offset, &address, sizeof address);
+    return 0;
+  case CALL:
+    return read_call(in, object, name);
+  case FACTOR:
+    if (object == Py_None) {
+      return 0;
+    }
+    if (!PyTuple_Check(object) || PyTuple_GET_SIZE(object) != 2) {
+      PyErr_Format(PyExc_TypeError, "%s must be None or (times, factors), got %R", name, object);
+      return -1;
+    }
+    return read_place(in, PyTuple_GET_ITEM(object, 0), &factor[0]) < 0
+               ? -1
+               : read_place(in, PyTuple_GET_ITEM(object, 1), &factor[1]);
+  default:
+    return read_array_into(in, record, object, name, row);
   }
-  PyErr_Format(PyExc_ValueError,
-               "torque[%zd] must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', "
-               "'table', 'harmonics' or 'curve', got %R",
-               in->index, kind);
-  return -1;
 }
 
-/* Mean speed (t, values), and where there are more: orders, amplitudes, phases, fade. */
-static int read_mean_speed(bd_core_torque *out, PyObject *tuple, const char *name,
-                           bd_motion *motion) {
-  npy_intp n_t = BD_ANY;
-  motion->t = keep_array(out, PyTuple_GET_ITEM(tuple, 2), name, 1, &n_t, &n_t);
-  motion->values =
-      motion->t ? keep_array(out, PyTuple_GET_ITEM(tuple, 3), name, 1, &n_t, NULL) : NULL;
-  motion->n_t = (size_t)n_t;
-  if (!motion->values || PyTuple_GET_SIZE(tuple) == 4) {
-    return motion->values ? 0 : -1;
+/* The places of a tuple from `begin` on. */
+static int read_form(reader *in, PyObject *tuple, Py_ssize_t begin, const form *shape) {
+  int failed = 0;
+  for (Py_ssize_t k = 0; !failed && k < size_of(shape); k++) {
+    failed = read_place(in, PyTuple_GET_ITEM(tuple, begin + k), &shape->items[k]);
   }
-  const npy_intp two = 2;
-  char whose[BD_NAME_SIZE];
-  PyOS_snprintf(whose, sizeof whose, "%.40s fade", name);
-  const double *fade = keep_array(out, PyTuple_GET_ITEM(tuple, 7), whose, 1, &two, NULL);
-  if (!fade) {
+  return failed;
+}
+
+static int read_term(reader *in, PyObject *tuple) {
+  if (!PyTuple_Check(tuple) || !PyTuple_GET_SIZE(tuple) ||
+      !PyUnicode_Check(PyTuple_GET_ITEM(tuple, 0))) {
+    PyErr_Format(PyExc_TypeError, "torque[%zd] must be a tuple that begins with its kind, got %R",
+                 in->index, tuple);
     return -1;
   }
-  memcpy(motion->fade, fade, sizeof motion->fade);
-  return read_harmonics(out, tuple, 4, name, &motion->harmonics);
+  PyObject *kind = PyTuple_GET_ITEM(tuple, 0);
+  const form *shape = find_form(term_forms, N_FORMS(term_forms), kind);
+  const Py_ssize_t got = PyTuple_GET_SIZE(tuple) - 1;
+  if (!shape) {
+    PyErr_Format(PyExc_ValueError,
+                 "torque[%zd] must be of kind 'piecewise', 'viscous', 'function', 'call', 'load', "
+                 "'table', 'harmonics' or 'curve', got %R",
+                 in->index, kind);
+    return -1;
+  }
+  if (got != size_of(shape)) {
+    PyErr_Format(PyExc_ValueError, "torque[%zd] of kind '%s' must have %zd argument%s, got %zd",
+                 in->index, shape->name, size_of(shape), PLURAL(size_of(shape)), got);
+    return -1;
+  }
+  in->term->kind = shape->kind;
+  return read_form(in, tuple, 1, shape);
 }
 
-/* One of the tuples in `forms`. */
-static int read_motion(bd_core_torque *out, PyObject *tuple, Py_ssize_t index,
-                       const bd_model *model) {
-  static const struct {
-    const char *name;
-    int kind;
-    Py_ssize_t size;
-  } forms[] = {{"piecewise", BD_MOTION_PIECEWISE, 4},
-               {"crank", BD_MOTION_PIECEWISE, 8},
-               {"speed", BD_MOTION_SPEED, 3},
-               {"angle", BD_MOTION_ANGLE, 3}};
-  enum { N_FORMS = sizeof forms / sizeof forms[0] };
-  bd_motion *motion = &out->motions[index];
+static int read_motion(reader *in, PyObject *tuple) {
+  static const item pulley = {PULLEY, "pulley", MOTION(pulley), 0};
   const Py_ssize_t got = PyTuple_Check(tuple) ? PyTuple_GET_SIZE(tuple) : 0;
   PyObject *kind = got >= 3 ? PyTuple_GET_ITEM(tuple, 1) : NULL;
-  char name[BD_NAME_SIZE];
-  size_t form = 0;
-  while (form < N_FORMS && (!kind || !PyUnicode_Check(kind) || got != forms[form].size ||
-                            PyUnicode_CompareWithASCIIString(kind, forms[form].name))) {
-    ++form;
-  }
-  if (form == N_FORMS) {
+  const form *shape =
+      kind && PyUnicode_Check(kind) ? find_form(motion_forms, N_FORMS(motion_forms), kind) : NULL;
+  if (!shape || got != 2 + size_of(shape)) {
     PyErr_Format(PyExc_ValueError,
                  "motion[%zd] must be (pulley, 'piecewise', t, values), (pulley, 'crank', t, "
                  "values, orders, amplitudes, phases, fade), (pulley, 'speed', call) or "
                  "(pulley, 'angle', call), got %R",
-                 index, tuple);
+                 in->index, tuple);
     return -1;
   }
-  motion->kind = forms[form].kind;
-  PyOS_snprintf(name, sizeof name, "motion[%zd] pulley", index);
-  if (read_pulley(PyTuple_GET_ITEM(tuple, 0), name, &motion->pulley) < 0) {
-    return -1;
-  }
-  PyOS_snprintf(name, sizeof name, "motion[%zd]", index);
-  if (motion->kind == BD_MOTION_PIECEWISE) {
-    return read_mean_speed(out, tuple, name, motion);
-  }
-  bd_core_call *call = keep_callable(out, PyTuple_GET_ITEM(tuple, 2), name);
-  if (!call) {
-    return -1;
-  }
-  call->pulley = bd_pulley_label(model, motion->pulley);
-  motion->call = call_python_motion;
-  motion->user = call;
-  return 0;
-}
-
-static int read_breakpoints(bd_core_torque *out, PyObject *breakpoints) {
-  if (!breakpoints) {
-    return 0;
-  }
-  npy_intp n = BD_ANY;
-  out->torque.breakpoints = keep_array(out, breakpoints, "breakpoints", 1, &n, &n);
-  if (!out->torque.breakpoints) {
-    return -1;
-  }
-  out->torque.n_breakpoints = (size_t)n;
-  return 0;
+  in->motion->kind = shape->kind;
+  return read_place(in, PyTuple_GET_ITEM(tuple, 0), &pulley) < 0 ? -1
+                                                                 : read_form(in, tuple, 2, shape);
 }
 
 /* A tuple of our own: converting runs Python code, which could change a list under us. */
@@ -535,21 +466,26 @@ int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoi
     goto out;
   }
   for (Py_ssize_t i = 0; i < n; i++) {
-    reader in = {out, &out->terms[i], PyTuple_GET_ITEM(items, i), i, info.n_pulleys};
-    if (read_term(&in) < 0) {
+    reader in = {out, i, model, info.n_pulleys, 0, &out->terms[i], NULL};
+    if (read_term(&in, PyTuple_GET_ITEM(items, i)) < 0) {
       goto out;
     }
   }
   out->torque.terms = out->terms;
   out->torque.n_terms = (size_t)n;
   for (Py_ssize_t i = 0; i < n_motions; i++) {
-    if (read_motion(out, PyTuple_GET_ITEM(moves, i), i, model) < 0) {
+    reader in = {out, i, model, info.n_pulleys, 0, NULL, &out->motions[i]};
+    if (read_motion(&in, PyTuple_GET_ITEM(moves, i)) < 0) {
       goto out;
     }
   }
   out->torque.motions = out->motions;
   out->torque.n_motions = (size_t)n_motions;
-  failed = read_breakpoints(out, breakpoints);
+  const item times = {ARRAY, "", offsetof(bd_torque, breakpoints),
+                      offsetof(bd_torque, n_breakpoints)};
+  failed = breakpoints ? read_array_into(&(reader){.out = out}, &out->torque, breakpoints,
+                                         "breakpoints", &times)
+                       : 0;
 out:
   Py_DECREF(items);
   Py_DECREF(moves);

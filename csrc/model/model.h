@@ -35,8 +35,8 @@ typedef struct bd_mounted {
   double pivot[2], direction[2];
   double inertia, mass, stiffness, preload, damping;
   double friction, adapts; /* F_m; kappa / F_m, 0 without friction */
-  int has_stops;
   double lowest, highest, stop_stiffness, stop_damping;
+  int has_stops;
   size_t n_t;
   double *t, *points, *slopes, *scratch; /* (n_t), (n_t, 2), (n_t, 2), (n_t) */
   double fastest;                        /* of the axis on it, a bound */

@@ -123,8 +123,8 @@ static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *mode
     bd_link_contact_carve(carver, plan, lay);
   }
   BD_CARVE(carver, plan->contact_pulleys, lay->np);
-  BD_CARVE(carver, plan->owner, lay->n8 * lay->slots);
-  BD_CARVE(carver, plan->friction, lay->np);
+  BD_KEEP(carver, plan->owner, lay->n8 * lay->slots);
+  BD_KEEP(carver, plan->friction, lay->np);
   bd_search_carve(carver, &plan->search, lay);
 }
 

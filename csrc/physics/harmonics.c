@@ -4,22 +4,15 @@
  * (loads.c) and of prescribed motions (motion.c), MODEL section 5. Guarded by tests/test_loads.py.
  */
 #include <math.h>
-#include <string.h>
 
 #include "physics/physics.h"
 
-void bd_harmonics_carve(bd_carver *carver, bd_harmonics *copy, const bd_harmonics *given) {
-  const size_t n = given->n;
-  double *data;
-  BD_CARVE(carver, data, 3 * n);
-  if (copy) {
-    *copy = (bd_harmonics){n, data, data + n, data + 2 * n};
-    if (n > 0) {
-      memcpy(data, given->orders, n * sizeof *data);
-      memcpy(data + n, given->amplitudes, n * sizeof *data);
-      memcpy(data + 2 * n, given->phases, n * sizeof *data);
-    }
-  }
+bd_harmonics bd_harmonics_carve(bd_carver *carver, const bd_harmonics *given) {
+  bd_harmonics copy = {.n = given->n};
+  copy.orders = bd_carve_copy(carver, given->orders, copy.n);
+  copy.amplitudes = bd_carve_copy(carver, given->amplitudes, copy.n);
+  copy.phases = bd_carve_copy(carver, given->phases, copy.n);
+  return copy;
 }
 
 int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,

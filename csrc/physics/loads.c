@@ -10,7 +10,6 @@
  */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "physics/physics.h"
 
@@ -19,35 +18,8 @@ int bd_is_load(const bd_torque_term *term) {
          term->kind == BD_TORQUE_HARMONICS || term->kind == BD_TORQUE_CURVE;
 }
 
-static int has_points(const bd_torque_term *term) {
+int bd_has_points(const bd_torque_term *term) {
   return term->kind == BD_TORQUE_TABLE || term->kind == BD_TORQUE_CURVE;
-}
-
-void bd_load_carve(bd_carver *carver, bd_torque_term *copy, const bd_torque_term *given) {
-  const size_t n_t = given->n_t, n = has_points(given) ? given->n_points : 0;
-  const bd_harmonics none = {0};
-  double *times, *points;
-  BD_CARVE(carver, times, 2 * n_t);
-  BD_CARVE(carver, points, 2 * n);
-  if (copy) {
-    *copy = *given;
-    copy->t = times;
-    copy->values = times + n_t;
-    copy->n_points = n;
-    copy->omega = points;
-    copy->torque = points + n;
-    copy->of = given->kind == BD_TORQUE_HARMONICS ? given->of : given->pulley;
-    if (n_t > 0) {
-      memcpy(times, given->t, n_t * sizeof *times);
-      memcpy(times + n_t, given->values, n_t * sizeof *times);
-    }
-    if (n > 0) {
-      memcpy(points, given->omega, n * sizeof *points);
-      memcpy(points + n, given->torque, n * sizeof *points);
-    }
-  }
-  bd_harmonics_carve(carver, copy ? &copy->harmonics : NULL,
-                     given->kind == BD_TORQUE_HARMONICS ? &given->harmonics : &none);
 }
 
 /* --- rules ----------------------------------------------------------------------------------- */
@@ -104,7 +76,7 @@ int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err) {
     }
   }
   return term->kind == BD_TORQUE_LOAD ? check_against(&term->against, k, err)
-         : has_points(term)           ? check_table(term, k, err)
+         : bd_has_points(term)        ? check_table(term, k, err)
          : term->harmonics.n > 0
              ? bd_harmonics_check(&term->harmonics, "torque", "torque term", k, err)
              : bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
@@ -183,7 +155,7 @@ void bd_load_steepest(const bd_torque_term *term, const bd_model *model, double 
   }
   if (term->kind == BD_TORQUE_LOAD) {
     *damping += most * bd_steepest_resistance(&term->against, model, term->pulley, tension);
-  } else if (has_points(term)) {
+  } else if (bd_has_points(term)) {
     *damping += most * steepest_of_table(term, model);
   } else {
     for (size_t i = 0; i < term->harmonics.n; ++i) {
@@ -197,7 +169,7 @@ const bd_torque_term *bd_load_beyond_table(const bd_torque_set *set, double t, d
   const double MARGIN = 0.01; /* torques over speed are not known better */
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
-    if (!has_points(term) || bd_is_moved(set, term->pulley)) {
+    if (!bd_has_points(term) || bd_is_moved(set, term->pulley)) {
       continue;
     }
     const double first = term->omega[0], last = term->omega[term->n_points - 1];

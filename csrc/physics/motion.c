@@ -25,32 +25,32 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
   if (set->n == 0) {
     return;
   }
-  double **const arrays[] = {&set->theta, &set->omega, &set->alpha, &set->jerk, &set->offset};
+  double **const arrays[] = {&set->theta, &set->omega, &set->alpha, &set->jerk};
   for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
     BD_CARVE(carver, *arrays[k], set->n);
   }
+  BD_KEEP(carver, set->offset, set->n);
   BD_CARVE(carver, set->of_pulley, np);
   BD_CARVE(carver, set->motions, set->n);
   for (size_t k = 0; k < set->n; ++k) {
     const bd_motion *given = &torque->motions[k];
     const size_t n_t = given->kind == BD_MOTION_PIECEWISE ? given->n_t : 0;
-    double *data; /* times, speeds, and the angles that they come to */
-    BD_CARVE(carver, data, 3 * n_t);
-    if (carver->base) {
-      set->motions[k] = *given;
-      set->motions[k].n_t = n_t;
-      set->motions[k].t = data;
-      set->motions[k].values = data + n_t;
-      if (n_t > 0) {
-        memcpy(data, given->t, n_t * sizeof *data);
-        memcpy(data + n_t, given->values, n_t * sizeof *data);
-      }
-      for (size_t i = 1; i < n_t; ++i) {
-        double mean = 0.5 * (given->values[i - 1] + given->values[i]);
-        data[2 * n_t + i] = data[2 * n_t + i - 1] + mean * (given->t[i] - given->t[i - 1]);
+    bd_motion copy = *given;
+    double *data; /* speeds, and the angles that they come to */
+    copy.n_t = n_t;
+    copy.t = bd_carve_copy(carver, given->t, n_t);
+    copy.values = BD_CARVE(carver, data, 2 * n_t);
+    copy.harmonics = bd_harmonics_carve(carver, &given->harmonics);
+    for (size_t i = 0; carver->base && i < n_t; ++i) {
+      data[i] = given->values[i];
+      if (i > 0) {
+        const double mean = 0.5 * (data[i - 1] + data[i]);
+        data[n_t + i] = data[n_t + i - 1] + mean * (given->t[i] - given->t[i - 1]);
       }
     }
-    bd_harmonics_carve(carver, carver->base ? &set->motions[k].harmonics : NULL, &given->harmonics);
+    if (carver->base) {
+      set->motions[k] = copy;
+    }
   }
 }
 

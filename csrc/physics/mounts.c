@@ -38,7 +38,7 @@ int bd_paths_enabled(const bd_model *model, const bd_plan_options *options) {
 }
 
 void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
-  BD_CARVE(carver, plan->hub, 2 * model->lay.nm);
+  BD_KEEP(carver, plan->hub, 2 * model->lay.nm);
   BD_CARVE(carver, plan->mount_inertia, model->lay.nm);
 }
 

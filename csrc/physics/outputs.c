@@ -12,15 +12,16 @@
 /* Of a quantity, over its size, by the operations that lead to it: some 60 of half a unit. */
 #define ROUNDING (32.0 * DBL_EPSILON)
 
-typedef struct touch {
-  double rho, normal, mu, friction, slip, velocity;
-} touch;
-
 /* Where a link's contact acts: its centre; or the joint on its left, where friction acts, of a
  * string the mass itself. */
 typedef struct contact_point {
   double x, y, vx, vy;
 } contact_point;
+
+typedef struct touch {
+  contact_point at;
+  double share, rho, normal, mu, friction, slip, velocity;
+} touch;
 
 static contact_point point_of(const bd_plan *plan, const double *y, int i) {
   const bd_layout *lay = &plan->model->lay;
@@ -39,6 +40,19 @@ static contact_point point_of(const bd_plan *plan, const double *y, int i) {
                          0.5 * (vy[l] + vy[i]) + q * (w[l] * cl - w[i] * c)};
 }
 
+/* Goes through the links listed near pulley j: the first one after i, -1 past the last; *run is 0
+ * and i -1 at the beginning. */
+static int next_near(const bd_plan *plan, int j, int *run, int i) {
+  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+  for (++i; *run < plan->search.n_runs[j]; ++*run) {
+    i = i > runs[*run].begin ? i : runs[*run].begin;
+    if (i < runs[*run].end && i < plan->model->lay.n) {
+      return i;
+    }
+  }
+  return -1;
+}
+
 /* Before `touching`, for all links of a pulley; returns the energy stored along links. */
 static double look_at(const bd_plan *plan, const double *y, int j) {
   if (!plan->model->along_links) {
@@ -50,41 +64,35 @@ static double look_at(const bd_plan *plan, const double *y, int j) {
   return bd_link_contact_press(plan, y, j);
 }
 
-/* The normal force on a link of pulley j, or at a joint, and the share of it in contact; 0: none.
- */
-static double normal_force(const bd_plan *plan, const contact_point *at, int i, int j,
-                           double *share) {
+/* Whether link i, or its joint, is in contact with pulley j, and the share of it that is; of it the
+ * normal force alone, */
+static int pressing(const bd_plan *plan, const double *y, int i, int j, touch *out) {
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
+  const contact_point at = out->at = point_of(plan, y, i);
   if (plan->model->along_links) {
     const bd_pressure *p = &plan->pressure;
-    *share = p->share_left[i] + p->share_right[i - 1];
-    return p->left[i] + p->right[i - 1];
+    out->share = p->share_left[i] + p->share_right[i - 1];
+    out->normal = p->left[i] + p->right[i - 1];
+    return out->share > 0.0;
   }
-  const double dx = at->x - d->x, dy = at->y - d->y;
+  const double dx = at.x - d->x, dy = at.y - d->y;
   const double rho = hypot(dx, dy), p = d->radius - rho;
-  const double apart = (at->vx - d->vx) * (dx / rho) + (at->vy - d->vy) * (dy / rho);
+  const double apart = (at.vx - d->vx) * (dx / rho) + (at.vy - d->vy) * (dy / rho);
   const double elastic = (d->quadratic * p + d->linear) * p;
   const double raw = elastic - (d->damping + d->hunt_crossley * elastic) * apart;
-  *share = p > 0.0 ? 1.0 : 0.0;
-  return raw > 0.0 && p > 0.0 ? raw : 0.0;
+  out->share = p > 0.0 ? 1.0 : 0.0;
+  out->normal = raw > 0.0 && p > 0.0 ? raw : 0.0;
+  return p > 0.0;
 }
 
-static int pressing(const bd_plan *plan, const double *y, int i, int j, double *normal) {
-  const contact_point at = point_of(plan, y, i);
-  double share;
-  *normal = normal_force(plan, &at, i, j, &share);
-  return share > 0.0;
-}
-
+/* or all of it. */
 static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const contact_point at = point_of(plan, y, i);
-  double share;
-  out->normal = normal_force(plan, &at, i, j, &share);
-  if (!(share > 0.0)) {
+  if (!pressing(plan, y, i, j, out)) {
     return 0;
   }
+  const contact_point at = out->at;
   double dx = at.x - d->x, dy = at.y - d->y;
   out->rho = hypot(dx, dy);
   double nx = dx / out->rho, ny = dy / out->rho;
@@ -101,43 +109,35 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
     double force = 0.0;
     for (int e = 0; e < (d->states > 0 ? d->states : 1); ++e) {
       bd_friction_at(plan->model, j, e, e == 0 ? z : states[e * lay->stride], out->velocity,
-                     out->normal / share, &point);
+                     out->normal / out->share, &point);
       force = e == 0 ? point.force : force + point.force;
     }
-    out->friction = share * force;
+    out->friction = out->share * force;
     out->mu = out->normal > 0.0 ? out->friction / out->normal : 0.0;
   }
   out->slip = friction ? bd_cfield(lay, y, bd_f_slip(lay, d->slot))[i] : 0.0;
   return 1;
 }
 
-/* Of the bar between mass i - 1 and mass i of a string, along its chord. */
-static void bar_state(const bd_plan *plan, const double *y, int i, double *along, double *rate,
-                      double *squared, double *turn) {
+/* Stretch of a joint, the rate of that, its square with what is across, and the angle. */
+typedef struct joint {
+  double along, rate, squared, turn;
+} joint;
+
+/* Of the joint on the left of link i, along the mean direction of its links; of a string of the bar
+ * between mass i - 1 and mass i, along its chord. */
+static joint joint_state(const bd_plan *plan, const double *y, int i) {
   const bd_layout *lay = &plan->model->lay;
+  const double half = plan->links.half;
   const int l = i > 0 ? i - 1 : lay->n - 1;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double dx = x[i] - x[l], dy = yy[i] - yy[l], length = hypot(dx, dy);
-  *along = length - 2.0 * plan->links.half;
-  *rate = ((vx[i] - vx[l]) * dx + (vy[i] - vy[l]) * dy) / length;
-  *squared = *along * *along;
-  *turn = 0.0;
-}
-
-/* Stretch of the joint on the left of link i and its rate, along the mean direction of its links.
- */
-static void joint_state(const bd_plan *plan, const double *y, int i, double *along, double *rate,
-                        double *squared, double *turn) {
-  const bd_layout *lay = &plan->model->lay;
-  const double half = plan->links.half;
   if (lay->string) {
-    bar_state(plan, y, i, along, rate, squared, turn);
-    return;
+    const double bx = x[i] - x[l], by = yy[i] - yy[l], length = hypot(bx, by);
+    const double along = length - 2.0 * half;
+    const double rate = ((vx[i] - vx[l]) * bx + (vy[i] - vy[l]) * by) / length;
+    return (joint){along, rate, along * along, 0.0};
   }
-  int l = i > 0 ? i - 1 : lay->n - 1;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
   const double *phi = bd_cfield(lay, y, F_PHI), *w = bd_cfield(lay, y, F_VPHI);
   double ci = cos(phi[i]), si = sin(phi[i]), cl = cos(phi[l]), sl = sin(phi[l]);
   double dx = x[i] - x[l] - half * (ci + cl), dy = yy[i] - yy[l] - half * (si + sl);
@@ -147,16 +147,15 @@ static void joint_state(const bd_plan *plan, const double *y, int i, double *alo
   /* two links folded back on each other have no mean direction; take the right one's */
   ex = norm > 1e-12 ? ex / norm : ci;
   ey = norm > 1e-12 ? ey / norm : si;
-  *along = dx * ex + dy * ey;
-  *rate = du * ex + dv * ey;
-  *squared = dx * dx + dy * dy;
-  *turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
+  return (joint){.along = dx * ex + dy * ey,
+                 .rate = du * ex + dv * ey,
+                 .squared = dx * dx + dy * dy,
+                 .turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind)};
 }
 
 double bd_joint_force(const bd_plan *plan, const double *y, int i) {
-  double along, rate, squared, turn;
-  joint_state(plan, y, i, &along, &rate, &squared, &turn);
-  return plan->links.stiffness * along + plan->links.damping * rate;
+  const joint at = joint_state(plan, y, i);
+  return plan->links.stiffness * at.along + plan->links.damping * at.rate;
 }
 
 double bd_mean_force(const bd_plan *plan, const double *y) {
@@ -170,10 +169,9 @@ double bd_mean_force(const bd_plan *plan, const double *y) {
 
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
   for (int i = 0; i < plan->model->lay.n; ++i) {
-    double along, rate, squared, turn;
-    joint_state(plan, y, i, &along, &rate, &squared, &turn);
-    terms[BD_ENERGY_axial] += 0.5 * plan->links.stiffness * squared;
-    terms[BD_ENERGY_bending] += 0.5 * plan->links.bending * turn * turn;
+    const joint at = joint_state(plan, y, i);
+    terms[BD_ENERGY_axial] += 0.5 * plan->links.stiffness * at.squared;
+    terms[BD_ENERGY_bending] += 0.5 * plan->links.bending * at.turn * at.turn;
   }
 }
 
@@ -196,20 +194,17 @@ int bd_add_contact_energy(const bd_plan *plan, const double *y, int j, double *e
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
   if (plan->model->along_links) {
     const double stored = look_at(plan, y, j);
     *energy += stored;
     return stored > 0.0;
   }
   int touched = 0;
-  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-    for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
-      const double dx = x[i] - d->x, dy = yy[i] - d->y, rho2 = dx * dx + dy * dy;
-      if (rho2 < d->radius * d->radius) {
-        *energy += stored_by(d, d->radius - sqrt(rho2));
-        touched = 1;
-      }
+  for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
+    const double dx = x[i] - d->x, dy = yy[i] - d->y, rho2 = dx * dx + dy * dy;
+    if (rho2 < d->radius * d->radius) {
+      *energy += stored_by(d, d->radius - sqrt(rho2));
+      touched = 1;
     }
   }
   return touched;
@@ -221,61 +216,39 @@ void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_
       bd_add_contact_energy(plan, y, j, &terms[BD_ENERGY_contact]);
       continue;
     }
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
-        const bd_contact_pulley *d = &plan->contact_pulleys[j];
-        touch c;
-        if (touching(plan, y, i, j, &c)) {
-          terms[BD_ENERGY_contact] += stored_by(d, d->radius - c.rho);
-        }
+    for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
+      const bd_contact_pulley *d = &plan->contact_pulleys[j];
+      touch c;
+      if (touching(plan, y, i, j, &c)) {
+        terms[BD_ENERGY_contact] += stored_by(d, d->radius - c.rho);
       }
-    }
-  }
-}
-
-/* Of the links' normal forces, as last looked at, with `force` cleared before. */
-static void add_normals(const bd_plan *plan, int j, double force[2]) {
-  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-    for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
-      force[0] += plan->forces.left_x[i] + plan->forces.right_x[i];
-      force[1] += plan->forces.left_y[i] + plan->forces.right_y[i];
     }
   }
 }
 
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]) {
-  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-  double sum = 0.0;
-  if (plan->model->along_links) {
-    bd_link_contact_see(plan, y);
-  }
+  const bd_contact_pulley *d = &plan->contact_pulleys[j];
   const int along = plan->model->along_links;
-  if (force && along) {
+  double unused[2], sum = 0.0;
+  force = force ? force : unused;
+  if (along) {
+    bd_link_contact_see(plan, y);
     bd_clear_end_forces(&plan->model->lay, &plan->forces);
+    bd_link_contact_press(plan, y, j);
   }
-  look_at(plan, y, j);
-  if (force) {
-    force[0] = force[1] = 0.0;
+  force[0] = force[1] = 0.0;
+  for (int r = 0, i = -1; along && (i = next_near(plan, j, &r, i)) >= 0;) {
+    force[0] += plan->forces.left_x[i] + plan->forces.right_x[i];
+    force[1] += plan->forces.left_y[i] + plan->forces.right_y[i];
   }
-  if (force && along) {
-    add_normals(plan, j, force);
-  }
-  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-    for (int i = runs[r].begin; i < runs[r].end && i < plan->model->lay.n; ++i) {
-      touch c;
-      if (touching(plan, y, i, j, &c)) {
-        sum += c.friction * c.rho;
-        if (force) {
-          const contact_point at = point_of(plan, y, i);
-          const double nx = (at.x - plan->contact_pulleys[j].x) / c.rho;
-          const double ny = (at.y - plan->contact_pulleys[j].y) / c.rho;
-          const double normal = along ? 0.0 : c.normal; /* along links at their ends, as above */
-          force[0] += normal * nx + c.friction * ny;
-          force[1] += normal * ny - c.friction * nx;
-        }
-      }
+  for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
+    touch c;
+    if (touching(plan, y, i, j, &c)) {
+      const double nx = (c.at.x - d->x) / c.rho, ny = (c.at.y - d->y) / c.rho;
+      const double normal = along ? 0.0 : c.normal; /* along links at their ends, as above */
+      sum += c.friction * c.rho;
+      force[0] += normal * nx + c.friction * ny;
+      force[1] += normal * ny - c.friction * nx;
     }
   }
   return sum;
@@ -284,7 +257,7 @@ double bd_friction_torque(const bd_plan *plan, const double *y, int j, double fo
 /* What the friction of link i changes by where its slip velocity and its normal force, over its
  * share in contact, are off by so much. */
 static double friction_shift(const bd_plan *plan, const double *y, int i, int j, const touch *c,
-                             double share, double dv, double dn) {
+                             double dv, double dn) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
   const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
@@ -293,7 +266,7 @@ static double friction_shift(const bd_plan *plan, const double *y, int i, int j,
   }
   double sum = 0.0;
   for (int e = 0; e < (d->states > 0 ? d->states : 1); ++e) {
-    const double z = d->states > 0 ? states[e * lay->stride] : 0.0, mean = c->normal / share;
+    const double z = d->states > 0 ? states[e * lay->stride] : 0.0, mean = c->normal / c->share;
     bd_law_point at, moved;
     double most = 0.0;
     bd_friction_at(plan->model, j, e, z, c->velocity, mean, &at);
@@ -304,51 +277,45 @@ static double friction_shift(const bd_plan *plan, const double *y, int i, int j,
     }
     sum += most + ROUNDING * (fabs(at.force) + fabs(at.by_state * z));
   }
-  return share * sum;
+  return c->share * sum;
 }
 
 bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
   const double *w = lay->string ? NULL : bd_cfield(lay, y, F_VPHI);
   const int along = plan->model->along_links;
   bd_contact_rounding out = {.least = -1};
   if (along) {
     bd_link_contact_see(plan, y);
+    bd_link_contact_press(plan, y, j);
   }
-  look_at(plan, y, j);
-  for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-    for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
-      touch c;
-      if (!touching(plan, y, i, j, &c)) {
-        continue;
-      }
-      const contact_point at = point_of(plan, y, i);
-      const double least =
-          along ? fmin(plan->pressure.left[i], plan->pressure.right[i - 1]) : c.normal;
-      const double share =
-          along ? plan->pressure.share_left[i] + plan->pressure.share_right[i - 1] : 1.0;
-      /* of places and velocities, before differences of them are taken; and of directions */
-      const double off =
-          ROUNDING * (fabs(at.x) + fabs(at.y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
-      const double speed = fabs(at.vx) + fabs(at.vy) + fabs(d->vx) + fabs(d->vy) +
-                           fabs(y[lay->omega + j]) * c.rho +
-                           (w ? 2.0 * plan->links.half * fabs(w[i]) : 0.0);
-      const double dv = speed * (ROUNDING + off / c.rho);
-      const double p = fmax(0.0, d->radius - c.rho), elastic = (d->quadratic * p + d->linear) * p;
-      /* along links normal forces are those of the same loops */
-      const double dn =
-          along ? 0.0
-                : (2.0 * d->quadratic * p + d->linear) * (1.0 + d->hunt_crossley * speed) * off +
-                      (d->damping + d->hunt_crossley * elastic) * dv;
-      out.magnitude += c.normal + fabs(c.friction) + elastic;
-      out.shift += dn + friction_shift(plan, y, i, j, &c, share, dv, dn) +
-                   (ROUNDING + off / c.rho) * (c.normal + fabs(c.friction));
-      if (out.least < 0 || !(least >= out.least_normal)) {
-        out.least_normal = least;
-        out.least = i;
-      }
+  for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
+    touch c;
+    if (!touching(plan, y, i, j, &c)) {
+      continue;
+    }
+    const double least =
+        along ? fmin(plan->pressure.left[i], plan->pressure.right[i - 1]) : c.normal;
+    /* of places and velocities, before differences of them are taken; and of directions */
+    const double off =
+        ROUNDING * (fabs(c.at.x) + fabs(c.at.y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
+    const double speed = fabs(c.at.vx) + fabs(c.at.vy) + fabs(d->vx) + fabs(d->vy) +
+                         fabs(y[lay->omega + j]) * c.rho +
+                         (w ? 2.0 * plan->links.half * fabs(w[i]) : 0.0);
+    const double dv = speed * (ROUNDING + off / c.rho);
+    const double p = fmax(0.0, d->radius - c.rho), elastic = (d->quadratic * p + d->linear) * p;
+    /* along links normal forces are those of the same loops */
+    const double dn =
+        along ? 0.0
+              : (2.0 * d->quadratic * p + d->linear) * (1.0 + d->hunt_crossley * speed) * off +
+                    (d->damping + d->hunt_crossley * elastic) * dv;
+    out.magnitude += c.normal + fabs(c.friction) + elastic;
+    out.shift += dn + friction_shift(plan, y, i, j, &c, dv, dn) +
+                 (ROUNDING + off / c.rho) * (c.normal + fabs(c.friction));
+    if (out.least < 0 || !(least >= out.least_normal)) {
+      out.least_normal = least;
+      out.least = i;
     }
   }
   return out;
@@ -443,14 +410,13 @@ static void put(double *to, size_t k, int width, const double *from, double shif
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   int n = plan->model->lay.n;
   for (int i = 0; (out->deformation || out->force) && i < n; ++i) {
-    double along, rate, squared, turn;
-    joint_state(plan, y, i, &along, &rate, &squared, &turn);
-    size_t at = k * (size_t)n + (size_t)i;
+    const joint at = joint_state(plan, y, i);
+    const size_t place = k * (size_t)n + (size_t)i;
     if (out->deformation) {
-      out->deformation[at] = along;
+      out->deformation[place] = at.along;
     }
     if (out->force) {
-      out->force[at] = plan->links.stiffness * along + plan->links.damping * rate;
+      out->force[place] = plan->links.stiffness * at.along + plan->links.damping * at.rate;
     }
   }
 }
@@ -513,7 +479,6 @@ double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new,
     if (d->law == BD_LAW_NONE || d->states > 0) {
       continue;
     }
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     double off = 0.0;
     for (int end = 0; end < 2; ++end) {
       const double *at = end ? y_new : y;
@@ -521,22 +486,20 @@ double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new,
         bd_link_contact_see(plan, at);
         bd_link_contact_press(plan, at, j);
       }
-      for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-        for (int i = runs[r].begin; i < runs[r].end && i < model->lay.n; ++i) {
-          touch c = {0};
-          if (!touching(plan, at, i, j, &c)) {
-            c.normal = 0.0;
-          }
-          if (!end) {
-            plan->best[i] = c.normal > 0.0 ? c.velocity : (double)NAN;
-          } else if (c.normal > 0.0 && isfinite(plan->best[i])) {
-            bd_law_point begin, now;
-            bd_friction_at(model, j, 0, 0.0, plan->best[i], c.normal, &begin);
-            bd_friction_at(model, j, 0, 0.0, c.velocity, c.normal, &now);
-            const double stiff = h * fmax(begin.by_slip, 0.0) / mass;
-            const double line = begin.force + begin.by_slip * (c.velocity - plan->best[i]);
-            off += fabs(now.force - line) * stiff / (1.0 + stiff);
-          }
+      for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
+        touch c = {0};
+        if (!touching(plan, at, i, j, &c)) {
+          c.normal = 0.0;
+        }
+        if (!end) {
+          plan->best[i] = c.normal > 0.0 ? c.velocity : (double)NAN;
+        } else if (c.normal > 0.0 && isfinite(plan->best[i])) {
+          bd_law_point begin, now;
+          bd_friction_at(model, j, 0, 0.0, plan->best[i], c.normal, &begin);
+          bd_friction_at(model, j, 0, 0.0, c.velocity, c.normal, &now);
+          const double stiff = h * fmax(begin.by_slip, 0.0) / mass;
+          const double line = begin.force + begin.by_slip * (c.velocity - plan->best[i]);
+          off += fabs(now.force - line) * stiff / (1.0 + stiff);
         }
       }
     }
@@ -569,23 +532,19 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
     }
   }
   for (int j = 0; j < lay->np; ++j) {
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
     look_at(plan, y, j);
-    for (int r = 0; r < plan->search.n_runs[j]; ++r) {
-      for (int i = runs[r].begin; i < runs[r].end && i < lay->n; ++i) {
-        touch c = {0};
-        const int touched =
-            in_full ? touching(plan, y, i, j, &c) : pressing(plan, y, i, j, &c.normal);
-        if (!touched || c.normal <= best[i]) {
-          continue;
-        }
-        best[i] = c.normal;
-        plan->touched[i] = j;
-        const double values[] = {c.normal, c.friction, c.mu, c.slip, c.velocity};
-        for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
-          if (columns[q]) {
-            columns[q][row + (size_t)i] = values[q];
-          }
+    for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
+      touch c = {0};
+      const int touched = (in_full ? touching : pressing)(plan, y, i, j, &c);
+      if (!touched || c.normal <= best[i]) {
+        continue;
+      }
+      best[i] = c.normal;
+      plan->touched[i] = j;
+      const double values[] = {c.normal, c.friction, c.mu, c.slip, c.velocity};
+      for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
+        if (columns[q]) {
+          columns[q][row + (size_t)i] = values[q];
         }
       }
     }

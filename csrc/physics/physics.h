@@ -11,7 +11,7 @@
 /* --- harmonics.c ----------------------------------------------------------------------------- */
 
 /* A copy, whose arrays are carved. */
-void bd_harmonics_carve(bd_carver *carver, bd_harmonics *copy, const bd_harmonics *given);
+bd_harmonics bd_harmonics_carve(bd_carver *carver, const bd_harmonics *given);
 /* whose: of which of the torque terms or motions, for the message. */
 int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
                        size_t k, bd_error *err);
@@ -91,8 +91,7 @@ typedef struct bd_load_value {
 } bd_load_value;
 
 int bd_is_load(const bd_torque_term *term);
-/* The term's data, into arrays that are carved; into `copy`, of `given`. */
-void bd_load_carve(bd_carver *carver, bd_torque_term *copy, const bd_torque_term *given);
+int bd_has_points(const bd_torque_term *term); /* a table over speed */
 int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err);
 bd_load_value bd_load_at(const bd_torque_set *set, const bd_torque_term *term, const double *theta,
                          const double *omega);
@@ -123,10 +122,10 @@ static inline int bd_knows_angle(const bd_motion_set *set, size_t k) {
 typedef struct bd_search {
   double margin;    /* how far outside a pulley links are still listed [m] */
   double travelled; /* how far a link can have gone since the list was made */
-  int *n_runs;      /* per pulley */
-  bd_run *runs;     /* per pulley, max_runs apart */
-  int max_runs;
   long rebuilds;
+  int *n_runs;  /* per pulley */
+  bd_run *runs; /* per pulley, max_runs apart */
+  int max_runs;
 } bd_search;
 
 void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay);
@@ -301,18 +300,18 @@ struct bd_plan {
   double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
   double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
   double t_piece;
+  long contacts_changed; /* links that have come to a pulley or left it, with friction on */
+  int skip_power;        /* power is not evaluated now: stages that do not need it */
   int ledger, friction_on, bending_on;
   int grip_on;                      /* friction of mounts */
   int no_power;                     /* power is never evaluated: settling, runs beside the run */
-  int skip_power;                   /* nor now: stages that do not need it */
   int pulleys_locked;               /* settling: pulleys stand still */
   double mass_damping;              /* settling: mass-proportional damping [1/s] */
   double circulation_damping;       /* settling: the same of circulation */
   double circulation_inertia_scale; /* settling: what multiplies the inertia of circulation */
   const double *offset;             /* settling: the centres' displacement at the start */
   double move_time;
-  double flow;           /* settling: stress-free length of belt that runs past a point [m/s] */
-  long contacts_changed; /* links that have come to a pulley or left it, with friction on */
+  double flow; /* settling: stress-free length of belt that runs past a point [m/s] */
   char contact_name[sizeof(BD_CONTACT_NAME)]; /* of the contact's pass, with the laws of friction */
   int n_columns, columns[BD_N_ENERGY];        /* of the output `energy` */
   int n_effects;

@@ -21,7 +21,9 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   double **const scratch[] = {&links->cos, &links->sin, &links->rx,
                               &links->ry,  &links->fx,  &links->fy};
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
-    BD_CARVE(carver, *scratch[k], lay->stride);
+    /* the directions are kept, with the rate that they belong to */
+    *scratch[k] =
+        (k < 2 ? bd_carve_kept : bd_carve)(carver, (size_t)lay->stride, sizeof **scratch[k]);
     if (carver->base) {
       *scratch[k] += BD_HALO;
     }
@@ -29,7 +31,7 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   for (int i = 0; carver->base && i < lay->n; ++i) {
     link_mask[i] = 1.0;
   }
-  BD_CARVE(carver, plan->torque, lay->np);
+  BD_KEEP(carver, plan->torque, lay->np);
   bd_effects_carve(carver, plan, model);
 }
 

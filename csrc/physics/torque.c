@@ -10,6 +10,24 @@
 
 #include "physics/physics.h"
 
+/* A copy, whose arrays are carved: those that its kind has. */
+static bd_torque_term carve_term(bd_carver *carver, const bd_torque_term *given, int np) {
+  const int load = bd_is_load(given), harmonic = given->kind == BD_TORQUE_HARMONICS;
+  const size_t width = load ? 1 : (size_t)np;
+  bd_torque_term copy = *given;
+  copy.n_t = load || given->kind == BD_TORQUE_PIECEWISE ? given->n_t : 0;
+  copy.n_points = bd_has_points(given) ? given->n_points : 0;
+  copy.of = load && !harmonic ? given->pulley : given->of;
+  copy.t = bd_carve_copy(carver, given->t, copy.n_t);
+  copy.values = bd_carve_copy(carver, given->values, copy.n_t * width);
+  copy.coefficients =
+      bd_carve_copy(carver, given->coefficients, given->kind == BD_TORQUE_VISCOUS ? width : 0);
+  copy.omega = bd_carve_copy(carver, given->omega, copy.n_points);
+  copy.torque = bd_carve_copy(carver, given->torque, copy.n_points);
+  copy.harmonics = bd_harmonics_carve(carver, harmonic ? &given->harmonics : &(bd_harmonics){0});
+  return copy;
+}
+
 void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *model,
                          const bd_torque *torque) {
   const int np = model->lay.np;
@@ -20,30 +38,10 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *
   BD_CARVE(carver, set->low, np);
   BD_CARVE(carver, set->high, np);
   for (size_t k = 0; k < n_terms; ++k) {
-    const bd_torque_term *term = &torque->terms[k];
-    double *piece = NULL;
-    if (bd_is_load(term)) {
-      n_breaks += term->n_t;
-      bd_load_carve(carver, carver->base ? &set->terms[k] : NULL, term);
-      continue;
-    }
-    if (term->kind == BD_TORQUE_PIECEWISE) {
-      n_breaks += term->n_t;
-      BD_CARVE(carver, piece, term->n_t * (size_t)(np + 1));
-    } else if (term->kind == BD_TORQUE_VISCOUS) {
-      BD_CARVE(carver, piece, np);
-    }
+    const bd_torque_term term = carve_term(carver, &torque->terms[k], np);
+    n_breaks += term.n_t;
     if (carver->base) {
-      set->terms[k] = *term;
-      set->terms[k].t = piece;
-      set->terms[k].values = piece ? piece + term->n_t : NULL;
-      set->terms[k].coefficients = piece;
-      if (term->kind == BD_TORQUE_PIECEWISE && term->n_t > 0) {
-        memcpy(piece, term->t, term->n_t * sizeof *piece);
-        memcpy(piece + term->n_t, term->values, term->n_t * (size_t)np * sizeof *piece);
-      } else if (term->kind == BD_TORQUE_VISCOUS) {
-        memcpy(piece, term->coefficients, (size_t)np * sizeof *piece);
-      }
+      set->terms[k] = term;
     }
   }
   for (size_t k = 0; torque && k < torque->n_motions; ++k) {

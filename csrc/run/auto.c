@@ -164,7 +164,7 @@ void bd_auto_watch(bd_sim *sim) {
   }
 }
 
-void bd_auto_explain(const bd_sim *sim, char *text, size_t size) {
+void bd_sim_explain(const bd_sim *sim, char *text, size_t size) {
   const bd_auto *c = &sim->choice;
   const bd_method *one = c->method[AUTO_EXPLICIT], *other = c->method[AUTO_IMPLICIT];
   if (!one) {

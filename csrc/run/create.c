@@ -28,14 +28,16 @@ bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_meth
   bd_sim sizes, *sim;
   bd_carve(&carver, 1, sizeof *sim);
   carve(&carver, &sizes, model, method, other, torque);
-  char *block = bd_block_new(carver.used);
+  char *block = bd_block_new(carver.used + carver.n_kept);
   if (!block) {
     return NULL;
   }
-  carver = (bd_carver){.base = block};
+  carver = (bd_carver){.base = block, .kept = block + carver.used};
   sim = bd_carve(&carver, 1, sizeof *sim);
   carve(&carver, sim, model, method, other, torque);
-  sim->bytes = carver.used;
+  sim->kept = carver.kept;
+  sim->n_kept = carver.n_kept;
+  sim->bytes = carver.used + carver.n_kept;
   sim->stats.spectral_bound = model->info.spectral_bound;
   atomic_flag_clear(&sim->running);
   return sim;

@@ -60,33 +60,6 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
   return BD_OK;
 }
 
-static void warn_of_ignored_torque(bd_stepper *stepper, double t) {
-  const bd_motion_set *motion = &stepper->plan.torques.motion;
-  if (motion->ignored > 0) {
-    bd_warn(&stepper->report, BD_WARN_torque_ignored, t, -1, motion->ignored - 1,
-            "the torque set on %s, %.4g N m by t = %.6g s, has no effect, for the motion of "
-            "this pulley is prescribed: set 0, or leave the motion out",
-            bd_pulley_label(stepper->model, motion->ignored - 1).text, motion->ignored_torque, t);
-  }
-}
-
-static void warn_of_table(bd_stepper *stepper, double t) {
-  const double *omega = stepper->y + stepper->model->lay.omega;
-  const bd_torque_term *term =
-      bd_load_beyond_table(&stepper->plan.torques, t, stepper->plan.t_piece, omega);
-  if (term) {
-    const double speed = omega[term->pulley];
-    const size_t end =
-        speed < term->omega[0] && term->kind == BD_TORQUE_CURVE ? 0 : term->n_points - 1;
-    bd_warn(&stepper->report, BD_WARN_beyond_table, t, -1, term->pulley,
-            "%s turns at %.6g rad/s at t = %.6g s, faster than the table of its torque "
-            "reaches, %.6g rad/s: beyond it the torque stays %.4g N m; give the table up to this "
-            "speed",
-            bd_pulley_label(stepper->model, term->pulley).text, speed, t, term->omega[end],
-            term->torque[end]);
-  }
-}
-
 /* Adopts y_new at t_new. */
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
@@ -111,8 +84,7 @@ static int accept(bd_sim *sim, double h, double t_new) {
   if (sim->stepper.plan.contacts_changed != contacts) {
     bd_stepper_weigh_friction(&sim->stepper);
   }
-  warn_of_ignored_torque(&sim->stepper, t_new);
-  warn_of_table(&sim->stepper, t_new);
+  bd_sim_warn_of_torques(sim);
   ++sim->stats.steps;
   sim->stats.largest_step = fmax(sim->stats.largest_step, h);
   sim->stats.smallest_step = sim->stats.steps == 1 ? h : fmin(sim->stats.smallest_step, h);
@@ -584,10 +556,6 @@ void bd_sim_stats(const bd_sim *sim, bd_stats *out) {
 const char *bd_sim_method(const bd_sim *sim) {
   return sim->stepper.method->name;
 }
-void bd_sim_explain(const bd_sim *sim, char *text, size_t size) {
-  bd_auto_explain(sim, text, size);
-}
-
 const char *bd_sim_pass(const bd_sim *sim, int k) {
   const bd_plan *plan = &sim->stepper.plan;
   if (k >= 0 && k < plan->n_effects) {

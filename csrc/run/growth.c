@@ -493,6 +493,6 @@ void bd_twin_free(bd_twin *twin) {
 }
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np) {
-  BD_CARVE(carver, twin->theta, np);
-  BD_CARVE(carver, twin->seen, 2 * np);
+  BD_KEEP(carver, twin->theta, np);
+  BD_KEEP(carver, twin->seen, 2 * np);
 }

@@ -23,7 +23,7 @@
 enum { STEPS = 256, PARTS = 64 };
 
 void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np) {
-  BD_CARVE(carver, guard->touched, np);
+  BD_KEEP(carver, guard->touched, np);
 }
 
 /* Turns of the belt's polygon round a pulley's axis: crossings of the ray to its right (D. Sunday,

@@ -97,3 +97,28 @@ int bd_sim_warning(const bd_sim *sim, size_t k, bd_warning *out) {
   }
   return 0;
 }
+
+void bd_sim_warn_of_torques(bd_sim *sim) {
+  bd_stepper *stepper = &sim->stepper;
+  const bd_motion_set *motion = &stepper->plan.torques.motion;
+  const double t = stepper->t, *omega = stepper->y + stepper->model->lay.omega;
+  const bd_torque_term *term =
+      bd_load_beyond_table(&stepper->plan.torques, t, stepper->plan.t_piece, omega);
+  if (motion->ignored > 0) {
+    bd_warn(&stepper->report, BD_WARN_torque_ignored, t, -1, motion->ignored - 1,
+            "the torque set on %s, %.4g N m by t = %.6g s, has no effect, for the motion of "
+            "this pulley is prescribed: set 0, or leave the motion out",
+            bd_pulley_label(stepper->model, motion->ignored - 1).text, motion->ignored_torque, t);
+  }
+  if (term) {
+    const double speed = omega[term->pulley];
+    const size_t end =
+        speed < term->omega[0] && term->kind == BD_TORQUE_CURVE ? 0 : term->n_points - 1;
+    bd_warn(&stepper->report, BD_WARN_beyond_table, t, -1, term->pulley,
+            "%s turns at %.6g rad/s at t = %.6g s, faster than the table of its torque "
+            "reaches, %.6g rad/s: beyond it the torque stays %.4g N m; give the table up to this "
+            "speed",
+            bd_pulley_label(stepper->model, term->pulley).text, speed, t, term->omega[end],
+            term->torque[end]);
+  }
+}

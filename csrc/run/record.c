@@ -5,18 +5,18 @@
  * method looks back on, the rate and directions last evaluated, which links are listed near the
  * pulleys, what "auto" has chosen, and what guards, torque functions and twins remember.
  *
- * One function visits every such field in order; it adds up sizes, writes or reads, so what is
- * written and what is read cannot differ. Pointers are never part of it: a method is its row in the
- * table. A head of the record names format and build and holds check sums of the scene and of what
- * follows; a record of another scene or build, and one that was damaged, is refused, and whatever
- * is used as an index is checked before anything is read. Guarded by
- * tests/test_record.py.
+ * All of it lies together, in spans of the structs and in what was carved with BD_KEEP; a record is
+ * a copy of these behind a head. Pointers are never part of it: a method is its row in the table,
+ * and states, whose pointers go round with the steps, are visited one by one. The head names format
+ * and build and holds check sums of the scene and of what follows; a record of another scene or
+ * build, and one that was damaged, is refused, and whatever is used as an index is checked before
+ * anything is read. Guarded by tests/test_record.py.
  */
 #include <string.h>
 
 #include "run/run.h"
 
-enum { FORMAT = 2 };
+enum { FORMAT = 3 };
 
 typedef struct head {
   char magic[8];
@@ -40,6 +40,27 @@ static const uint64_t EMPTY = 0xcbf29ce484222325u;
 
 /* --- visiting -------------------------------------------------------------------------------- */
 
+/* What a simulation remembers besides arrays, from one member to another of its structs. */
+#define SPAN(first, last)                                                                          \
+  {                                                                                                \
+    offsetof(bd_sim, first),                                                                       \
+        offsetof(bd_sim, last) + sizeof(((bd_sim *)NULL)->last) - offsetof(bd_sim, first)          \
+  }
+static const struct {
+  size_t begin, size;
+} spans[] = {
+    SPAN(t0, stats),
+    SPAN(stepper.history_h, stepper.report),
+    SPAN(stepper.plan.t_piece, stepper.plan.skip_power),
+    SPAN(stepper.plan.search.margin, stepper.plan.search.rebuilds),
+    SPAN(stepper.plan.torques.motion.begin, stepper.plan.torques.motion.begin),
+    SPAN(stepper.functions.left_out, stepper.functions.ranges),
+    SPAN(choice.per_second, choice.look_after),
+    SPAN(guard.fed, guard.bounces),
+    SPAN(twin.least, twin.seen_t),
+    SPAN(twin.missed.steps, twin.missed.next_look),
+};
+
 typedef struct visitor {
   enum { MEASURE, WRITE, CHECK, READ } does;
   char *out;
@@ -48,11 +69,7 @@ typedef struct visitor {
   int bad; /* CHECK: an index is out of its range */
 } visitor;
 
-/* data may be NULL where size is 0: nothing was carved. */
 static void visit(visitor *v, void *data, size_t size) {
-  if (size == 0) {
-    return;
-  }
   if (v->does == WRITE) {
     memcpy(v->out + v->used, data, size);
   } else if (v->does == READ) {
@@ -61,20 +78,19 @@ static void visit(visitor *v, void *data, size_t size) {
   v->used += size;
 }
 
-#define ONE(v, field) visit((v), &(field), sizeof(field))
-#define MANY(v, array, count) visit((v), (array), (size_t)(count) * sizeof *(array))
-
-/* A number that is used as an index or as a count. */
-static void visit_index(visitor *v, int *value, int least, int most) {
+/* A number that is used as an index or as a count; returns what is read. */
+static int visit_index(visitor *v, int *value, int least, int most) {
+  int given = *value;
   if (v->does == CHECK) {
-    int given;
     memcpy(&given, v->in + v->used, sizeof given);
     v->bad |= given < least || given > most;
   }
   visit(v, value, sizeof *value);
+  return given;
 }
 
-/* A method that the stepper was made for, or the one that steps are left to. */
+/* A method that the stepper was made for, or the one that steps are left to. Twins have the methods
+ * of the run they follow, or one of their own. */
 static void visit_method(visitor *v, const bd_method **method, const bd_stepper *stepper,
                          const bd_auto *choice) {
   const bd_method *const made[] = {choice->method[0], choice->method[1], stepper->method,
@@ -84,52 +100,27 @@ static void visit_method(visitor *v, const bd_method **method, const bd_stepper 
   while (index < N - 1 && made[index] != *method) {
     ++index;
   }
-  visit_index(v, &index, 0, N - 1);
-  if (v->does == CHECK) {
-    memcpy(&index, v->in + v->used - sizeof index, sizeof index);
-    v->bad |= index >= 0 && index < N && !made[index];
-  } else if (v->does == READ) {
+  const int given = visit_index(v, &index, 0, N - 1);
+  v->bad |= v->does == CHECK && !v->bad && !made[given];
+  if (v->does == READ) {
     *method = made[index];
   }
 }
 
-static void visit_torque(visitor *v, bd_torque_functions *functions, int np) {
-  ONE(v, functions->left_out);
-  ONE(v, functions->next_left_out);
-  ONE(v, functions->short_tries);
-  ONE(v, functions->owed);
-  ONE(v, functions->t_owed);
-  ONE(v, functions->jump);
-  ONE(v, functions->rough_for);
-  ONE(v, functions->rough_until);
-  ONE(v, functions->t_range);
-  ONE(v, functions->ranges);
-  MANY(v, functions->range, np);
-  MANY(v, functions->least, np);
-  MANY(v, functions->most, np);
-  MANY(v, functions->last, np);
-  MANY(v, functions->now, np);
-}
-
-static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
-  bd_search *search = &plan->search;
-  bd_motion_set *motion = &plan->torques.motion;
-  if (motion->n > 0) {
-    ONE(v, motion->begin);
-    MANY(v, motion->offset, motion->n);
+/* Between two steps: y_new, y_mid, the Jacobian and all stages but the first are made anew. */
+static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice) {
+  bd_stepper *stepper = &sim->stepper;
+  bd_search *search = &stepper->plan.search;
+  const bd_layout *lay = &stepper->model->lay;
+  const size_t state = lay->size * sizeof *stepper->y;
+  int room = 0;
+  while (room < MAX_HISTORY && stepper->history[room]) {
+    ++room;
   }
-  MANY(v, plan->owner, lay->n8 * lay->slots);
-  MANY(v, plan->torque, lay->np);
-  MANY(v, plan->friction, lay->np);
-  MANY(v, plan->hub, 2 * lay->nm);
-  MANY(v, plan->links.cos - BD_HALO, lay->stride);
-  MANY(v, plan->links.sin - BD_HALO, lay->stride);
-  ONE(v, plan->t_piece);
-  ONE(v, plan->skip_power);
-  ONE(v, plan->contacts_changed);
-  ONE(v, search->margin);
-  ONE(v, search->travelled);
-  ONE(v, search->rebuilds);
+  visit_method(v, &stepper->method, stepper, choice);
+  visit_method(v, &stepper->now, stepper, choice);
+  visit_index(v, &stepper->n_history, 0, room);
+  visit_index(v, &sim->choice.now, 0, N_AUTO - 1);
   for (int j = 0; j < lay->np; ++j) {
     visit_index(v, &search->n_runs[j], 0, search->max_runs);
   }
@@ -137,124 +128,38 @@ static void visit_plan(visitor *v, bd_plan *plan, const bd_layout *lay) {
     visit_index(v, &search->runs[k].begin, 0, lay->n8);
     visit_index(v, &search->runs[k].end, 0, lay->n8);
   }
-}
-
-/* Between two steps: y_new, y_mid, the Jacobian and all stages but the first are made anew. */
-static void visit_stepper(visitor *v, bd_stepper *stepper, const bd_auto *choice) {
-  const bd_layout *lay = &stepper->model->lay;
-  visit_method(v, &stepper->method, stepper, choice);
-  visit_method(v, &stepper->now, stepper, choice);
-  ONE(v, stepper->fixed);
-  ONE(v, stepper->t);
-  ONE(v, stepper->h);
-  ONE(v, stepper->turns);
-  MANY(v, stepper->y, lay->size);
-  MANY(v, stepper->stage[0], lay->size);
-  ONE(v, stepper->rate_known);
-  int room = 0;
-  while (room < MAX_HISTORY && stepper->history[room]) {
-    ++room;
+  for (size_t k = 0; k < sizeof spans / sizeof spans[0]; ++k) {
+    visit(v, (char *)sim + spans[k].begin, spans[k].size);
   }
-  visit_index(v, &stepper->n_history, 0, room);
-  ONE(v, stepper->history_h);
-  for (int k = 0; k < MAX_HISTORY; ++k) {
-    if (stepper->history[k]) {
-      MANY(v, stepper->history[k], lay->size);
+  visit(v, stepper->y, state);
+  visit(v, stepper->stage[0], state);
+  for (int k = 0; k < room; ++k) {
+    visit(v, stepper->history[k], state);
+  }
+  visit(v, sim->kept, sim->n_kept);
+  bd_sim *const beside[] = {sim->twin.sim, sim->twin.still, sim->twin.missed.pair[0],
+                            sim->twin.missed.pair[1]};
+  for (size_t k = 0; k < sizeof beside / sizeof beside[0]; ++k) {
+    if (beside[k]) {
+      visit_sim(v, beside[k], choice);
     }
   }
-  ONE(v, stepper->nfev);
-  ONE(v, stepper->njev);
-  ONE(v, stepper->nlu);
-  ONE(v, stepper->report);
-  visit_plan(v, &stepper->plan, lay);
-  visit_torque(v, &stepper->functions, lay->np);
-}
-
-static void visit_choice(visitor *v, bd_auto *choice) {
-  ONE(v, choice->per_second);
-  ONE(v, choice->time);
-  ONE(v, choice->steps);
-  visit_index(v, &choice->now, 0, N_AUTO - 1);
-  ONE(v, choice->doubtful);
-  ONE(v, choice->h_kept);
-  ONE(v, choice->t_before);
-  ONE(v, choice->t_judge);
-  ONE(v, choice->tries_begin);
-  ONE(v, choice->tries_judge);
-  ONE(v, choice->look_after);
-}
-
-static void visit_guard(visitor *v, bd_guard *guard, int np) {
-  ONE(v, guard->t_look);
-  ONE(v, guard->t_window);
-  ONE(v, guard->steps_look);
-  ONE(v, guard->tries_window);
-  ONE(v, guard->fed);
-  ONE(v, guard->drive);
-  ONE(v, guard->passed);
-  MANY(v, guard->touched, np);
-  ONE(v, guard->rings);
-  ONE(v, guard->bounces);
-}
-
-static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice);
-
-/* Twins have the methods of the run they follow, or one of their own. */
-static void visit_twin(visitor *v, bd_twin *twin, int np, const bd_auto *choice) {
-  ONE(v, twin->active);
-  ONE(v, twin->grows);
-  ONE(v, twin->chatters);
-  ONE(v, twin->times_chattered);
-  ONE(v, twin->suspected);
-  ONE(v, twin->last);
-  ONE(v, twin->excused);
-  ONE(v, twin->next_begin);
-  ONE(v, twin->t_begin);
-  ONE(v, twin->next_look);
-  ONE(v, twin->apart);
-  ONE(v, twin->grown);
-  ONE(v, twin->most);
-  ONE(v, twin->least);
-  ONE(v, twin->before);
-  ONE(v, twin->steps);
-  ONE(v, twin->events);
-  ONE(v, twin->t_events);
-  ONE(v, twin->t_chatter);
-  ONE(v, twin->random);
-  ONE(v, twin->seen_t);
-  MANY(v, twin->seen, 2 * np);
-  MANY(v, twin->theta, np);
-  ONE(v, twin->missed.active);
-  ONE(v, twin->missed.steps);
-  ONE(v, twin->missed.next_begin);
-  ONE(v, twin->missed.apart);
-  ONE(v, twin->missed.t_begin);
-  ONE(v, twin->missed.grown);
-  ONE(v, twin->missed.before);
-  ONE(v, twin->missed.next_look);
-  bd_sim *const all[] = {twin->sim, twin->still, twin->missed.pair[0], twin->missed.pair[1]};
-  for (size_t k = 0; k < sizeof all / sizeof all[0]; ++k) {
-    if (all[k]) {
-      visit_sim(v, all[k], choice);
-    }
+  if (v->does == READ) {
+    bd_stepper_weigh_friction(stepper);
   }
-}
-
-static void visit_sim(visitor *v, bd_sim *sim, const bd_auto *choice) {
-  const int np = sim->stepper.model->lay.np;
-  visit_stepper(v, &sim->stepper, choice);
-  visit_choice(v, &sim->choice);
-  visit_guard(v, &sim->guard, np);
-  visit_twin(v, &sim->twin, np, choice);
-  ONE(v, sim->t0);
-  ONE(v, sim->e0);
-  ONE(v, sim->error_before);
-  ONE(v, sim->started);
-  ONE(v, sim->fallbacks_in_a_row);
-  ONE(v, sim->stats);
 }
 
 /* --- the scene ------------------------------------------------------------------------------- */
+
+static uint64_t hash_numbers(uint64_t sum, const double *numbers, size_t n) {
+  return hash(sum, numbers, n * sizeof *numbers);
+}
+
+static uint64_t hash_harmonics(uint64_t sum, const bd_harmonics *of) {
+  sum = hash_numbers(sum, of->orders, of->n);
+  sum = hash_numbers(sum, of->amplitudes, of->n);
+  return hash_numbers(sum, of->phases, of->n);
+}
 
 /* All parameters of a group. */
 static uint64_t hash_group(uint64_t sum, const char *group, const void *values) {
@@ -262,7 +167,7 @@ static uint64_t hash_group(uint64_t sum, const char *group, const void *values) 
   for (size_t k = 0; k < bd_n_parameters; ++k) {
     if (strcmp(bd_parameters[k].group, group) == 0) {
       const int n = bd_parameter_values(&bd_parameters[k], values, numbers);
-      sum = hash(sum, numbers, (size_t)n * sizeof *numbers);
+      sum = hash_numbers(sum, numbers, (size_t)n);
     }
   }
   return sum;
@@ -284,7 +189,7 @@ static uint64_t scene_of(const bd_sim *sim) {
   ADD(model->origin);
   const double *const arrays[] = {model->cx, model->cy, model->radius, model->inertia};
   for (int k = 0; k < 4; ++k) {
-    sum = hash(sum, arrays[k], np * sizeof(double));
+    sum = hash_numbers(sum, arrays[k], np);
   }
   sum = hash(sum, model->side, np * sizeof *model->side);
   for (size_t j = 0; j < np; ++j) {
@@ -297,42 +202,36 @@ static uint64_t scene_of(const bd_sim *sim) {
   }
   for (int m = 0; m < model->lay.nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
-    ADD(mount->pulley);
-    ADD(mount->kind);
-    sum = hash(sum, mount->drawn, offsetof(bd_mounted, has_stops) - offsetof(bd_mounted, drawn));
-    ADD(mount->lowest);
-    ADD(mount->highest);
-    ADD(mount->stop_stiffness);
-    ADD(mount->stop_damping);
-    sum = hash(sum, mount->t, mount->n_t * sizeof *mount->t);
-    sum = hash(sum, mount->points, 2 * mount->n_t * sizeof *mount->points);
+    sum = hash(sum, mount, offsetof(bd_mounted, has_stops)); /* all numbers that were given */
+    sum = hash_numbers(sum, mount->t, mount->n_t);
+    sum = hash_numbers(sum, mount->points, 2 * mount->n_t);
   }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
+    const int load = bd_is_load(term);
     ADD(term->kind);
-    if (term->kind == BD_TORQUE_PIECEWISE) {
-      sum = hash(sum, term->t, term->n_t * sizeof(double));
-      sum = hash(sum, term->values, term->n_t * np * sizeof(double));
-    } else if (term->kind == BD_TORQUE_VISCOUS) {
-      sum = hash(sum, term->coefficients, np * sizeof(double));
-    } else if (bd_is_load(term)) {
+    sum = hash_numbers(sum, term->t, term->n_t);
+    sum = hash_numbers(sum, term->values, term->n_t * (load ? 1 : np));
+    sum = hash_numbers(sum, term->coefficients, term->kind == BD_TORQUE_VISCOUS ? np : 0);
+    sum = hash_numbers(sum, term->omega, term->n_points);
+    sum = hash_numbers(sum, term->torque, term->n_points);
+    sum = hash_harmonics(sum, &term->harmonics);
+    if (load) {
       ADD(term->pulley);
       ADD(term->of);
       ADD(term->against);
-      sum = hash(sum, term->t, 2 * term->n_t * sizeof(double)); /* the factors follow the times */
-      sum = hash(sum, term->omega, 2 * term->n_points * sizeof(double));
-      sum = hash(sum, term->harmonics.orders, 3 * term->harmonics.n * sizeof(double));
     }
   }
   for (size_t k = 0; k < set->motion.n; ++k) {
     const bd_motion *motion = &set->motion.motions[k];
     ADD(motion->pulley);
     ADD(motion->kind);
-    sum = hash(sum, motion->t, 2 * motion->n_t * sizeof(double)); /* the values follow the times */
-    sum = hash(sum, motion->harmonics.orders, 3 * motion->harmonics.n * sizeof(double));
+    sum = hash_numbers(sum, motion->t, motion->n_t);
+    sum = hash_numbers(sum, motion->values, motion->n_t);
+    sum = hash_harmonics(sum, &motion->harmonics);
     ADD(motion->fade);
   }
-  sum = hash(sum, set->breaks, set->n_breaks * sizeof(double));
+  sum = hash_numbers(sum, set->breaks, set->n_breaks);
   const char *method = sim->choice.method[0] ? "auto" : sim->stepper.method->name;
   sum = hash(sum, method, strlen(method));
   ADD(options->rtol);
@@ -426,12 +325,5 @@ int bd_sim_import(bd_sim *sim, const void *record, size_t size, bd_error *err) {
   sim->status = sim->started ? BD_MORE : BD_OK;
   sim->stepper.jacobian_known = 0;
   bd_plan_place(&sim->stepper.plan, sim->stepper.t, sim->stepper.y);
-  bd_sim *const all[] = {sim, sim->twin.sim, sim->twin.still, sim->twin.missed.pair[0],
-                         sim->twin.missed.pair[1]};
-  for (size_t k = 0; k < sizeof all / sizeof all[0]; ++k) {
-    if (all[k]) {
-      bd_stepper_weigh_friction(&all[k]->stepper);
-    }
-  }
   return BD_OK;
 }

@@ -15,10 +15,10 @@ enum { AUTO_EXPLICIT, AUTO_IMPLICIT, N_AUTO };
 
 typedef struct bd_auto {
   const bd_method *method[N_AUTO];
+  int now;
   double per_second[N_AUTO]; /* cost of a simulated second as last seen [us]; 0: not yet */
   double time[N_AUTO];       /* simulated with each [s] */
   long steps[N_AUTO];
-  int now;
   int doubtful;                     /* the implicit method may be the cheaper one */
   double h_kept, t_before, t_judge; /* step of the other method; last time; where judging began */
   long tries_begin, tries_judge;    /* steps tried when this stretch, and judging, began */
@@ -33,27 +33,25 @@ void bd_auto_watch(bd_sim *sim);
 /* Goes on with the implicit method for good, where explicit steps get nowhere; 0: it does already.
  */
 int bd_auto_leave_explicit(bd_sim *sim);
-/* What was chosen and why, in a sentence. */
-void bd_auto_explain(const bd_sim *sim, char *text, size_t size);
 
 /* --- driver.c -------------------------------------------------------------------------------- */
 
 /* What the guards remember. */
 typedef struct bd_guard {
-  double t_look, t_window; /* time of the last look; at joints and balance, at progress */
-  long steps_look, tries_window;
   double fed, drive, passed; /* energy: fed in by the set torques, their work, what passed */
-  double *touched;           /* per pulley: when a link was last seen on it */
-  int rings;                 /* links ring on their contact, which steps are too long for */
-  long bounces;              /* of mounts on their stops */
+  double t_look, t_window;   /* time of the last look; at joints and balance, at progress */
+  long steps_look, tries_window;
+  int rings;       /* links ring on their contact, which steps are too long for */
+  long bounces;    /* of mounts on their stops */
+  double *touched; /* per pulley: when a link was last seen on it */
 } bd_guard;
 
 /* Two simulations in steps that follow what those of the run are too long for (growth.c). */
 typedef struct bd_missed {
   bd_sim *pair[2];       /* as the run is, displaced */
-  int active;            /* a period is on */
-  long steps;            /* made by both, in all periods */
   double step;           /* theirs, at most; 0: nothing is missed */
+  long steps;            /* made by both, in all periods */
+  int active;            /* a period is on */
   double next_begin;     /* of the next period, in lengths of the run */
   double apart, t_begin; /* first difference of this one; since when it grows */
   double grown, before;  /* growth so far; difference at the last look, over the first */
@@ -64,16 +62,16 @@ typedef struct bd_missed {
 typedef struct bd_twin {
   bd_missed missed;
   bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
-  int active, grows;             /* a period is on; growth has been seen */
-  int chatters, times_chattered; /* links chatter; counts that found so */
   int stiff, light, falls;       /* stiff, falling friction; light damping of the belt */
   int whole;                     /* the run is so short that one period is all of it */
+  double least, before;          /* differences of this period over the first: least, last */
+  int active, grows;             /* a period is on; growth has been seen */
+  int chatters, times_chattered; /* links chatter; counts that found so */
   int suspected, last;           /* this period is for one of these; the last has begun */
   int excused;                   /* links chattered over a whole period, and nothing grew */
   double next_begin;             /* of the next period, in rounds of a wave since the start */
   double t_begin, next_look;     /* start of this one; its next comparison */
   double apart, grown, most;     /* first difference; growth to warn of; largest seen */
-  double least, before;          /* differences of this period over the first: least, last */
   long steps, events;            /* made by twins; contacts changed at the last count */
   double t_events, t_chatter;    /* time of the last count; since when links chatter */
   uint64_t random;
@@ -81,21 +79,24 @@ typedef struct bd_twin {
   double *theta;           /* pulleys' angles at the last count */
 } bd_twin;
 
+/* What a restart record keeps of these structs stands together in each (record.c). */
 struct bd_sim {
-  size_t bytes; /* of its block */
+  size_t bytes, n_kept; /* of its block; of that what was carved with BD_KEEP */
+  char *kept;
   bd_stepper stepper;
   bd_auto choice; /* of "auto"; choice.method[0] NULL: the method was named */
   bd_options options;
   bd_guard guard;
   bd_twin twin;
-  double t0, t_end, e0, error_before;
+  double t_end;
   size_t next_break, next_sample, n_samples;
   double *t_sample;
   bd_output output;
   int settling; /* no error control and no checks of the run */
-  int started, status;
-  int fallbacks_in_a_row; /* steps left to the first order one after the other */
+  int status;
   atomic_flag running;
+  double t0, e0, error_before;
+  int started, fallbacks_in_a_row; /* steps left to the first order one after the other */
   bd_stats stats;
 };
 
@@ -144,6 +145,12 @@ void bd_twin_follow(bd_sim *sim);
 double bd_twin_magnifies(const bd_twin *twin);
 void bd_twin_free(bd_twin *twin);
 
+/* --- laying.c -------------------------------------------------------------------------------- */
+
+/* The state of a belt that lies along its line round the centres where the plan has them at the
+ * start, link 0 `shift` past its place [m]. */
+int bd_lay_belt(const bd_plan *plan, double shift, double *y, double *turns, bd_error *err);
+
 /* --- going.c --------------------------------------------------------------------------------- */
 
 /* Velocities of a belt that runs along itself at a speed in its spans, positions as they are, and
@@ -159,6 +166,9 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h);
 int bd_sim_fail_floor(bd_sim *sim, double h);
 /* A fixed explicit step erred by so much. */
 int bd_sim_fail_fixed(bd_sim *sim, double h, double error);
+/* After a step: set torques that have no effect, and those beyond their tables. */
+void bd_sim_warn_of_torques(bd_sim *sim);
+
 /* --- create.c, driver.c ---------------------------------------------------------------------- */
 
 /* Refuses times that rounding would blur. */

@@ -20,10 +20,7 @@
 struct bd_settling {
   bd_sim *sim;
   bd_settle_options options;
-  double *start, *offset, *centers; /* state and displacement at the start; scratch of the laying */
-  double *scratch;                  /* the belt as laid, and zeros */
-  double *travel;                   /* of mounts, as laid */
-  bd_wrap *wraps;
+  double *start, *offset; /* state and displacement at the start */
   double start_turns;
   double flow; /* stress-free length of belt that runs past a point [m/s] */
   int tries, at_rest, status;
@@ -109,92 +106,6 @@ static const bd_method *method_for(const bd_model *model, int friction, double f
   }
   *step = most;
   return bd_method_find("lie");
-}
-
-/* The line's point and direction `links` of n links from its beginning. */
-static void point_on(const bd_settling *settling, const bd_route *line, const double *raised,
-                     double links, double *x, double *y, double *phi) {
-  const bd_model *model = settling->sim->stepper.model;
-  double s = line->length * links / model->lay.n + settling->options.shift,
-         round = floor(s / line->length);
-  bd_belt_line_point(line, raised, s - round * line->length, x, y, phi);
-  *phi += round * line->turns * 2.0 * BD_PI;
-}
-
-/* Links with their ends on the circles of contact, which stand for the arcs of the line; of a
- * string the mass at the left end. */
-static void lay_ends(const bd_settling *settling, const bd_route *line, int i, double *x, double *y,
-                     double *phi) {
-  const double *raised = settling->sim->stepper.model->contact_radius;
-  double x0, y0, x1, y1, turned;
-  point_on(settling, line, raised, i, &x0, &y0, &turned);
-  point_on(settling, line, raised, i + 1, &x1, &y1, &turned);
-  *phi += remainder(atan2(y1 - y0, x1 - x0) - *phi, 2.0 * BD_PI);
-  const int string = settling->sim->stepper.model->lay.string;
-  *x = string ? x0 : 0.5 * (x0 + x1);
-  *y = string ? y0 : 0.5 * (y0 + y1);
-}
-
-/* A hair inside the rims: exactly on them, rounding would decide which links touch at first, and
- * friction would keep a trace of it. */
-static void place_on_line(const bd_settling *settling, const bd_route *line, bd_state *state) {
-  const bd_model *model = settling->sim->stepper.model;
-  int n = model->lay.n;
-  double inward = 1e-3 * model->info.strain * model->info.link_length * line->direction;
-  for (int i = 0; i < n; ++i) {
-    point_on(settling, line, model->radius, i + 0.5, &state->x[i], &state->y[i], &state->phi[i]);
-    if (model->along_links) {
-      lay_ends(settling, line, i, &state->x[i], &state->y[i], &state->phi[i]);
-    }
-    state->x[i] += model->origin[0] - inward * sin(state->phi[i]);
-    state->y[i] += model->origin[1] + inward * cos(state->phi[i]);
-  }
-}
-
-/* Lays the belt along the line round the centres where they start. */
-static int lay_belt(bd_settling *settling, bd_error *err) {
-  bd_sim *sim = settling->sim;
-  const bd_model *model = sim->stepper.model;
-  int n = model->lay.n, np = model->lay.np;
-  double *laid = settling->scratch;
-  double *cx = settling->centers, *cy = cx + np;
-  for (int j = 0; j < np; ++j) {
-    cx[j] = model->cx[j] + (sim->stepper.plan.offset ? sim->stepper.plan.offset[2 * j] : 0.0);
-    cy[j] = model->cy[j] + (sim->stepper.plan.offset ? sim->stepper.plan.offset[2 * j + 1] : 0.0);
-  }
-  bd_route line = {.np = np,
-                   .cx = cx,
-                   .cy = cy,
-                   .radius = model->radius,
-                   .side = model->side,
-                   .name = model->name,
-                   .wraps = settling->wraps};
-  int code = bd_belt_line_lay(&line, err);
-  if (code != BD_OK) {
-    if (err && sim->stepper.plan.offset) {
-      memmove(err->field, "offset", sizeof "offset");
-    }
-    return code;
-  }
-  double *zero = laid + 3 * n;
-  for (int m = 0; m < model->lay.nm; ++m) {
-    settling->travel[m] = model->mounts[m].rest;
-  }
-  bd_state state = {.x = laid,
-                    .y = laid + n,
-                    .phi = laid + 2 * n,
-                    .vx = zero,
-                    .vy = zero,
-                    .vphi = zero,
-                    .mu = zero,
-                    .slip = zero,
-                    .theta = zero,
-                    .omega = zero,
-                    .travel = settling->travel,
-                    .travel_speed = zero,
-                    .mount_friction = zero};
-  place_on_line(settling, &line, &state);
-  return bd_state_import(model, &state, sim->stepper.y, &sim->stepper.turns, err);
 }
 
 /* Of a belt whose spans run at a speed. */
@@ -546,11 +457,7 @@ void bd_settle_free(bd_settling *settling) {
 
 static void carve(bd_carver *carver, bd_settling *settling, const bd_layout *lay) {
   BD_CARVE(carver, settling->start, lay->size);
-  BD_CARVE(carver, settling->scratch, 3 * (size_t)lay->n + lay->size);
   BD_CARVE(carver, settling->offset, 2 * lay->np);
-  BD_CARVE(carver, settling->centers, 2 * lay->np);
-  BD_CARVE(carver, settling->wraps, lay->np);
-  BD_CARVE(carver, settling->travel, lay->nm);
 }
 
 static bd_settling *new_settling(const bd_model *model, const bd_method *method) {
@@ -605,7 +512,7 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   int code = method->implicit ? bd_newton_check(&stepper->plan, method->name, err) : BD_OK;
   if (code == BD_OK) {
     code = initial ? bd_state_import(model, initial, stepper->y, &stepper->turns, err)
-                   : lay_belt(settling, err);
+                   : bd_lay_belt(&stepper->plan, options->shift, stepper->y, &stepper->turns, err);
   }
   if (code != BD_OK) {
     bd_settle_free(settling);

@@ -182,22 +182,22 @@ struct bd_stepper {
   const bd_model *model;
   const bd_method *method, *now; /* in use; of the step being made or just made */
   double rtol, max_step;         /* asked for; max_step 0: none */
-  int fixed;                     /* the step is given, errors do not set it */
   bd_plan plan;
   bd_newton_system newton;
   bd_torque_functions functions;
-  double t, h, turns;            /* h: length of the next step */
   double *y, *y_new, *y_mid;     /* at t; after the attempt; scratch */
   double *weights;               /* of errors, by unknown */
   double *stage[MAX_VECTORS];    /* stage[0]: the rate at y, if it is known; the last one of the
                                   * method: that at y_new, once the step is finished */
   double *history[MAX_HISTORY];  /* states before y */
   double history_h[MAX_HISTORY]; /* and the lengths of the steps that led from them */
-  int n_history;
-  int rate_known, jacobian_known;
-  double *work_middle; /* power in the middle of the step just made */
+  double t, h, turns;            /* h: length of the next step */
+  int fixed;                     /* the step is given, errors do not set it */
+  int rate_known;
   long nfev, njev, nlu;
   bd_report report;
+  int n_history, jacobian_known;
+  double *work_middle; /* power in the middle of the step just made */
 };
 
 /* Room for a method, and for another one that may take over (or NULL). */

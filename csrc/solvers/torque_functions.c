@@ -38,12 +38,16 @@
 #include "solvers/solvers.h"
 
 void bd_torque_functions_carve(bd_carver *carver, bd_torque_functions *functions, int np) {
-  double **const arrays[] = {&functions->begin,   &functions->middle, &functions->end,
-                             &functions->impulse, &functions->theta,  &functions->omega,
-                             &functions->last,    &functions->now,    &functions->range,
-                             &functions->least,   &functions->most,   &functions->look};
-  for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
-    BD_CARVE(carver, *arrays[k], np);
+  double **const scratch[] = {&functions->begin, &functions->middle, &functions->end,
+                              &functions->theta, &functions->omega,  &functions->impulse,
+                              &functions->look};
+  double **const kept[] = {&functions->last, &functions->now, &functions->range, &functions->least,
+                           &functions->most};
+  for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
+    BD_CARVE(carver, *scratch[k], np);
+  }
+  for (size_t k = 0; k < sizeof kept / sizeof kept[0]; ++k) {
+    BD_KEEP(carver, *kept[k], np);
   }
 }
 
@@ -439,9 +443,8 @@ void bd_torque_functions_set_torque(bd_stepper *stepper) {
 }
 
 int bd_torque_functions_push_torque(bd_stepper *stepper, double h) {
-  double *spare = stepper->functions.last;
-  stepper->functions.last = stepper->functions.now;
-  stepper->functions.now = spare;
+  memcpy(stepper->functions.last, stepper->functions.now,
+         (size_t)stepper->model->lay.np * sizeof(double));
   bd_torque_functions_set_torque(stepper);
   if (!stepper->plan.torques.smooth && h <= 1.1 * shortest_for_jumps(stepper)) {
     return count_changes(stepper, h, 0.0, stepper->functions.last, stepper->functions.now);
