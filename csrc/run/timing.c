@@ -48,15 +48,14 @@ static int call_without_friction(bd_stepper *stepper, int effect) {
 
 static int call_jacobian(bd_stepper *stepper, int effect) {
   (void)effect;
-  const double h = stepper->method->history > 0 ? stepper->h : 0.0;
   bd_newton_linearise(&stepper->newton, &stepper->plan, stepper->y);
-  bd_newton_linearise_contact(&stepper->newton, &stepper->plan, stepper->y, h);
   return BD_OK;
 }
 
 static int call_factor(bd_stepper *stepper, int effect) {
   (void)effect;
-  bd_newton_factor(&stepper->newton, &stepper->plan, stepper->h);
+  double *c = stepper->method->history > 0 ? stepper->y_mid : NULL;
+  bd_newton_factor(&stepper->newton, &stepper->plan, stepper->y, stepper->h, stepper->h, c);
   return BD_OK;
 }
 
