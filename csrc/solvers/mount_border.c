@@ -8,6 +8,7 @@
  * all links by as much the other way. The column of a mount is the contact's answer to that; its
  * row is what moves of the links do to the force on the axis along a; and where the axis has moved,
  * a has turned by a' under the force that there is.
+ * Column and row are filled with the contact of the pulley (kernels/contact_points.h).
  */
 #include "solvers/solvers.h"
 

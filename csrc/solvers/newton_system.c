@@ -11,7 +11,11 @@
  *
  * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
  * column a shaft: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
- * link is that of its end, half its length times phi, so that all blocks are masses.
+ * link is that of its end, half its length times phi, so that all blocks are masses. With W the
+ * matrix on the left and Q = g^2 F_q, states eliminated, W k_v = g M c_v + Q c_q + ...: contact
+ * along the links fills both as blocks of neighbouring nodes, and the rows of the bodies in both
+ * (kernels/kernels.h); what solves is the same for every belt. The paper's mesh, whose contact
+ * knows no neighbours, has loops of its own, which take less time.
  *
  * Bodies of one degree of freedom are the shafts, one of each pulley, and after them the mounts
  * (mount_border.c). One whose motion is prescribed has k_v = b_v for its row, and acts on the rest
